@@ -1,0 +1,274 @@
+"""Every table of the contract, declared once. `docs/tables.md` is made from this module.
+
+Conventions: mm, s, degrees; unit quaternions (w, x, y, z) from the receiver's (or bone's) frame to the
+transmitter's; text columns are never null, empty text means "nothing to say".
+"""
+
+from __future__ import annotations
+
+import pyarrow as pa
+
+from schemas.tables import Column, Table
+
+TEXT, REAL, WHOLE, YES_NO = pa.string(), pa.float64(), pa.int64(), pa.bool_()
+
+SUBJECT = Column("subject", TEXT, "", "the subject's name, as in the recordings sheet")
+HAND = Column("hand", TEXT, "", "right or left")
+TASK = Column("task", TEXT, "", "what was done, as in the recordings sheet")
+TRIAL = Column("trial", TEXT, "", "which repetition; empty where the sheet names none")
+MODEL = Column("model", TEXT, "", "the skeleton model")
+DIGIT = Column("digit", TEXT, "", "the digit, as the layout names it")
+FRAME = Column("frame", WHOLE, "", "the tracker's own frame number, kept as it came")
+MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing")
+STATUS = Column("status", TEXT, "", "ok, weak (read the message) or failed (no usable number)")
+
+
+def _xyz(prefix: str, unit: str, description: str, *, nullable: bool = True) -> tuple[Column, ...]:
+    suffix = f"_{unit}" if unit else ""
+    return tuple(
+        Column(f"{prefix}{axis}{suffix}", REAL, unit, f"{description}, {axis}", nullable) for axis in "xyz"
+    )
+
+
+def _quaternion(description: str) -> tuple[Column, ...]:
+    return tuple(Column(f"q{part}", REAL, "", f"{description}, {part}", nullable=True) for part in "wxyz")
+
+
+POSES = Table(
+    "poses",
+    1,
+    "segment, frame: every segment of the layout at every frame that any of them has",
+    (
+        Column("segment", TEXT, "", "the bone's rigid body that the receiver rides on"),
+        FRAME,
+        Column("time_s", REAL, "s", "device time as recorded; null where the recording has none", True),
+        *_xyz("", "mm", "receiver origin in the transmitter frame"),
+        *_quaternion("receiver to transmitter frame, unit"),
+        Column("valid", YES_NO, "", "whether this pose may be used"),
+        Column("flags", TEXT, "", "what was seen, words joined by ';' (see docs/recordings.md)"),
+    ),
+    ("segment", "frame"),
+)
+
+JOINT_SOLUTIONS = Table(
+    "joint_solutions",
+    1,
+    "subject, hand, model, joint: the joint as Eq. 1-7 give it, before the plane",
+    (
+        SUBJECT,
+        HAND,
+        MODEL,
+        Column("joint", TEXT, "", "the joint, as the layout names it"),
+        Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
+        Column("child_segment", TEXT, "", "segment of the child receiver"),
+        *_xyz("parent_", "mm", "joint centre in the parent receiver's frame"),
+        *_xyz("child_", "mm", "joint centre in the child receiver's frame"),
+        *_xyz(
+            "null_parent_", "", "parent half of the stack's last right singular vector (scaled to length 1)"
+        ),
+        *_xyz("null_child_", "", "child half of the stack's last right singular vector (same scale)"),
+        *(
+            Column(f"mean_rotation_{i}{j}", REAL, "", f"mean of R_parent^T R_child, row {i} column {j}", True)
+            for i in "xyz"
+            for j in "xyz"
+        ),
+        Column(
+            "singular_values",
+            pa.list_(REAL, 6),
+            "",
+            "singular values of the stacked matrix divided by sqrt(frames), largest first",
+            True,
+        ),
+        Column(
+            "covariance_mm2",
+            pa.list_(REAL, 36),
+            "mm^2",
+            "covariance of (parent, child) centre, 6 x 6 by rows, the axis direction left out",
+            True,
+        ),
+        Column("gap_rms_mm", REAL, "mm", "rms gap of the centre given here", True),
+        Column("gap_rms_free_mm", REAL, "mm", "rms gap of the unconstrained six-unknown fit", True),
+        Column("range_deg", REAL, "deg", "range of motion about the axis", True),
+        Column("spread_deg", REAL, "deg", "standard deviation of the angle about the axis", True),
+        Column("axis_sd_deg", REAL, "deg", "1-sigma direction error of the axis", True),
+        Column("n_frames", WHOLE, "", "frames in which both receivers were valid"),
+        Column(
+            "n_effective", REAL, "", "independent samples among them, from the gap's autocorrelation", True
+        ),
+        STATUS,
+        MESSAGE,
+    ),
+    ("subject", "hand", "model", "joint"),
+)
+
+JOINT_CENTRES = Table(
+    "joint_centres",
+    1,
+    "subject, hand, model, joint: the skeleton's joints, the wrist point in use among them",
+    (
+        SUBJECT,
+        HAND,
+        MODEL,
+        Column("joint", TEXT, "", "the joint, as the layout names it"),
+        Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
+        Column("child_segment", TEXT, "", "segment of the child receiver"),
+        Column("dof", pa.int8(), "", "degrees of freedom that the model gave the joint"),
+        *_xyz("parent_", "mm", "joint centre in the parent receiver's frame"),
+        *_xyz("child_", "mm", "joint centre in the child receiver's frame"),
+        *_xyz("axis_parent_", "", "unit rotation axis in the parent receiver's frame"),
+        *_xyz("axis_child_", "", "unit rotation axis in the child receiver's frame"),
+        Column("sd_mm", REAL, "mm", "1-sigma error of the centre, three-dimensional", True),
+        Column("gap_rms_mm", REAL, "mm", "rms gap of this centre over the calibration frames", True),
+        Column("gap_rms_free_mm", REAL, "mm", "rms gap of the unconstrained six-unknown fit", True),
+        Column("range_deg", REAL, "deg", "range of motion about the axis", True),
+        Column("axis_sd_deg", REAL, "deg", "1-sigma direction error of the axis", True),
+        Column("axis_plane_deg", REAL, "deg", "angle between the axis and the plane that cuts it", True),
+        Column("slide_mm", REAL, "mm", "how far the plane moved the centre along the axis", True),
+        Column(
+            "correction_mm", REAL, "mm", "length of the manual correction; null where there is none", True
+        ),
+        Column("n_frames", WHOLE, "", "calibration frames in which both receivers were valid"),
+        Column("n_effective", REAL, "", "independent samples among them", True),
+        Column("source", TEXT, "", "where the centre comes from (fit, configured point, estimated point)"),
+        STATUS,
+        MESSAGE,
+    ),
+    ("subject", "hand", "model", "joint"),
+)
+
+METACARPALS = Table(
+    "metacarpals",
+    1,
+    "subject, hand, task, trial, model, digit, frame: posture of the digit's metacarpal",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        MODEL,
+        DIGIT,
+        FRAME,
+        *_quaternion("metacarpal (x distal, z dorsal) to transmitter frame"),
+        Column("swing_deg", REAL, "deg", "swing since the reference frame (Eq. 9), in the hand", True),
+        Column("twist_deg", REAL, "deg", "twist about the bone since the reference frame (Eq. 11)", True),
+        Column("length_mm", REAL, "mm", "distance from the bone's base to the MCP joint, |v(k)|", True),
+        Column("flags", TEXT, "", "words joined by ';': gap, twist-near-singular, swing-near-singular"),
+    ),
+    ("subject", "hand", "task", "trial", "model", "digit", "frame"),
+)
+
+TIPS = Table(
+    "tips",
+    1,
+    "subject, hand, task, trial, model, digit, frame: the replayed fingertip, least-squares binding",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        MODEL,
+        DIGIT,
+        FRAME,
+        Column("time_s", REAL, "s", "device time as recorded", True),
+        *_xyz("tip_", "mm", "replayed fingertip in the transmitter frame, least-squares binding"),
+        Column("error_mm", REAL, "mm", "its distance to the distal receiver", True),
+        Column("error_first_frame_mm", REAL, "mm", "the same with the paper's first-frame binding", True),
+    ),
+    ("subject", "hand", "task", "trial", "model", "digit", "frame"),
+)
+
+TIP_ERRORS = Table(
+    "tip_errors",
+    1,
+    "subject, hand, task, trial, model, digit, binding: the paper's table, one cell group a row",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        MODEL,
+        DIGIT,
+        Column("binding", TEXT, "", "first-frame (the paper's) or least-squares"),
+        Column("max_mm", REAL, "mm", "largest tip error over the frames", True),
+        Column("min_mm", REAL, "mm", "smallest", True),
+        Column("mean_mm", REAL, "mm", "mean", True),
+        Column("sd_mm", REAL, "mm", "standard deviation over the frames (divided by n)", True),
+        Column("median_mm", REAL, "mm", "median", True),
+        Column("p95_mm", REAL, "mm", "95th percentile", True),
+        Column("n_frames", WHOLE, "", "frames with an error: every receiver of the digit valid"),
+        Column("n_frames_total", WHOLE, "", "frames of the recording"),
+        Column("held_out", YES_NO, "", "whether the joints were solved without this recording"),
+        MESSAGE,
+    ),
+    ("subject", "hand", "task", "trial", "model", "digit", "binding"),
+)
+
+BONE_LENGTHS = Table(
+    "bone_lengths",
+    1,
+    "subject, hand, model, bone: a bone is named after its segment",
+    (
+        SUBJECT,
+        HAND,
+        MODEL,
+        Column("bone", TEXT, "", "the segment; a digit's last bone ends at the distal receiver"),
+        Column("length_mm", REAL, "mm", "distance between the bone's two ends", True),
+        Column("sd_mm", REAL, "mm", "1-sigma error of the length", True),
+        Column(
+            "sd_over_frames_mm",
+            REAL,
+            "mm",
+            "metacarpals: SD of |v(k)|, which a true skeleton keeps at 0",
+            True,
+        ),
+        MESSAGE,
+    ),
+    ("subject", "hand", "model", "bone"),
+)
+
+RECORDINGS = Table(
+    "recordings",
+    1,
+    "recording of the study: what became of it",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        Column("role", TEXT, "", "calibration, evaluation or both"),
+        Column("file", TEXT, "", "the recording's file, as in the sheet"),
+        Column("status", TEXT, "", "used, excluded (by the sheet) or failed"),
+        Column("n_frames", WHOLE, "", "frames of the recording"),
+        Column("duration_s", REAL, "s", "from the first device time to the last", True),
+        Column("valid_percent", REAL, "%", "poses that may be used, of those that the layout expects", True),
+        MESSAGE,
+    ),
+    ("subject", "hand", "task", "trial"),
+)
+
+PROBLEMS = Table(
+    "problems",
+    1,
+    "anything that did not go as the study asked",
+    (
+        Column("where", TEXT, "", "the file, or subject, hand, task and model"),
+        Column("stage", TEXT, "", "the stage that met it"),
+        MESSAGE,
+    ),
+    (),
+)
+
+TABLES = {
+    table.name: table
+    for table in (
+        POSES,
+        JOINT_SOLUTIONS,
+        JOINT_CENTRES,
+        METACARPALS,
+        TIPS,
+        TIP_ERRORS,
+        BONE_LENGTHS,
+        RECORDINGS,
+        PROBLEMS,
+    )
+}

@@ -1,0 +1,229 @@
+"""A layout: segments, joints and digits, and which of them carry a receiver.
+
+Nothing here knows a hand: a layout is any tree of segments with chains that end in a tip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.config_files import config_path, read_config
+from schemas.errors import InputError
+
+Vector = tuple[float, float, float]
+
+_AXES: dict[str, Vector] = {"distal": (1.0, 0.0, 0.0), "lateral": (0.0, 1.0, 0.0), "dorsal": (0.0, 0.0, 1.0)}
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A bone's rigid body; its receiver's axes by what they point at."""
+
+    name: str
+    receiver: int | None
+    measured: bool
+    optional: bool
+    distal: Vector
+    lateral: Vector
+    dorsal: Vector
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane that cuts a joint's axis, given in the parent's or the child's receiver frame."""
+
+    frame: str
+    point_mm: Vector
+    normal: Vector
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint between two receivers.
+
+    `parent` and `child` are the segments of the anatomical tree; `parent_receiver` is the nearest
+    segment towards the body that carries a receiver (for the MCP joints of the fingers the hand).
+    """
+
+    name: str
+    parent: str
+    child: str
+    parent_receiver: str
+    dof: int
+    plane: Plane
+
+
+@dataclass(frozen=True)
+class Digit:
+    """A chain from its base segment outward; joint i is the proximal end of segment i.
+
+    base : the measured segment that the chain hangs from. metacarpal : whether segment 0 is one.
+    """
+
+    name: str
+    base: str
+    segments: tuple[str, ...]
+    joints: tuple[str, ...]
+    metacarpal: bool
+
+    @property
+    def tip(self) -> str:
+        """The segment whose receiver origin is the tip."""
+        return self.segments[-1]
+
+
+@dataclass(frozen=True)
+class Wrist:
+    """Where digits start that have no first joint of their own; mm in the hand receiver's frame."""
+
+    joint: str
+    segment: str
+    nominal_mm: Vector
+    point_mm: Vector | None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One layout file, read and checked."""
+
+    name: str
+    description: str
+    segments: Mapping[str, Segment]
+    joints: Mapping[str, Joint]
+    digits: Mapping[str, Digit]
+    wrist: Wrist | None
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Segments that carry a receiver, in the layout's order."""
+        return tuple(s.name for s in self.segments.values() if s.measured)
+
+    @property
+    def solvable(self) -> tuple[Joint, ...]:
+        """Joints between two receivers: those that Eq. 1-7 can solve."""
+        return tuple(j for j in self.joints.values() if self.segments[j.child].measured)
+
+
+def read_layout(name: str | Path, folder: Path = Path()) -> Layout:
+    """Read a layout by name or path (relative to `folder`); InputError where it is wrong."""
+    path = config_path(str(name), "layout", folder)
+    return _layout(read_config(path, "layout"), str(path))
+
+
+def _layout(config: dict[str, Any], where: str) -> Layout:
+    axes = _AXES | {k: _vector(v) for k, v in config.get("receiver_axes", {}).items()}
+    segments = {name: _segment(name, part, axes, where) for name, part in config["segments"].items()}
+    _check_receivers(segments, where)
+    parent_of = _parents(config, segments, where)
+    joints = {name: _joint(name, part, segments, parent_of, where) for name, part in config["joints"].items()}
+    by_child = {joint.child: joint for joint in joints.values()}
+    digits = {name: _digit(name, part, segments, by_child, where) for name, part in config["digits"].items()}
+    wrist = _wrist(config["wrist"], joints, where) if "wrist" in config else None
+    if wrist is None and any(not segments[d.segments[0]].measured for d in digits.values()):
+        raise InputError(f"{where}: a digit starts with an unmeasured segment, so the layout needs a wrist")
+    return Layout(config["layout"], config["description"], segments, joints, digits, wrist)
+
+
+def _vector(values: list[float]) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _segment(name: str, part: dict[str, Any], axes: dict[str, Vector], where: str) -> Segment:
+    own = axes | {k: _vector(v) for k, v in part.get("receiver_axes", {}).items()}
+    for i, first in enumerate(own):
+        for second in list(own)[i:]:
+            dot = sum(a * b for a, b in zip(own[first], own[second], strict=True))
+            if abs(dot - (first == second)) > 1e-6:
+                raise InputError(
+                    f"{where}: segments.{name}: receiver_axes distal, lateral and dorsal must be unit "
+                    f"vectors at right angles; {first} and {second} are not"
+                )
+    return Segment(name, part.get("receiver"), part["measured"], part["optional"], **own)
+
+
+def _check_receivers(segments: dict[str, Segment], where: str) -> None:
+    seen: dict[int, str] = {}
+    for segment in segments.values():
+        if segment.receiver is not None:
+            if segment.receiver in seen:
+                raise InputError(
+                    f"{where}: segments {seen[segment.receiver]} and {segment.name} "
+                    f"both name receiver {segment.receiver}"
+                )
+            seen[segment.receiver] = segment.name
+
+
+def _parents(config: dict[str, Any], segments: dict[str, Segment], where: str) -> dict[str, str]:
+    parent_of: dict[str, str] = {}
+    for name, part in config["joints"].items():
+        for end in ("parent", "child"):
+            if part[end] not in segments:
+                raise InputError(f"{where}: joints.{name}.{end}: no segment is called {part[end]!r}")
+        if part["child"] in parent_of:
+            raise InputError(f"{where}: joints.{name}: segment {part['child']} has two parents")
+        parent_of[part["child"]] = part["parent"]
+    for start in parent_of:
+        seen = {start}
+        above: str | None = start
+        while (above := parent_of.get(above or "")) is not None:
+            if above in seen:
+                raise InputError(f"{where}: joints: segment {start} is among its own parents")
+            seen.add(above)
+    return parent_of
+
+
+def _joint(
+    name: str, part: dict[str, Any], segments: dict[str, Segment], parent_of: dict[str, str], where: str
+) -> Joint:
+    above = part["parent"]
+    while not segments[above].measured:
+        if above not in parent_of:
+            raise InputError(f"{where}: joints.{name}: no segment above {part['child']} carries a receiver")
+        above = parent_of[above]
+    plane = part.get("plane", {})
+    frame = plane.get("frame", "child")
+    normal = _vector(plane["normal"]) if "normal" in plane else None
+    if normal is not None and not any(normal):
+        raise InputError(f"{where}: joints.{name}.plane.normal: has no length")
+    segment = segments[part["child"] if frame == "child" else above]
+    point = _vector(plane.get("point_mm", [0, 0, 0]))
+    return Joint(
+        name,
+        part["parent"],
+        part["child"],
+        above,
+        part["dof"],
+        Plane(frame, point, normal or segment.lateral),
+    )
+
+
+def _digit(
+    name: str, part: dict[str, Any], segments: dict[str, Segment], by_child: dict[str, Joint], where: str
+) -> Digit:
+    chain = part["segments"]
+    for above, segment in zip([None, *chain[:-1]], chain, strict=True):
+        if segment not in by_child:
+            raise InputError(f"{where}: digits.{name}: no joint has {segment!r} as its child")
+        if above is not None and by_child[segment].parent != above:
+            raise InputError(f"{where}: digits.{name}: {segment} does not hang from {above}")
+        if segment != chain[0] and not segments[segment].measured:
+            raise InputError(f"{where}: digits.{name}: {segment} carries no receiver; only the first may")
+    if not segments[chain[0]].measured and not part["metacarpal"]:
+        raise InputError(
+            f"{where}: digits.{name}: {chain[0]} carries no receiver, so metacarpal must be true"
+        )
+    if len(chain) < 2 and part["metacarpal"]:
+        raise InputError(f"{where}: digits.{name}: a metacarpal needs a phalanx after it")
+    base = by_child[chain[0]].parent_receiver
+    return Digit(name, base, tuple(chain), tuple(by_child[s].name for s in chain), part["metacarpal"])
+
+
+def _wrist(part: dict[str, Any], joints: dict[str, Joint], where: str) -> Wrist:
+    if part["joint"] not in joints:
+        raise InputError(f"{where}: wrist.joint: no joint is called {part['joint']!r}")
+    point = _vector(part["point_mm"]) if "point_mm" in part else None
+    return Wrist(part["joint"], joints[part["joint"]].child, _vector(part["nominal_mm"]), point)

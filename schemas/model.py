@@ -1,0 +1,59 @@
+"""A skeleton model: one YAML file that says how each stage treats the joints and the metacarpals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from schemas.config_files import config_path, read_config
+from schemas.errors import InputError
+
+
+@dataclass(frozen=True)
+class SkeletonModel:
+    """One model file, read and checked; the keys are those of `json/model.schema.json`."""
+
+    name: str
+    description: str
+    paper_table: int | None
+    solver: str
+    singular_values: int
+    calibration: str
+    parallel_limit_deg: float
+    corrections: bool
+    wrist: str
+    own_cmc: tuple[str, ...]
+    unmeasured: str
+    measured: str
+    twist_factor: float
+    rest_direction: tuple[float, float, float]
+
+
+def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
+    """Read a model by name or path (relative to `folder`); InputError where it is wrong."""
+    path = config_path(str(name), "model", folder)
+    config = read_config(path, "model")
+    if config["model"] != path.stem:
+        raise InputError(
+            f"{path}: model: is {config['model']!r}; expected the file's own name, {path.stem!r}"
+        )
+    joints, planes, metacarpals = config["joints"], config["planes"], config["metacarpals"]
+    x, y, z = metacarpals["rest_direction"]
+    if not (x or y or z):
+        raise InputError(f"{path}: metacarpals.rest_direction: has no length")
+    return SkeletonModel(
+        name=config["model"],
+        description=config["description"],
+        paper_table=config.get("paper_table"),
+        solver=joints["solver"],
+        singular_values=joints["singular_values"],
+        calibration=joints["calibration"],
+        parallel_limit_deg=planes["parallel_limit_deg"],
+        corrections=planes["corrections"],
+        wrist=config["wrist"],
+        own_cmc=tuple(config["own_cmc"]),
+        unmeasured=metacarpals["unmeasured"],
+        measured=metacarpals["measured"],
+        twist_factor=metacarpals["twist_factor"],
+        rest_direction=(float(x), float(y), float(z)),
+    )

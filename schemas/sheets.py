@@ -1,0 +1,235 @@
+"""Sheets: tab-separated tables that people keep (recordings, participants, corrections, measurements).
+
+Every cell is checked; a message names the file, the row (as an editor counts lines) and the column.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.errors import InputError
+
+MAX_MESSAGES = 10
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One column of a sheet: how to read it, what it means, and whether it may be missing."""
+
+    name: str
+    read: Callable[[str], Any]
+    description: str
+    required: bool = True
+    default: Any = None
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One kind of sheet: its columns, those that identify a row, and whether others are allowed."""
+
+    name: str
+    cells: tuple[Cell, ...]
+    key: tuple[str, ...]
+    more_columns: bool = False
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row that was read: its line in the file and its values by column."""
+
+    line: int
+    values: Mapping[str, Any]
+
+    def __getitem__(self, column: str) -> Any:
+        return self.values[column]
+
+
+def _text(text: str) -> str:
+    if not text:
+        raise ValueError("is empty")
+    if any(ord(letter) < 32 for letter in text):
+        raise ValueError("holds a control character")
+    return text
+
+
+def _one_of(*words: str) -> Callable[[str], str]:
+    def read(text: str) -> str:
+        if text not in words:
+            raise ValueError(f"is {text!r}; expected {', '.join(words[:-1])} or {words[-1]}")
+        return text
+
+    return read
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"is {text!r}; expected a number")
+    return value
+
+
+def _positive(text: str) -> float:
+    value = _number(text)
+    if value <= 0:
+        raise ValueError(f"is {text!r}; expected a number above zero")
+    return value
+
+
+SUBJECT = Cell("subject", _text, "the subject's name; any text")
+HAND = Cell("hand", _one_of("right", "left"), "right or left")
+
+RECORDINGS = Sheet(
+    "recordings",
+    (
+        SUBJECT,
+        HAND,
+        Cell("task", _text, "what was done, e.g. rom or opposition"),
+        Cell("role", _one_of("calibration", "evaluation", "both"), "what the recording is for"),
+        Cell("file", _text, "the recording, relative to the study file"),
+        Cell("trial", _text, "which repetition, where a task was recorded more than once", False, ""),
+        Cell("layout", _text, "the layout of this recording, where it is not the study's", False, ""),
+        Cell(
+            "format",
+            _one_of("auto", "csv", "parquet"),
+            "the file's format; auto goes by its ending",
+            False,
+            "auto",
+        ),
+        Cell("exclude", _text, "a reason to leave the recording out; empty to use it", False, ""),
+    ),
+    ("subject", "hand", "task", "trial"),
+)
+
+PARTICIPANTS = Sheet(
+    "participants",
+    (
+        SUBJECT,
+        Cell("hand_length_mm", _positive, "wrist crease to the tip of the middle finger", False),
+        Cell("hand_breadth_mm", _positive, "across the knuckles of digits 2 to 5", False),
+    ),
+    ("subject",),
+    more_columns=True,
+)
+
+CORRECTIONS = Sheet(
+    "corrections",
+    (
+        SUBJECT,
+        HAND,
+        Cell("joint", _text, "the joint, as the layout names it"),
+        Cell("dx_mm", _number, "shift along x of the child's receiver"),
+        Cell("dy_mm", _number, "shift along y of the child's receiver"),
+        Cell("dz_mm", _number, "shift along z of the child's receiver"),
+        Cell("note", _text, "why", False, ""),
+    ),
+    ("subject", "hand", "joint"),
+)
+
+MEASUREMENTS = Sheet(
+    "measurements",
+    (
+        SUBJECT,
+        HAND,
+        Cell("quantity", _text, "what was measured, e.g. the length of a bone by its segment"),
+        Cell("value_mm", _number, "its value"),
+        Cell("sd_mm", _positive, "1-sigma error of the measurement"),
+    ),
+    ("subject", "hand", "quantity"),
+)
+
+SHEETS = {sheet.name: sheet for sheet in (RECORDINGS, PARTICIPANTS, CORRECTIONS, MEASUREMENTS)}
+
+
+def read_sheet(path: Path, sheet: Sheet) -> list[Row]:
+    """Read a sheet (UTF-8, tab-separated, a header line; empty lines are skipped).
+
+    Raises InputError that names every bad cell (the first ten) by file, row and column.
+    """
+    try:
+        text = path.read_text("utf-8-sig")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; expected the sheet of {sheet.name}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as UTF-8 text ({error})") from error
+    numbered = [
+        (
+            number,
+            [
+                cell.strip()
+                for cell in next(csv.reader([line.rstrip("\r")], delimiter="\t", quoting=csv.QUOTE_NONE))
+            ],
+        )
+        for number, line in enumerate(text.split("\n"), 1)
+        if line.strip()
+    ]
+    if not numbered:
+        raise InputError(f"{path}: is empty; expected a header line with {_columns(sheet)}")
+    _check_header(path, sheet, numbered[0][1])
+    header = numbered[0][1]
+    rows, messages = [], []
+    for line, cells in numbered[1:]:
+        row, bad = _read_row(sheet, header, line, cells)
+        rows.append(row)
+        messages += bad
+    messages += _twins(sheet, rows)
+    if messages:
+        more = f"; and {len(messages) - MAX_MESSAGES} more" if len(messages) > MAX_MESSAGES else ""
+        raise InputError(f"{path}: " + "; ".join(messages[:MAX_MESSAGES]) + more)
+    return rows
+
+
+def _columns(sheet: Sheet) -> str:
+    return ", ".join(cell.name for cell in sheet.cells if cell.required)
+
+
+def _check_header(path: Path, sheet: Sheet, header: list[str]) -> None:
+    known = [cell.name for cell in sheet.cells]
+    missing = [cell.name for cell in sheet.cells if cell.required and cell.name not in header]
+    if missing:
+        hint = "; are the columns separated by tabs?" if len(header) == 1 else ""
+        raise InputError(
+            f"{path}: row 1: column {', '.join(missing)} is missing; found {', '.join(header)}{hint}"
+        )
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: row 1: column {', '.join(twice)} is given twice")
+    odd = [name for name in header if name not in known]
+    if odd and not sheet.more_columns:
+        raise InputError(f"{path}: row 1: unknown column {', '.join(odd)}; known are {', '.join(known)}")
+
+
+def _read_row(sheet: Sheet, header: list[str], line: int, cells: list[str]) -> tuple[Row, list[str]]:
+    if len(cells) > len(header):
+        return Row(line, {}), [f"row {line}: has {len(cells)} cells; expected {len(header)}"]
+    given = dict(zip(header, cells, strict=False))
+    values: dict[str, Any] = {k: v for k, v in given.items() if k not in {c.name for c in sheet.cells}}
+    messages = []
+    for cell in sheet.cells:
+        text = given.get(cell.name, "")
+        try:
+            values[cell.name] = cell.default if not text and not cell.required else cell.read(text)
+        except ValueError as error:
+            messages.append(f"row {line}, column {cell.name}: {error}")
+    return Row(line, values), messages
+
+
+def _twins(sheet: Sheet, rows: Iterable[Row]) -> list[str]:
+    seen: dict[tuple[Any, ...], int] = {}
+    messages = []
+    for row in rows:
+        if not set(sheet.key) <= row.values.keys():
+            continue
+        key = tuple(row[column] for column in sheet.key)
+        if key in seen:
+            names = ", ".join(f"{c} {v!r}" for c, v in zip(sheet.key, key, strict=True) if v)
+            messages.append(f"row {row.line}: {names} already stands in row {seen[key]}")
+        seen.setdefault(key, row.line)
+    return messages

@@ -1,0 +1,212 @@
+"""A study: its file, its sheets, and which recording serves which purpose."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.config_files import check_config, config_path, read_config
+from schemas.errors import InputError
+from schemas.layout import Layout, read_layout
+from schemas.model import SkeletonModel, read_model
+from schemas.sheets import CORRECTIONS, MEASUREMENTS, PARTICIPANTS, RECORDINGS, Row, Sheet, read_sheet
+
+
+@dataclass(frozen=True)
+class Hand:
+    """One subject's hand, and its place in paths."""
+
+    subject: str
+    hand: str
+
+    @property
+    def folder(self) -> str:
+        """Its part of a path below the study's results."""
+        return f"sub-{path_token(self.subject)}/{self.hand}"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One row of the recordings sheet, paths resolved."""
+
+    hand: Hand
+    task: str
+    trial: str
+    role: str
+    file: Path
+    file_as_written: str
+    layout: Path
+    format: str
+    exclude: str
+
+    @property
+    def name(self) -> str:
+        """Task and trial as one part of a path."""
+        return path_token(self.task) + (f"_{path_token(self.trial)}" if self.trial else "")
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Where simulated recordings go and the seed that makes them."""
+
+    folder: Path
+    seed: int
+
+
+@dataclass(frozen=True)
+class Study:
+    """One study file with its sheets, layouts and models, read and checked."""
+
+    name: str
+    recordings: tuple[Recording, ...]
+    models: dict[str, Path]
+    layout: Path
+    exports: tuple[str, ...]
+    simulation: Simulation | None
+    sheets: dict[str, Path]
+    config: dict[str, Any]
+
+    @property
+    def hands(self) -> tuple[Hand, ...]:
+        """Every hand of the study, in the sheet's order."""
+        return tuple(dict.fromkeys(recording.hand for recording in self.recordings))
+
+    def of(self, hand: Hand, roles: Iterable[str]) -> list[Recording]:
+        """The hand's recordings in those roles that are not excluded."""
+        return [r for r in self.recordings if r.hand == hand and r.role in set(roles) and not r.exclude]
+
+    def evaluated(self, hand: Hand) -> list[Recording]:
+        """The recordings that the hand's tips are evaluated on."""
+        return self.of(hand, ("evaluation", "both"))
+
+    def calibrating(self, hand: Hand, calibration: str) -> list[Recording]:
+        """The recordings that joints are solved from; `calibration` as in the model file."""
+        if calibration == "evaluated":
+            return self.of(hand, ("both",)) or self.of(hand, ("calibration",))
+        return self.of(hand, ("calibration", "both"))
+
+    def layout_of(self, hand: Hand) -> Path:
+        """The one layout of the hand's recordings."""
+        return next(r.layout for r in self.recordings if r.hand == hand)
+
+
+def path_token(text: str) -> str:
+    """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.
+
+    Everything else becomes %XX (UTF-8 bytes), so that two names never share a path.
+    """
+    return "".join(
+        c if c.isalnum() or c in "-_" else "".join(f"%{byte:02X}" for byte in c.encode()) for c in text
+    )
+
+
+def read_study(path: Path) -> Study:
+    """Read a study file and everything it names. Raises InputError where any of it is wrong."""
+    return study_from_config(read_config(path, "study"), path.parent, str(path))
+
+
+def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study:
+    """Make a study of a loaded study file; its relative paths resolve against `folder`."""
+    config = check_config(config, "study", where)
+    layout = config_path(config["layout"], "layout", folder)
+    models = _models(config["models"], folder, where)
+    sheets: dict[str, Path] = {
+        name: folder / config[name]
+        for name in ("recordings", "participants", "corrections", "measurements")
+        if name in config
+    }
+    recordings = _recordings(sheets["recordings"], folder, layout)
+    for path in {r.layout for r in recordings} | {layout}:
+        read_layout(path.absolute())
+    read_participants(sheets.get("participants"))
+    read_corrections(sheets.get("corrections"))
+    _read(sheets.get("measurements"), MEASUREMENTS)
+    simulation = None
+    if "simulation" in config:
+        part = config["simulation"]
+        simulation = Simulation(folder / part["folder"], part["seed"])
+    return Study(
+        config["study"], recordings, models, layout, tuple(config["exports"]), simulation, sheets, config
+    )
+
+
+def read_participants(path: Path | None) -> list[Row]:
+    """Read the participants sheet; empty where the study has none."""
+    return _read(path, PARTICIPANTS)
+
+
+def read_corrections(path: Path | None) -> list[Row]:
+    """Read the sheet of manual corrections; empty where the study has none."""
+    return _read(path, CORRECTIONS)
+
+
+def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
+    """Say, a sentence a row, which corrections cannot be applied: no such hand or no such joint."""
+    known_hands = set(hands)
+    joints = [joint.name for joint in layout.solvable]
+    problems = []
+    for row in rows:
+        hand = Hand(row["subject"], row["hand"])
+        if hand not in known_hands:
+            reason = f"column subject: the study has no {hand.hand} hand of {hand.subject!r}"
+        elif row["joint"] not in joints:
+            close = difflib.get_close_matches(row["joint"], joints, 1)
+            guess = f"; did you mean {close[0]!r}?" if close else f"; expected one of {', '.join(joints)}"
+            reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}{guess}"
+        else:
+            continue
+        problems.append(f"{path.name}: row {row.line}, {reason}; the row was not applied")
+    return problems
+
+
+def _read(path: Path | None, sheet: Sheet) -> list[Row]:
+    return [] if path is None else read_sheet(path, sheet)
+
+
+def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
+    models: dict[str, Path] = {}
+    for name in names:
+        path = config_path(name, "model", folder)
+        model: SkeletonModel = read_model(path.absolute())
+        if model.name in models:
+            raise InputError(f"{where}: models: {model.name} is given twice")
+        models[model.name] = path
+    return models
+
+
+def _recordings(sheet: Path, folder: Path, layout: Path) -> tuple[Recording, ...]:
+    recordings = []
+    layouts: dict[Hand, tuple[Path, int]] = {}
+    paths: dict[tuple[str, str], int] = {}
+    for row in read_sheet(sheet, RECORDINGS):
+        own = config_path(row["layout"], "layout", folder) if row["layout"] else layout
+        recording = Recording(
+            Hand(row["subject"], row["hand"]),
+            row["task"],
+            row["trial"],
+            row["role"],
+            folder / row["file"],
+            row["file"],
+            own,
+            row["format"],
+            row["exclude"],
+        )
+        first, line = layouts.setdefault(recording.hand, (own, row.line))
+        if first != own:
+            raise InputError(
+                f"{sheet}: row {row.line}, column layout: {own.stem} is not {first.stem}, "
+                f"the layout of row {line}; all recordings of a hand share one"
+            )
+        line = paths.setdefault((recording.hand.folder.casefold(), recording.name.casefold()), row.line)
+        if line != row.line:
+            raise InputError(
+                f"{sheet}: row {row.line}: its results would have the path of row {line}; "
+                "rename subject, task or trial"
+            )
+        recordings.append(recording)
+    if not recordings:
+        raise InputError(f"{sheet}: has no recording; add a row a recording")
+    return tuple(recordings)

@@ -1,0 +1,263 @@
+"""Typed Parquet tables: one way to declare, to write and to read them.
+
+A table carries, in the file's own metadata, its name and version, the unit and meaning of every column,
+the hashes of the inputs that it was made from and the program's version. Gaps are nulls, never NaN.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from schemas import PROGRAM, VERSION
+from schemas.errors import InputError
+
+METADATA_KEY = b"shukotsu"
+"""Schema-level metadata: one JSON object, for programs that do not keep Arrow's field metadata."""
+
+ROW_GROUP_ROWS = 1 << 17
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its Arrow type, its unit (empty where it has none) and what it means."""
+
+    name: str
+    type: pa.DataType
+    unit: str
+    description: str
+    nullable: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table of the contract: what a row is, its columns and the columns that identify a row."""
+
+    name: str
+    version: int
+    row: str
+    columns: tuple[Column, ...]
+    key: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        names = [column.name for column in self.columns]
+        assert len(set(names)) == len(names), f"{self.name}: a column is declared twice"
+        assert set(self.key) <= set(names), f"{self.name}: the key names a column that is not there"
+
+    def column(self, name: str) -> Column:
+        """Give the column of that name; KeyError where there is none."""
+        for column in self.columns:
+            if column.name == name:
+                return column
+        raise KeyError(name)
+
+    def arrow_schema(self, metadata: Mapping[str, Any]) -> pa.Schema:
+        """Give the Arrow schema, units and meanings in the fields, everything again in one JSON object."""
+        fields = [
+            pa.field(c.name, c.type, c.nullable, {"unit": c.unit, "description": c.description})
+            for c in self.columns
+        ]
+        whole = {
+            "schema": self.name,
+            "schema_version": self.version,
+            "program": PROGRAM,
+            "program_version": VERSION,
+            "columns": {c.name: {"unit": c.unit, "description": c.description} for c in self.columns},
+            "key": list(self.key),
+            **metadata,
+        }
+        return pa.schema(fields, {METADATA_KEY: json.dumps(whole, ensure_ascii=False, sort_keys=True)})
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a table was made from. Holds no date and no absolute path: same input, same bytes."""
+
+    inputs: tuple[tuple[str, str], ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, inputs: Sequence[Path], **parameters: Any) -> Provenance:
+        """Hash the input files that exist; `parameters` are kept as they are (JSON types)."""
+        hashed = tuple((path.name, file_sha256(path)) for path in inputs if path.is_file())
+        return cls(hashed, parameters)
+
+    def metadata(self) -> dict[str, Any]:
+        """Give the part of a file's metadata that says where it came from."""
+        return {
+            "inputs": [{"file": name, "sha256": digest} for name, digest in self.inputs],
+            "parameters": dict(self.parameters),
+        }
+
+
+def file_sha256(path: Path) -> str:
+    """Give the SHA-256 of a file's bytes, read a piece at a time."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_table(
+    path: Path,
+    table: Table,
+    columns: Mapping[str, Any],
+    provenance: Provenance,
+    *,
+    row_group_rows: int = ROW_GROUP_ROWS,
+) -> None:
+    """Write the columns as one typed Parquet file, atomically.
+
+    columns: name -> values, all of one length (arrays, lists or Arrow arrays); NaN becomes null.
+    Raises ValueError (a bug, not a user's error) where columns are missing, left over or null against
+    the declaration.
+    """
+    if set(columns) != {c.name for c in table.columns}:
+        odd = sorted(set(columns) ^ {c.name for c in table.columns})
+        raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
+    arrays = [_arrow_array(table, column, columns[column.name]) for column in table.columns]
+    schema = table.arrow_schema(provenance.metadata())
+    _write_atomically(path, table, pa.Table.from_arrays(arrays, schema=schema), row_group_rows)
+
+
+def write_failure(path: Path, table: Table, message: str, provenance: Provenance) -> None:
+    """Write the table without rows, the reason why it has none in its metadata (see `read_table`)."""
+    schema = table.arrow_schema({**provenance.metadata(), "failure": message})
+    _write_atomically(path, table, schema.empty_table(), ROW_GROUP_ROWS)
+
+
+def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -> pa.Table:
+    """Read a table of the contract, or only some of its columns.
+
+    Raises InputError where the file is absent, is no Parquet file, is another table or another version,
+    lacks a column or has one of another type, or records that its own making failed.
+    """
+    with open_table(path, table) as file:
+        try:
+            return file.read(columns=None if columns is None else list(columns))
+        except (OSError, pa.ArrowInvalid) as error:
+            raise InputError(f"{path}: damaged Parquet file ({error}); make it again") from error
+
+
+def open_table(path: Path, table: Table) -> pq.ParquetFile:
+    """Open a table for reading piece by piece, its schema checked as `read_table` does."""
+    try:
+        file = pq.ParquetFile(path)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; expected a {table.name} table") from error
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(f"{path}: not a readable Parquet file ({error})") from error
+    try:
+        _check_schema(path, table, file.schema_arrow)
+    except InputError:
+        file.close()
+        raise
+    return file
+
+
+def read_metadata(path: Path) -> dict[str, Any]:
+    """Give the JSON object that this program wrote into the file; InputError where there is none."""
+    try:
+        schema = pq.read_schema(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(f"{path}: not a readable Parquet file ({error})") from error
+    return _metadata(path, schema)
+
+
+def rows_of(table: pa.Table) -> Iterator[dict[str, Any]]:
+    """Give the rows of a small table as dictionaries, null as None."""
+    for batch in table.to_batches():
+        yield from batch.to_pylist()
+
+
+def column_array(table: pa.Table, name: str) -> npt.NDArray[Any]:
+    """Give a numeric column as a NumPy array; null as NaN."""
+    return np.asarray(table.column(name).to_numpy())
+
+
+def columns_from_rows(table: Table, rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Turn rows into columns; a nullable column that a row does not name is null there."""
+    missing = {c.name for c in table.columns if not c.nullable}
+    for row in rows:
+        if not missing <= row.keys():
+            raise ValueError(f"{table.name}: a row lacks {', '.join(sorted(missing - row.keys()))}")
+    return {c.name: [row.get(c.name) for row in rows] for c in table.columns}
+
+
+def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
+    if isinstance(values, pa.ChunkedArray):
+        values = values.combine_chunks()
+    if isinstance(values, pa.Array):
+        array = values.cast(column.type)
+    elif isinstance(values, np.ndarray) and values.ndim == 2:
+        flat = pa.array(values.ravel(), column.type.value_type, from_pandas=True)
+        array = pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
+    else:
+        array = pa.array(values, column.type, from_pandas=True)
+    if array.null_count and not column.nullable:
+        raise ValueError(f"{table.name}: column {column.name} may not be null")
+    return array
+
+
+def _write_atomically(path: Path, table: Table, data: pa.Table, row_group_rows: int) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    encodings = {}
+    for column in table.columns:
+        if pa.types.is_floating(column.type):
+            encodings[column.name] = "BYTE_STREAM_SPLIT"
+        elif pa.types.is_integer(column.type):
+            encodings[column.name] = "DELTA_BINARY_PACKED"
+    strings = [c.name for c in table.columns if pa.types.is_string(c.type)]
+    try:
+        pq.write_table(
+            data,
+            temporary,
+            compression="zstd",
+            compression_level=3,
+            use_dictionary=strings,
+            column_encoding=encodings,
+            row_group_size=row_group_rows,
+        )
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
+    raw = (schema.metadata or {}).get(METADATA_KEY)
+    if raw is None:
+        raise InputError(
+            f"{path}: a Parquet file, but not one that {PROGRAM} wrote (no {METADATA_KEY.decode()} metadata)"
+        )
+    loaded: dict[str, Any] = json.loads(raw)
+    return loaded
+
+
+def _check_schema(path: Path, table: Table, schema: pa.Schema) -> None:
+    found = _metadata(path, schema)
+    if found["schema"] != table.name:
+        raise InputError(f"{path}: is a {found['schema']} table; expected {table.name}")
+    if found["schema_version"] != table.version:
+        raise InputError(
+            f"{path}: {table.name} version {found['schema_version']}; this program reads version "
+            f"{table.version}; make the file again"
+        )
+    for column in table.columns:
+        position = schema.get_field_index(column.name)
+        if position < 0:
+            raise InputError(f"{path}: column {column.name} is missing; expected {column.type}")
+        if schema.field(position).type != column.type:
+            raise InputError(
+                f"{path}: column {column.name} is {schema.field(position).type}; expected {column.type}"
+            )
+    if "failure" in found:
+        raise InputError(found["failure"])
