@@ -77,7 +77,7 @@ def multiply(first: Array, second: Array) -> Array:
 
 def conjugate(quaternion: Array) -> Array:
     """Inverse rotations of unit quaternions, shape (..., 4)."""
-    return quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+    return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:

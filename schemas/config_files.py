@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,10 @@ def _mapping_without_twins(loader: _StrictLoader, node: yaml.MappingNode) -> dic
     seen: set[Any] = set()
     for key_node, _ in node.value:
         key = loader.construct_object(key_node, deep=True)
+        if not isinstance(key, Hashable):
+            raise yaml.constructor.ConstructorError(
+                None, None, f"{key!r} cannot be a key", key_node.start_mark
+            )
         if key in seen:
             raise yaml.constructor.ConstructorError(
                 None, None, f"the key {key!r} is given twice", key_node.start_mark
@@ -44,8 +49,8 @@ def json_schema(kind: str) -> dict[str, Any]:
     return loaded
 
 
-def read_config(path: Path, kind: str) -> dict[str, Any]:
-    """Read a configuration file of that kind (study, layout, model), defaults filled in.
+def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[str, Any]:
+    """Read a configuration file of that kind (study, layout, model), by default with defaults filled in.
 
     Raises InputError where the file is absent, is not YAML, or does not match its schema.
     """
@@ -55,9 +60,10 @@ def read_config(path: Path, kind: str) -> dict[str, Any]:
         raise InputError(f"{path}: no such {kind} file") from error
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as text ({error})") from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that no calendar has
         raise InputError(f"{path}: not valid YAML: {_one_line(str(error))}") from error
-    return check_config(loaded, kind, str(path))
+    checked = check_config(loaded, kind, str(path))
+    return checked if with_defaults else dict(loaded)
 
 
 def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
@@ -67,8 +73,9 @@ def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
     schema = json_schema(kind)
     validator = jsonschema.Draft202012Validator(schema)
     errors = sorted(validator.iter_errors(loaded), key=lambda e: [str(part) for part in e.absolute_path])
-    if errors:
-        raise InputError(f"{where}: " + "; ".join(_sentence(error) for error in errors[:5]))
+    sentences = list(dict.fromkeys(_sentence(error) for error in errors)) or _not_finite(loaded)
+    if sentences:
+        raise InputError(f"{where}: " + "; ".join(sentences[:5]))
     assert isinstance(loaded, dict)
     filled: dict[str, Any] = _with_defaults(loaded, schema, schema)
     return filled
@@ -113,6 +120,20 @@ def _sentence(error: Any) -> str:
         absent = [key for key in error.validator_value if key not in error.instance]
         return f"{prefix}the key {', '.join(map(repr, absent))} is missing"
     return f"{prefix}{_one_line(error.message)}"
+
+
+def _not_finite(value: Any, place: str = "") -> list[str]:
+    """Name every .nan and .inf, which JSON Schema lets pass as numbers."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return [f"{place}: is {value}; expected a finite number"]
+    parts: list[tuple[object, Any]] = []
+    if isinstance(value, dict):
+        parts = list(value.items())
+    elif isinstance(value, list):
+        parts = list(enumerate(value))
+    return [
+        text for key, part in parts for text in _not_finite(part, f"{place}.{key}" if place else str(key))
+    ]
 
 
 def _one_line(text: str) -> str:

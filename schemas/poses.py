@@ -43,9 +43,9 @@ class RecordingName:
 class Poses:
     """Poses of S receivers over T frames; first dimension is time.
 
-    frame : (T,) int; time_s : (T,), NaN where there is none; position_mm : (T, S, 3), quaternion :
-    (T, S, 4) unit (w, x, y, z), receiver to transmitter frame; valid : (T, S) bool. Where not valid,
-    numbers may be NaN.
+    frame : (T,) int; time_s : (T,), of the first segment that has one, NaN where none has; position_mm :
+    (T, S, 3), quaternion : (T, S, 4) unit (w, x, y, z), receiver to transmitter frame; valid : (T, S)
+    bool. Where not valid, numbers may be NaN.
     """
 
     segments: tuple[str, ...]
@@ -114,7 +114,7 @@ def _block(path: Path, segments: Sequence[str], batches: dict[str, pa.RecordBatc
     tables = {s: pa.Table.from_batches([batch]) for s, batch in batches.items() if batch is not None}
     first = next(iter(tables.values()))
     frame = column_array(first, "frame")
-    block = _empty(segments, frame.astype(np.int64), column_array(first, "time_s").astype(float))
+    block = _empty(segments, frame.astype(np.int64), np.full(len(frame), np.nan))
     for index, segment in enumerate(segments):
         table = tables.get(segment)
         if table is None and segment not in batches:
@@ -123,6 +123,8 @@ def _block(path: Path, segments: Sequence[str], batches: dict[str, pa.RecordBatc
             raise InputError(
                 f"{path}: segment {segment} does not have the frames of the others; make it again"
             )
+        time_s = column_array(table, "time_s").astype(float)
+        np.copyto(block.time_s, time_s, where=np.isnan(block.time_s))
         numbers = [column_array(table, name) for name in _NUMBERS]
         block.position_mm[:, index] = np.stack(numbers[:3], -1)
         block.quaternion[:, index] = np.stack(numbers[3:], -1)
@@ -145,3 +147,31 @@ def _empty(
         np.full((*shape, 4), np.nan),
         np.zeros(shape, bool),
     )
+
+
+def one_hand(paths: Sequence[Path], subject: str | None, hand: str | None) -> tuple[str, str]:
+    """Give the subject and hand that all the poses files are of, or those given where there is no file.
+
+    Raises InputError where the files disagree with each other or with what is given.
+    """
+    names = [(path, recording_name(path)) for path in paths if path.exists()]
+    if not names and (subject is None or hand is None):
+        raise InputError("no poses file, so --subject and --hand must say whose hand it is")
+    wanted = (subject or names[0][1].subject, hand or names[0][1].hand)
+    for path, name in names:
+        if (name.subject, name.hand) != wanted:
+            raise InputError(f"{path}: is of {name}; expected subject {wanted[0]}, {wanted[1]} hand")
+    return wanted
+
+
+def usable_poses(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Split poses files into those that can be read and the reasons why the others cannot."""
+    usable, reasons = [], []
+    for path in paths:
+        try:
+            open_table(path, POSES).close()
+        except InputError as error:
+            reasons.append(str(error))
+        else:
+            usable.append(path)
+    return usable, reasons

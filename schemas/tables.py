@@ -112,11 +112,12 @@ def write_table(
     columns: Mapping[str, Any],
     provenance: Provenance,
     *,
-    row_group_rows: int = ROW_GROUP_ROWS,
+    row_group_rows: int | Sequence[int] = ROW_GROUP_ROWS,
 ) -> None:
     """Write the columns as one typed Parquet file, atomically.
 
     columns: name -> values, all of one length (arrays, lists or Arrow arrays); NaN becomes null.
+    row_group_rows: the most rows of a row group, or the rows of every row group in turn.
     Raises ValueError (a bug, not a user's error) where columns are missing, left over or null against
     the declaration.
     """
@@ -124,14 +125,22 @@ def write_table(
         odd = sorted(set(columns) ^ {c.name for c in table.columns})
         raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
     arrays = [_arrow_array(table, column, columns[column.name]) for column in table.columns]
-    schema = table.arrow_schema(provenance.metadata())
-    _write_atomically(path, table, pa.Table.from_arrays(arrays, schema=schema), row_group_rows)
+    data = pa.Table.from_arrays(arrays, schema=table.arrow_schema(provenance.metadata()))
+    if isinstance(row_group_rows, int):
+        row_group_rows = [
+            min(row_group_rows, data.num_rows - start) for start in range(0, data.num_rows, row_group_rows)
+        ]
+    if sum(row_group_rows) != data.num_rows:
+        raise ValueError(
+            f"{table.name}: row groups of {sum(row_group_rows)} rows, but there are {data.num_rows}"
+        )
+    _write_atomically(path, table, data, row_group_rows)
 
 
 def write_failure(path: Path, table: Table, message: str, provenance: Provenance) -> None:
     """Write the table without rows, the reason why it has none in its metadata (see `read_table`)."""
     schema = table.arrow_schema({**provenance.metadata(), "failure": message})
-    _write_atomically(path, table, schema.empty_table(), ROW_GROUP_ROWS)
+    _write_atomically(path, table, schema.empty_table(), [])
 
 
 def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -> pa.Table:
@@ -197,6 +206,8 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
         values = values.combine_chunks()
     if isinstance(values, pa.Array):
         array = values.cast(column.type)
+        if pa.types.is_floating(column.type):
+            array = pa.array(array.to_numpy(zero_copy_only=False), column.type, from_pandas=True)
     elif isinstance(values, np.ndarray) and values.ndim == 2:
         flat = pa.array(values.ravel(), column.type.value_type, from_pandas=True)
         array = pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
@@ -207,7 +218,7 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
     return array
 
 
-def _write_atomically(path: Path, table: Table, data: pa.Table, row_group_rows: int) -> None:
+def _write_atomically(path: Path, table: Table, data: pa.Table, row_groups: Sequence[int]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     encodings = {}
@@ -218,15 +229,18 @@ def _write_atomically(path: Path, table: Table, data: pa.Table, row_group_rows: 
             encodings[column.name] = "DELTA_BINARY_PACKED"
     strings = [c.name for c in table.columns if pa.types.is_string(c.type)]
     try:
-        pq.write_table(
-            data,
+        with pq.ParquetWriter(
             temporary,
+            data.schema,
             compression="zstd",
             compression_level=3,
             use_dictionary=strings,
             column_encoding=encodings,
-            row_group_size=row_group_rows,
-        )
+        ) as writer:
+            start = 0
+            for rows in row_groups:
+                writer.write_table(data.slice(start, rows), row_group_size=rows)
+                start += rows
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

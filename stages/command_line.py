@@ -6,6 +6,7 @@ import argparse
 import sys
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 
 from schemas.errors import InputError
 
@@ -55,3 +56,11 @@ def run(
         return 0
     record_failure(arguments, message)
     return 0
+
+
+def config_files(arguments: argparse.Namespace) -> list[Path]:
+    """Give the files behind --layout and --model."""
+    from schemas.config_files import config_path
+
+    kinds = ("layout", "model")
+    return [config_path(getattr(arguments, kind), kind, Path()) for kind in kinds]

@@ -1,0 +1,184 @@
+# From recordings to a report, one rule a section of the paper. Rules wire files to stages and hold no logic.
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, workflow.basedir)
+
+from schemas.errors import InputError
+from stages.code_digest import code_digest
+from stages.wiring import Wiring
+
+try:
+    study = Wiring.of(
+        workflow.configfiles, config, Path(workflow.basedir, "config", "demo.yaml")
+    )
+except InputError as error:
+    print(f"error: {error}", file=sys.stderr)
+    sys.exit(2)
+
+results = study.results.folder.as_posix()
+of_recording = "sub-{subject}/{hand}/{recording}"
+of_hand = "models/{model}/sub-{subject}/{hand}"
+stage = f"{sys.executable} -m stages."
+
+shell.prefix(f"export PYTHONPATH={workflow.basedir} OMP_NUM_THREADS=1; ")
+
+
+wildcard_constraints:
+    subject="[^/]+",
+    hand="right|left",
+    task="[^/]+",
+    recording="[^/]+",
+    model="[^/]+",
+
+
+rule all:
+    input:
+        f"{results}/report.html",
+
+
+rule simulate:  # only what a study with `simulation` asks for: recordings, and the truth beside them
+    output:
+        study.simulated,
+    log:
+        f"{results}/logs/simulate/sub-{{subject}}_{{hand}}_{{task}}.log",
+    params:
+        code=code_digest("simulate"),
+        words=study.simulate,
+    shell:
+        stage + "simulate {params.words} --out {output:q} 2> {log:q}"
+
+
+rule capture:  # section 2: recordings -> poses
+    input:
+        study.recording_file,
+        layout=study.layout,
+    output:
+        f"{results}/{of_recording}/poses.parquet",
+    log:
+        f"{results}/logs/capture/sub-{{subject}}_{{hand}}_{{recording}}.log",
+    params:
+        code=code_digest("capture"),
+        words=study.capture,
+    shell:
+        stage
+        + "capture import --record-failure {params.words} --out {output:q} 2> {log:q}"
+
+
+rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
+    input:
+        poses=study.calibration,
+        layout=study.layout,
+        model=study.model,
+    output:
+        f"{results}/{of_hand}/joint_solutions.parquet",
+    log:
+        f"{results}/logs/solve_joints/{{model}}_sub-{{subject}}_{{hand}}.log",
+    params:
+        code=code_digest("solve_joints"),
+        whose=study.whose,
+    shell:
+        stage + "solve_joints --record-failure {params.whose} --poses {input.poses:q}"
+        " --layout {input.layout:q} --model {input.model:q} --out {output:q} 2> {log:q}"
+
+
+rule project_planes:  # end of section 4: the plane that cuts each axis; manual corrections
+    input:
+        joints=f"{results}/{of_hand}/joint_solutions.parquet",
+        corrections=study.corrections,
+        layout=study.layout,
+        model=study.model,
+    output:
+        f"{results}/{of_hand}/projected_joints.parquet",
+    log:
+        f"{results}/logs/project_planes/{{model}}_sub-{{subject}}_{{hand}}.log",
+    params:
+        code=code_digest("project_planes"),
+    shell:
+        stage
+        + "project_planes --record-failure --joints {input.joints:q} --corrections {input.corrections:q}"
+        " --layout {input.layout:q} --model {input.model:q} --out {output:q} 2> {log:q}"
+
+
+rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, metacarpal postures
+    input:
+        joints=f"{results}/{of_hand}/projected_joints.parquet",
+        calibration=study.calibration,
+        poses=study.evaluated,
+        layout=study.layout,
+        model=study.model,
+    output:
+        joints=f"{results}/{of_hand}/joint_centres.parquet",
+        bones=f"{results}/{of_hand}/bone_lengths.parquet",
+        metacarpals=f"{results}/{of_hand}/metacarpals.parquet",
+    log:
+        f"{results}/logs/estimate_metacarpals/{{model}}_sub-{{subject}}_{{hand}}.log",
+    params:
+        code=code_digest("estimate_metacarpals"),
+    shell:
+        stage + "estimate_metacarpals --record-failure --joints {input.joints:q}"
+        " --calibration {input.calibration:q} --poses {input.poses:q}"
+        " --layout {input.layout:q} --model {input.model:q} --out-joints {output.joints:q}"
+        " --out-bones {output.bones:q} --out {output.metacarpals:q} 2> {log:q}"
+
+
+rule evaluate_tips:  # section 6: replay and tip errors
+    input:
+        poses=study.evaluated,
+        calibration=study.calibration,
+        joints=f"{results}/{of_hand}/joint_centres.parquet",
+        bones=f"{results}/{of_hand}/bone_lengths.parquet",
+        metacarpals=f"{results}/{of_hand}/metacarpals.parquet",
+        layout=study.layout,
+        model=study.model,
+    output:
+        tips=f"{results}/{of_hand}/tips.parquet",
+        errors=f"{results}/{of_hand}/tip_errors.parquet",
+    log:
+        f"{results}/logs/evaluate_tips/{{model}}_sub-{{subject}}_{{hand}}.log",
+    params:
+        code=code_digest("evaluate_tips"),
+    shell:
+        stage
+        + "evaluate_tips --record-failure --poses {input.poses:q} --calibration {input.calibration:q}"
+        " --joints {input.joints:q} --bones {input.bones:q} --metacarpals {input.metacarpals:q}"
+        " --layout {input.layout:q} --model {input.model:q}"
+        " --out {output.tips:q} --out-errors {output.errors:q} 2> {log:q}"
+
+
+rule gather:  # the study's tables, and what went wrong
+    input:
+        study.poses,
+        [study.of_every_hand(table) for table in study.hand_tables],
+        configuration=study.configuration,
+    output:
+        [f"{results}/{table}.parquet" for table in study.study_tables],
+    log:
+        f"{results}/logs/gather.log",
+    params:
+        code=code_digest("gather"),
+        study=study.file,
+        results=results,
+    shell:
+        stage
+        + "gather --study {params.study:q} --results {params.results:q} 2> {log:q}"
+
+
+rule report:
+    input:
+        study.poses,
+        [f"{results}/{table}.parquet" for table in study.study_tables],
+        list(study.models.values()),
+        configuration=study.configuration,
+    output:
+        f"{results}/report.html",
+    log:
+        f"{results}/logs/report.log",
+    params:
+        code=code_digest("report"),
+        study=study.file,
+        results=results,
+    shell:
+        stage
+        + "report --study {params.study:q} --results {params.results:q} --out {output:q} 2> {log:q}"

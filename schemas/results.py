@@ -1,0 +1,48 @@
+"""Where a study's files are: the one place that knows the scheme of its paths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from schemas.study import Hand, Recording
+
+HAND_TABLES = {
+    "joint_centres": "estimate_metacarpals",
+    "bone_lengths": "estimate_metacarpals",
+    "metacarpals": "estimate_metacarpals",
+    "tips": "evaluate_tips",
+    "tip_errors": "evaluate_tips",
+}
+"""The study's tables and the stage that writes each."""
+
+STUDY_TABLES = (*HAND_TABLES, "recordings", "problems")
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results folder of one study."""
+
+    folder: Path
+
+    @classmethod
+    def of(cls, study_name: str) -> Results:
+        """The study's folder in the working directory."""
+        return cls(Path("results", study_name))
+
+    @property
+    def report(self) -> Path:
+        """The study's report."""
+        return self.folder / "report.html"
+
+    def poses(self, recording: Recording) -> Path:
+        """A recording's poses."""
+        return self.folder / recording.hand.folder / recording.name / "poses.parquet"
+
+    def hand_table(self, model: str, hand: Hand, table: str) -> Path:
+        """A table of one hand under one skeleton model."""
+        return self.folder / "models" / model / hand.folder / f"{table}.parquet"
+
+    def study_table(self, table: str) -> Path:
+        """A table over the whole study."""
+        return self.folder / f"{table}.parquet"

@@ -1,0 +1,72 @@
+"""Command line: poses and joint centres -> wrist point, bone lengths and metacarpal postures."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from stages import command_line
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the stage's argument parser."""
+    parser = command_line.parser(
+        "stages.estimate_metacarpals",
+        "Locate the wrist, measure the bones and pose the metacarpals (Eq. 8-11 of the paper).",
+        "python -m stages.estimate_metacarpals --joints projected_joints.parquet "
+        "--calibration rom/poses.parquet --poses opposition/poses.parquet --layout liberty16 "
+        "--model paper-fig4 --out-joints joint_centres.parquet --out-bones bone_lengths.parquet "
+        "--out metacarpals.parquet",
+    )
+    parser.add_argument("--joints", type=Path, required=True, help="joint_centres from stages.project_planes")
+    parser.add_argument("--calibration", type=Path, nargs="*", default=[], help="poses the joints come from")
+    parser.add_argument("--poses", type=Path, nargs="*", default=[], help="poses to pose metacarpals in")
+    parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
+    parser.add_argument("--model", required=True, help="a skeleton model that ships, or a path")
+    parser.add_argument("--out-joints", type=Path, required=True, help="joint_centres with the wrist point")
+    parser.add_argument("--out-bones", type=Path, required=True, help="the bone_lengths table to write")
+    parser.add_argument("--out", type=Path, required=True, help="the metacarpals table to write")
+    return parser
+
+
+def estimate(arguments: argparse.Namespace) -> None:
+    """Read poses and joints, write the three tables."""
+    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
+    from schemas.layout import read_layout
+    from schemas.model import read_model
+    from schemas.poses import one_hand, read_poses, usable_poses
+    from schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_table
+    from stages.estimate_metacarpals.hand import build_hand, pose_metacarpals
+
+    layout, model = read_layout(arguments.layout), read_model(arguments.model)
+    table = list(rows_of(read_table(arguments.joints, JOINT_CENTRES)))
+    subject, hand = one_hand(
+        [*arguments.calibration, *arguments.poses], table[0]["subject"], table[0]["hand"]
+    )
+    names = {"subject": subject, "hand": hand, "model": model.name}
+    calibration = [read_poses(path, layout.measured) for path in usable_poses(arguments.calibration)[0]]
+    built = build_hand({row["joint"]: row for row in table}, layout, model, calibration)
+    files = [arguments.joints, *arguments.calibration, *arguments.poses]
+    provenance = Provenance.of([*files, *command_line.config_files(arguments)])
+    joints = columns_from_rows(JOINT_CENTRES, [{**row, **names} for row in built.joints])
+    write_table(arguments.out_joints, JOINT_CENTRES, joints, provenance)
+    bones = columns_from_rows(BONE_LENGTHS, [{**row, **names} for row in built.bones])
+    write_table(arguments.out_bones, BONE_LENGTHS, bones, provenance)
+    columns = pose_metacarpals(built, layout, model, usable_poses(arguments.poses)[0])
+    write_table(arguments.out, METACARPALS, columns, provenance)
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write the three tables without rows and the reason."""
+    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
+    from schemas.tables import Provenance, write_failure
+
+    provenance = Provenance.of([arguments.joints])
+    write_failure(arguments.out_joints, JOINT_CENTRES, message, provenance)
+    write_failure(arguments.out_bones, BONE_LENGTHS, message, provenance)
+    write_failure(arguments.out, METACARPALS, message, provenance)
+
+
+if __name__ == "__main__":
+    sys.exit(command_line.run(build_parser().parse_args(), estimate, record_failure))

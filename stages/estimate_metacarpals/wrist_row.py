@@ -1,0 +1,93 @@
+"""The row of joint_centres that says which wrist point is in use, and where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from kinematics.rotations import Array, conjugate, rotate
+from kinematics.skeleton import Rows, all_valid, ride
+from schemas.layout import Layout, Wrist
+from schemas.model import SkeletonModel
+from schemas.poses import Poses
+from stages.estimate_metacarpals.wrist import WristPoint, estimate_wrist
+
+
+def wrist_row(
+    rows: Rows, layout: Layout, model: SkeletonModel, calibration: Sequence[Poses]
+) -> dict[str, Any] | None:
+    """Give the wrist's row (names of subject, hand and model left out); None where no wrist is needed.
+
+    model.wrist chooses: the joint fitted against a forearm receiver, the layout's point_mm, or the point
+    that the MCP joints keep their distance from; `auto` takes the first that there is.
+    """
+    wrist = layout.wrist
+    if wrist is None:
+        return None
+    fitted = rows.get(wrist.joint)
+    wanted = model.wrist
+    if wanted in ("functional", "auto") and fitted is not None and fitted["status"] != "failed":
+        return dict(fitted)
+    if wanted == "functional":
+        why = fitted["message"] if fitted is not None else "no receiver on the forearm"
+        return _point_row(wrist, None, "failed", f"the wrist joint was not fitted: {why}", "fit")
+    if wanted == "point" or (wanted == "auto" and wrist.point_mm is not None):
+        if wrist.point_mm is None:
+            message = f"layout {layout.name} has no wrist.point_mm"
+            return _point_row(wrist, None, "failed", message, "configured point")
+        given = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
+        return _point_row(wrist, given, "ok", "as configured in the layout", "configured point")
+    positions = _mcp_positions(rows, layout, wrist, calibration)
+    point = estimate_wrist(positions, np.array(wrist.nominal_mm))
+    message = (
+        f"point that keeps its distance from {len(positions)} MCP joints; no forearm receiver was worn"
+        if positions
+        else "the average hand's wrist; neither a forearm receiver nor an MCP joint to go by"
+    )
+    return _point_row(wrist, point, "ok" if positions else "weak", message, "estimated point")
+
+
+def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: Sequence[Poses]) -> list[Array]:
+    """Per digit whose metacarpal carries no receiver: (T, 3) mm of its MCP joint seen from the hand."""
+    found = []
+    for digit in layout.digits.values():
+        if layout.segments[digit.segments[0]].measured or digit.base != wrist.segment:
+            continue
+        row = rows.get(digit.joints[1])
+        if row is None or row["status"] == "failed":
+            continue
+        own = np.array([row[f"child_{axis}_mm"] for axis in "xyz"])
+        seen = []
+        for poses in calibration:
+            valid = all_valid(poses, (digit.base, digit.segments[1]))
+            hand = poses.index(digit.base)
+            offset = ride(poses, digit.segments[1], own) - poses.position_mm[:, hand]
+            seen.append(rotate(conjugate(poses.quaternion[:, hand]), offset)[valid])
+        together = np.concatenate(seen) if seen else np.empty((0, 3))
+        if len(together):
+            found.append(together)
+    return found
+
+
+def _point_row(
+    wrist: Wrist, point: WristPoint | None, status: str, message: str, source: str
+) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "joint": wrist.joint,
+        "parent_segment": "",
+        "child_segment": wrist.segment,
+        "dof": 0,
+        "n_frames": 0,
+        "source": source,
+        "status": status,
+        "message": message,
+    }
+    if point is not None:
+        whole = np.zeros((6, 6))
+        whole[3:, 3:] = point.covariance_mm2
+        row |= {f"child_{axis}_mm": float(value) for axis, value in zip("xyz", point.point_mm, strict=True)}
+        row["covariance_mm2"] = whole.ravel()
+        row["sd_mm"] = float(np.sqrt(np.trace(point.covariance_mm2)))
+    return row

@@ -1,0 +1,109 @@
+"""The study's tables from those of its hands; whatever could not be had is a row with its reason."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from schemas.catalogue import POSES, PROBLEMS, RECORDINGS, TABLES
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.results import HAND_TABLES, Results
+from schemas.study import Recording, Study, correction_problems, read_corrections
+from schemas.tables import (
+    Provenance,
+    columns_from_rows,
+    file_sha256,
+    read_metadata,
+    read_table,
+    write_table,
+)
+
+
+def gather_study(study: Study, results: Results) -> None:
+    """Write the study-wide tables into its results folder."""
+    problems: list[dict[str, Any]] = []
+    recordings = [_recording_row(recording, results, problems) for recording in study.recordings]
+    for name in HAND_TABLES:
+        _write_whole(study, results, name, problems)
+    problems += _correction_problems(study)
+    provenance = Provenance.of(list(study.sheets.values()))
+    unique = list({(row["where"], row["message"]): row for row in reversed(problems)}.values())[::-1]
+    write_table(
+        results.study_table("recordings"), RECORDINGS, columns_from_rows(RECORDINGS, recordings), provenance
+    )
+    write_table(results.study_table("problems"), PROBLEMS, columns_from_rows(PROBLEMS, unique), provenance)
+
+
+def _correction_problems(study: Study) -> list[dict[str, Any]]:
+    path = study.sheets.get("corrections")
+    if path is None:
+        return []
+    layout = read_layout(study.layout.absolute())
+    messages = correction_problems(read_corrections(path), path, study.hands, layout)
+    return [{"where": path.name, "stage": "project_planes", "message": message} for message in messages]
+
+
+def _write_whole(study: Study, results: Results, name: str, problems: list[dict[str, Any]]) -> None:
+    """Concatenate one table over hands and models; a part that failed becomes a problem."""
+    table, parts, files = TABLES[name], [], []
+    for model in study.models:
+        for hand in study.hands:
+            path = results.hand_table(model, hand, name)
+            files.append(path)
+            try:
+                parts.append(read_table(path, table).replace_schema_metadata(None))
+            except InputError as error:
+                where = f"subject {hand.subject}, {hand.hand} hand, model {model}"
+                problems.append({"where": where, "stage": HAND_TABLES[name], "message": str(error)})
+    bare = table.arrow_schema({}).remove_metadata()
+    whole = pa.concat_tables([part.cast(bare) for part in parts]) if parts else bare.empty_table()
+    columns = {column.name: whole.column(column.name) for column in table.columns}
+    hashed = [
+        (path.relative_to(results.folder).as_posix(), file_sha256(path)) for path in files if path.is_file()
+    ]
+    write_table(results.study_table(name), table, columns, Provenance(tuple(hashed)))
+
+
+def _recording_row(recording: Recording, results: Results, problems: list[dict[str, Any]]) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "subject": recording.hand.subject,
+        "hand": recording.hand.hand,
+        "task": recording.task,
+        "trial": recording.trial,
+        "role": recording.role,
+        "file": recording.file_as_written,
+        "status": "used",
+        "n_frames": 0,
+        "message": "",
+    }
+    if recording.exclude:
+        return row | {"status": "excluded", "message": recording.exclude}
+    path = results.poses(recording)
+    try:
+        table = read_table(path, POSES, ["segment", "frame", "time_s", "valid"])
+        absent = read_metadata(path)["parameters"].get("absent", [])
+    except InputError as error:
+        where = ", ".join(
+            filter(None, (recording.hand.subject, recording.hand.hand, recording.task, recording.trial))
+        )
+        problems.append({"where": where, "stage": "capture", "message": str(error)})
+        return row | {"status": "failed", "message": str(error)}
+    message = f"no receiver on {', '.join(absent)}" if absent else ""
+    return row | _counts(table, len(absent)) | {"message": message}
+
+
+def _counts(table: pa.Table, n_absent: int) -> dict[str, Any]:
+    n_segments = len(table.column("segment").unique())
+    n_frames = table.num_rows // max(n_segments, 1)
+    time_s = table.column("time_s").to_numpy()
+    known = time_s[np.isfinite(time_s)]
+    n_valid = int(np.sum(table.column("valid").to_numpy()))
+    expected = n_frames * (n_segments + n_absent)
+    return {
+        "n_frames": n_frames,
+        "duration_s": float(np.ptp(known)) if len(known) else None,
+        "valid_percent": 100.0 * n_valid / expected if expected else None,
+    }

@@ -1,0 +1,120 @@
+"""Where a joint's axis meets its plane, what that does to the uncertainty, and manual corrections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.rotations import Array, nearest_rotation, unit
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A joint centre on its plane.
+
+    p_mm, q_mm : (3,) in the parent's and the child's receiver frame. slide_mm : along the axis, signed.
+    axis_plane_deg : angle between axis and plane, 0 to 90. covariance_mm2 : (6, 6) of (p, q).
+    """
+
+    p_mm: Array
+    q_mm: Array
+    slide_mm: float
+    axis_plane_deg: float
+    covariance_mm2: Array
+
+
+def project(
+    p_mm: Array,
+    q_mm: Array,
+    axis_parent: Array,
+    axis_child: Array,
+    covariance_mm2: Array,
+    axis_sd_rad: float,
+    *,
+    plane_point_mm: Array,
+    plane_normal: Array,
+    plane_in_parent: bool,
+) -> Projection | None:
+    """Slide both halves of a centre along the axis by the same amount, until one lies in the plane.
+
+    The plane is given in one receiver's frame; two planes, one a half, would leave a constant gap along
+    the axis. Solutions with five and six singular values differ only along the axis, so they end in the
+    same point. None where the axis lies in the plane and never meets it.
+    """
+    normal = unit(plane_normal)
+    own_point, own_axis = (p_mm, axis_parent) if plane_in_parent else (q_mm, axis_child)
+    sine = float(own_axis @ normal)
+    if abs(sine) < 1e-9:
+        return None
+    slide = float((plane_point_mm - own_point) @ normal) / sine
+    null = np.concatenate([axis_parent, axis_child])
+    cut = np.concatenate([normal, np.zeros(3)] if plane_in_parent else [np.zeros(3), normal])
+    onto_plane = np.eye(6) - np.outer(null, cut) / sine
+    covariance = covariance_mm2 + _axis_covariance(axis_parent, axis_child, slide * axis_sd_rad)
+    return Projection(
+        p_mm=p_mm + slide * axis_parent,
+        q_mm=q_mm + slide * axis_child,
+        slide_mm=slide,
+        axis_plane_deg=float(np.degrees(np.arcsin(min(abs(sine), 1.0)))),
+        covariance_mm2=onto_plane @ covariance @ onto_plane.T,
+    )
+
+
+def _axis_covariance(axis_parent: Array, axis_child: Array, sideways_mm: float) -> Array:
+    """What an error in the axis' direction does to a point that slid along it: (6, 6) of (p, q).
+
+    The axis turns by sideways_mm / slide; either half moves sideways by half the variance per direction.
+    """
+    blocks = np.zeros((6, 6))
+    for part, axis in ((slice(0, 3), axis_parent), (slice(3, 6), axis_child)):
+        blocks[part, part] = (np.eye(3) - np.outer(axis, axis)) * sideways_mm**2 / 2
+    return blocks
+
+
+def correct(p_mm: Array, q_mm: Array, shift_mm: Array, mean_rotation: Array) -> tuple[Array, Array]:
+    """Move a centre by hand (section 6): shift_mm in the child's receiver frame.
+
+    The parent's half moves by the same shift, turned by the joint's mean posture (mean of R_a^T R_b).
+    """
+    return p_mm + nearest_rotation(mean_rotation) @ shift_mm, q_mm + shift_mm
+
+
+def centre_sd_mm(covariance_mm2: Array) -> float:
+    """1-sigma, three-dimensional error of a centre from the covariance of (p, q): the worse half's."""
+    variance = np.maximum(np.diag(covariance_mm2), 0.0)
+    return float(np.sqrt(max(variance[:3].sum(), variance[3:].sum())))
+
+
+def worst_direction_sd_mm(covariance_mm2: Array) -> float:
+    """1-sigma error of a centre in its worst direction: the worse half's."""
+    halves = (covariance_mm2[:3, :3], covariance_mm2[3:, 3:])
+    return float(np.sqrt(max(max(np.linalg.eigvalsh(half)[-1] for half in halves), 0.0)))
+
+
+def gap_rms_mm(
+    gap_rms_free_mm: float,
+    smallest_singular_value: float,
+    axis_parent: Array,
+    axis_child: Array,
+    beyond_free_mm: float,
+    shift_parent_mm: Array,
+    shift_child_mm: Array,
+    mean_rotation: Array,
+) -> float:
+    """Rms gap of a centre that was slid along the axis and then, perhaps, shifted.
+
+    The mean square gap is a quadratic form about the unconstrained solution, with the normal matrix
+    [[I, -M], [-M^T, I]]; along (axis_parent, axis_child) it grows with the smallest singular value.
+    beyond_free_mm : distance along the axis from the unconstrained solution to the slid centre.
+    smallest_singular_value : of the stack over sqrt(frames).
+    """
+    floor = smallest_singular_value**2
+    along = 2 * floor * beyond_free_mm**2
+    both = 2 * floor * beyond_free_mm * (axis_parent @ shift_parent_mm + axis_child @ shift_child_mm)
+    across = (
+        shift_parent_mm @ shift_parent_mm
+        + shift_child_mm @ shift_child_mm
+        - 2 * shift_parent_mm @ mean_rotation @ shift_child_mm
+    )
+    return float(np.sqrt(gap_rms_free_mm**2 + max(float(along + both + across), 0.0)))

@@ -1,0 +1,225 @@
+"""The joint's centre, axis and uncertainty from its moments (see `moments`), shape by shape.
+
+Everything here is in the frame of the joint's first pose, in which parent and child axes coincide at that
+pose; `solve_closed` turns the results into the parent's and the child's receiver frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.rotations import Array, from_matrix, matrix
+from stages.solve_joints.moments import JointMoments
+
+_SINGULAR = 1e-12
+"""1 - s^2 below this is no motion at all: 1e-6 rad rms, far under any tracker's noise."""
+
+
+@dataclass(frozen=True)
+class JointSolution:
+    """One joint as Eq. 1-7 give it, and how well the data fix it.
+
+    p_mm, q_mm : (3,) centre in the parent's and the child's receiver frame.
+    null_parent, null_child : (3,) unit; the direction in which (p, q) may slide together (SARA axis).
+    slide_to_free_mm : along it, from this centre to that of the unconstrained six-value fit.
+    mean_rotation : (3, 3) mean of R_a^T R_b.
+    singular_values : (6,) of the stack over sqrt(frames), largest first.
+    covariance_mm2 : (6, 6) of (p, q), without the null direction when five singular values are inverted.
+    """
+
+    p_mm: Array
+    q_mm: Array
+    null_parent: Array
+    null_child: Array
+    mean_rotation: Array
+    singular_values: Array
+    covariance_mm2: Array
+    gap_rms_mm: float
+    gap_rms_free_mm: float
+    slide_to_free_mm: float
+    range_deg: float
+    spread_deg: float
+    axis_sd_deg: float
+    n_frames: int
+    n_effective: float
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Normal equations of one joint, in the frame of its first pose.
+
+    C_DD = I - M^T M, C_Dd and C_dd: covariances; M, u, w: means (see method: M q + u = p).
+    """
+
+    R0: Array
+    M: Array
+    u: Array
+    w: Array
+    C_DD: Array
+    C_Dd: Array
+    C_dd: float
+
+    def gap_rms_mm(self, p: Array, q: Array) -> float:
+        """Root mean square gap of the centre (p, q), p in the frame of the first pose."""
+        offset = p - self.M @ q - self.u
+        mean_square = offset @ offset + q @ self.C_DD @ q + 2 * q @ self.C_Dd + self.C_dd
+        return float(np.sqrt(max(float(mean_square), 0.0)))
+
+
+def is_solvable(moments: JointMoments, joint: int) -> bool:
+    """Whether the joint moved at all: five of its six unknowns have an answer."""
+    if moments.count[joint] < 2:
+        return False
+    return bool(np.linalg.eigvalsh(_normal(moments, joint).C_DD)[1] > _SINGULAR)
+
+
+def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> JointSolution:
+    """Solve one joint; equal to `stacked.solve_stacked` on the same frames.
+
+    n_singular_values : 6, or 5 to leave the point on a hinge's axis open. The joint must be solvable.
+    """
+    normal = _normal(moments, joint)
+    one_minus_s2, V = np.linalg.eigh(normal.C_DD)
+    one_minus_s2 = np.maximum(one_minus_s2, 0.0)
+    if V[np.argmax(np.abs(V[:, 0])), 0] < 0:
+        V[:, 0] *= -1
+    s = np.sqrt(np.maximum(1.0 - one_minus_s2, 0.0))
+    U = _left_vectors(normal.M, V)
+    p, q = _centre(normal, one_minus_s2, s, U, V, n_singular_values)
+    free = _centre(normal, one_minus_s2, s, U, V, 6) if one_minus_s2[0] > _SINGULAR else (p, q)
+    gap = normal.gap_rms_mm(p, q)
+    n_effective = _gap_samples(moments, joint, p, q)
+    angle_deg = _angles_deg(moments, joint, V[:, 0])
+    small = one_minus_s2 / (1.0 + s)  # 1 - s without cancellation
+    covariance = gap**2 / 3 / n_effective * _inverse_normal(small, s, U, V, n_singular_values)
+    turn = np.kron(np.diag([1.0, 0.0]), normal.R0) + np.kron(np.diag([0.0, 1.0]), np.eye(3))
+    return JointSolution(
+        p_mm=normal.R0 @ p,
+        q_mm=q,
+        null_parent=normal.R0 @ U[:, 0],
+        null_child=V[:, 0],
+        mean_rotation=normal.R0 @ normal.M,
+        singular_values=np.sqrt(np.concatenate([1.0 + s, small[::-1]])),
+        covariance_mm2=turn @ covariance @ turn.T,
+        gap_rms_mm=gap,
+        gap_rms_free_mm=normal.gap_rms_mm(*free),
+        slide_to_free_mm=float((free[1] - q) @ V[:, 0]),
+        range_deg=float(np.ptp(angle_deg)),
+        spread_deg=float(np.std(angle_deg)),
+        axis_sd_deg=_axis_sd_deg(moments, joint, one_minus_s2, V),
+        n_frames=int(moments.count[joint]),
+        n_effective=n_effective,
+    )
+
+
+def _normal(moments: JointMoments, joint: int) -> _Normal:
+    mean, covariance = moments.mean()[joint], moments.covariance()[joint]
+    D, d = mean[:9].reshape(3, 3), mean[9:]
+    blocks = covariance[:9, :9].reshape(3, 3, 3, 3)
+    C_DD = np.einsum("riRj,rR->ij", blocks, np.eye(3))
+    C_Dd = np.einsum("rir->i", covariance[:9, 9:].reshape(3, 3, 3))
+    M, d0 = np.eye(3) + D, moments.reference_mm[joint]
+    u = d0 + d
+    w = M.T @ u + C_Dd  # mean of R^T d: product of the means and covariance
+    return _Normal(matrix(moments.reference[joint]), M, u, w, C_DD, C_Dd, float(np.trace(covariance[9:, 9:])))
+
+
+def _left_vectors(M: Array, V: Array) -> Array:
+    """Left singular vectors of M that belong to its right ones; orthonormal also where M is singular."""
+    U = np.empty((3, 3))
+    for i in range(3):
+        column = M @ V[:, i]
+        column -= U[:, :i] @ (U[:, :i].T @ column)
+        length = float(np.linalg.norm(column))
+        if length < 1e-8:
+            column = np.linalg.svd(U[:, :i].T)[2][-1] if i else V[:, i]
+            length = 1.0
+        U[:, i] = column / length
+    return U
+
+
+def _centre(
+    normal: _Normal, one_minus_s2: Array, s: Array, U: Array, V: Array, n_singular_values: int
+) -> tuple[Array, Array]:
+    """Least-squares p and q, singular pair by singular pair.
+
+    Pair 0 belongs to the axis. With six values it is solved like the others; with five only its part with
+    singular value 1 + s is, which is what leaving the smallest one out of Eq. 7 means.
+    """
+    right = -(V.T @ normal.C_Dd)
+    solved = np.arange(3) >= (6 - n_singular_values)
+    components = np.where(solved, right / np.where(solved, one_minus_s2, 1.0), 0.0)
+    q = V @ components
+    p = normal.M @ q + normal.u
+    if n_singular_values == 5:
+        q0 = -(normal.w @ V[:, 0] + normal.u @ U[:, 0]) / (2 * (1 + s[0]))
+        q = q + q0 * V[:, 0]
+        p = p - (p @ U[:, 0] + q0) * U[:, 0]
+    return p, q
+
+
+def _inverse_normal(small: Array, s: Array, U: Array, V: Array, n_singular_values: int) -> Array:
+    """(6, 6) inverse of [[I, -M], [-M^T, I]], the left-out direction with zeros."""
+    inverse = np.zeros((6, 6))
+    for i in range(3):
+        together = np.concatenate([U[:, i], V[:, i]]) / np.sqrt(2)
+        apart = np.concatenate([U[:, i], -V[:, i]]) / np.sqrt(2)
+        inverse += np.outer(apart, apart) / (1.0 + s[i])
+        if i >= 6 - n_singular_values:
+            inverse += np.outer(together, together) / max(small[i], _SINGULAR)
+    return inverse
+
+
+def _axis_sd_deg(moments: JointMoments, joint: int, one_minus_s2: Array, V: Array) -> float:
+    """1-sigma direction error of the axis, at most 90 deg.
+
+    To first order an eigenvector turns by covariance over difference of variance; the variances of the
+    rotation vector follow from 1 - s_i^2, which is the sum of the other two. The independent samples are
+    those of the rotation off the axis, which wanders with the skin however white the gap is.
+    """
+    variance = one_minus_s2.sum() / 2 - one_minus_s2
+    means, _ = moments.batch_means(joint)
+    off_axis = from_matrix(np.eye(3) + means[:, :9].reshape(-1, 3, 3))[:, 1:] @ V[:, 1:]
+    n_effective = effective_samples(2 * off_axis, float(one_minus_s2[0]), int(moments.count[joint]))
+    spread = np.maximum(variance[0] - variance[1:], 1e-30)
+    turn = np.sqrt(np.sum(variance[0] * np.maximum(variance[1:], 0.0) / spread**2) / n_effective)
+    return float(min(np.degrees(turn), 90.0))
+
+
+def _gap_samples(moments: JointMoments, joint: int, p: Array, q: Array) -> float:
+    """Number of independent samples in the gap of the centre (p, q)."""
+    means, _ = moments.batch_means(joint)
+    D, d = means[:, :9].reshape(-1, 3, 3), means[:, 9:]
+    gap = (p - q - moments.reference_mm[joint]) - D @ q - d
+    take = np.concatenate([np.kron(np.eye(3), q), np.eye(3)], 1)
+    total = np.einsum("ri,ij,rj", take, moments.covariance()[joint], take)
+    return effective_samples(gap, float(total), int(moments.count[joint]))
+
+
+def effective_samples(series: Array, variance: float, n_frames: int) -> float:
+    """Number of independent samples among n_frames, from the autocorrelation of a series.
+
+    series : (B, C) means over short batches in the order of time; variance : of single frames, summed
+    over the C components. The variance of the mean is the sum of the autocovariances over B; the sum
+    stops at the first pair of lags that is not positive (Geyer 1992).
+    """
+    blocks = len(series)
+    if blocks < 4 or variance <= 0.0:
+        return float(max(blocks, 1))
+    spectrum = np.fft.rfft(series - series.mean(0), 2 * blocks, axis=0)
+    autocovariance = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, -1))[:blocks] / blocks
+    pairs = autocovariance[: blocks // 2 * 2].reshape(-1, 2).sum(-1)
+    positive = len(pairs) if np.all(pairs > 0) else int(np.argmin(pairs > 0))
+    variance_of_mean = max(2 * pairs[:positive].sum() - autocovariance[0], autocovariance[0]) / blocks
+    return float(np.clip(variance / max(variance_of_mean, 1e-300), 1.0, n_frames))
+
+
+def _angles_deg(moments: JointMoments, joint: int, axis: Array) -> Array:
+    """Angles about the axis, batch by batch, relative to their circular mean, deg."""
+    means, _ = moments.batch_means(joint)
+    rotation = from_matrix(np.eye(3) + means[:, :9].reshape(-1, 3, 3))
+    angle = 2 * np.arctan2(rotation[:, 1:] @ axis, rotation[:, 0])
+    middle = np.angle(np.mean(np.exp(1j * angle)))
+    return np.asarray(np.degrees(np.angle(np.exp(1j * (angle - middle)))))
