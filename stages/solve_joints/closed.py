@@ -12,6 +12,7 @@ import numpy as np
 
 from kinematics.rotations import Array, from_matrix, matrix
 from stages.solve_joints.moments import JointMoments
+from stages.solve_joints.stacked import EXACT_HINGE
 
 _SINGULAR = 1e-12
 """1 - s^2 below this is no motion at all: 1e-6 rad rms, far under any tracker's noise."""
@@ -83,12 +84,14 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
     normal = _normal(moments, joint)
     one_minus_s2, V = np.linalg.eigh(normal.C_DD)
     one_minus_s2 = np.maximum(one_minus_s2, 0.0)
+    if one_minus_s2[0] < 2 * EXACT_HINGE:
+        n_singular_values = 5
     if V[np.argmax(np.abs(V[:, 0])), 0] < 0:
         V[:, 0] *= -1
     s = np.sqrt(np.maximum(1.0 - one_minus_s2, 0.0))
     U = _left_vectors(normal.M, V)
     p, q = _centre(normal, one_minus_s2, s, U, V, n_singular_values)
-    free = _centre(normal, one_minus_s2, s, U, V, 6) if one_minus_s2[0] > _SINGULAR else (p, q)
+    free = (p, q) if one_minus_s2[0] < 2 * EXACT_HINGE else _centre(normal, one_minus_s2, s, U, V, 6)
     gap = normal.gap_rms_mm(p, q)
     n_effective = _gap_samples(moments, joint, p, q)
     angle_deg = _angles_deg(moments, joint, V[:, 0])

@@ -13,6 +13,11 @@ import numpy as np
 from kinematics.rotations import Array, matrix
 
 
+EXACT_HINGE = 5e-13
+"""Square of the last singular value over frames below which it is rounding: a hinge without any noise,
+whose sixth unknown no inverse can find."""
+
+
 @dataclass(frozen=True)
 class StackedSolution:
     """p, q : (3,) mm in the parent's and the child's receiver frame.
@@ -44,7 +49,7 @@ def solve_stacked(
     stack = np.concatenate([matrix(child_quaternion), -matrix(parent_quaternion)], -1).reshape(3 * n, 6)
     right = (parent_position_mm - child_position_mm).reshape(3 * n)
     u, w, vt = np.linalg.svd(stack, full_matrices=False)
-    kept = slice(0, n_singular_values)
+    kept = slice(0, 5 if w[5] ** 2 < EXACT_HINGE * n else n_singular_values)
     x = vt[kept].T @ ((u[:, kept].T @ right) / w[kept])
     null = vt[5]
     return StackedSolution(

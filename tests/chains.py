@@ -1,0 +1,143 @@
+"""Made-up chains of receivers whose joints are known, from scipy's rotations and not from our own.
+
+A chain is a base receiver and, after it, segments joined by hinges (or freer joints); every receiver sits
+on its bone anyhow. Used by the tests of the joint solve, the planes, the metacarpals and the replay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from kinematics.rotations import Array, matrix
+from schemas.layout import Digit, Joint, Layout, Plane, Segment
+from schemas.poses import Poses
+from stages.solve_joints.moments import JointMoments
+from stages.solve_joints.solve import add_block
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Poses of a chain, and per joint its centre p, q (mm) and axis in parent's and child's frame."""
+
+    poses: Poses
+    p_mm: Array
+    q_mm: Array
+    axis_parent: Array
+    axis_child: Array
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints between neighbouring segments."""
+        names = self.poses.segments
+        plane = Plane("child", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+        return tuple(
+            Joint(f"joint_{b}", a, b, a, 1, plane) for a, b in pairwise(names)
+        )
+
+
+def smooth(rng: np.random.Generator, n_frames: int, n_channels: int) -> Array:
+    """Smooth random motion, (T, C), of about unit size."""
+    time = np.linspace(0.0, 2 * np.pi, n_frames)[:, None, None]
+    waves = np.arange(1, 5)
+    size = rng.normal(size=(n_channels, 4)) / waves**0.5
+    phase = rng.uniform(0, 2 * np.pi, (n_channels, 4))
+    return np.asarray((size * np.sin(waves * time + phase)).sum(-1))
+
+
+def quaternions(rotation: Rotation) -> Array:
+    """(w, x, y, z) of scipy's rotations."""
+    return np.asarray(np.roll(rotation.as_quat(), 1, axis=-1))
+
+
+def random_chain(
+    seed: int,
+    n_segments: int = 4,
+    n_frames: int = 200,
+    *,
+    range_rad: float = 0.6,
+    off_axis_rad: float = 0.0,
+    noise_mm: float = 0.0,
+    in_plane: bool = True,
+) -> Chain:
+    """A chain with hinges (and, off_axis_rad > 0, joints that turn a little about other axes too).
+
+    in_plane : every joint centre lies in its child's sagittal plane (y = 0), its axis well across it.
+    """
+    rng = np.random.default_rng(seed)
+    turn = Rotation.from_rotvec(0.8 * smooth(rng, n_frames, 3)) * Rotation.random(random_state=rng)
+    origin = 300 + 100 * smooth(rng, n_frames, 3)
+    rotations, origins = [turn], [origin]
+    p, q, axis_parent, axis_child = [], [], [], []
+    for _ in range(n_segments - 1):
+        axis = Rotation.from_euler("xz", rng.uniform(-0.5, 0.5, 2)).apply([0.0, 1.0, 0.0])
+        mount = Rotation.random(random_state=rng)
+        angle = range_rad * smooth(rng, n_frames, 1)
+        other = off_axis_rad * smooth(rng, n_frames, 3)
+        relative = mount * Rotation.from_rotvec(angle * axis + other)
+        p.append(rng.normal(size=3) * 30)
+        q.append(rng.normal(size=3) * [20, 0 if in_plane else 20, 20])
+        axis_parent.append(mount.apply(axis))
+        axis_child.append(axis)
+        child = turn * relative
+        origin = origin + turn.apply(p[-1]) - child.apply(q[-1])
+        origins.append(origin)
+        rotations.append(child)
+        turn = child
+    position = np.stack(origins, 1)
+    position = position + noise_mm * rng.normal(size=position.shape)
+    poses = as_poses(
+        tuple(f"s{i}" for i in range(n_segments)),
+        position,
+        np.stack([quaternions(rotation) for rotation in rotations], 1),
+    )
+    return Chain(poses, np.array(p), np.array(q), np.array(axis_parent), np.array(axis_child))
+
+
+def as_poses(segments: tuple[str, ...], position_mm: Array, quaternion: Array) -> Poses:
+    """Poses, all valid, numbered from 1 at 240 Hz."""
+    frame = np.arange(1, len(position_mm) + 1)
+    valid: npt.NDArray[np.bool_] = np.ones(position_mm.shape[:2], bool)
+    return Poses(segments, frame, frame / 240.0, position_mm, quaternion, valid)
+
+
+def chain_layout(chain: Chain) -> Layout:
+    """The layout of a chain: one digit from the base to the last segment, every segment measured."""
+    names = chain.poses.segments
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    segments = {name: Segment(name, None, True, False, x, y, z) for name in names}
+    joints = {joint.name: joint for joint in chain.joints}
+    digit = Digit("chain", names[0], names[1:], tuple(joints), metacarpal=False)
+    return Layout("chain", "made up", segments, joints, {"chain": digit}, None)
+
+
+def moments_of(chain: Chain, poses: Poses | None = None, block: int = 10**6) -> JointMoments:
+    """Moments of the chain's joints, added in blocks, over its own poses or other ones."""
+    poses = poses or chain.poses
+    moments = JointMoments(len(chain.joints))
+    for start in range(0, len(poses.frame), block):
+        rows = slice(start, start + block)
+        part = replace(
+            poses,
+            frame=poses.frame[rows],
+            time_s=poses.time_s[rows],
+            position_mm=poses.position_mm[rows],
+            quaternion=poses.quaternion[rows],
+            valid=poses.valid[rows],
+        )
+        add_block(moments, part, chain.joints)
+    return moments
+
+
+def gap_rms_mm(poses: Poses, joint: int, p: Array, q: Array) -> float:
+    """Eq. 1-3 written out: the two halves in the transmitter frame, frame by frame."""
+    world = [
+        np.einsum("tij,j->ti", matrix(poses.quaternion[:, joint + k]), point)
+        + poses.position_mm[:, joint + k]
+        for k, point in enumerate((p, q))
+    ]
+    return float(np.sqrt(np.mean(np.sum((world[0] - world[1]) ** 2, -1))))

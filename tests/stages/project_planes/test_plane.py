@@ -1,0 +1,179 @@
+"""The plane: known centres to 1e-6 mm, one slide for both halves, five and six values alike."""
+
+import numpy as np
+import pytest
+from chains import gap_rms_mm as gap_by_hand
+from chains import moments_of, random_chain
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schemas.layout import Joint, Plane
+from schemas.model import read_model
+from stages.project_planes.place import place_joint
+from stages.project_planes.plane import Projection, centre_sd_mm, gap_rms_mm, project
+from stages.solve_joints.__main__ import _row
+from stages.solve_joints.closed import JointSolution, solve_closed
+
+SEEDS = st.integers(0, 2**32 - 1)
+SAGITTAL = np.array([0.0, 1.0, 0.0])
+
+
+def cut(found: JointSolution, *, parent: bool = False, normal: np.ndarray = SAGITTAL) -> Projection:
+    cut_at = project(
+        found.p_mm,
+        found.q_mm,
+        found.null_parent,
+        found.null_child,
+        found.covariance_mm2,
+        np.radians(found.axis_sd_deg),
+        plane_point_mm=np.zeros(3),
+        plane_normal=normal,
+        plane_in_parent=parent,
+    )
+    assert cut_at is not None
+    return cut_at
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_exact_hinges_end_at_their_centres(seed: int) -> None:
+    """Hinges, exact planes, no noise: both halves to 1e-6 mm."""
+    chain = random_chain(seed, 4)
+    moments = moments_of(chain)
+    for j in range(3):
+        found = cut(solve_closed(moments, j, 5))
+        np.testing.assert_allclose(found.p_mm, chain.p_mm[j], atol=1e-6)
+        np.testing.assert_allclose(found.q_mm, chain.q_mm[j], atol=1e-6)
+
+
+@given(SEEDS, st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_five_and_six_values_end_in_the_same_point(seed: int, parent: bool) -> None:
+    """With noise and joints that are no hinges: the two solutions differ along the axis alone."""
+    chain = random_chain(seed, 2, off_axis_rad=0.1, noise_mm=0.2, in_plane=False)
+    moments = moments_of(chain)
+    five, six = (cut(solve_closed(moments, 0, values), parent=parent) for values in (5, 6))
+    np.testing.assert_allclose(five.p_mm, six.p_mm, atol=1e-7)
+    np.testing.assert_allclose(five.q_mm, six.q_mm, atol=1e-7)
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_both_halves_slide_alike(seed: int) -> None:
+    """The plane in one frame is met there, and p and q move by the same multiple of the null vector."""
+    chain = random_chain(seed, 2, off_axis_rad=0.1, in_plane=False)
+    found = solve_closed(moments_of(chain), 0, 5)
+    at = cut(found)
+    assert at.q_mm[1] == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(at.p_mm - found.p_mm, at.slide_mm * found.null_parent, atol=1e-9)
+    np.testing.assert_allclose(at.q_mm - found.q_mm, at.slide_mm * found.null_child, atol=1e-9)
+
+
+def test_a_parallel_axis_has_no_centre() -> None:
+    """An axis in the plane never meets it; one close to it is told by its angle."""
+    chain = random_chain(2, 2)
+    found = solve_closed(moments_of(chain), 0, 5)
+    across = np.cross(found.null_child, [0.3, 0.1, 0.9])
+    assert (
+        project(
+            found.p_mm,
+            found.q_mm,
+            found.null_parent,
+            found.null_child,
+            found.covariance_mm2,
+            0.0,
+            plane_point_mm=np.zeros(3),
+            plane_normal=across,
+            plane_in_parent=False,
+        )
+        is None
+    )
+    normal = (
+        np.cos(np.radians(5)) * across / np.linalg.norm(across) + np.sin(np.radians(5)) * found.null_child
+    )
+    assert cut(found, normal=normal).axis_plane_deg == pytest.approx(5, abs=1e-6)
+
+
+def solved_row(seed: int, **options: float) -> tuple[Joint, dict[str, object], object]:
+    chain = random_chain(seed, 2, 300, in_plane=False, **options)
+    found = solve_closed(moments_of(chain), 0, 5)
+    return chain.joints[0], _row(chain.joints[0], found, ""), chain
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("shift", [None, np.array([3.0, -2.0, 5.0])])
+def test_gap_of_the_placed_centre(seed: int, shift: np.ndarray | None) -> None:
+    """gap_rms_mm after plane and correction is the gap measured frame by frame."""
+    joint, row, chain = solved_row(seed, off_axis_rad=0.1, noise_mm=0.2)
+    placed = place_joint(joint, row, read_model("paper-fig4-corrected"), shift)
+    p = np.array([placed[f"parent_{axis}_mm"] for axis in "xyz"])
+    q = np.array([placed[f"child_{axis}_mm"] for axis in "xyz"])
+    assert placed["gap_rms_mm"] == pytest.approx(gap_by_hand(chain.poses, 0, p, q), rel=1e-6)
+    assert placed["gap_rms_free_mm"] <= placed["gap_rms_mm"] + 1e-9
+    if shift is not None:
+        assert placed["correction_mm"] == pytest.approx(np.linalg.norm(shift))
+        plain = place_joint(joint, row, read_model("paper-fig4"), None)
+        moved = q - [plain[f"child_{axis}_mm"] for axis in "xyz"]
+        np.testing.assert_allclose(moved, shift, atol=1e-12)
+
+
+def test_doubts_are_told() -> None:
+    """Little motion, an axis near the plane and an uncertain axis are each named; a good joint is ok."""
+    model = read_model("paper-fig4")
+    joint, row, _ = solved_row(1)
+    assert place_joint(joint, row, model, None)["status"] == "ok"
+    joint, row, _ = solved_row(1, range_rad=0.02, off_axis_rad=0.01)
+    weak = place_joint(joint, row, model, None)
+    assert weak["status"] == "weak"
+    assert "moved only" in weak["message"]
+    assert "axis uncertain" in weak["message"]
+    joint, row, _ = solved_row(1)
+    axis = np.array([row[f"null_child_{k}"] for k in "xyz"])
+    slanted = Joint(
+        joint.name,
+        joint.parent,
+        joint.child,
+        joint.parent_receiver,
+        1,
+        Plane("child", (0.0, 0.0, 0.0), tuple(np.cross(axis, [1, 2, 3]) + 0.3 * axis)),
+    )
+    near = place_joint(slanted, row, model, None)
+    assert near["status"] == "weak"
+    assert "from the plane" in near["message"]
+
+
+def test_a_failed_joint_stays_failed() -> None:
+    joint, _, _ = solved_row(1)
+    failed = {**_row(joint, "the joint did not move", "")}
+    placed = place_joint(joint, failed, read_model("paper-fig4"), None)
+    assert placed["status"] == "failed"
+    assert placed["message"] == "the joint did not move"
+    assert "child_x_mm" not in placed
+
+
+def test_sd_predicts_the_scatter_of_placed_centres() -> None:
+    """Over 200 repetitions with white noise, the placed centre scatters by what sd_mm says."""
+    chain = random_chain(3, 2, 400, range_rad=0.5)
+    centres, stated = [], []
+    for seed in range(200):
+        noise = np.random.default_rng(seed).normal(size=chain.poses.position_mm.shape) * 0.5
+        poses = type(chain.poses)(
+            chain.poses.segments,
+            chain.poses.frame,
+            chain.poses.time_s,
+            chain.poses.position_mm + noise,
+            chain.poses.quaternion,
+            chain.poses.valid,
+        )
+        at = cut(solve_closed(moments_of(chain, poses), 0, 5))
+        centres.append(np.concatenate([at.p_mm, at.q_mm]))
+        stated.append(centre_sd_mm(at.covariance_mm2))
+    scatter = np.sqrt(max(np.var(centres, 0)[:3].sum(), np.var(centres, 0)[3:].sum()))
+    assert np.mean(stated) == pytest.approx(scatter, rel=0.2)
+
+
+def test_gap_formula_is_exact_along_the_axis() -> None:
+    """Sliding alone: the gap grows with the smallest singular value, on both sides of the free solution."""
+    for slide in (-50.0, 0.0, 50.0):
+        gap = gap_rms_mm(1.0, 0.1, np.eye(3)[0], np.eye(3)[0], slide, np.zeros(3), np.zeros(3), np.eye(3))
+        assert gap == pytest.approx(np.sqrt(1 + 2 * 0.01 * slide**2))
