@@ -1,0 +1,84 @@
+"""Forward kinematics: joint angles to the pose of every bone, all frames at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics import rotations
+from stages.simulate.anatomy import (
+    ABDUCTION,
+    AXIAL,
+    BONES,
+    FINGER_CMC,
+    FLEXION,
+    JOINTS,
+    LEVELS,
+    PARENT,
+    WRIST,
+    Hand,
+)
+from stages.simulate.realism import Realism
+
+Array = npt.NDArray[np.float64]
+
+
+def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:
+    """Give the joint angles that follow from the voluntary ones: couplings added, locked ones left out.
+
+    voluntary_rad : (T, J, 3); only flexion and abduction are read. Returns (T, J, 3).
+    """
+    flexion, abduction = voluntary_rad[..., FLEXION], voluntary_rad[..., ABDUCTION]
+    bent = 1.0 - np.cos(flexion)
+    per_abduction, per_flexion, wobble_abduction, wobble_axial = hand.coupling.T
+    angles = np.stack(
+        [
+            flexion,
+            abduction + wobble_abduction * bent,
+            per_abduction * abduction + per_flexion * flexion + wobble_axial * bent,
+        ],
+        -1,
+    )
+    if realism.hinges_only:
+        others = np.setdiff1d(np.arange(len(JOINTS)), FINGER_CMC)
+        angles[:, others, ABDUCTION:] = 0.0
+    angles[:, FINGER_CMC, ABDUCTION] = 0.0
+    if not realism.mobile_palm:
+        angles[:, FINGER_CMC] = 0.0
+    return angles
+
+
+def bone_poses(
+    hand: Hand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
+) -> tuple[Array, Array]:
+    """Pose every bone.
+
+    angles_rad : (T, J, 3) flexion, abduction, axial. root_position_mm (T, 3) : the wrist centre;
+    root_quaternion (T, 4) : the forearm; both in the transmitter frame. Returns the bones' origins (T, B, 3)
+    in mm and orientations (T, B, 4), bone to transmitter frame.
+    """
+    n_frames = len(angles_rad)
+    position = np.empty((n_frames, len(BONES), 3))
+    quaternion = np.empty((n_frames, len(BONES), 4))
+    position[:, 0], quaternion[:, 0] = root_position_mm, root_quaternion
+    for level in LEVELS:
+        parents, bones = PARENT[level], slice(level.start + 1, level.stop + 1)
+        axes, angles, skew = hand.axes[level], angles_rad[:, level], hand.skew_mm[level]
+        flexed = rotations.about_axis(axes[:, FLEXION], angles[..., FLEXION])
+        turned = rotations.multiply(flexed, rotations.about_axis(axes[:, ABDUCTION], angles[..., ABDUCTION]))
+        turned = rotations.multiply(turned, rotations.about_axis(axes[:, AXIAL], angles[..., AXIAL]))
+        origin = np.broadcast_to(hand.origin_mm[level], (n_frames, len(parents), 3))
+        if skew.any():  # the axes pass half the skew before and behind the centre
+            origin = origin - skew / 2 + rotations.rotate(flexed, skew) - rotations.rotate(turned, skew / 2)
+        above = quaternion[:, parents]
+        position[:, bones] = position[:, parents] + rotations.rotate(above, origin)
+        quaternion[:, bones] = rotations.multiply(rotations.multiply(above, turned), hand.rest[level])
+    return position, quaternion
+
+
+def poses_in_hand(hand: Hand, angles_rad: Array) -> tuple[Array, Array]:
+    """Pose every bone with the hand's own frame as the transmitter's: shapes as `bone_poses`."""
+    n_frames = len(angles_rad)
+    still = angles_rad.copy()
+    still[:, WRIST] = 0.0
+    return bone_poses(hand, still, np.zeros((n_frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n_frames, 1)))

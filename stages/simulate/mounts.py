@@ -1,0 +1,67 @@
+"""Where each receiver sits on its bone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics import rotations
+from stages.simulate.anatomy import BONES, Hand
+from stages.simulate.randomness import generator
+from stages.simulate.realism import Realism
+
+Array = npt.NDArray[np.float64]
+
+_HAND_MM = (35.0, 0.0, 14.0)  # the layout's nominal wrist point, seen from the wrist
+_FOREARM_MM = (-60.0, 0.0, 22.0)
+_HEIGHT_MM = {"metacarpal": 8.5, "proximal": 8.0, "middle": 7.0, "distal": 6.0}
+_MISPLACED_SD_MM = (3.2, 1.6, 1.3)  # along the bone, lateral, height
+_MISTURNED_DEG = (3.0, 8.0)
+
+
+@dataclass(frozen=True)
+class Mounts:
+    """Receivers as they sit on the skin at rest, in their bones' frames.
+
+    segments : S names; bone : (S,) index into BONES; position_mm : (S, 3) receiver origin; quaternion :
+    (S, 4) receiver to bone.
+    """
+
+    segments: tuple[str, ...]
+    bone: npt.NDArray[np.int64]
+    position_mm: Array
+    quaternion: Array
+
+    def poses(self, bone_position_mm: Array, bone_quaternion: Array) -> tuple[Array, Array]:
+        """Poses (T, S, 3) and (T, S, 4) of receivers that ride exactly on bones (T, B, 3), (T, B, 4)."""
+        quaternion = bone_quaternion[:, self.bone]
+        position = bone_position_mm[:, self.bone] + rotations.rotate(quaternion, self.position_mm)
+        return position, rotations.multiply(quaternion, self.quaternion)
+
+
+def mounts_of(
+    subject: str, side: str, seed: int, hand: Hand, segments: tuple[str, ...], realism: Realism
+) -> Mounts:
+    """Put the receivers at mid-bone, above the joint line; unless planes are exact, a little off."""
+    rng = generator(seed, "mounts", subject, side)
+    misplaced = _MISPLACED_SD_MM * np.clip(rng.standard_normal((len(BONES), 3)), -2.5, 2.5)
+    direction = rotations.unit(rng.standard_normal((len(BONES), 3)))
+    misturned = rotations.about_axis(direction, np.radians(rng.uniform(*_MISTURNED_DEG, len(BONES))))
+    position = np.array([_nominal_mm(bone, hand) for bone in BONES])
+    if realism.exact_planes:
+        misturned = np.tile([1.0, 0.0, 0.0, 0.0], (len(BONES), 1))
+    else:
+        position = position + misplaced
+    bone = np.array([BONES.index(segment) for segment in segments])
+    return Mounts(segments, bone, position[bone], misturned[bone])
+
+
+def _nominal_mm(bone: str, hand: Hand) -> tuple[float, float, float]:
+    if bone == "hand":
+        return _HAND_MM
+    if bone == "forearm":
+        return _FOREARM_MM
+    height = _HEIGHT_MM[bone.split("_")[1]] * hand.scale
+    return (0.5 * float(hand.length_mm[BONES.index(bone)]), 0.0, height)

@@ -1,0 +1,55 @@
+"""What the simulated recording shares with a real one; every departure from the paper is a switch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Realism:
+    """Independent switches: each assumption of the paper can be kept or dropped alone.
+
+    mobile_palm : metacarpals 4 and 5 (and a little 2 and 3) move at their CMC joints.
+    hinges_only : every joint turns about one fixed axis; MCP, thumb and wrist have no second one.
+    exact_planes : receivers sit exactly: axes along the bone, no lateral offset, so that the sagittal
+        plane of the receiver (y = 0) holds the centre of the bone's proximal joint.
+    perpendicular_mcp : the MCP axis is at right angles to the vector from the wrist to the MCP joint (for
+        the thumb: CMC and MCP axes at right angles to the metacarpal), so that Eq. 11 finds no twist.
+    artefact : scale of the skin artefact, 1 for a typical hand.
+    noise : scale of the tracker's white noise.
+    field_distortion : scale of the static distortion of the magnetic field.
+    """
+
+    mobile_palm: bool
+    hinges_only: bool
+    exact_planes: bool
+    perpendicular_mcp: bool
+    artefact: float
+    noise: float
+    field_distortion: float
+
+    @classmethod
+    def full(cls) -> Realism:
+        """Give everything that a real recording has."""
+        return cls(
+            mobile_palm=True,
+            hinges_only=False,
+            exact_planes=False,
+            perpendicular_mcp=False,
+            artefact=1.0,
+            noise=1.0,
+            field_distortion=1.0,
+        )
+
+    @classmethod
+    def exact(cls) -> Realism:
+        """Give every assumption of the paper, true to rounding."""
+        return cls(
+            mobile_palm=False,
+            hinges_only=True,
+            exact_planes=True,
+            perpendicular_mcp=True,
+            artefact=0.0,
+            noise=0.0,
+            field_distortion=0.0,
+        )

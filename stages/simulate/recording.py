@@ -1,0 +1,59 @@
+"""A simulated recording as a file: the tidy format that any lab can bring, CSV or Parquet."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
+
+from schemas.errors import InputError
+from stages.simulate.simulation import Simulated
+
+ENDINGS = (".parquet", ".csv")
+
+
+def check_ending(path: Path) -> None:
+    """Raise InputError unless the file's name says a format that can be written."""
+    if path.suffix not in ENDINGS:
+        raise InputError(f"{path}: the ending says the format; expected {' or '.join(ENDINGS)}")
+
+
+def tidy(simulated: Simulated) -> pa.Table:
+    """Give the recording as a tidy table: one row per frame and segment, by frame, in the layout's order."""
+    n_frames, n_segments = simulated.position_mm.shape[:2]
+    columns = {
+        "frame": pa.array(np.repeat(simulated.frame, n_segments)),
+        "time_s": pa.array(np.repeat(simulated.time_s, n_segments)),
+        "segment": pa.array(list(simulated.segments) * n_frames, pa.string()),
+    }
+    for i, axis in enumerate("xyz"):
+        columns[f"{axis}_mm"] = pa.array(simulated.position_mm[..., i].ravel())
+    for i, part in enumerate("wxyz"):
+        columns[f"q{part}"] = pa.array(simulated.quaternion[..., i].ravel())
+    return pa.table(columns)
+
+
+def write_recording(path: Path, simulated: Simulated) -> None:
+    """Write the recording, atomically; numbers in CSV read back to the very same values."""
+    check_ending(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        if path.suffix == ".csv":
+            pyarrow.csv.write_csv(
+                tidy(simulated), temporary, pyarrow.csv.WriteOptions(quoting_style="needed")
+            )
+        else:
+            pq.write_table(
+                tidy(simulated),
+                temporary,
+                compression="zstd",
+                use_dictionary=["frame", "time_s", "segment"],
+            )
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,112 @@
+"""The simulation from end to end: a subject's hand, its motion, and what a tracker makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from stages.simulate.anatomy import DIGITS, hand_of
+from stages.simulate.artefact import distorted, noisy, seen_through_skin, skin_of, under_read
+from stages.simulate.forward import bone_poses
+from stages.simulate.motion import RATE_HZ, TASK_FRAMES, move
+from stages.simulate.mounts import mounts_of
+from stages.simulate.randomness import generator
+from stages.simulate.realism import Realism
+from stages.simulate.truth import Truth, Written, true_joints, true_tips_mm
+
+Array = npt.NDArray[np.float64]
+
+LAYOUT = "liberty16"
+FIRST_FRAME = 1
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A recording and its truth.
+
+    frame : (T,); time_s : (T,) device time; segments : S names, in the layout's order; position_mm :
+    (T, S, 3); quaternion : (T, S, 4) unit (w, x, y, z), receiver to transmitter frame.
+    """
+
+    subject: str
+    hand: str
+    task: str
+    frame: npt.NDArray[np.int64]
+    time_s: Array
+    segments: tuple[str, ...]
+    position_mm: Array
+    quaternion: Array
+    truth: Truth
+
+    def written(self) -> Written:
+        """Give what the truth tables say of the recording."""
+        distal = [self.segments.index(f"{digit}_distal") for digit in DIGITS]
+        return Written(
+            self.subject, self.hand, self.task, self.frame, self.time_s, self.position_mm[:, distal]
+        )
+
+
+def simulate(
+    subject: str,
+    hand: str,
+    task: str,
+    seed: int,
+    realism: Realism,
+    n_frames: int | None = None,
+    *,
+    forearm: bool = False,
+) -> Simulated:
+    """Simulate one recording with 16 receivers, 17 with `forearm`, at 240 Hz.
+
+    hand : right or left. task : opposition or rom. The anatomy depends on seed and subject, the receivers'
+    places and the skin also on the hand, motion and noise also on the task: recordings of one hand share it.
+    Another n_frames than the task's own (None) is the same script, faster or slower, with fewer or more
+    rounds of opposition. Raises InputError where an argument is not usable.
+    """
+    n_frames = _checked(hand, task, seed, n_frames)
+    layout = read_layout(LAYOUT)
+    segments = tuple(s for s in layout.measured if forearm or not layout.segments[s].optional)
+    anatomy = hand_of(subject, hand, seed, realism)
+    mounts = mounts_of(subject, hand, seed, anatomy, segments, realism)
+    motion = move(subject, hand, task, seed, anatomy, realism, n_frames)
+    bones = bone_poses(anatomy, motion.angles_rad, motion.wrist_mm, motion.forearm)
+    recorded = mounts.poses(*bones)
+    if realism.artefact:
+        skin = skin_of(subject, hand, seed, segments, realism.artefact)
+        followed = under_read(motion.angles_rad, skin)
+        thumb_skin = bone_poses(anatomy, followed, motion.wrist_mm, motion.forearm)
+        rng = generator(seed, "wander", subject, hand, task)
+        recorded = seen_through_skin(mounts, bones, thumb_skin, motion.angles_rad, skin, rng)
+    if realism.field_distortion:
+        recorded = distorted(*recorded, seed, realism.field_distortion)
+    if realism.noise:
+        rng = generator(seed, "noise", subject, hand, task)
+        recorded = noisy(*recorded, realism.noise, rng)
+    truth = Truth(
+        hand=anatomy,
+        mounts=mounts,
+        angles_rad=motion.angles_rad,
+        bone_position_mm=bones[0],
+        bone_quaternion=bones[1],
+        tip_mm=true_tips_mm(anatomy, *bones),
+        joints=true_joints(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism),
+    )
+    frame = np.arange(FIRST_FRAME, FIRST_FRAME + n_frames)
+    return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth)
+
+
+def _checked(hand: str, task: str, seed: int, n_frames: int | None) -> int:
+    """Give the number of frames; InputError where an argument is not usable."""
+    if hand not in ("right", "left"):
+        raise InputError(f"hand {hand!r} is not known; expected right or left")
+    if task not in TASK_FRAMES:
+        raise InputError(f"task {task!r} is not known; expected one of {', '.join(TASK_FRAMES)}")
+    if seed < 0:
+        raise InputError(f"seed {seed} is negative; expected 0 or more")
+    if n_frames is not None and n_frames < 2:
+        raise InputError(f"{n_frames} frames are no motion; expected 2 or more")
+    return n_frames or TASK_FRAMES[task]

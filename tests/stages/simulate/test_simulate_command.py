@@ -1,0 +1,109 @@
+"""The simulation's command line and its files."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet as pq
+import pytest
+
+from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIPS
+from schemas.tables import read_table, rows_of
+from stages.simulate.__main__ import main
+
+COLUMNS = ["frame", "time_s", "segment", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
+
+
+def words(out: Path, *more: str, task: str = "opposition") -> list[str]:
+    name = ["--subject", "01", "--hand", "left", "--task", task, "--seed", "7"]
+    return [*name, "--frames", "120", "--out", str(out), *more]
+
+
+def test_both_formats_hold_the_same_numbers(tmp_path: Path) -> None:
+    assert main(words(tmp_path / "a.parquet")) == 0
+    assert main(words(tmp_path / "a.csv")) == 0
+    parquet, csv = pq.read_table(tmp_path / "a.parquet"), pyarrow.csv.read_csv(tmp_path / "a.csv")
+    assert parquet.column_names == csv.column_names == COLUMNS
+    assert parquet.num_rows == 120 * 16
+    assert parquet.column("segment").to_pylist() == csv.column("segment").to_pylist()
+    for name in set(COLUMNS) - {"segment"}:
+        np.testing.assert_array_equal(parquet.column(name).to_numpy(), csv.column(name).to_numpy())
+    assert parquet.column("frame")[0].as_py() == 1
+    assert parquet.column("time_s")[0].as_py() == pytest.approx(1 / 240)
+
+
+def test_same_seed_same_bytes(tmp_path: Path) -> None:
+    for folder in ("first", "second"):
+        assert main(words(tmp_path / folder / "a.parquet", "--forearm")) == 0
+    for path in sorted((tmp_path / "first").rglob("*.parquet")):
+        twin = tmp_path / "second" / path.relative_to(tmp_path / "first")
+        assert path.read_bytes() == twin.read_bytes()
+    assert not list(tmp_path.rglob("*.tmp"))
+
+
+def test_truth_tables_are_tables_of_the_contract(tmp_path: Path) -> None:
+    assert main(words(tmp_path / "a.csv", "--realism", "exact", "--forearm", task="rom")) == 0
+    truth = tmp_path / "a_truth"
+    joints = {
+        row["joint"]: row for row in rows_of(read_table(truth / "joint_centres.parquet", JOINT_CENTRES))
+    }
+    assert len(joints) == 16
+    assert {row["model"] for row in joints.values()} == {"truth"}
+    assert joints["wrist"]["parent_segment"] == "forearm"
+    assert joints["index_mcp"]["parent_segment"] == "hand"
+    assert all(abs(row["child_y_mm"]) < 1e-9 for row in joints.values())
+    bones = {row["bone"]: row for row in rows_of(read_table(truth / "bone_lengths.parquet", BONE_LENGTHS))}
+    assert len(bones) == 19
+    assert bones["index_distal"]["message"] == "joint to the tip of the bone"
+    centre = [joints["index_pip"][f"parent_{axis}_mm"] for axis in "xyz"]
+    start = [joints["index_mcp"][f"child_{axis}_mm"] for axis in "xyz"]
+    assert np.linalg.norm(np.subtract(centre, start)) == pytest.approx(bones["index_proximal"]["length_mm"])
+    assert read_table(truth / "metacarpals.parquet", METACARPALS).num_rows == 5 * 120
+    tips = read_table(truth / "tips.parquet", TIPS)
+    assert tips.num_rows == 5 * 120
+    assert 3 < tips.column("error_mm").to_numpy().mean() < 20
+
+
+def test_wrist_has_no_parent_without_a_forearm_receiver(tmp_path: Path) -> None:
+    assert main(words(tmp_path / "a.parquet", "--truth", str(tmp_path / "elsewhere"))) == 0
+    rows = rows_of(read_table(tmp_path / "elsewhere" / "joint_centres.parquet", JOINT_CENTRES))
+    wrist = next(row for row in rows if row["joint"] == "wrist")
+    assert wrist["parent_segment"] == ""
+    assert wrist["parent_x_mm"] is None
+    assert wrist["child_segment"] == "hand"
+    assert not (tmp_path / "a_truth").exists()
+
+
+@pytest.mark.parametrize(
+    ("out", "more", "said"),
+    [
+        ("a.txt", (), "expected .parquet or .csv"),
+        ("a.csv", ("--frames", "1"), "expected 2 or more"),
+        ("a.csv", ("--seed", "-3"), "expected 0 or more"),
+        ("file/a.csv", (), "cannot be written"),
+    ],
+)
+def test_bad_arguments_are_one_sentence_and_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], out: str, more: tuple[str, ...], said: str
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    assert main(words(tmp_path / out, *more)) == 2
+    message = capsys.readouterr().err
+    assert said in message
+    assert message.count("\n") == 1
+
+
+def test_unknown_task_is_exit_code_2(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(words(tmp_path / "a.csv", task="juggling"))
+    assert stopped.value.code == 2
+
+
+def test_help_needs_no_numpy() -> None:
+    code = "import sys, stages.simulate.__main__ as m; assert 'numpy' not in sys.modules; m.main(['--help'])"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "--realism" in told.stdout
