@@ -13,6 +13,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("stages", "kinematics", "schemas")
+DATA_OF = {"schemas/config_files.py": "schemas/json"}
+"""Folders of data that a module reads: the defaults of configuration files stand in their JSON Schemas."""
 
 
 @cache
@@ -33,6 +35,7 @@ def modules_of(name: str, root: Path = ROOT) -> set[Path]:
         path = waiting.pop()
         if path not in found:
             found.add(path)
+            waiting += (root / DATA_OF.get(path.relative_to(root).as_posix(), "none")).glob("*")
             if path.suffix == ".py":
                 waiting += [file for module in _imports(path) for file in _files(module, root)]
     return found

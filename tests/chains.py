@@ -35,9 +35,7 @@ class Chain:
         """The joints between neighbouring segments."""
         names = self.poses.segments
         plane = Plane("child", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-        return tuple(
-            Joint(f"joint_{b}", a, b, a, 1, plane) for a, b in pairwise(names)
-        )
+        return tuple(Joint(f"joint_{b}", a, b, a, 1, plane) for a, b in pairwise(names))
 
 
 def smooth(rng: np.random.Generator, n_frames: int, n_channels: int) -> Array:

@@ -68,5 +68,10 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     write_failure(arguments.out, METACARPALS, message, provenance)
 
 
+def main(words: list[str] | None = None) -> int:
+    """Run the stage on the words of a command line; give its exit code."""
+    return command_line.run(build_parser().parse_args(words), estimate, record_failure)
+
+
 if __name__ == "__main__":
-    sys.exit(command_line.run(build_parser().parse_args(), estimate, record_failure))
+    sys.exit(main())

@@ -99,5 +99,10 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     write_failure(arguments.out_errors, TIP_ERRORS, message, provenance)
 
 
+def main(words: list[str] | None = None) -> int:
+    """Run the stage on the words of a command line; give its exit code."""
+    return command_line.run(build_parser().parse_args(words), evaluate, record_failure)
+
+
 if __name__ == "__main__":
-    sys.exit(command_line.run(build_parser().parse_args(), evaluate, record_failure))
+    sys.exit(main())

@@ -40,5 +40,10 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
         write_failure(Results(arguments.results).study_table(name), TABLES[name], message, Provenance())
 
 
+def main(words: list[str] | None = None) -> int:
+    """Run the stage on the words of a command line; give its exit code."""
+    return command_line.run(build_parser().parse_args(words), gather, record_failure)
+
+
 if __name__ == "__main__":
-    sys.exit(command_line.run(build_parser().parse_args(), gather, record_failure))
+    sys.exit(main())

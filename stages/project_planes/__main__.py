@@ -25,7 +25,10 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
     parser.add_argument("--model", required=True, help="a skeleton model that ships, or a path")
     parser.add_argument(
-        "--corrections", type=Path, help="sheet of manual corrections; used by models that apply them"
+        "--corrections",
+        type=Path,
+        nargs="?",
+        help="sheet of manual corrections; used by models that apply them",
     )
     parser.add_argument("--out", type=Path, required=True, help="the joint_centres table to write")
     return parser
@@ -76,5 +79,10 @@ def _corrections(path: Path | None) -> dict[tuple[str, str, str], Array]:
     }
 
 
+def main(words: list[str] | None = None) -> int:
+    """Run the stage on the words of a command line; give its exit code."""
+    return command_line.run(build_parser().parse_args(words), project_planes, record_failure)
+
+
 if __name__ == "__main__":
-    sys.exit(command_line.run(build_parser().parse_args(), project_planes, record_failure))
+    sys.exit(main())

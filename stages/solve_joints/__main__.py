@@ -102,5 +102,10 @@ def _row(joint: Joint, found: JointSolution | str, nothing: str) -> dict[str, An
     }
 
 
+def main(words: list[str] | None = None) -> int:
+    """Run the stage on the words of a command line; give its exit code."""
+    return command_line.run(build_parser().parse_args(words), solve, record_failure)
+
+
 if __name__ == "__main__":
-    sys.exit(command_line.run(build_parser().parse_args(), solve, record_failure))
+    sys.exit(main())

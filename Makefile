@@ -1,0 +1,51 @@
+# `make demo` and `make test` set up all they need; the rest is for those who change the code.
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-all lint format lock docs bench clean
+
+python := .venv/bin/python
+cores ?= all
+
+help: ## say what can be made
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' Makefile
+
+demo: ## run the demo study, print its four tables and name its report
+	@./bootstrap requirements.lock
+	@.venv/bin/snakemake --cores $(cores) --quiet rules
+	@$(python) -m stages.report tables --study config/demo.yaml --results results/demo
+
+test: ## run the fast tests
+	@./bootstrap requirements-dev.lock
+	@$(python) -m pytest -m "not slow"
+
+test-all: ## run every test, whole studies too, and measure the coverage
+	@./bootstrap requirements-dev.lock
+	@$(python) -m pytest --cov --cov-report=term:skip-covered --cov-fail-under=90
+
+lint: ## check style, types and the Snakefile
+	@./bootstrap requirements-dev.lock
+	@.venv/bin/ruff check .
+	@.venv/bin/ruff format --check .
+	@.venv/bin/mypy
+	@.venv/bin/snakefmt --check Snakefile
+
+format: ## put style right
+	@./bootstrap requirements-dev.lock
+	@.venv/bin/ruff check --fix .
+	@.venv/bin/ruff format .
+	@.venv/bin/snakefmt Snakefile
+
+docs: ## make the pages that are generated from the schemas
+	@./bootstrap requirements-dev.lock
+	@$(python) -m schemas.reference_pages docs
+
+bench: ## print what the stages cost, as ratios to others on the same data
+	@./bootstrap requirements-bench.lock
+	@$(python) -m benchmarks
+
+lock: ## resolve the dependencies anew (needs uv)
+	uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
+	uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-dev.lock
+	uv pip compile pyproject.toml --group dev --group bench --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements-dev.lock --upgrade -o requirements-bench.lock
+
+clean: ## remove results and the demo's recordings
+	rm -rf results data/demo/recordings .snakemake

@@ -1,0 +1,15 @@
+"""The generated pages are those of today's schemas."""
+
+from pathlib import Path
+
+import pytest
+
+from schemas.reference_pages import pages
+
+DOCS = Path(__file__).parent.parent / "docs"
+
+
+@pytest.mark.parametrize("name", sorted(pages()))
+def test_page_is_in_step(name: str) -> None:
+    """`make docs` would change nothing."""
+    assert (DOCS / name).read_text("utf-8") == pages()[name], "run `make docs`"
