@@ -11,7 +11,7 @@ help: ## say what can be made
 demo: ## run the demo study, print its four tables and name its report
 	@./bootstrap requirements.lock
 	@.venv/bin/snakemake --cores $(cores) --quiet rules
-	@$(python) -m stages.report tables --study config/demo.yaml --results results/demo
+	@$(python) -m stages.report --study config/demo.yaml --results results/demo --print
 
 test: ## run the fast tests
 	@./bootstrap requirements-dev.lock

@@ -94,7 +94,7 @@ def pose_blocks(
         size = block_frames or max(1, file.metadata.num_rows)
         streams = {segment: file.iter_batches(size, row_groups=groups[segment]) for segment in known}
         batches = {segment: next(stream, None) for segment, stream in streams.items()}
-        while batches[known[0]] is not None:
+        while any(batch is not None for batch in batches.values()):
             yield _block(path, segments, batches)
             batches = {segment: next(stream, None) for segment, stream in streams.items()}
 

@@ -14,6 +14,9 @@ from schemas.model import SkeletonModel
 from schemas.poses import Poses
 from stages.estimate_metacarpals.wrist import WristPoint, estimate_wrist
 
+WEAK_SD_MM = 5.0
+"""Beyond this the wrist point is more the average hand's than this person's."""
+
 
 def wrist_row(
     rows: Rows, layout: Layout, model: SkeletonModel, calibration: Sequence[Poses]
@@ -41,12 +44,11 @@ def wrist_row(
         return _point_row(wrist, given, "ok", "as configured in the layout", "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
     point = estimate_wrist(positions, np.array(wrist.nominal_mm))
-    message = (
-        f"point that keeps its distance from {len(positions)} MCP joints; no forearm receiver was worn"
-        if positions
-        else "the average hand's wrist; neither a forearm receiver nor an MCP joint to go by"
-    )
-    return _point_row(wrist, point, "ok" if positions else "weak", message, "estimated point")
+    sd_mm = float(np.sqrt(np.trace(point.covariance_mm2)))
+    message = f"the point that keeps its distance from {len(positions)} MCP joints"
+    if sd_mm > WEAK_SD_MM:
+        message += f", uncertain by {sd_mm:.0f} mm: the palm hardly moves, so the average hand decides"
+    return _point_row(wrist, point, "weak" if sd_mm > WEAK_SD_MM else "ok", message, "estimated point")
 
 
 def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: Sequence[Poses]) -> list[Array]:

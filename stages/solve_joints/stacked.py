@@ -12,7 +12,6 @@ import numpy as np
 
 from kinematics.rotations import Array, matrix
 
-
 EXACT_HINGE = 5e-13
 """Square of the last singular value over frames below which it is rounding: a hinge without any noise,
 whose sixth unknown no inverse can find."""

@@ -1,0 +1,87 @@
+"""Command line: a recording's file -> poses table."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stages import command_line
+from stages.capture.readers import AUTO, FORMATS
+
+if TYPE_CHECKING:
+    from schemas.layout import Layout
+    from stages.capture.poses import PosesTable
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the subcommand's argument parser."""
+    parser = command_line.parser(
+        "stages.capture import",
+        "Turn a recording's file into the poses table: units and frames checked, gaps kept and named.",
+        "python -m stages.capture import --in rom.csv --layout liberty16 --subject 01 --hand right "
+        "--task rom --out poses.parquet",
+    )
+    parser.add_argument("--in", dest="recording", type=Path, required=True, help="the recording")
+    parser.add_argument("--format", choices=(AUTO, *FORMATS), default=AUTO, help="auto goes by the ending")
+    parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
+    parser.add_argument("--subject", required=True, help="whose hand it is")
+    parser.add_argument("--hand", required=True, choices=("right", "left"), help="which hand")
+    parser.add_argument("--task", required=True, help="what was done")
+    parser.add_argument("--trial", default="", help="which repetition, where there are several")
+    parser.add_argument("--out", type=Path, required=True, help="the poses table to write")
+    return parser
+
+
+def main(arguments: list[str]) -> int:
+    """Run the subcommand; gives the exit code."""
+    return command_line.run(build_parser().parse_args(arguments), import_recording, record_failure)
+
+
+def import_recording(arguments: argparse.Namespace) -> None:
+    """Read the recording, check it, write the table; notes on what is not there go to stderr."""
+    from schemas.catalogue import POSES
+    from schemas.config_files import config_path
+    from schemas.layout import read_layout
+    from schemas.tables import Provenance, write_table
+    from stages.capture.poses import poses_table
+    from stages.capture.readers import find_reader
+
+    layout = read_layout(arguments.layout)
+    read = find_reader(arguments.recording, arguments.format)
+    parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
+    poses = poses_table(read(arguments.recording, layout), parents)
+    absent = _absent(layout, poses)
+    for segment in absent:
+        print(f"note: {arguments.recording}: segment {segment} has no pose", file=sys.stderr)
+    for segment in poses.frozen:
+        print(
+            f"note: {arguments.recording}: segment {segment} never moves though its parent does; not used",
+            file=sys.stderr,
+        )
+    inputs = [arguments.recording, config_path(arguments.layout, "layout", Path())]
+    provenance = Provenance.of(inputs, **_parameters(arguments, layout.name, absent))
+    write_table(arguments.out, POSES, poses.columns, provenance, row_group_rows=poses.row_groups)
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write the table without rows and the reason, the recording named without its folder."""
+    from schemas.catalogue import POSES
+    from schemas.tables import Provenance, write_failure
+
+    name = Path(arguments.layout).name.removesuffix(".yaml")
+    provenance = Provenance.of([arguments.recording], **_parameters(arguments, name, []))
+    message = message.replace(str(arguments.recording), arguments.recording.name)
+    write_failure(arguments.out, POSES, message, provenance)
+
+
+def _parameters(arguments: argparse.Namespace, layout: str, absent: list[str]) -> dict[str, Any]:
+    names = {name: getattr(arguments, name) for name in ("subject", "hand", "task", "trial")}
+    return {**names, "layout": layout, "absent": absent}
+
+
+def _absent(layout: Layout, poses: PosesTable) -> list[str]:
+    """Segments that the layout expects and of which the recording has no complete pose."""
+    seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
+    return [s for s in layout.measured if not layout.segments[s].optional and s not in seen]

@@ -1,0 +1,83 @@
+"""What every reader gives: samples of receivers, as they came, with the segment that each rides on."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from schemas.errors import InputError
+from schemas.layout import Layout
+
+NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+
+
+@dataclass(frozen=True)
+class Samples:
+    """N samples in the order of the recording; nothing is checked but that numbers are numbers.
+
+    segments : the layout's measured segments, in its order; segment : (N,) indices into them.
+    frame : (N,) the tracker's frame number; time_s : (N,) device time, NaN where there is none.
+    numbers : (N, 7) x, y, z in mm, then w, x, y, z of the quaternion (receiver to transmitter frame),
+    NaN where there is none, not necessarily unit.
+    place : sample -> file and line, for messages.
+    """
+
+    segments: tuple[str, ...]
+    segment: npt.NDArray[np.int64]
+    frame: npt.NDArray[np.int64]
+    time_s: npt.NDArray[np.float64]
+    numbers: npt.NDArray[np.float64]
+    place: Callable[[int], str]
+
+
+def segments_of_names(
+    codes: npt.NDArray[np.int64], names: Sequence[str], layout: Layout, place: Callable[[int], str]
+) -> npt.NDArray[np.int64]:
+    """Give every sample's index into `layout.measured` from the segment names that a recording uses.
+
+    codes : (N,) indices into `names`. Raises InputError at the first sample of an unknown segment.
+    """
+    known = layout.measured
+    table = np.full(len(names), -1)
+    for code, name in enumerate(names):
+        if name in known:
+            table[code] = known.index(name)
+    segment = table[codes]
+    if (segment < 0).any():
+        first = int(np.argmax(segment < 0))
+        name = names[codes[first]]
+        raise InputError(f"{place(first)}: segment {name!r} {_why_unknown(name, layout)}")
+    return segment
+
+
+def segments_of_stations(
+    stations: npt.NDArray[np.int64], layout: Layout, place: Callable[[int], str]
+) -> npt.NDArray[np.int64]:
+    """Give every sample's index into `layout.measured` from the tracker's station numbers, shape (N,).
+
+    Raises InputError at the first sample of a station that the layout does not name.
+    """
+    index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
+    index_of.pop(None, None)
+    numbers, codes = np.unique(stations, return_inverse=True)
+    segment = np.array([index_of.get(int(number), -1) for number in numbers], np.int64)[codes]
+    if (segment < 0).any():
+        first = int(np.argmax(segment < 0))
+        known = ", ".join(str(number) for number in sorted(filter(None, index_of))) or "none"
+        raise InputError(
+            f"{place(first)}: receiver {stations[first]} sits on no segment of layout {layout.name}, "
+            f"which knows {known}; leave its rows out or name the receiver in the layout"
+        )
+    return segment
+
+
+def _why_unknown(name: str, layout: Layout) -> str:
+    if name in layout.segments:
+        return f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
+    near = difflib.get_close_matches(name, layout.measured, 1)
+    guess = f"; did you mean {near[0]!r}?" if near else ""
+    return f"is not in layout {layout.name}, which knows {', '.join(layout.measured)}{guess}"

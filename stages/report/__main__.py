@@ -1,0 +1,79 @@
+"""Command line of the report stage: write the page, or print the study's tables to the terminal."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from schemas.errors import InputError
+from stages import command_line
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the stage's argument parser."""
+    parser = command_line.parser(
+        "stages.report",
+        "Write a study's results as one HTML page that opens offline, or print its tables (cm).",
+        "python -m stages.report --study config/demo.yaml --results results/demo "
+        "--out results/demo/report.html",
+    )
+    parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
+    parser.add_argument(
+        "--results", type=Path, required=True, metavar="FOLDER", help="the study's results folder"
+    )
+    parser.add_argument("--out", type=Path, metavar="HTML", help="the page to write")
+    parser.add_argument(
+        "--print",
+        action="store_true",
+        dest="to_terminal",
+        help="print the tables of the models that reproduce one of the paper's, and name the page",
+    )
+    return parser
+
+
+def report(arguments: argparse.Namespace) -> None:
+    """Read the study's results; write the page, print the tables."""
+    if arguments.out is None and not arguments.to_terminal:
+        raise InputError("nothing to do; give --out, --print or both")
+    from schemas.results import Results
+    from schemas.study import read_study
+    from stages.report.study_results import read_results
+
+    results = read_results(read_study(arguments.study), arguments.results)
+    if arguments.out is not None:
+        from stages.report.page import render_page
+
+        _write(arguments.out, render_page(results))
+    if arguments.to_terminal:
+        from stages.report.terminal import terminal_tables
+
+        page = arguments.out or Results(arguments.results).report
+        sys.stdout.write(f"{terminal_tables(results)}\nThe whole report: {page}\n")
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write a page that says why there is no report."""
+    if arguments.out is None:
+        print(f"error: {message}", file=sys.stderr)
+        return
+    from stages.report.page import render_failure
+
+    _write(arguments.out, render_failure(message))
+
+
+def _write(path: Path, page: str) -> None:
+    """Write to a temporary name and rename, so that a page is never half there."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_text(page, "utf-8", newline="\n")
+        temporary.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+if __name__ == "__main__":
+    sys.exit(command_line.run(build_parser().parse_args(), report, record_failure))

@@ -1,0 +1,50 @@
+"""The study's tables as plain text, for a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import textwrap
+
+from stages.report.data_table import DataTable
+from stages.report.finding import used_in_words
+from stages.report.study_results import StudyResults
+from stages.report.tables_1_to_4 import own_table, table_title
+
+WIDTH = 79
+_HEADING, _CELL = 25, 8
+
+
+def terminal_tables(results: StudyResults) -> str:
+    """Every subject's and task's tables of the models that reproduce one of the paper's, as text."""
+    models = sorted(
+        (model for model in results.models.values() if model.paper_table is not None),
+        key=lambda model: model.paper_table or 0,
+    )
+    parts = [f"Study {results.study.name}: {used_in_words(results)}"]
+    for subject in results.subjects:
+        for trial in results.trials(subject):
+            parts += [
+                f"{_wrapped(table_title(model))}\n{table_text(own_table(results, trial, model))}"
+                for model in models
+            ]
+    if len(parts) == 1:
+        parts.append("No recording was evaluated with a model of one of the paper's tables.")
+    return "\n\n".join(parts) + "\n"
+
+
+def table_text(table: DataTable) -> str:
+    """One table as text: its caption, its blocks under each other, its notes."""
+    lines = [_wrapped(table.caption)]
+    for block in table.blocks:
+        lines.append("")
+        lines += [
+            f"{row[0]:<{_HEADING}}" + "".join(f"{cell:>{_CELL}}" for cell in row[1:])
+            for row in (block.header, *block.rows)
+        ]
+    if table.notes:
+        lines.append("")
+        lines += [_wrapped(note) for note in table.notes]
+    return "\n".join(lines)
+
+
+def _wrapped(text: str) -> str:
+    return textwrap.fill(text, WIDTH, break_on_hyphens=False)

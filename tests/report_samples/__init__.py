@@ -1,0 +1,1 @@
+"""What the report's tests share: a made-up study, and a reader of the page."""

@@ -1,0 +1,70 @@
+"""Reading a page back: its tables as cells, its tags as they are nested."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+
+VOID = {"meta", "br", "hr", "link", "img", "input"}
+
+
+@dataclass
+class ReadTable:
+    """A table of the page: its caption and its rows of cell texts."""
+
+    caption: str = ""
+    rows: list[list[str]] = field(default_factory=list)
+    attributes: list[list[dict[str, str | None]]] = field(default_factory=list)
+
+
+class PageReader(HTMLParser):
+    """Collects tables and visible text; fails where tags are not nested."""
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.tables: list[ReadTable] = []
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Open a tag."""
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "table":
+            self.tables.append(ReadTable())
+        elif tag == "tr":
+            self.tables[-1].rows.append([])
+            self.tables[-1].attributes.append([])
+        elif tag in ("td", "th"):
+            self.tables[-1].rows[-1].append("")
+            self.tables[-1].attributes[-1].append({"tag": tag, **dict(attrs)})
+
+    def handle_endtag(self, tag: str) -> None:
+        """Close a tag, which must be the last one opened."""
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        """Text goes to its cell or caption, and to the whole."""
+        if self.open and self.open[-1] not in ("style",):
+            self.text.append(data)
+        if "caption" in self.open:
+            self.tables[-1].caption += data
+        elif self.open and self.open[-1] in ("td", "th"):
+            self.tables[-1].rows[-1][-1] += data
+
+
+def read_page(page: str) -> PageReader:
+    """Read a page; AssertionError where its tags are not nested."""
+    reader = PageReader()
+    reader.feed(page)
+    reader.close()
+    assert not reader.open
+    return reader
+
+
+def table_called(page: str, caption: str) -> ReadTable:
+    """The one table with that caption."""
+    (found,) = [table for table in read_page(page).tables if table.caption == caption]
+    return found

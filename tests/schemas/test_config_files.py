@@ -1,0 +1,127 @@
+"""Configuration files: a typo is refused by name, defaults are filled in, and YAML holds no surprises."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from schemas.config_files import check_config, config_path, json_schema, read_config, shipped
+from schemas.errors import InputError
+
+MODEL = "model: mine\ndescription: A test.\n"
+STUDY = {"study": "s", "recordings": "r.tsv", "layout": "liberty16", "models": ["rigid"]}
+
+
+def read(tmp_path: Path, text: str, kind: str = "model") -> dict[str, Any]:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text, "utf-8")
+    return read_config(path, kind)
+
+
+def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
+    config = read(tmp_path, MODEL + "joints: {singular_values: 6}\n")
+    assert config["joints"] == {"solver": "closed", "singular_values": 6, "calibration": "evaluated"}
+    assert config["planes"] == {"parallel_limit_deg": 20, "corrections": False}
+    assert config["metacarpals"]["rest_direction"] == [1, 0, 0]
+    assert "paper_table" not in config
+
+
+def test_defaults_reach_into_named_parts() -> None:
+    """Where the names are the user's own, as segments' are, each part still gets its defaults."""
+    config = {
+        "layout": "l",
+        "description": "",
+        "segments": {"a": {}, "b": {"optional": True}},
+        "joints": {"j": {"parent": "a", "child": "b", "plane": {"normal": [0, 1, 0]}}},
+        "digits": {"d": {"segments": ["b"]}},
+    }
+    filled = check_config(config, "layout", "here")
+    assert filled["segments"] == {
+        "a": {"measured": True, "optional": False},
+        "b": {"measured": True, "optional": True},
+    }
+    assert filled["joints"]["j"]["dof"] == 1
+    assert filled["joints"]["j"]["plane"] == {"frame": "child", "point_mm": [0, 0, 0], "normal": [0, 1, 0]}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("joint: {}", "unknown key 'joint'; known are model, .*; did you mean 'joints'"),
+        ("joints: {slover: closed}", "joints: unknown key 'slover'; .*; did you mean 'solver'"),
+        ("joints: {singular_values: 7}", r"joints\.singular_values: 7 is not one of \[5, 6\]"),
+        ("planes: {corrections: 1}", r"planes\.corrections: 1 is not of type 'boolean'"),
+        ("planes: {parallel_limit_deg: 91}", r"planes\.parallel_limit_deg: 91 is greater than"),
+        ("planes: {parallel_limit_deg: .nan}", r"planes\.parallel_limit_deg: is nan; expected a finite"),
+        ("metacarpals: {rest_direction: [1, -.inf, 0]}", r"rest_direction\.1: is -inf; expected a finite"),
+        ("metacarpals: {rest_direction: [1, 0]}", r"metacarpals\.rest_direction: \[1, 0\] is too short"),
+        ("planes:", "planes: None is not of type 'object'"),
+        ("own_cmc: [a, a]", r"own_cmc: \['a', 'a'\] has non-unique"),
+        ("description: again", "not valid YAML: the key 'description' is given twice .*line 3"),
+        ("joints: {solver: closed, solver: closed}", "the key 'solver' is given twice"),
+        ("? [a, b]\n: 1", r"not valid YAML: \['a', 'b'\] cannot be a key"),
+        ("paper_table: 2020-13-45", "not valid YAML: month must be in 1..12"),
+        ("joints: [", "not valid YAML: "),
+        ("wrist: !!python/name:os.system", "not valid YAML: could not determine a constructor"),
+    ],
+)
+def test_a_mistake_is_named(tmp_path: Path, text: str, message: str) -> None:
+    """One line that begins with the file and names the key, with the nearest one that is known."""
+    with pytest.raises(InputError, match=message) as caught:
+        read(tmp_path, MODEL + text)
+    assert str(caught.value).startswith(f"{tmp_path / 'mine.yaml'}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "[1]", "word"])
+def test_a_file_that_holds_no_keys(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError, match="is not of type 'object'"):
+        read(tmp_path, text)
+
+
+def test_a_missing_key_is_named_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, "study: s\nlayout: liberty16\n", "study")
+    assert str(caught.value).count("is missing") == 1
+    assert str(caught.value).endswith("the key 'recordings', 'models' is missing")
+
+
+def test_several_mistakes_are_told_together() -> None:
+    with pytest.raises(InputError, match=r"exports\.0: 'fbx' is not one of .*; models: \[\] should be non"):
+        check_config(STUDY | {"models": [], "exports": ["fbx"]}, "study", "here")
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no\.yaml: no such study file"):
+        read_config(tmp_path / "no.yaml", "study")
+    (tmp_path / "latin.yaml").write_bytes(b"study: \xe9")
+    for path in (tmp_path, tmp_path / "latin.yaml"):
+        with pytest.raises(InputError, match="cannot be read as text"):
+            read_config(path, "study")
+
+
+def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").touch()
+    assert config_path("mine.yaml", "layout", tmp_path) == tmp_path / "mine.yaml"
+    assert config_path("arm", "layout", tmp_path).is_file()
+    assert "liberty16" in shipped("layout")
+    with pytest.raises(InputError, match=r"layout 'libery16' is neither .*did you mean 'liberty16'\?"):
+        config_path("libery16", "layout", tmp_path)
+
+
+def _properties(schema: Any) -> list[tuple[str, dict[str, Any]]]:
+    if isinstance(schema, list):
+        return [found for part in schema for found in _properties(part)]
+    if not isinstance(schema, dict):
+        return []
+    own = list(schema.get("properties", {}).items())
+    return own + [found for part in schema.values() for found in _properties(part)]
+
+
+@pytest.mark.parametrize("kind", ["study", "layout", "model"])
+def test_every_key_is_described_and_every_object_closed(kind: str) -> None:
+    schema = json_schema(kind)
+    assert schema["additionalProperties"] is False
+    for name, part in _properties(schema):
+        assert part.get("description"), name
+        assert part.get("type") != "object" or "additionalProperties" in part, name

@@ -1,0 +1,137 @@
+"""Sheets: every bad cell is named by file, row and column; what people's editors do to a file is fine."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas.errors import InputError
+from schemas.sheets import CORRECTIONS, MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Sheet, read_sheet
+
+RECORDING = ["subject\thand\ttask\trole\tfile", "01\tright\trom\tboth\trom.csv"]
+CORRECTION = ["subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm", "01\tleft\tthumb_ip\t1\t-2.5\t0"]
+
+
+def written(tmp_path: Path, lines: list[str], end: str = "\n", encoding: str = "utf-8") -> Path:
+    path = tmp_path / "sheet.tsv"
+    path.write_bytes((end.join(lines) + end).encode(encoding))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("end", "encoding"),
+    [("\n", "utf-8"), ("\r\n", "utf-8"), ("\r", "utf-8"), ("\n", "utf-8-sig"), ("\n\n \t\n", "utf-8")],
+    ids=["plain", "crlf", "cr", "bom", "empty-lines"],
+)
+def test_the_same_sheet_however_it_is_saved(tmp_path: Path, end: str, encoding: str) -> None:
+    (row,) = read_sheet(written(tmp_path, RECORDING, end, encoding), RECORDINGS)
+    given_values = {"subject": "01", "hand": "right", "task": "rom", "role": "both", "file": "rom.csv"}
+    assert row.values == given_values | {"trial": "", "layout": "", "format": "auto", "exclude": ""}
+
+
+def test_columns_in_any_order_and_short_rows(tmp_path: Path) -> None:
+    """Cells that are left away at a row's end are empty; spaces around a cell do not count."""
+    lines = ["exclude\trole\tfile\thand\ttask\tsubject\ttrial", "\tboth\t r.csv \tright\trom\t01"]
+    (row,) = read_sheet(written(tmp_path, lines), RECORDINGS)
+    assert (row["file"], row["subject"], row["trial"], row.line) == ("r.csv", "01", "", 2)
+
+
+def test_quotes_and_markup_are_text(tmp_path: Path) -> None:
+    lines = [RECORDING[0], 'A & <b>"x"\tright\t"rom\tboth\trom.csv']
+    (row,) = read_sheet(written(tmp_path, lines), RECORDINGS)
+    assert (row["subject"], row["task"]) == ('A & <b>"x"', '"rom')
+
+
+@pytest.mark.parametrize(
+    ("sheet", "lines", "message"),
+    [
+        (RECORDINGS, [RECORDING[0], "\tright\trom\tboth\tr.csv"], "row 2, column subject: is empty"),
+        (
+            RECORDINGS,
+            [RECORDING[0], "", "01\tRight\trom\tboth\tr.csv"],
+            "row 3, column hand: is 'Right'; expected right or left",
+        ),
+        (
+            RECORDINGS,
+            [RECORDING[0], "01\tright\trom\ttest\tr.csv"],
+            "row 2, column role: is 'test'; expected calibration, evaluation or both",
+        ),
+        (
+            RECORDINGS,
+            [RECORDING[0] + "\tformat", RECORDING[1] + "\tc3d"],
+            "row 2, column format: is 'c3d'; expected auto, csv or parquet",
+        ),
+        (
+            RECORDINGS,
+            [RECORDING[0], "01\tright\tr\x07m\tboth\tr.csv"],
+            "column task: holds a control character",
+        ),
+        (RECORDINGS, [RECORDING[0], RECORDING[1] + "\tx"], "row 2: has 6 cells; expected 5"),
+        (
+            RECORDINGS,
+            [*RECORDING, RECORDING[1]],
+            "row 3: subject '01', hand 'right', task 'rom' already stands in row 2",
+        ),
+        (RECORDINGS, [RECORDING[0] + "\tnotes"], "row 1: unknown column notes; known are subject, hand"),
+        (RECORDINGS, [RECORDING[0] + "\thand"], "row 1: column hand is given twice"),
+        (RECORDINGS, ["subject\thand\ttask\tfile"], "row 1: column role is missing; found subject, hand"),
+        (RECORDINGS, [RECORDING[0].replace("\t", ",")], "are the columns separated by tabs"),
+        (RECORDINGS, [""], "is empty; expected a header line with subject, hand, task, role, file"),
+        (CORRECTIONS, [CORRECTION[0], "01\tleft\tj\t1\t\t0"], "column dy_mm: is ''; expected a number"),
+        (CORRECTIONS, [CORRECTION[0], "01\tleft\tj\t1,5\t0\t0"], "column dx_mm: is '1,5'; expected a num"),
+        (CORRECTIONS, [CORRECTION[0], "01\tleft\tj\tnan\t0\t0"], "column dx_mm: is 'nan'; expected a num"),
+        (CORRECTIONS, [*CORRECTION, CORRECTION[1]], "row 3: .*joint 'thumb_ip' already stands in row 2"),
+        (PARTICIPANTS, ["subject\thand_length_mm", "01\t0"], "column hand_length_mm: is '0'; .* above zero"),
+        (PARTICIPANTS, ["subject", "01", "02", "01"], "row 4: subject '01' already stands in row 2"),
+        (
+            MEASUREMENTS,
+            ["subject\thand\tquantity\tvalue_mm\tsd_mm", "01\tleft\tindex_proximal\t40\t-1"],
+            "row 2, column sd_mm: is '-1'; expected a number above zero",
+        ),
+    ],
+)
+def test_a_bad_cell_is_named(tmp_path: Path, sheet: Sheet, lines: list[str], message: str) -> None:
+    path = written(tmp_path, lines)
+    with pytest.raises(InputError, match=message) as caught:
+        read_sheet(path, sheet)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_all_bad_cells_at_once_but_no_flood(tmp_path: Path) -> None:
+    lines = [CORRECTION[0], *(f"{n}\tleft\tj\tx\ty\t0" for n in range(8))]
+    with pytest.raises(InputError) as caught:
+        read_sheet(written(tmp_path, lines), CORRECTIONS)
+    assert str(caught.value).count("expected a number") == 10
+    assert str(caught.value).endswith("; and 6 more")
+
+
+def test_files_that_are_no_sheet(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no\.tsv: no such file; expected the sheet of participants"):
+        read_sheet(tmp_path / "no.tsv", PARTICIPANTS)
+    for path in (tmp_path, written(tmp_path, RECORDING, encoding="utf-16")):
+        with pytest.raises(InputError, match="cannot be read as UTF-8 text"):
+            read_sheet(path, RECORDINGS)
+
+
+def test_a_participants_sheet_may_say_more(tmp_path: Path) -> None:
+    """Studies keep age, handedness and much else there; a missing length is none, not zero."""
+    lines = ["subject\tage\thand_length_mm", "01\t31\t", "02\t\t190.5"]
+    one, two = read_sheet(written(tmp_path, lines), PARTICIPANTS)
+    assert (one["age"], one["hand_length_mm"], one["hand_breadth_mm"]) == ("31", None, None)
+    assert (two["age"], two["hand_length_mm"]) == ("", 190.5)
+
+
+@given(name=st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1))
+def test_any_name_without_spaces_and_controls_comes_back(
+    tmp_path_factory: pytest.TempPathFactory, name: str
+) -> None:
+    path = written(tmp_path_factory.mktemp("sheets"), ["subject", name])
+    (row,) = read_sheet(path, PARTICIPANTS)
+    assert row["subject"] == name
+
+
+def test_every_cell_is_described() -> None:
+    for sheet in SHEETS.values():
+        assert all(cell.description for cell in sheet.cells)
+        assert set(sheet.key) <= {cell.name for cell in sheet.cells}

@@ -1,0 +1,169 @@
+"""Studies: paths, roles, and what two rows of a sheet may not do to each other."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from schemas.config_files import CONFIG_FOLDER
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.study import Hand, Study, correction_problems, path_token, read_corrections, read_study
+
+HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude"
+STUDY = "study: test\nrecordings: sheets/recordings.tsv\nlayout: liberty16\nmodels: [rigid, paper-fig4]\n"
+
+
+def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
+    """Read a study whose recordings are the rows, their cells separated by blanks ('-' is empty)."""
+    (tmp_path / "sheets").mkdir(exist_ok=True)
+    lines = ["\t".join("" if cell == "-" else cell for cell in row.split(" ")) for row in rows]
+    (tmp_path / "sheets" / "recordings.tsv").write_text("\n".join([HEADER, *lines]), "utf-8")
+    (tmp_path / "study.yaml").write_text(STUDY + more)
+    return read_study(tmp_path / "study.yaml")
+
+
+def test_relative_paths_start_at_the_study_file(tmp_path: Path) -> None:
+    """Recordings too, although another file names them; layouts and models that ship go by their names."""
+    read = study(
+        tmp_path,
+        "01 right rom both data/rom.csv",
+        more="simulation: {folder: made, seed: 1}\nexports: [bvh]\n",
+    )
+    (recording,) = read.recordings
+    assert recording.file == tmp_path / "data" / "rom.csv"
+    assert recording.file_as_written == "data/rom.csv"
+    assert read.sheets == {"recordings": tmp_path / "sheets" / "recordings.tsv"}
+    assert read.layout == recording.layout == CONFIG_FOLDER / "layouts" / "liberty16.yaml"
+    assert list(read.models) == ["rigid", "paper-fig4"]
+    assert read.exports == ("bvh",)
+    assert read.simulation is not None
+    assert read.simulation.folder == tmp_path / "made"
+
+
+def test_layouts_and_models_of_ones_own(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("model: mine\ndescription: My own.\n")
+    (tmp_path / "wing.yaml").write_bytes((CONFIG_FOLDER / "layouts" / "arm.yaml").read_bytes())
+    (tmp_path / "recordings.tsv").write_text(f"{HEADER}\n01\tright\trom\tboth\tr.csv\t\twing.yaml\n")
+    (tmp_path / "study.yaml").write_text(
+        "study: s\nrecordings: recordings.tsv\nlayout: arm\nmodels: [mine.yaml]\n"
+    )
+    read = read_study(tmp_path / "study.yaml")
+    assert read.models == {"mine": tmp_path / "mine.yaml"}
+    assert read.layout_of(Hand("01", "right")) == tmp_path / "wing.yaml"
+
+
+ROLES = ("01 right a calibration a.csv", "01 right b both b.csv", "01 right c evaluation c.csv")
+
+
+@pytest.mark.parametrize(
+    ("rows", "from_evaluated", "from_all", "evaluated"),
+    [
+        (ROLES, "b", "ab", "bc"),
+        ((ROLES[0], ROLES[2]), "a", "a", "c"),
+        ((ROLES[2],), "", "", "c"),
+        ((ROLES[0], ROLES[1] + " - - moved", ROLES[2]), "a", "a", "c"),
+        ((*ROLES, "02 right a both other.csv", "01 left a both left.csv"), "b", "ab", "bc"),
+    ],
+    ids=["all-roles", "none-of-both", "only-evaluation", "excluded", "other-hands"],
+)
+def test_which_recordings_calibrate_and_which_are_evaluated(
+    tmp_path: Path, rows: tuple[str, ...], from_evaluated: str, from_all: str, evaluated: str
+) -> None:
+    read, hand = study(tmp_path, *rows), Hand("01", "right")
+    assert "".join(r.task for r in read.calibrating(hand, "evaluated")) == from_evaluated
+    assert "".join(r.task for r in read.calibrating(hand, "all")) == from_all
+    assert "".join(r.task for r in read.evaluated(hand)) == evaluated
+
+
+def test_hands_come_in_the_sheets_order(tmp_path: Path) -> None:
+    rows = ("b left x both 1", "a right x both 2", "b left y both 3", "b right x both 4")
+    assert study(tmp_path, *rows).hands == (Hand("b", "left"), Hand("a", "right"), Hand("b", "right"))
+
+
+@given(st.text(), st.text())
+@example("a.b", "a%2Eb")
+@example("é", "e\u0301")
+@example("a/b", "a_b")
+def test_two_names_never_share_a_path(one: str, two: str) -> None:
+    assert (path_token(one) == path_token(two)) == (one == two)
+
+
+@given(st.text())
+def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
+    token = path_token(name)
+    assert all(letter.isalnum() or letter in "-_%" for letter in token)
+    assert path_token(token.replace("%", "")) == token.replace("%", "")
+
+
+def test_a_subject_of_any_name(tmp_path: Path) -> None:
+    (tmp_path / "r.tsv").write_text(
+        'subject\thand\ttask\trole\tfile\nA & <b>"x"\tright\t../rom 1\tboth\tr.csv\n'
+    )
+    (tmp_path / "study.yaml").write_text(STUDY.replace("sheets/recordings", "r"))
+    (recording,) = read_study(tmp_path / "study.yaml").recordings
+    assert recording.hand.subject == 'A & <b>"x"'
+    assert recording.hand.folder == "sub-A%20%26%20%3Cb%3E%22x%22/right"
+    assert recording.name == "%2E%2E%2From%201"
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "message"),
+    [
+        ((), "", "recordings.tsv: has no recording; add a row a recording"),
+        (
+            ("01 right a both a.csv", "01 right A both b.csv"),
+            "",
+            "row 3: its results would have the path of row 2; rename",
+        ),
+        (
+            ("01 right a_b both a.csv", "01 right a both b.csv b"),
+            "",
+            "row 3: its results would have the path of row 2",
+        ),
+        (
+            ("01 right a both a.csv", "01 right b both b.csv - arm"),
+            "",
+            "row 3, column layout: arm is not liberty16, the layout of row 2",
+        ),
+        (("01 right a both a.csv - arn",), "", "layout 'arn' is neither .*did you mean 'arm'"),
+        (("01 right a both a.csv",), "participants: no.tsv\n", "no.tsv: no such file; expected the sheet of"),
+        (("01 right a both a.csv",), "particpants: no.tsv\n", "unknown key 'particpants'.*'participants'"),
+    ],
+)
+def test_a_contradiction_is_refused(tmp_path: Path, rows: tuple[str, ...], more: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        study(tmp_path, *rows, more=more)
+
+
+def test_a_model_given_by_name_and_by_path_is_given_twice(tmp_path: Path) -> None:
+    (tmp_path / "rigid.yaml").write_text("model: rigid\ndescription: Another.\n")
+    study(tmp_path, "01 right a both a.csv")
+    (tmp_path / "study.yaml").write_text(STUDY.replace("paper-fig4", "rigid.yaml"))
+    with pytest.raises(InputError, match="models: rigid is given twice"):
+        read_study(tmp_path / "study.yaml")
+
+
+def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) -> None:
+    """No such hand, no such joint, and a joint that has no solution of its own."""
+    path = tmp_path / "corrections.tsv"
+    joints = (
+        "01 right thumb_ip",
+        "01 left thumb_ip",
+        "01 right thumb_pi",
+        "01 right xyz",
+        "01 right index_cmc",
+    )
+    rows = [f"{joint} 1 2 3".replace(" ", "\t") for joint in joints]
+    path.write_text("\n".join(["subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm", *rows]))
+    layout = read_layout("liberty16")
+    problems = correction_problems(read_corrections(path), path, [Hand("01", "right")], layout)
+    assert [problem.split(", column ")[0] for problem in problems] == [
+        f"corrections.tsv: row {row}" for row in (3, 4, 5, 6)
+    ]
+    assert "column subject: the study has no left hand of '01'" in problems[0]
+    assert "'thumb_pi' is no joint of layout liberty16; did you mean 'thumb_ip'?" in problems[1]
+    assert "expected one of wrist, thumb_cmc, " in problems[2]
+    assert "'index_cmc' is no joint of layout" in problems[3]
+    assert all(problem.endswith("the row was not applied") for problem in problems)

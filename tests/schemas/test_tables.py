@@ -1,0 +1,236 @@
+"""Typed tables: what is written comes back, and nothing else is accepted."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schemas.catalogue import POSES, PROBLEMS, RECORDINGS, TABLES
+from schemas.errors import InputError
+from schemas.tables import (
+    METADATA_KEY,
+    Column,
+    Provenance,
+    Table,
+    column_array,
+    columns_from_rows,
+    open_table,
+    read_metadata,
+    read_table,
+    rows_of,
+    write_failure,
+    write_table,
+)
+
+SMALL = Table(
+    "small",
+    3,
+    "one thing",
+    (
+        Column("name", pa.string(), "", "its name"),
+        Column("count", pa.int64(), "", "how many"),
+        Column("length_mm", pa.float64(), "mm", "how long", nullable=True),
+    ),
+    ("name",),
+)
+COLUMNS = {"name": ["a", "b"], "count": [1, 2], "length_mm": [0.5, None]}
+
+
+def values_of(column: Column) -> st.SearchStrategy[Any]:
+    """Any value that a column of the catalogue may hold."""
+    numbers = st.floats(allow_nan=False)
+    if pa.types.is_fixed_size_list(column.type):
+        size = column.type.list_size
+        values: st.SearchStrategy[Any] = st.lists(numbers, min_size=size, max_size=size)
+    elif pa.types.is_floating(column.type):
+        values = numbers
+    elif pa.types.is_integer(column.type):
+        bits = column.type.bit_width - 1
+        values = st.integers(-(2**bits), 2**bits - 1)
+    elif pa.types.is_boolean(column.type):
+        values = st.booleans()
+    else:
+        values = st.text()
+    return st.none() | values if column.nullable else values
+
+
+@pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
+@settings(max_examples=10, deadline=None)
+@given(data=st.data())
+def test_every_table_comes_back_as_it_was(
+    tmp_path_factory: pytest.TempPathFactory, table: Table, data: st.DataObject
+) -> None:
+    """Any rows that the declaration allows, nulls and non-ASCII text among them."""
+    row = st.fixed_dictionaries({column.name: values_of(column) for column in table.columns})
+    rows = data.draw(st.lists(row, max_size=4))
+    path = tmp_path_factory.mktemp("tables") / "table.parquet"
+    write_table(path, table, columns_from_rows(table, rows), Provenance())
+    assert list(rows_of(read_table(path, table))) == rows
+
+
+@pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
+def test_units_are_in_names_and_metadata(tmp_path: Path, table: Table) -> None:
+    """A column whose name ends in a unit declares that unit; all of it can be read from the file."""
+    path = tmp_path / "table.parquet"
+    write_table(path, table, columns_from_rows(table, []), Provenance())
+    endings = {"_mm": "mm", "_s": "s", "_deg": "deg", "_percent": "%", "_mm2": "mm^2"}
+    metadata, schema = read_metadata(path), pq.read_schema(path)
+    for column in table.columns:
+        ending = next((e for e in endings if column.name.endswith(e)), None)
+        assert column.unit == (endings[ending] if ending else ""), column.name
+        assert column.description
+        assert metadata["columns"][column.name] == {"unit": column.unit, "description": column.description}
+        assert schema.field(column.name).metadata[b"unit"].decode() == column.unit
+
+
+def test_nan_becomes_null_from_every_kind_of_array(tmp_path: Path) -> None:
+    """Gaps are nulls in the file, and NaN only in NumPy."""
+    floats = [0.5, float("nan")]
+    for values in (floats, np.array(floats), pa.array(floats), pa.chunked_array([[0.5], [float("nan")]])):
+        write_table(tmp_path / "t.parquet", SMALL, COLUMNS | {"length_mm": values}, Provenance())
+        read = read_table(tmp_path / "t.parquet", SMALL)
+        assert read["length_mm"].to_pylist() == [0.5, None]
+        np.testing.assert_array_equal(column_array(read, "length_mm"), floats)
+
+
+def test_nan_in_lists_becomes_null(tmp_path: Path) -> None:
+    pairs = Table("pairs", 1, "", (Column("pair", pa.list_(pa.float64(), 2), "", "two", True),), ())
+    nan = float("nan")
+    for values in (np.array([[1, nan], [nan, 2]]), [np.array([1, nan]), np.array([nan, 2])]):
+        write_table(tmp_path / "t.parquet", pairs, {"pair": values}, Provenance())
+        assert read_table(tmp_path / "t.parquet", pairs)["pair"].to_pylist() == [[1, None], [None, 2]]
+
+
+def test_metadata_name_inputs_by_digest(tmp_path: Path) -> None:
+    (tmp_path / "in.csv").write_text("abc")
+    provenance = Provenance.of([tmp_path / "in.csv", tmp_path / "absent.csv"], subject="手")
+    write_table(tmp_path / "t.parquet", SMALL, COLUMNS, provenance)
+    metadata = read_metadata(tmp_path / "t.parquet")
+    digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert metadata["inputs"] == [{"file": "in.csv", "sha256": digest}]
+    assert metadata["parameters"] == {"subject": "手"}
+    assert (metadata["schema"], metadata["schema_version"], metadata["key"]) == ("small", 3, ["name"])
+
+
+def test_the_same_columns_give_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        write_table(tmp_path / f"{name}.parquet", SMALL, COLUMNS, Provenance(parameters={"b": 1, "a": 2}))
+    assert (tmp_path / "one.parquet").read_bytes() == (tmp_path / "two.parquet").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"count": [1, None]}, "small: column count may not be null"),
+        ({"count": np.array([1.0, np.nan])}, "small: column count may not be null"),
+        ({"more": [1, 2]}, "small: columns missing or left over: more"),
+    ],
+)
+def test_what_the_declaration_forbids_is_not_written(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        write_table(tmp_path / "t.parquet", SMALL, COLUMNS | changes, Provenance())
+    with pytest.raises(ValueError, match="a row lacks count, name"):
+        columns_from_rows(SMALL, [{"length_mm": 1.0}])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_write_that_fails_leaves_nothing_and_harms_nothing(tmp_path: Path) -> None:
+    """No half-written table, no temporary file; a folder in the table's place stays as it is."""
+    in_the_way = tmp_path / "t.parquet"
+    in_the_way.mkdir()
+    with pytest.raises(OSError, match=r"t\.parquet"):
+        write_table(in_the_way, SMALL, COLUMNS, Provenance())
+    assert list(tmp_path.iterdir()) == [in_the_way]
+    assert list(in_the_way.iterdir()) == []
+
+
+def test_row_groups_of_any_lengths(tmp_path: Path) -> None:
+    """As long as asked for, one after the other, and together no more and no less than the rows."""
+    path = tmp_path / "t.parquet"
+    columns = {"name": list("abcde"), "count": range(5), "length_mm": [None] * 5}
+    for asked, lengths in ((2, [2, 2, 1]), ([1, 4], [1, 4]), ([5], [5]), (9, [5])):
+        write_table(path, SMALL, columns, Provenance(), row_group_rows=asked)
+        file = pq.ParquetFile(path)
+        groups = range(file.metadata.num_row_groups)
+        assert [file.metadata.row_group(index).num_rows for index in groups] == lengths
+        assert read_table(path, SMALL)["count"].to_pylist() == [0, 1, 2, 3, 4]
+    with pytest.raises(ValueError, match="row groups of 4 rows, but there are 5"):
+        write_table(path, SMALL, columns, Provenance(), row_group_rows=[4])
+
+
+def rewrite(path: Path, table: pa.Table, **metadata: Any) -> None:
+    """Write the table again as another program would, its metadata changed."""
+    found = json.loads(table.schema.metadata[METADATA_KEY]) | metadata
+    pq.write_table(table.replace_schema_metadata({METADATA_KEY: json.dumps(found)}), path)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda p, _: p.unlink(), "no such file; expected a small table"),
+        (lambda p, _: p.write_bytes(p.read_bytes()[:100]), "not a readable Parquet file"),
+        (lambda p, _: p.write_text("name,count"), "not a readable Parquet file"),
+        (lambda p, _: (p.unlink(), p.mkdir()), "not a readable Parquet file"),
+        (lambda p, t: pq.write_table(t.replace_schema_metadata(None), p), "but not one that shukotsu wrote"),
+        (lambda p, t: rewrite(p, t, schema="tips"), "is a tips table; expected small"),
+        (lambda p, t: rewrite(p, t, schema_version=2), "small version 2; this program reads version 3"),
+        (lambda p, t: rewrite(p, t.drop_columns(["count"])), "column count is missing; expected int64"),
+        (
+            lambda p, t: rewrite(p, t.set_column(1, "count", pa.array(["1", "2"]))),
+            "column count is string; expected int64",
+        ),
+    ],
+    ids=["absent", "cut", "text", "folder", "foreign", "other", "version", "column", "type"],
+)
+def test_a_table_that_is_not_the_one_expected(tmp_path: Path, spoil: Any, message: str) -> None:
+    """Every refusal names the file and what was expected, from whichever function opens it."""
+    path = tmp_path / "t.parquet"
+    write_table(path, SMALL, COLUMNS, Provenance())
+    spoil(path, read_table(path, SMALL))
+    for opener in (read_table, open_table):
+        with pytest.raises(InputError, match=message) as caught:
+            opener(path, SMALL)
+        assert str(caught.value).startswith(str(path))
+
+
+def test_damage_behind_an_intact_footer(tmp_path: Path) -> None:
+    path = tmp_path / "t.parquet"
+    write_table(path, SMALL, COLUMNS, Provenance())
+    data = bytearray(path.read_bytes())
+    data[4:60] = bytes(56)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"t\.parquet: damaged Parquet file"):
+        read_table(path, SMALL)
+
+
+def test_more_columns_and_a_choice_of_columns_are_fine(tmp_path: Path) -> None:
+    """A later program may add a column; a reader may want only one."""
+    path = tmp_path / "t.parquet"
+    write_table(path, SMALL, COLUMNS, Provenance())
+    rewrite(path, read_table(path, SMALL).append_column("new", pa.array([1, 2])))
+    assert read_table(path, SMALL, ["count"]).to_pydict() == {"count": [1, 2]}
+
+
+@pytest.mark.parametrize("table", [POSES, RECORDINGS, PROBLEMS])
+def test_a_recorded_failure_is_told_to_whoever_reads_it(tmp_path: Path, table: Table) -> None:
+    path = tmp_path / "t.parquet"
+    write_failure(path, table, "rom.csv: line 3: the reason", Provenance(parameters={"subject": "01"}))
+    with pytest.raises(InputError, match=r"^rom\.csv: line 3: the reason$"):
+        read_table(path, table)
+    assert read_metadata(path)["parameters"] == {"subject": "01"}
+
+
+def test_a_table_is_declared_without_contradictions() -> None:
+    twice = Column("a", pa.int64(), "", "a")
+    with pytest.raises(AssertionError, match="declared twice"):
+        Table("t", 1, "", (twice, twice), ())
+    with pytest.raises(AssertionError, match="the key names a column that is not there"):
+        Table("t", 1, "", (twice,), ("b",))

@@ -1,0 +1,164 @@
+"""The command `python -m stages.capture import`, run as its users run it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from schemas.catalogue import POSES
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.poses import read_poses, recording_name
+from schemas.tables import read_metadata, read_table
+from stages.capture.__main__ import main
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
+ROWS = "0,0.0,hand,1,2,3,1,0,0,0\n0,0.0,thumb_distal,1,2,3,1,0,0,0\n1,0.1,hand,,,,,,,\n"
+WHO = ["--subject", 'A & <b>"x"', "--hand", "left", "--task", "rom"]
+
+
+def run(recording: Path, out: Path, *more: str, layout: str = "liberty16") -> int:
+    return main(["import", "--in", str(recording), "--layout", layout, *WHO, "--out", str(out), *more])
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A short recording with two receivers."""
+    path = tmp_path / "rom.csv"
+    path.write_text(HEADER + ROWS)
+    return path
+
+
+def test_metadata_say_whose_hand_it_is_and_what_is_absent(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A receiver without any pose is named on stderr and in the file, an optional one is not."""
+    out = recording.with_name("poses.parquet")
+    assert run(recording, out, "--trial", "2") == 0
+    metadata = read_metadata(out)
+    parameters = metadata["parameters"]
+    assert str(recording_name(out)) == 'subject A & <b>"x", left hand, rom, 2'
+    assert parameters["layout"] == "liberty16"
+    assert len(parameters["absent"]) == 14
+    assert not {"hand", "thumb_distal", "forearm"} & set(parameters["absent"])
+    assert [entry["file"] for entry in metadata["inputs"]] == ["rom.csv", "liberty16.yaml"]
+    captured = capsys.readouterr().err
+    assert captured.count("has no pose") == 14
+    assert "segment index_distal has no pose" in captured
+
+
+def test_a_receiver_whose_every_row_is_missing_is_absent(recording: Path) -> None:
+    recording.write_text(HEADER + ROWS + "0,0.0,index_distal,,,,,,,\n")
+    out = recording.with_name("poses.parquet")
+    run(recording, out)
+    assert "index_distal" in read_metadata(out)["parameters"]["absent"]
+    rows = read_table(out, POSES).to_pylist()
+    assert [row["flags"] for row in rows if row["segment"] == "index_distal"] == ["missing", "no-row"]
+
+
+def test_the_same_input_gives_the_same_bytes_anywhere(recording: Path, tmp_path: Path) -> None:
+    """Neither the date nor a folder is in the file."""
+    elsewhere = tmp_path / "elsewhere" / "rom.csv"
+    elsewhere.parent.mkdir()
+    elsewhere.write_bytes(recording.read_bytes())
+    run(recording, tmp_path / "one.parquet")
+    run(elsewhere, tmp_path / "another" / "two.parquet")
+    assert (tmp_path / "one.parquet").read_bytes() == (tmp_path / "another" / "two.parquet").read_bytes()
+    assert str(tmp_path).encode() not in (tmp_path / "one.parquet").read_bytes()
+
+
+def test_csv_and_parquet_of_one_recording_give_the_same_poses(recording: Path, tmp_path: Path) -> None:
+    """Also the poses table itself can be read as a recording."""
+    run(recording, tmp_path / "one.parquet")
+    run(tmp_path / "one.parquet", tmp_path / "two.parquet")
+    one, two = (read_table(tmp_path / name, POSES) for name in ("one.parquet", "two.parquet"))
+    assert one.drop_columns(["flags"]).equals(two.drop_columns(["flags"]))
+
+
+def test_bad_input_is_one_sentence_and_leaves_nothing(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording.write_text(HEADER + ROWS.replace("1,0,0,0", "1,1,0,0"))
+    out = recording.with_name("poses.parquet")
+    assert run(recording, out) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"error: {recording}: line 2, segment hand, frame 0: the quaternion has norm")
+    assert error.count("\n") == 1
+    assert list(recording.parent.iterdir()) == [recording]
+
+
+@pytest.mark.parametrize("layout", ["liberty16", "libery16"])
+def test_a_failure_can_be_recorded_instead(recording: Path, layout: str) -> None:
+    """The table has no rows, its parameters and, without the folder, the reason."""
+    recording.write_text(HEADER)
+    out = recording.with_name("poses.parquet")
+    assert run(recording, out, "--record-failure", layout=layout) == 0
+    assert recording_name(out).task == "rom"
+    assert read_metadata(out)["parameters"]["layout"] == layout
+    assert pq.read_metadata(out).num_rows == 0
+    message = "rom.csv: has a header but no rows" if layout == "liberty16" else "did you mean 'liberty16'"
+    with pytest.raises(InputError, match=message) as caught:
+        read_poses(out, ["hand"])
+    assert str(recording.parent) not in str(caught.value)
+
+
+def test_a_failure_of_a_recording_that_is_not_there(tmp_path: Path) -> None:
+    out = tmp_path / "poses.parquet"
+    assert run(tmp_path / "no.csv", out, "--record-failure") == 0
+    with pytest.raises(InputError, match=r"^no\.csv: no such file"):
+        read_table(out, POSES)
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_a_real_recording(real_data: Path, tmp_path: Path, hand: str) -> None:
+    """Every row comes through, gaps as gaps, quaternions of length 1 to rounding."""
+    recording = real_data / "upper_limb_poses" / f"racing_{hand}.csv"
+    if not recording.is_file():
+        pytest.skip(f"no {recording.name} among the real recordings")
+    out = tmp_path / "poses.parquet"
+    assert run(recording, out, layout="arm") == 0
+    lines = recording.read_text().splitlines()[1:]
+    poses = read_poses(out, read_layout("arm").measured)
+    assert poses.valid.size == len(lines) == 2800
+    assert (~poses.valid).sum() == sum(line.endswith(",,,,") for line in lines)
+    assert abs((poses.quaternion[poses.valid] ** 2).sum(-1) - 1).max() < 1e-12
+    assert read_metadata(out)["parameters"]["absent"] == []
+
+
+@pytest.mark.parametrize("words", [["--help"], ["import", "--help"]])
+def test_help_imports_nothing_heavy(words: list[str]) -> None:
+    """A study starts thousands of processes; NumPy and Arrow come after the arguments."""
+    code = (
+        "import sys, stages.capture.__main__ as m\n"
+        f"try: m.main({words!r})\n"
+        "finally: print(sorted({'numpy', 'pyarrow', 'yaml'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert "example" in done.stdout
+
+
+def test_an_unknown_command_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["imports"])
+    assert "invalid choice: 'imports'" in capsys.readouterr().err
+
+
+def test_the_guides_example_is_a_recording(tmp_path: Path) -> None:
+    """What docs/recordings.md shows can be imported as it stands, and has the gap that it tells of."""
+    guide = (REPOSITORY / "docs" / "recordings.md").read_text("utf-8")
+    example = tmp_path / "rom.csv"
+    example.write_text(guide.split("```csv\n")[1].split("```")[0])
+    assert run(example, tmp_path / "poses.parquet") == 0
+    rows = read_table(tmp_path / "poses.parquet", POSES).to_pylist()
+    assert [(row["segment"], row["frame"], row["flags"]) for row in rows] == [
+        ("hand", 1017, ""),
+        ("hand", 1018, ""),
+        ("index_proximal", 1017, ""),
+        ("index_proximal", 1018, "missing"),
+    ]

@@ -1,0 +1,241 @@
+"""From samples to the poses table and back through `schemas.poses`: order, grid, gaps, flags."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schemas.catalogue import POSES
+from schemas.errors import InputError
+from schemas.poses import pose_blocks, read_poses
+from schemas.tables import Provenance, write_table
+from stages.capture import poses as capture_poses
+from stages.capture.poses import FLAGS, FROZEN_FRAMES, PosesTable
+from stages.capture.samples import Samples
+
+SEGMENTS = ("hand", "thumb", "index")
+NAN = float("nan")
+GOOD = (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)
+PARENTS = {"thumb": "hand", "index": "hand"}
+
+
+def poses_table(samples: Samples, row_group_frames: int = 1000) -> PosesTable:
+    """Make the table of a hand from which a thumb and an index finger hang."""
+    return capture_poses.poses_table(samples, PARENTS, row_group_frames)
+
+
+def samples_of(*rows: tuple[str, int, float, tuple[float, ...]]) -> Samples:
+    """Make samples from rows of segment, frame, time_s and seven numbers."""
+    segment, frame, time_s, numbers = zip(*rows, strict=True)
+    return Samples(
+        SEGMENTS,
+        np.array([SEGMENTS.index(name) for name in segment]),
+        np.array(frame),
+        np.array(time_s, float),
+        np.array(numbers, float),
+        lambda row: f"rom.csv: line {row + 2}",
+    )
+
+
+def table_rows(table: PosesTable) -> list[dict[str, Any]]:
+    """Give the table's rows as dictionaries, NaN as None."""
+    columns = {
+        name: values.tolist() if isinstance(values, np.ndarray) else values.to_pylist()
+        for name, values in table.columns.items()
+    }
+    rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
+    return [{k: None if v != v else v for k, v in row.items()} for row in rows]
+
+
+def one_row(numbers: tuple[float, ...] = GOOD, time_s: float = 0.0) -> dict[str, Any]:
+    return table_rows(poses_table(samples_of(("hand", 0, time_s, numbers))))[0]
+
+
+def numbers_of(row: dict[str, Any]) -> list[float | None]:
+    return [row[name] for name in ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")]
+
+
+def test_order_and_full_grid() -> None:
+    """Rows go by the layout's segments, then by frame; a row that the recording lacks is null and says so."""
+    table = poses_table(
+        samples_of(("index", 12, 0.3, GOOD), ("hand", 10, 0.1, GOOD), ("index", -5, 0.05, GOOD))
+    )
+    rows = table_rows(table)
+    assert [(row["segment"], row["frame"], row["flags"]) for row in rows] == [
+        ("hand", -5, "no-row"),
+        ("hand", 10, ""),
+        ("hand", 12, "no-row"),
+        ("index", -5, ""),
+        ("index", 10, "no-row"),
+        ("index", 12, ""),
+    ]
+    assert [row["time_s"] for row in rows] == [None, 0.1, None, 0.05, None, 0.3]
+    assert [row["valid"] for row in rows] == [row["flags"] == "" for row in rows]
+    assert numbers_of(rows[0]) == [None] * 7
+    assert table.segments == ("hand", "index")
+    assert table.usable == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "flags"),
+    [
+        ((NAN,) * 7, "missing"),
+        ((NAN, *GOOD[1:]), "partly-missing"),
+        ((*GOOD[:6], NAN), "partly-missing"),
+        ((*GOOD[:3], NAN, 0.0, 0.0, 0.0), "partly-missing"),
+        ((float("inf"), *GOOD[1:]), "not-finite"),
+        ((float("-inf"), NAN, *GOOD[2:]), "partly-missing;not-finite"),
+    ],
+)
+def test_an_incomplete_row_is_a_gap_with_a_reason(numbers: tuple[float, ...], flags: str) -> None:
+    row = one_row(numbers)
+    assert numbers_of(row) == [None] * 7
+    assert (row["valid"], row["flags"], row["time_s"]) == (False, flags, 0.0)
+
+
+@pytest.mark.parametrize("norm", [0.99, 0.9999, 1.0, 1.01])
+def test_a_rounded_quaternion_is_brought_to_length_1(norm: float) -> None:
+    row = one_row((1, 2, 3, 0.6 * norm, 0, -0.8 * norm, 0))
+    np.testing.assert_allclose([row["qw"], row["qx"], row["qy"], row["qz"]], [0.6, 0, -0.8, 0], atol=1e-15)
+    assert row["valid"]
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "message"),
+    [
+        ((1, 1, 0, 0), "norm 1.41421 .*expected 1 within 0.01; check the column order .*leave the row's"),
+        ((0.98, 0, 0, 0), "norm 0.98"),
+        ((1e200, 0, 0, 0), "norm inf"),
+        ((0, 0, 0, 0), "all zeros .*zeros that stand for missing values must be left empty"),
+    ],
+)
+def test_no_unit_quaternion_refuses_the_file(quaternion: tuple[float, ...], message: str) -> None:
+    """The row named is the first in the file's order, not in the table's; the others are counted."""
+    bad = (0.0, 0.0, 0.0, *quaternion)
+    samples = samples_of(("thumb", 4, 0, GOOD), ("thumb", 3, 0, bad), ("hand", 3, 0, bad))
+    with pytest.raises(InputError, match=message) as caught:
+        poses_table(samples)
+    assert str(caught.value).startswith("rom.csv: line 3, segment thumb, frame 3: the quaternion ")
+    assert "and 1 more rows like it" in str(caught.value)
+
+
+def test_a_bad_quaternion_in_an_incomplete_row_is_only_a_gap() -> None:
+    assert one_row((NAN, NAN, NAN, 0, 0, 0, 0))["flags"] == "partly-missing"
+
+
+def test_the_same_row_twice_is_kept_once() -> None:
+    samples = samples_of(*[("hand", 1, 0.5, GOOD)] * 3, *[("hand", 2, NAN, (NAN,) * 7)] * 2)
+    rows = table_rows(poses_table(samples))
+    assert [row["flags"] for row in rows] == ["duplicate-frame", "missing;duplicate-frame;time-missing"]
+    assert numbers_of(rows[0]) == list(GOOD)
+    assert rows[0]["valid"]
+
+
+@pytest.mark.parametrize(
+    ("time_s", "numbers", "kept_time_s"),
+    [(0.5, (9.0, *GOOD[1:]), 0.5), (0.5, (NAN,) * 7, 0.5), (0.7, GOOD, None)],
+    ids=["other-numbers", "a-gap", "another-time"],
+)
+def test_rows_that_contradict_each_other_are_a_gap(
+    time_s: float, numbers: tuple[float, ...], kept_time_s: float | None
+) -> None:
+    """Nobody can know which is right, also where the first and third agree; what agrees is kept."""
+    samples = samples_of(("hand", 1, 0.5, GOOD), ("hand", 1, time_s, numbers), ("hand", 1, 0.5, GOOD))
+    (row,) = table_rows(poses_table(samples))
+    assert row["flags"].split(";")[0] == "conflicting-duplicate"
+    assert numbers_of(row) == [None] * 7
+    assert (row["valid"], row["time_s"]) == (False, kept_time_s)
+
+
+def test_time_is_kept_as_it_is_and_flagged() -> None:
+    """Compared with the receiver's last known time before, within one segment only."""
+    times = [0.1, 0.2, NAN, 0.2, 0.15, 0.3, float("inf")]
+    rows = [("thumb", frame, time, GOOD) for frame, time in enumerate(times)]
+    found = table_rows(poses_table(samples_of(("hand", 9, 9.0, GOOD), *rows)))[8:15]
+    assert [row["time_s"] for row in found] == [0.1, 0.2, None, 0.2, 0.15, 0.3, None]
+    late, missing = "time-not-increasing", "time-missing"
+    assert [row["flags"] for row in found] == ["", "", missing, late, late, "", missing]
+    assert all(row["valid"] for row in found)
+
+
+@pytest.mark.parametrize(
+    ("frames", "still", "frozen"),
+    [
+        (FROZEN_FRAMES, "thumb", True),
+        (FROZEN_FRAMES - 1, "thumb", False),
+        (FROZEN_FRAMES, "hand", False),
+        (FROZEN_FRAMES, "both", False),
+    ],
+)
+def test_a_receiver_that_never_moves_while_its_parent_does(frames: int, still: str, frozen: bool) -> None:
+    """A thumb cannot stay while the hand moves; a hand may lie still, and a thumb with it."""
+    rows = [
+        (segment, frame, frame / 240, (float(frame * (still not in (segment, "both"))), *GOOD[1:]))
+        for frame in range(frames)
+        for segment in ("hand", "thumb")
+    ]
+    table = poses_table(samples_of(*rows, ("hand", frames, 9.0, (NAN,) * 7)))
+    found = [row for row in table_rows(table) if row["segment"] == "thumb"]
+    assert {row["valid"] for row in found[:-1]} == {not frozen}
+    assert {row["flags"] for row in found[:-1]} == ({"frozen"} if frozen else {""})
+    assert table.frozen == (("thumb",) if frozen else ())
+
+
+def write(path: Path, table: PosesTable) -> None:
+    write_table(path, POSES, table.columns, Provenance(), row_group_rows=table.row_groups)
+
+
+@st.composite
+def recordings(draw: st.DrawFn) -> Samples:
+    """Any subset of a grid of segments and frames, in any order, with gaps."""
+    cells = draw(st.lists(st.tuples(st.sampled_from(SEGMENTS), st.integers(-6, 12)), min_size=1, unique=True))
+    gaps = draw(st.lists(st.booleans(), min_size=len(cells), max_size=len(cells)))
+    return samples_of(
+        *(
+            (segment, frame, frame / 8, (NAN,) * 7 if gap else (frame, i, 0.0, 0.6, 0.8, 0.0, 0.0))
+            for i, ((segment, frame), gap) in enumerate(zip(cells, gaps, strict=True))
+        )
+    )
+
+
+@given(recordings(), st.integers(1, 25), st.integers(1, 25))
+@settings(max_examples=60, deadline=None)
+def test_blocks_give_back_what_was_recorded(
+    tmp_path_factory: pytest.TempPathFactory, samples: Samples, group_frames: int, block_frames: int
+) -> None:
+    """Through the file, in blocks of any size over row groups of any size, segments asked in any order."""
+    path = tmp_path_factory.mktemp("poses") / "poses.parquet"
+    write(path, poses_table(samples, group_frames))
+    asked = ("index", "nobody", "thumb", "hand")
+    blocks = list(pose_blocks(path, asked, block_frames))
+    frames = np.concatenate([block.frame for block in blocks])
+    numbers = np.concatenate([np.dstack([block.position_mm, block.quaternion]) for block in blocks])
+    valid = np.concatenate([block.valid for block in blocks])
+    np.testing.assert_array_equal(frames, np.unique(samples.frame))
+    assert all(len(block.frame) == block_frames for block in blocks[:-1])
+    expected = np.full((len(frames), len(asked), 7), np.nan)
+    for segment, frame, row in zip(samples.segment, samples.frame, samples.numbers, strict=True):
+        expected[np.searchsorted(frames, frame), asked.index(SEGMENTS[segment])] = row
+    np.testing.assert_allclose(numbers, expected, rtol=1e-15)
+    np.testing.assert_array_equal(valid, np.isfinite(expected).all(-1))
+    np.testing.assert_allclose(np.concatenate([block.time_s for block in blocks]), frames / 8)
+    np.testing.assert_array_equal(read_poses(path, asked).valid, valid)
+
+
+def test_no_row_group_holds_two_segments(tmp_path: Path) -> None:
+    rows = [(segment, frame, 0.1 * frame, GOOD) for segment in SEGMENTS for frame in range(10)]
+    write(tmp_path / "poses.parquet", poses_table(samples_of(*rows), 4))
+    file = pq.ParquetFile(tmp_path / "poses.parquet")
+    groups = [file.read_row_group(index) for index in range(file.metadata.num_row_groups)]
+    assert [group.num_rows for group in groups] == [4, 4, 2] * 3
+    assert all(len(group["segment"].unique()) == 1 for group in groups)
+
+
+def test_every_flag_is_explained() -> None:
+    """The guide to recordings names every flag that the table can hold."""
+    guide = (Path(__file__).parents[3] / "docs" / "recordings.md").read_text("utf-8")
+    assert [flag for flag in FLAGS if f"`{flag}`" not in guide] == []

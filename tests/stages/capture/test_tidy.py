@@ -1,0 +1,230 @@
+"""Reading tidy recordings: what is read, and what is refused with which sentence."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from schemas.errors import InputError
+from schemas.layout import Layout, read_layout
+from stages.capture.readers import find_reader
+from stages.capture.samples import Samples
+from stages.capture.tidy import read_csv, read_parquet
+
+HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
+ROW = "{frame},0.5,{segment},1,2,3,1,0,0,0\n"
+TWO_ROWS = HEADER + ROW.format(frame=7, segment="hand") + ROW.format(frame=8, segment="index_distal")
+
+LIBERTY = read_layout("liberty16")
+ARM = read_layout("arm")
+
+
+def read(tmp_path: Path, content: str | bytes, layout: Layout = LIBERTY) -> Samples:
+    path = tmp_path / "rom.csv"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_csv(path, layout)
+
+
+def refuse(tmp_path: Path, content: str | bytes, message: str, layout: Layout = LIBERTY) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read(tmp_path, content, layout)
+    assert str(caught.value).startswith(str(tmp_path / "rom.csv"))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        TWO_ROWS,
+        "\ufeff" + TWO_ROWS,
+        TWO_ROWS.replace("\n", "\r\n"),
+        TWO_ROWS.replace("\n", "\r"),
+        TWO_ROWS.replace("\n", "\n\n"),
+        TWO_ROWS.removesuffix("\n"),
+        TWO_ROWS.replace(",", " , "),
+        TWO_ROWS.replace("7,", "7.0,"),
+        TWO_ROWS.replace("\n", ',"a ""note"""\n').replace(',"a ""note"""', ",note", 1),
+    ],
+    ids=["plain", "bom", "crlf", "cr", "blank-lines", "no-last-newline", "spaces", "7.0", "more-columns"],
+)
+def test_the_same_recording_however_it_is_saved(tmp_path: Path, content: str) -> None:
+    samples = read(tmp_path, content)
+    assert samples.segments == LIBERTY.measured
+    assert [samples.segments[index] for index in samples.segment] == ["hand", "index_distal"]
+    np.testing.assert_array_equal(samples.frame, [7, 8])
+    np.testing.assert_array_equal(samples.time_s, [0.5, 0.5])
+    np.testing.assert_array_equal(samples.numbers, [[1, 2, 3, 1, 0, 0, 0]] * 2)
+
+
+@pytest.mark.parametrize("empty", ["", " ", "NaN", "nan", "NA", "null"])
+def test_empty_cells_become_nan(tmp_path: Path, empty: str) -> None:
+    samples = read(tmp_path, HEADER + f"-3,{empty},hand,{empty},2,3,1,0,0,0\n")
+    assert samples.frame[0] == -3
+    assert np.isnan(samples.time_s[0])
+    assert np.isnan(samples.numbers[0, 0])
+
+
+def test_station_numbers_are_mapped_by_the_layout(tmp_path: Path) -> None:
+    content = HEADER.replace("segment", "receiver") + ROW.format(frame=0, segment=16)
+    samples = read(tmp_path, content + ROW.format(frame=0, segment=1))
+    assert [samples.segments[index] for index in samples.segment] == ["little_distal", "hand"]
+
+
+def row_with(column: str, text: str) -> str:
+    """Two good lines, a blank one, and in line 5 a row whose one cell is that text."""
+    cells = dict(zip(HEADER.strip().split(","), ["9", "1.5", "hand", *"1231000"], strict=True))
+    good = HEADER + ROW.format(frame=7, segment="hand") + "\n" + ROW.format(frame=8, segment="hand")
+    return good + ",".join((cells | {column: text}).values()) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("column", "text", "message"),
+    [
+        ("frame", "3.5", "line 5, column frame: is '3.5'; expected a whole number"),
+        ("frame", "", "line 5, column frame: is empty; expected a whole number"),
+        ("frame", "1e300", "line 5, column frame: is '1e300'; expected a whole number"),
+        ("frame", "inf", "line 5, column frame: is 'inf'; expected a whole number"),
+        ("frame", "one", "line 5, column frame: is 'one'; expected a number"),
+        ("x_mm", "left", "line 5, column x_mm: is 'left'; expected a number"),
+        ("x_mm", "1_0", "line 5, column x_mm: is '1_0'; expected a number"),
+        ("qz", '"0,5"', "line 5, column qz: is '0,5'; expected a number with a decimal point, not a comma"),
+        ("time_s", "00:01", "line 5, column time_s: is '00:01'; expected a number"),
+        ("qz", "0,5", "line 5: has 11 cells; expected 10 as in the header .*decimal point"),
+        ("segment", "", "line 5, column segment: is empty; expected a name"),
+        ("segment", "indx_distal", "line 5: segment 'indx_distal' is not in layout liberty16, which knows "),
+        ("segment", "indx_distal", "did you mean 'index_distal'"),
+        ("segment", "index_metacarpal", "line 5: segment 'index_metacarpal' carries no receiver in layout"),
+    ],
+)
+def test_a_bad_cell_is_named_by_the_line_an_editor_shows(
+    tmp_path: Path, column: str, text: str, message: str
+) -> None:
+    refuse(tmp_path, row_with(column, text), message)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "is empty; expected a tidy recording"),
+        ("\n \n", "is empty; expected a tidy recording"),
+        (HEADER, "has a header but no rows"),
+        (TWO_ROWS.replace("x_mm", "x"), "column x_mm is missing; found frame, time_s, segment, x, "),
+        (TWO_ROWS.replace("segment", "name"), r"column segment \(or receiver\) is missing"),
+        (TWO_ROWS.replace(",", ";"), "separated by semicolons: save with commas"),
+        (TWO_ROWS.replace(",", "\t"), "separated by tabs"),
+        (TWO_ROWS.replace("qw", "QW"), "lower case"),
+        (TWO_ROWS.replace("qx", "qw"), "column qx is missing"),
+        (TWO_ROWS.replace("\n", ",9\n").replace(",9", ",qw", 1), "column qw is given twice"),
+        (TWO_ROWS.replace("segment", "segment,receiver"), "both columns segment and receiver; keep one"),
+        (TWO_ROWS[:-7], "line 3: has 7 cells; expected 10"),
+        (TWO_ROWS.encode("utf-16"), "is not UTF-8 text"),
+        (TWO_ROWS.encode() + ROW.format(frame=9, segment="\xe9").encode("latin-1"), "line 4: is not UTF-8"),
+    ],
+)
+def test_a_file_that_is_no_tidy_recording(tmp_path: Path, content: str | bytes, message: str) -> None:
+    refuse(tmp_path, content, message)
+
+
+@pytest.mark.parametrize(
+    ("layout", "station", "message"),
+    [
+        (LIBERTY, "18", "line 2: receiver 18 sits on no segment of layout liberty16, which knows 1, 2, "),
+        (LIBERTY, "2.5", "line 2, column receiver: is '2.5'; expected a whole number"),
+        (ARM, "1", "layout arm gives its segments none"),
+    ],
+)
+def test_a_station_number_without_a_segment(
+    tmp_path: Path, layout: Layout, station: str, message: str
+) -> None:
+    header = HEADER.replace("segment", "receiver")
+    refuse(tmp_path, header + ROW.format(frame=0, segment=station), message, layout)
+
+
+def test_the_line_is_right_after_a_quoted_line_break(tmp_path: Path) -> None:
+    header = HEADER.replace("\n", ",note\n")
+    rows = ['0,0,hand,1,2,3,1,0,0,0,"two\nlines"\n', "1,0,hand,1,2,x,1,0,0,0,\n"]
+    refuse(tmp_path, header + "".join(rows), "line 4, column z_mm: is 'x'")
+
+
+def parquet(tmp_path: Path, **changes: object) -> Path:
+    """Write a two-row Parquet recording, some columns changed; None leaves a column out."""
+    columns: dict[str, object] = {
+        "frame": [7, 8],
+        "time_s": [0.5, None],
+        "segment": ["hand", "index_distal"],
+        **{name: [0.0, 0.0] for name in ("x_mm", "y_mm", "z_mm", "qx", "qy", "qz")},
+        "qw": [1.0, 1.0],
+    } | changes
+    path = tmp_path / "rom.parquet"
+    pq.write_table(pa.table({k: pa.array(v) for k, v in columns.items() if v is not None}), path)
+    return path
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"frame": pa.array([7, 8], pa.uint16())},
+        {"frame": [7.0, 8.0]},
+        {"x_mm": pa.array([0, 0], pa.float32())},
+        {"x_mm": [0, 0]},
+        {"segment": pa.array(["hand", "index_distal"]).dictionary_encode()},
+        {"segment": pa.array(["hand", "index_distal"], pa.large_string())},
+        {"segment": None, "receiver": [1, 7]},
+        {"note": ["a", "b"]},
+    ],
+)
+def test_parquet_in_whatever_types_its_writer_chose(tmp_path: Path, changes: dict[str, object]) -> None:
+    samples = read_parquet(parquet(tmp_path, **changes), LIBERTY)
+    assert [samples.segments[index] for index in samples.segment] == ["hand", "index_distal"]
+    np.testing.assert_array_equal(samples.frame, [7, 8])
+    np.testing.assert_array_equal(samples.time_s, [0.5, np.nan])
+    np.testing.assert_array_equal(samples.numbers, [[0, 0, 0, 1, 0, 0, 0]] * 2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"x_mm": ["1", "2"]}, "column x_mm is string; expected numbers"),
+        ({"frame": [True, False]}, "column frame is bool; expected numbers"),
+        ({"frame": [1, None]}, "row 2, column frame: is empty; expected a whole number"),
+        ({"frame": [1.5, 2.0]}, "row 1, column frame: is 1.5; expected a whole number"),
+        ({"frame": pa.array([1, 2**64 - 1], pa.uint64())}, "row 2, column frame: is 18446744073709551615"),
+        ({"segment": ["hand", None]}, "row 2, column segment: is empty; expected a name"),
+        ({"segment": [1, 2]}, "column segment is int64; expected text"),
+        ({"segment": ["hand", "foot"]}, "row 2: segment 'foot' is not in layout liberty16"),
+        ({"qw": None}, "column qw is missing"),
+    ],
+)
+def test_parquet_that_is_no_tidy_recording(tmp_path: Path, changes: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_parquet(parquet(tmp_path, **changes), LIBERTY)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    """Absent, a folder, cut off, not Parquet at all: one sentence each, for both formats."""
+    whole = parquet(tmp_path).read_bytes()
+    (tmp_path / "cut.parquet").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "text.parquet").write_text(TWO_ROWS)
+    for path, message in (
+        (tmp_path / "no.csv", "no such file"),
+        (tmp_path / "no.parquet", "no such file"),
+        (tmp_path / "cut.parquet", "not a readable Parquet file"),
+        (tmp_path / "text.parquet", "not a readable Parquet file"),
+    ):
+        with pytest.raises(InputError, match=message):
+            find_reader(path, "auto")(path, LIBERTY)
+    for name in ("csv", "parquet"):
+        with pytest.raises(InputError, match="directory"):
+            find_reader(tmp_path, name)(tmp_path, LIBERTY)
+
+
+def test_the_format_goes_by_the_ending_unless_given() -> None:
+    assert find_reader(Path("a.CSV"), "auto") is read_csv
+    assert find_reader(Path("a.pq"), "auto") is read_parquet
+    assert find_reader(Path("a.txt"), "csv") is read_csv
+    with pytest.raises(InputError, match=r"a\.txt: the ending '\.txt' .* give --format csv or parquet"):
+        find_reader(Path("a.txt"), "auto")

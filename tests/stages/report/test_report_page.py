@@ -1,0 +1,231 @@
+"""The whole page: self-contained, harmless, complete, and its numbers those of the tables."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from report_samples.made_study import HOSTILE, MODELS, MadeRows, make_study, write, write_rows
+from report_samples.read_page import read_page, table_called
+
+from schemas.catalogue import JOINT_CENTRES, POSES, PROBLEMS, TIP_ERRORS
+from schemas.study import read_study
+from schemas.tables import Provenance, write_failure
+from stages.report.page import render_page
+from stages.report.study_results import StudyResults, read_results
+
+
+def _render(study: Path, folder: Path) -> str:
+    return render_page(read_results(read_study(study), folder))
+
+
+def _add_row(sheet: Path, *cells: str) -> None:
+    with sheet.open("a", encoding="utf-8") as stream:
+        stream.write("\t".join(cells) + "\n")
+
+
+def test_page_loads_nothing(page: str) -> None:
+    """No script, no link to anything outside the page."""
+    reader = read_page(page)
+    assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in reader.tags}
+    targets = [attrs[name] for _, attrs in reader.tags for name in ("src", "href") if name in attrs]
+    assert all(target is not None and target.startswith("#") for target in targets)
+    assert "url(" not in page
+    assert "@import" not in page
+
+
+def test_links_lead_to_places_of_the_page(page: str) -> None:
+    """Every entry of the contents has its section; no id is given twice."""
+    tags = read_page(page).tags
+    ids = [attrs["id"] for _, attrs in tags if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    assert {attrs["href"] for tag, attrs in tags if tag == "a"} <= {f"#{name}" for name in ids}
+
+
+def test_hostile_names_are_text(tmp_path: Path) -> None:
+    """A name with markup in it is shown as it is and adds no tag."""
+    names = ("<script>alert(1)</script>", "手 ' \" </svg><img src=x onerror=y>")
+    plain = make_study(tmp_path / "plain", n_frames=4, subjects=("A", "B"))
+    hostile = make_study(tmp_path / "hostile", n_frames=4, subjects=names)
+    expected, found = read_page(_render(*plain)), read_page(_render(*hostile))
+    assert [tag for tag, _ in found.tags] == [tag for tag, _ in expected.tags]
+    assert all(f"Subject {name}" in found.text for name in names)
+
+
+def test_same_input_same_bytes(results: StudyResults, page: str, made: tuple[Path, Path]) -> None:
+    """Rendered twice the page is the same, and it knows no path of this machine."""
+    assert render_page(results) == page
+    assert str(made[1].parent) not in page
+    assert str(Path.cwd()) not in page
+
+
+def test_every_table_has_caption_and_scopes(page: str) -> None:
+    """Header cells say what they head."""
+    for table in read_page(page).tables:
+        assert table.caption
+        headers = [cell for row in table.attributes for cell in row if cell["tag"] == "th"]
+        assert headers
+        assert all(cell["scope"] in ("row", "col") for cell in headers)
+
+
+def test_every_drawing_has_a_text_alternative(page: str) -> None:
+    """Each picture starts with its title."""
+    pictures = re.findall(r'<svg viewBox="[^"]*" role="img">(<title>[^<]{20,})?', page)
+    assert len(pictures) == 3 * len(MODELS) + 2 * 3 + 1 * 2
+    assert all(pictures)
+
+
+@pytest.mark.parametrize("subject", ["S01", HOSTILE])
+@pytest.mark.parametrize("model", MODELS)
+def test_tables_in_cm_equal_the_parquet_table(
+    results: StudyResults, page: str, subject: str, model: str
+) -> None:
+    """Every cell of the study's Tables 1 to 4 is the first-frame value to the printed digit."""
+    (table,) = [
+        table
+        for table in read_page(page).tables
+        if table.caption.endswith(f"subject {subject}, opposition, model {model}.")
+    ]
+    starts = {"right": 0, "left": 5}
+    rows = [
+        row
+        for row in results.tip_errors
+        if (row["subject"], row["model"], row["binding"]) == (subject, model, "first-frame")
+    ]
+    assert rows
+    for row in rows:
+        start = starts[row["hand"]]
+        column = table.rows[start].index(row["digit"].capitalize())
+        for offset, name in enumerate(("max_mm", "min_mm", "mean_mm", "sd_mm"), 1):
+            printed = table.rows[start + offset][column]
+            assert printed == ("–" if row[name] is None else f"{row[name] / 10:.2f}")
+
+
+def test_least_squares_table_equals_the_parquet_table(results: StudyResults, page: str) -> None:
+    """Mean and 95th percentile by model and digit, in mm."""
+    caption = (
+        "Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: "
+        "subject S01, opposition."
+    )
+    table = table_called(page, caption)
+    left = next(i for i, row in enumerate(table.rows) if row[0] == "Left hand [mm]")
+    for row in results.tip_errors:
+        if (row["subject"], row["hand"], row["binding"]) == ("S01", "right", "least-squares"):
+            column = table.rows[0].index(f"{row['digit'].capitalize()} mean")
+            cells = next(cells for cells in table.rows[1:left] if cells[0] == row["model"])
+            assert cells[column : column + 2] == [f"{row['mean_mm']:.2f}", f"{row['p95_mm']:.2f}"]
+
+
+def test_joints_equal_the_parquet_table(results: StudyResults, page: str) -> None:
+    """Every joint stands in its table with its status and numbers."""
+    table = table_called(page, "Joints of subject S01, left hand, model paper-fig4.")
+    rows = [
+        r for r in results.joints if (r["subject"], r["hand"], r["model"]) == ("S01", "left", "paper-fig4")
+    ]
+    assert len(table.rows) == len(rows) + 1
+    for row, cells in zip(rows, table.rows[1:], strict=True):
+        assert cells[0] == row["joint"]
+        assert row["status"] in cells[1]
+        assert cells[5] == ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.2f}")
+        assert cells[-1] == row["message"]
+
+
+def test_bones_equal_the_parquet_table(results: StudyResults, page: str) -> None:
+    """Every bone's length stands under its model."""
+    table = table_called(page, "Bone lengths of subject S01, right hand, in mm, with 1-sigma error.")
+    for row in results.bones:
+        if (row["subject"], row["hand"]) == ("S01", "right"):
+            cells = next(cells for cells in table.rows if cells[0] == row["bone"])
+            cell = cells[table.rows[0].index(row["model"])]
+            assert cell.startswith(f"{row['length_mm']:.2f} ± {row['sd_mm']:.2f}")
+
+
+def test_what_went_wrong_is_told(page: str) -> None:
+    """The failed recording, its reason, the count and the exports that are not written."""
+    text = " ".join(read_page(page).text)
+    assert "3 of 4 recordings were used (1 failed)." in text
+    assert "This version writes none." in text
+    assert "row 7, column x_mm" in text
+    assert "Left hand, ring: joint ring_dip failed." in text
+    assert "little_dip 307 mm" in text or "little_dip 306 mm" in text
+
+
+def test_nothing_went_wrong(tmp_path: Path) -> None:
+    """Without problems there is no such section."""
+    study, folder = make_study(tmp_path, n_frames=4, subjects=("A",))
+    study.write_text(study.read_text("utf-8").replace("exports: [bvh]\n", ""), "utf-8")
+    assert "What went wrong" not in read_page(_render(study, folder)).text
+
+
+def test_no_recording_used(tmp_path: Path) -> None:
+    """A study of which nothing is left still has a page that names every recording and reason."""
+    study, folder = make_study(tmp_path, n_frames=4)
+    write_rows(folder, MadeRows())
+    for path in folder.rglob("poses.parquet"):
+        path.unlink()
+    write_failure(folder / "tips.parquet", TIP_ERRORS, "no hand was left", Provenance())
+    write_failure(folder / "tip_errors.parquet", TIP_ERRORS, "no hand was left", Provenance())
+    page = _render(study, folder)
+    text = " ".join(read_page(page).text)
+    assert "0 of 4 recordings were used (4 missing)." in text
+    assert "no hand was left" in text
+    assert len(table_called(page, "Every recording of the study's sheet.").rows) == 5
+
+
+def test_other_shapes_of_a_study(tmp_path: Path) -> None:
+    """One hand, one frame, an excluded recording, one only for calibration, poses that failed."""
+    study, folder = make_study(tmp_path, n_frames=1, subjects=("A",))
+    sheet = tmp_path / "sheet.tsv"
+    lines = sheet.read_text("utf-8").splitlines()
+    sheet.write_text("\n".join([lines[0] + "\ttrial\texclude", lines[1]]) + "\n", "utf-8")
+    _add_row(sheet, "A", "right", "opposition", "evaluation", "again.csv", "2", "cable came off")
+    _add_row(sheet, "B", "left", "rom", "calibration", "rom.csv", "", "")
+    write_failure(folder / "sub-B/left/rom/poses.parquet", POSES, "rom.csv: is empty.", Provenance())
+    text = " ".join(read_page(_render(study, folder)).text)
+    assert "The sheet has no left-hand recording of this task." in text
+    assert "recording excluded (cable came off)" in text
+    assert "Left hand: no picture, for rom.csv: is empty." in text
+    assert "No recording of this subject is there to be evaluated." in text
+
+
+def test_arm_has_no_table_of_the_paper_beside_it(tmp_path: Path) -> None:
+    """A layout with other digits gets the same tables alone, and nothing is drawn that is not there."""
+    study, folder = make_study(tmp_path, n_frames=2, subjects=("A",))
+    study.write_text(study.read_text("utf-8").replace("liberty16", "arm"), "utf-8")
+    page = _render(study, folder)
+    assert "as the paper prints it" not in "".join(table.caption for table in read_page(page).tables)
+    assert "Error (Right hand)" in page
+
+
+def test_joints_all_failed(tmp_path: Path) -> None:
+    """Joints without any number leave pictures of receivers and tips, and say which joints are absent."""
+    study, folder = make_study(tmp_path, n_frames=3, subjects=("A",))
+    results = read_results(read_study(study), folder)
+    kept = (
+        "subject",
+        "hand",
+        "model",
+        "joint",
+        "parent_segment",
+        "child_segment",
+        "dof",
+        "n_frames",
+        "source",
+    )
+    failed = [
+        {k: row[k] for k in kept} | {"status": "failed", "message": "no frames"} for row in results.joints
+    ]
+    write(folder / "joint_centres.parquet", JOINT_CENTRES, failed)
+    text = " ".join(read_page(_render(study, folder)).text)
+    assert "Without a place, so left out: wrist, thumb_mcp" in text
+    assert "16 failed" in text
+
+
+def test_problems_are_all_there(tmp_path: Path) -> None:
+    """Every row of the problems table is on the page."""
+    study, folder = make_study(tmp_path, n_frames=2, subjects=("A",))
+    rows = [{"where": f"place {i}", "stage": "capture", "message": f"<b>reason {i}"} for i in range(3)]
+    write(folder / "problems.parquet", PROBLEMS, rows)
+    table = table_called(_render(study, folder), "Everything that did not go as the study asked.")
+    assert table.rows[1:] == [list(row.values()) for row in rows]

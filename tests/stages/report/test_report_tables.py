@@ -1,0 +1,121 @@
+"""The paper's tables, the finding and the command line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from schemas.model import read_model
+from stages import command_line
+from stages.report.__main__ import build_parser, record_failure, report
+from stages.report.data_table import counted, listed, number
+from stages.report.finding import finding, mean_tip_errors
+from stages.report.study_results import StudyResults
+from stages.report.tables_1_to_4 import own_table, printed_table
+from stages.report.terminal import terminal_tables
+
+
+def _run(*words: str) -> int:
+    return command_line.run(build_parser().parse_args(words), report, record_failure)
+
+
+@pytest.mark.parametrize(
+    ("table", "block", "row", "cells"),
+    [
+        (1, 0, 0, ("Max [cm]", "1.94", "16.74", "16.98", "15.66", "13.93")),
+        (2, 1, 2, ("Average [cm]", "0.99", "0.72", "0.74", "0.74", "8.28")),
+        (3, 0, 3, ("Standard Deviation [cm]", "0.10", "0.07", "0.10", "0.06", "0.05")),
+        (4, 1, 0, ("Max [cm]", "0.37", "1.00", "1.06", "2.25", "3.12")),
+    ],
+)
+def test_printed_tables_are_the_papers(table: int, block: int, row: int, cells: tuple[str, ...]) -> None:
+    """A row of each of the paper's four tables."""
+    assert printed_table(table).blocks[block].rows[row] == cells
+
+
+def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
+    """Headers and row headings are the same, cell by cell."""
+    trial = next(results.trials("S01"))
+    own = own_table(results, trial, read_model("paper-fig3"))
+    for mine, printed in zip(own.blocks, printed_table(2).blocks, strict=True):
+        assert mine.header == printed.header
+        assert [row[0] for row in mine.rows] == [row[0] for row in printed.rows]
+
+
+def test_finding_names_means_and_doubts(results: StudyResults) -> None:
+    """The means are over all digits and hands; nothing was held out, and the paragraph says so."""
+    means = mean_tip_errors(results, held_out=False)
+    values = [
+        row["mean_mm"]
+        for row in results.tip_errors
+        if (row["model"], row["binding"]) == ("rigid", "least-squares") and row["mean_mm"] is not None
+    ]
+    assert means["rigid"] == pytest.approx(sum(values) / len(values))
+    text = finding(results)
+    assert f"{means['rigid']:.2f} mm (rigid)" in text
+    assert "(nothing is held out)" in text
+    assert "1 weak and 1 failed of 48 joints" in text
+
+
+def test_terminal_tables_fit_and_hold_the_numbers(results: StudyResults) -> None:
+    """Four tables a subject, in 80 columns, the page named last."""
+    text = terminal_tables(results)
+    assert max(map(len, text.splitlines())) < 80
+    for table in range(1, 5):
+        assert text.count(f"\nTable {table}. ") == 2
+    row = results.tip_error_of["S01", "right", "opposition", "", "paper-fig3", "thumb", "first-frame"]
+    assert f"{row['mean_mm'] / 10:.2f}" in text
+
+
+def test_command_line_writes_and_prints(
+    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One call does both; the last line says where the page is."""
+    out = tmp_path / "deep" / "report.html"
+    assert _run("--study", str(made[0]), "--results", str(made[1]), "--out", str(out), "--print") == 0
+    assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
+    assert capsys.readouterr().out.splitlines()[-1] == f"The whole report: {out}"
+    assert [path.name for path in out.parent.iterdir()] == ["report.html"]
+
+
+def test_absent_results_are_bad_input(
+    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 and a sentence; with --record-failure a page that says why."""
+    out = tmp_path / "report.html"
+    words = ("--study", str(made[0]), "--results", str(tmp_path), "--out", str(out))
+    assert _run(*words) == 2
+    assert "recordings.parquet: no such file" in capsys.readouterr().err
+    assert _run(*words, "--record-failure") == 0
+    assert "recordings.parquet: no such file" in out.read_text("utf-8")
+
+
+def test_nothing_to_do_is_bad_input(made: tuple[Path, Path]) -> None:
+    """Neither page nor terminal was asked for."""
+    assert _run("--study", str(made[0]), "--results", str(made[1])) == 2
+
+
+def test_help_loads_nothing_heavy() -> None:
+    """The help needs neither arrays nor templates."""
+    code = (
+        "import sys, stages.report.__main__ as m; m.build_parser().format_help();"
+        "print({'numpy', 'pyarrow', 'jinja2'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_words_and_numbers() -> None:
+    """Dashes for what is not there, no negative zero, lists as a sentence has them."""
+    assert [number(v) for v in (None, float("nan"), -0.001, 1.005, -0.5)] == [
+        "–",
+        "–",
+        "0.00",
+        "1.00",
+        "-0.50",
+    ]
+    assert [listed(w) for w in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == ["", "a", "a and b", "a, b and c"]
+    assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
