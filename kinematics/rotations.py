@@ -64,15 +64,13 @@ def multiply(first: Array, second: Array) -> Array:
     """Hamilton product, shapes (..., 4): the rotation `second`, then the rotation `first`."""
     aw, ax, ay, az = np.moveaxis(first, -1, 0)
     bw, bx, by, bz = np.moveaxis(second, -1, 0)
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        -1,
-    )
+    w = aw * bw - ax * bx - ay * by - az * bz
+    out = np.empty((*w.shape, 4))
+    out[..., 0] = w
+    out[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    out[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    out[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    return out
 
 
 def conjugate(quaternion: Array) -> Array:
@@ -82,9 +80,14 @@ def conjugate(quaternion: Array) -> Array:
 
 def rotate(quaternion: Array, vector: Array) -> Array:
     """Vectors (..., 3) rotated by unit quaternions (..., 4); the shapes broadcast."""
-    w, u = quaternion[..., :1], quaternion[..., 1:]
-    twice = 2.0 * np.cross(u, vector)
-    return np.asarray(vector + w * twice + np.cross(u, twice))
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    a, b, c = np.moveaxis(vector, -1, 0)
+    u, v, t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    out = np.empty((*u.shape, 3))  # v + w 2(q x v) + q x 2(q x v); written out, np.cross being slow
+    out[..., 0] = a + w * u + y * t - z * v
+    out[..., 1] = b + w * v + z * u - x * t
+    out[..., 2] = c + w * t + x * v - y * u
+    return out
 
 
 def about_axis(axis: Array, angle_rad: Array | float) -> Array:

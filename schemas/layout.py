@@ -33,7 +33,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Plane:
-    """The plane that cuts a joint's axis, given in the parent's or the child's receiver frame."""
+    """The plane that cuts a joint's axis, in the frame of the parent's or the child's receiver; or none."""
 
     frame: str
     point_mm: Vector
@@ -189,7 +189,7 @@ def _joint(
     normal = _vector(plane["normal"]) if "normal" in plane else None
     if normal is not None and not any(normal):
         raise InputError(f"{where}: joints.{name}.plane.normal: has no length")
-    segment = segments[part["child"] if frame == "child" else above]
+    segment = segments[above if frame == "parent" else part["child"]]
     point = _vector(plane.get("point_mm", [0, 0, 0]))
     return Joint(
         name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from schemas.tables import (
     file_sha256,
     read_metadata,
     read_table,
+    rows_of,
     write_table,
 )
 
@@ -28,13 +30,23 @@ def gather_study(study: Study, results: Results) -> None:
     recordings = [_recording_row(recording, results, problems) for recording in study.recordings]
     for name in HAND_TABLES:
         _write_whole(study, results, name, problems)
-    problems += _correction_problems(study)
+    problems += _uncalibrated(study) + _correction_problems(study)
     provenance = Provenance.of(list(study.sheets.values()))
     unique = list({(row["where"], row["message"]): row for row in reversed(problems)}.values())[::-1]
     write_table(
         results.study_table("recordings"), RECORDINGS, columns_from_rows(RECORDINGS, recordings), provenance
     )
     write_table(results.study_table("problems"), PROBLEMS, columns_from_rows(PROBLEMS, unique), provenance)
+
+
+def _uncalibrated(study: Study) -> list[dict[str, Any]]:
+    """Name the hands that no recording calibrates: nothing failed, and yet there is no skeleton."""
+    message = "no recording calibrates this hand, so none of its joints could be solved"
+    return [
+        {"where": f"{hand.subject}, {hand.hand}", "stage": "solve_joints", "message": message}
+        for hand in study.hands
+        if not study.of(hand, ("calibration", "both"))
+    ]
 
 
 def _correction_problems(study: Study) -> list[dict[str, Any]]:
@@ -81,27 +93,37 @@ def _recording_row(recording: Recording, results: Results, problems: list[dict[s
     }
     if recording.exclude:
         return row | {"status": "excluded", "message": recording.exclude}
+    names = (recording.hand.subject, recording.hand.hand, recording.task, recording.trial)
+    problem = {"where": ", ".join(filter(None, names)), "stage": "capture"}
     path = results.poses(recording)
     try:
         table = read_table(path, POSES, ["segment", "frame", "time_s", "valid"])
         absent = read_metadata(path)["parameters"].get("absent", [])
     except InputError as error:
-        where = ", ".join(
-            filter(None, (recording.hand.subject, recording.hand.hand, recording.task, recording.trial))
-        )
-        problems.append({"where": where, "stage": "capture", "message": str(error)})
+        problems.append(problem | {"message": str(error)})
         return row | {"status": "failed", "message": str(error)}
-    message = f"no receiver on {', '.join(absent)}" if absent else ""
-    return row | _counts(table, len(absent)) | {"message": message}
+    dead = _dead(table, absent)
+    message = f"no usable pose of {', '.join(dead)}; check that receiver" if dead else ""
+    if dead:
+        problems.append(problem | {"message": message})
+    return row | _counts(table, absent) | {"message": message}
 
 
-def _counts(table: pa.Table, n_absent: int) -> dict[str, Any]:
-    n_segments = len(table.column("segment").unique())
+def _dead(table: pa.Table, absent: Sequence[str]) -> list[str]:
+    """Segments of which no pose may be used, those that the recording lacks among them."""
+    ever = table.group_by("segment", use_threads=False).aggregate([("valid", "any")])
+    never = [row["segment"] for row in rows_of(ever) if not row["valid_any"]]
+    return list(dict.fromkeys([*absent, *never]))
+
+
+def _counts(table: pa.Table, absent: Sequence[str]) -> dict[str, Any]:
+    segments = table.column("segment").unique().to_pylist()
+    n_segments = len(segments)
     n_frames = table.num_rows // max(n_segments, 1)
     time_s = table.column("time_s").to_numpy()
     known = time_s[np.isfinite(time_s)]
     n_valid = int(np.sum(table.column("valid").to_numpy()))
-    expected = n_frames * (n_segments + n_absent)
+    expected = n_frames * len({*segments, *absent})
     return {
         "n_frames": n_frames,
         "duration_s": float(np.ptp(known)) if len(known) else None,

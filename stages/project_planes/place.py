@@ -10,7 +10,15 @@ import numpy as np
 from kinematics.rotations import Array
 from schemas.layout import Joint
 from schemas.model import SkeletonModel
-from stages.project_planes.plane import centre_sd_mm, correct, gap_rms_mm, project, worst_direction_sd_mm
+from stages.project_planes.plane import (
+    Projection,
+    centre_sd_mm,
+    correct,
+    gap_rms_mm,
+    leave_uncut,
+    project,
+    worst_direction_sd_mm,
+)
 
 WEAK_SD_MM = 2.0
 WEAK_AXIS_SD_DEG = 5.0
@@ -30,7 +38,7 @@ def place_joint(
         "joint": joint.name,
         "parent_segment": joint.parent_receiver,
         "child_segment": joint.child,
-        "dof": 1,
+        "dof": 3 if joint.plane.frame == "none" else 1,
         "source": "fit",
         "n_frames": solution["n_frames"],
         "status": solution["status"],
@@ -39,45 +47,64 @@ def place_joint(
     if solution["status"] == "failed":
         return row
     row |= {name: solution[name] for name in ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")}
-    axis_parent, axis_child = _vector(solution, "null_parent_"), _vector(solution, "null_child_")
-    row |= _named("axis_parent_", axis_parent) | _named("axis_child_", axis_child)
+    row |= _named("axis_parent_", _vector(solution, "null_parent_"))
+    row |= _named("axis_child_", _vector(solution, "null_child_"))
+    placed = _projection(joint, solution)
+    if placed is None:
+        return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
+    shift_mm = np.zeros(3) if correction_mm is None else correction_mm
+    row |= _centre(solution, placed, shift_mm)
+    reasons = _doubts(row, worst_direction_sd_mm(placed.covariance_mm2), model)
+    row["status"] = "weak" if reasons else "ok"
+    if correction_mm is not None:
+        row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
+        reasons.append(f"moved {row['correction_mm']:.1f} mm by hand; its sd_mm is the fit's, not the hand's")
+    return row | {"message": "; ".join(reasons)}
+
+
+def _projection(joint: Joint, solution: Mapping[str, Any]) -> Projection | None:
     p_mm, q_mm = _vector(solution, "parent_", "_mm"), _vector(solution, "child_", "_mm")
-    projection = project(
+    axes = _vector(solution, "null_parent_"), _vector(solution, "null_child_")
+    covariance_mm2 = np.reshape(solution["covariance_mm2"], (6, 6))
+    if joint.plane.frame == "none":
+        per_sample = solution["gap_rms_free_mm"] ** 2 / 3 / solution["n_effective"]
+        along = per_sample / max(solution["singular_values"][5] ** 2, 1e-12)
+        return leave_uncut(p_mm, q_mm, *axes, covariance_mm2, solution["slide_to_free_mm"], along)
+    return project(
         p_mm,
         q_mm,
-        axis_parent,
-        axis_child,
-        np.reshape(solution["covariance_mm2"], (6, 6)),
+        *axes,
+        covariance_mm2,
         float(np.radians(solution["axis_sd_deg"])),
         plane_point_mm=np.array(joint.plane.point_mm),
         plane_normal=np.array(joint.plane.normal),
         plane_in_parent=joint.plane.frame == "parent",
     )
-    if projection is None:
-        return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
+
+
+def _centre(solution: Mapping[str, Any], placed: Projection, shift_mm: Array) -> dict[str, Any]:
+    """Where the centre is after the correction, how large its gap is and how far it can be trusted."""
     mean_rotation = np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
-    shift = np.zeros(3) if correction_mm is None else correction_mm
-    p_new_mm, q_new_mm = correct(projection.p_mm, projection.q_mm, shift, mean_rotation)
-    row |= _named("parent_", p_new_mm, "_mm") | _named("child_", q_new_mm, "_mm")
-    row["gap_rms_mm"] = gap_rms_mm(
+    p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
+    gap = gap_rms_mm(
         solution["gap_rms_free_mm"],
         solution["singular_values"][5],
-        axis_parent,
-        axis_child,
-        projection.slide_mm - solution["slide_to_free_mm"],
-        p_new_mm - projection.p_mm,
-        q_new_mm - projection.q_mm,
+        _vector(solution, "null_parent_"),
+        _vector(solution, "null_child_"),
+        placed.slide_mm - solution["slide_to_free_mm"],
+        p_mm - placed.p_mm,
+        q_mm - placed.q_mm,
         mean_rotation,
     )
-    row["covariance_mm2"] = projection.covariance_mm2.ravel()
-    row["sd_mm"] = centre_sd_mm(projection.covariance_mm2)
-    row["slide_mm"], row["axis_plane_deg"] = projection.slide_mm, projection.axis_plane_deg
-    reasons = _doubts(row, worst_direction_sd_mm(projection.covariance_mm2), model)
-    row["status"] = "weak" if reasons else "ok"
-    if correction_mm is not None:
-        row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift))
-        reasons.append(f"moved {row['correction_mm']:.1f} mm by hand; its sd_mm is the fit's, not the hand's")
-    return row | {"message": "; ".join(reasons)}
+    return {
+        **_named("parent_", p_mm, "_mm"),
+        **_named("child_", q_mm, "_mm"),
+        "gap_rms_mm": gap,
+        "covariance_mm2": placed.covariance_mm2.ravel(),
+        "sd_mm": centre_sd_mm(placed.covariance_mm2),
+        "slide_mm": placed.slide_mm,
+        "axis_plane_deg": placed.axis_plane_deg,
+    }
 
 
 def _doubts(row: Mapping[str, Any], worst_sd_mm: float, model: SkeletonModel) -> list[str]:
@@ -85,14 +112,15 @@ def _doubts(row: Mapping[str, Any], worst_sd_mm: float, model: SkeletonModel) ->
     reasons = []
     if row["range_deg"] < WEAK_RANGE_DEG:
         reasons.append(f"moved only {row['range_deg']:.1f} deg; skin motion alone can look like that")
-    if row["axis_plane_deg"] < model.parallel_limit_deg:
+    cut = row["axis_plane_deg"] is not None
+    if cut and row["axis_plane_deg"] < model.parallel_limit_deg:
         reasons.append(
             f"its axis is {row['axis_plane_deg']:.0f} deg from the plane that cuts it, "
             f"which moved the centre {abs(row['slide_mm']):.0f} mm along it"
         )
     if worst_sd_mm > WEAK_SD_MM:
         reasons.append(f"centre uncertain by {worst_sd_mm:.1f} mm in its worst direction")
-    if row["axis_sd_deg"] > WEAK_AXIS_SD_DEG:
+    if cut and row["axis_sd_deg"] > WEAK_AXIS_SD_DEG:
         reasons.append(f"axis uncertain by {row['axis_sd_deg']:.0f} deg")
     return reasons
 

@@ -14,13 +14,14 @@ class Projection:
     """A joint centre on its plane.
 
     p_mm, q_mm : (3,) in the parent's and the child's receiver frame. slide_mm : along the axis, signed.
-    axis_plane_deg : angle between axis and plane, 0 to 90. covariance_mm2 : (6, 6) of (p, q).
+    axis_plane_deg : angle between axis and plane, 0 to 90, None without a plane.
+    covariance_mm2 : (6, 6) of (p, q).
     """
 
     p_mm: Array
     q_mm: Array
     slide_mm: float
-    axis_plane_deg: float
+    axis_plane_deg: float | None
     covariance_mm2: Array
 
 
@@ -58,6 +59,31 @@ def project(
         slide_mm=slide,
         axis_plane_deg=float(np.degrees(np.arcsin(min(abs(sine), 1.0)))),
         covariance_mm2=onto_plane @ covariance @ onto_plane.T,
+    )
+
+
+def leave_uncut(
+    p_mm: Array,
+    q_mm: Array,
+    axis_parent: Array,
+    axis_child: Array,
+    covariance_mm2: Array,
+    slide_to_free_mm: float,
+    variance_along_mm2: float,
+) -> Projection:
+    """The centre of the six-unknown fit, for a joint without a plane.
+
+    covariance_mm2 : (6, 6) of (p, q) without the axis direction; variance_along_mm2 : of the distance along
+    (axis_parent, axis_child) / sqrt(2).
+    """
+    null = np.concatenate([axis_parent, axis_child]) / np.sqrt(2)
+    across = np.eye(6) - np.outer(null, null)
+    return Projection(
+        p_mm=p_mm + slide_to_free_mm * axis_parent,
+        q_mm=q_mm + slide_to_free_mm * axis_child,
+        slide_mm=slide_to_free_mm,
+        axis_plane_deg=None,
+        covariance_mm2=across @ covariance_mm2 @ across.T + variance_along_mm2 * np.outer(null, null),
     )
 
 

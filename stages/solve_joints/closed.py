@@ -51,7 +51,8 @@ class JointSolution:
 class _Normal:
     """Normal equations of one joint, in the frame of its first pose.
 
-    C_DD = I - M^T M, C_Dd and C_dd: covariances; M, u, w: means (see method: M q + u = p).
+    M, u, w : means of R, d and R^T d (at the minimum p = M q + u). C_DD = I - M^T M, C_Dd, C_dd : covariances
+    of D and d, summed over their rows; covariance : (12, 12) of all of them. offset_mm : d of the first pose.
     """
 
     R0: Array
@@ -61,12 +62,23 @@ class _Normal:
     C_DD: Array
     C_Dd: Array
     C_dd: float
+    covariance: Array
+    offset_mm: Array
 
     def gap_rms_mm(self, p: Array, q: Array) -> float:
         """Root mean square gap of the centre (p, q), p in the frame of the first pose."""
         offset = p - self.M @ q - self.u
         mean_square = offset @ offset + q @ self.C_DD @ q + 2 * q @ self.C_Dd + self.C_dd
         return float(np.sqrt(max(float(mean_square), 0.0)))
+
+    def batch_gaps(self, means: Array, p: Array, q: Array) -> Array:
+        """Mean gaps (B, 3) of the centre (p, q) over short batches with these means (B, 12) of (D, d)."""
+        return np.asarray((p - q - self.offset_mm) - means[:, :9].reshape(-1, 3, 3) @ q - means[:, 9:])
+
+    def gap_variance(self, q: Array) -> float:
+        """Variance of the gap over single frames, summed over its components."""
+        take = np.concatenate([np.kron(np.eye(3), q), np.eye(3)], 1)
+        return float(np.einsum("ri,ij,rj", take, self.covariance, take))
 
 
 def is_solvable(moments: JointMoments, joint: int) -> bool:
@@ -93,8 +105,12 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
     p, q = _centre(normal, one_minus_s2, s, U, V, n_singular_values)
     free = (p, q) if one_minus_s2[0] < 2 * EXACT_HINGE else _centre(normal, one_minus_s2, s, U, V, 6)
     gap = normal.gap_rms_mm(p, q)
-    n_effective = _gap_samples(moments, joint, p, q)
-    angle_deg = _angles_deg(moments, joint, V[:, 0])
+    n_frames = int(moments.count[joint])
+    means = moments.batch_means(joint)
+    n_effective = effective_samples(normal.batch_gaps(means, p, q), normal.gap_variance(q), n_frames)
+    turns = from_matrix(np.eye(3) + means[:, :9].reshape(-1, 3, 3))
+    off_axis = effective_samples(2 * turns[:, 1:] @ V[:, 1:], float(one_minus_s2[0]), n_frames)
+    angle_deg = _angles_deg(turns, V[:, 0])
     small = one_minus_s2 / (1.0 + s)  # 1 - s without cancellation
     covariance = gap**2 / 3 / n_effective * _inverse_normal(small, s, U, V, n_singular_values)
     turn = np.kron(np.diag([1.0, 0.0]), normal.R0) + np.kron(np.diag([0.0, 1.0]), np.eye(3))
@@ -111,22 +127,29 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
         slide_to_free_mm=float((free[1] - q) @ V[:, 0]),
         range_deg=float(np.ptp(angle_deg)),
         spread_deg=float(np.std(angle_deg)),
-        axis_sd_deg=_axis_sd_deg(moments, joint, one_minus_s2, V),
-        n_frames=int(moments.count[joint]),
+        axis_sd_deg=_axis_sd_deg(one_minus_s2, off_axis),
+        n_frames=n_frames,
         n_effective=n_effective,
     )
 
 
 def _normal(moments: JointMoments, joint: int) -> _Normal:
-    mean, covariance = moments.mean()[joint], moments.covariance()[joint]
-    D, d = mean[:9].reshape(3, 3), mean[9:]
+    mean, covariance = moments.mean(joint), moments.covariance(joint)
     blocks = covariance[:9, :9].reshape(3, 3, 3, 3)
-    C_DD = np.einsum("riRj,rR->ij", blocks, np.eye(3))
+    M, offset_mm = np.eye(3) + mean[:9].reshape(3, 3), moments.reference_mm[joint]
+    u = offset_mm + mean[9:]
     C_Dd = np.einsum("rir->i", covariance[:9, 9:].reshape(3, 3, 3))
-    M, d0 = np.eye(3) + D, moments.reference_mm[joint]
-    u = d0 + d
-    w = M.T @ u + C_Dd  # mean of R^T d: product of the means and covariance
-    return _Normal(matrix(moments.reference[joint]), M, u, w, C_DD, C_Dd, float(np.trace(covariance[9:, 9:])))
+    return _Normal(
+        R0=matrix(moments.reference[joint]),
+        M=M,
+        u=u,
+        w=M.T @ u + C_Dd,  # mean of R^T d: product of the means and covariance
+        C_DD=np.einsum("riRj,rR->ij", blocks, np.eye(3)),
+        C_Dd=C_Dd,
+        C_dd=float(np.trace(covariance[9:, 9:])),
+        covariance=covariance,
+        offset_mm=offset_mm,
+    )
 
 
 def _left_vectors(M: Array, V: Array) -> Array:
@@ -175,54 +198,40 @@ def _inverse_normal(small: Array, s: Array, U: Array, V: Array, n_singular_value
     return inverse
 
 
-def _axis_sd_deg(moments: JointMoments, joint: int, one_minus_s2: Array, V: Array) -> float:
+def _axis_sd_deg(one_minus_s2: Array, n_effective: float) -> float:
     """1-sigma direction error of the axis, at most 90 deg.
 
     To first order an eigenvector turns by covariance over difference of variance; the variances of the
-    rotation vector follow from 1 - s_i^2, which is the sum of the other two. The independent samples are
-    those of the rotation off the axis, which wanders with the skin however white the gap is.
+    rotation vector follow from 1 - s_i^2, which is the sum of the other two. n_effective counts the
+    rotation off the axis, which wanders with the skin however white the gap is.
     """
     variance = one_minus_s2.sum() / 2 - one_minus_s2
-    means, _ = moments.batch_means(joint)
-    off_axis = from_matrix(np.eye(3) + means[:, :9].reshape(-1, 3, 3))[:, 1:] @ V[:, 1:]
-    n_effective = effective_samples(2 * off_axis, float(one_minus_s2[0]), int(moments.count[joint]))
     spread = np.maximum(variance[0] - variance[1:], 1e-30)
     turn = np.sqrt(np.sum(variance[0] * np.maximum(variance[1:], 0.0) / spread**2) / n_effective)
     return float(min(np.degrees(turn), 90.0))
-
-
-def _gap_samples(moments: JointMoments, joint: int, p: Array, q: Array) -> float:
-    """Number of independent samples in the gap of the centre (p, q)."""
-    means, _ = moments.batch_means(joint)
-    D, d = means[:, :9].reshape(-1, 3, 3), means[:, 9:]
-    gap = (p - q - moments.reference_mm[joint]) - D @ q - d
-    take = np.concatenate([np.kron(np.eye(3), q), np.eye(3)], 1)
-    total = np.einsum("ri,ij,rj", take, moments.covariance()[joint], take)
-    return effective_samples(gap, float(total), int(moments.count[joint]))
 
 
 def effective_samples(series: Array, variance: float, n_frames: int) -> float:
     """Number of independent samples among n_frames, from the autocorrelation of a series.
 
     series : (B, C) means over short batches in the order of time; variance : of single frames, summed
-    over the C components. The variance of the mean is the sum of the autocovariances over B; the sum
-    stops at the first pair of lags that is not positive (Geyer 1992).
+    over the C components. The variance of the mean is the sum of the autocovariances over B. The sum
+    stops where they first cross zero: what follows is noise or, in a task done over and over, the same
+    error again with the other sign, which would count as many samples what is one.
     """
     blocks = len(series)
     if blocks < 4 or variance <= 0.0:
         return float(max(blocks, 1))
-    spectrum = np.fft.rfft(series - series.mean(0), 2 * blocks, axis=0)
-    autocovariance = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, -1))[:blocks] / blocks
-    pairs = autocovariance[: blocks // 2 * 2].reshape(-1, 2).sum(-1)
-    positive = len(pairs) if np.all(pairs > 0) else int(np.argmin(pairs > 0))
-    variance_of_mean = max(2 * pairs[:positive].sum() - autocovariance[0], autocovariance[0]) / blocks
+    length = 1 << (2 * blocks - 1).bit_length()
+    spectrum = np.fft.rfft((series - series.mean(0)).T, length)
+    autocovariance = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, 0))[:blocks] / blocks
+    crossing = int(np.argmax(autocovariance <= 0)) if np.any(autocovariance <= 0) else blocks
+    variance_of_mean = (2 * autocovariance[:crossing].sum() - autocovariance[0]) / blocks
     return float(np.clip(variance / max(variance_of_mean, 1e-300), 1.0, n_frames))
 
 
-def _angles_deg(moments: JointMoments, joint: int, axis: Array) -> Array:
-    """Angles about the axis, batch by batch, relative to their circular mean, deg."""
-    means, _ = moments.batch_means(joint)
-    rotation = from_matrix(np.eye(3) + means[:, :9].reshape(-1, 3, 3))
-    angle = 2 * np.arctan2(rotation[:, 1:] @ axis, rotation[:, 0])
+def _angles_deg(turns: Array, axis: Array) -> Array:
+    """Angles (B,) about the axis of quaternions (B, 4), relative to their circular mean, deg."""
+    angle = 2 * np.arctan2(turns[:, 1:] @ axis, turns[:, 0])
     middle = np.angle(np.mean(np.exp(1j * angle)))
     return np.asarray(np.degrees(np.angle(np.exp(1j * (angle - middle)))))

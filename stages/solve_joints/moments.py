@@ -16,11 +16,12 @@ import numpy.typing as npt
 
 from kinematics.rotations import Array, conjugate, multiply, rotate
 
-BATCH_FRAMES = 8
-"""Frames averaged into one batch mean: 1/30 s at 240 Hz, short beside any motion of a hand."""
+BATCH_FRAMES = 2
+"""Frames averaged into one batch mean: short beside any motion of a hand, at 240 Hz and at 60 Hz."""
 
-MAX_BATCHES = 1 << 15
-"""Beyond this many, neighbouring batches are merged, so that memory does not grow with the recording."""
+MAX_BATCHES = 1 << 16
+"""Nine minutes at 240 Hz. Beyond this many, neighbouring batches are merged, so that memory does not grow
+with the recording."""
 
 _FEATURES = 12  # nine of D, row by row, then three of d
 
@@ -85,21 +86,20 @@ class JointMoments:
         self.count += poses.valid.sum(0)
         self._add_batches(features, poses.valid)
 
-    def mean(self) -> Array:
-        """Mean of (D, d), shape (J, 12)."""
-        return np.asarray(self._sum / np.maximum(self.count, 1)[:, None])
+    def mean(self, joint: int) -> Array:
+        """Mean of a joint's (D, d), shape (12,)."""
+        return np.asarray(self._sum[joint] / max(self.count[joint], 1))
 
-    def covariance(self) -> Array:
-        """Covariance of (D, d) over frames, shape (J, 12, 12)."""
-        mean = self.mean()
-        second = self._products / np.maximum(self.count, 1)[:, None, None]
-        return np.asarray(second - mean[:, :, None] * mean[:, None, :])
+    def covariance(self, joint: int) -> Array:
+        """Covariance of a joint's (D, d) over frames, shape (12, 12)."""
+        mean = self.mean(joint)
+        return np.asarray(self._products[joint] / max(self.count[joint], 1) - np.outer(mean, mean))
 
-    def batch_means(self, joint: int) -> tuple[Array, Array]:
-        """Means of (D, d) over short batches in the order of time, (B, 12), and their frames, (B,)."""
+    def batch_means(self, joint: int) -> Array:
+        """Means of a joint's (D, d) over short batches in the order of time, shape (B, 12)."""
         counts = self._batch_counts[joint]
         filled = counts > 0
-        return (self._batch_sums[joint][:, filled] / counts[filled]).T, counts[filled]
+        return np.asarray((self._batch_sums[joint][:, filled] / counts[filled]).T)
 
     def _choose_references(self, poses: RelativePoses) -> None:
         for joint in np.flatnonzero((self.count == 0) & poses.valid.any(0)):

@@ -15,7 +15,7 @@ from stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
 from stages.solve_joints.moments import BATCH_FRAMES, JointMoments, relative_poses
 from stages.solve_joints.stacked import solve_stacked
 
-BLOCK_FRAMES = 1024 * BATCH_FRAMES
+BLOCK_FRAMES = 4096 * BATCH_FRAMES
 
 
 def solve_recordings(

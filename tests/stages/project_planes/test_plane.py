@@ -1,5 +1,7 @@
 """The plane: known centres to 1e-6 mm, one slide for both halves, five and six values alike."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from chains import gap_rms_mm as gap_by_hand
@@ -177,3 +179,19 @@ def test_gap_formula_is_exact_along_the_axis() -> None:
     for slide in (-50.0, 0.0, 50.0):
         gap = gap_rms_mm(1.0, 0.1, np.eye(3)[0], np.eye(3)[0], slide, np.zeros(3), np.zeros(3), np.eye(3))
         assert gap == pytest.approx(np.sqrt(1 + 2 * 0.01 * slide**2))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_joint_without_a_plane_is_the_six_unknown_fit(seed: int) -> None:
+    """With frame none the centre is that of solve_closed with six values, its gap the smallest there is."""
+    chain = random_chain(seed, 2, 300, off_axis_rad=0.3, noise_mm=0.2, in_plane=False)
+    moments = moments_of(chain)
+    joint = replace(chain.joints[0], plane=Plane("none", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    placed = place_joint(joint, _row(joint, solve_closed(moments, 0, 5), ""), read_model("paper-fig4"), None)
+    six = solve_closed(moments, 0, 6)
+    np.testing.assert_allclose([placed[f"child_{k}_mm"] for k in "xyz"], six.q_mm, atol=1e-8)
+    np.testing.assert_allclose([placed[f"parent_{k}_mm"] for k in "xyz"], six.p_mm, atol=1e-8)
+    assert placed["gap_rms_mm"] == pytest.approx(six.gap_rms_mm, rel=1e-9)
+    assert placed["axis_plane_deg"] is None
+    assert placed["dof"] == 3
+    assert np.linalg.norm(six.q_mm - chain.q_mm[0]) < 4 * placed["sd_mm"] + 0.5

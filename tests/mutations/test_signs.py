@@ -1,0 +1,120 @@
+"""A wrong sign in an equation of the paper fails a test: each is planted in a copy and must be found."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+SOLVE, POSTURE = "stages/solve_joints", "stages/estimate_metacarpals"
+
+SIGNS = {
+    "Eq. 3, stacked, parent's half": (
+        f"{SOLVE}/stacked.py",
+        "-matrix(parent_quaternion)",
+        "matrix(parent_quaternion)",
+    ),
+    "Eq. 3, stacked, right side": (
+        f"{SOLVE}/stacked.py",
+        "(parent_position_mm - child_position_mm)",
+        "(child_position_mm - parent_position_mm)",
+    ),
+    "Eq. 3, moments, child seen from parent": (
+        f"{SOLVE}/moments.py",
+        "position_mm[:, children] - position_mm[:, parents]",
+        "position_mm[:, parents] - position_mm[:, children]",
+    ),
+    "Eq. 3, moments, offset from the first pose": (
+        f"{SOLVE}/moments.py",
+        "poses.position_mm) - self.reference_mm",
+        "poses.position_mm) + self.reference_mm",
+    ),
+    "Eq. 3, closed, normal equations": (
+        f"{SOLVE}/closed.py",
+        "right = -(V.T @ normal.C_Dd)",
+        "right = V.T @ normal.C_Dd",
+    ),
+    "Eq. 3, closed, gap": (
+        f"{SOLVE}/closed.py",
+        "offset = p - self.M @ q - self.u",
+        "offset = p + self.M @ q - self.u",
+    ),
+    "Eq. 8, order of the cross product": (
+        f"{POSTURE}/posture.py",
+        "np.cross(start, vector)",
+        "np.cross(vector, start)",
+    ),
+    "Eq. 9, sine": (
+        f"{POSTURE}/posture.py",
+        "np.arctan2(np.linalg.norm(axis, axis=-1), vector @ start)",
+        "np.arctan2(-np.linalg.norm(axis, axis=-1), vector @ start)",
+    ),
+    "Eq. 9, cosine": (f"{POSTURE}/posture.py", "vector @ start)", "-(vector @ start))"),
+    "Eq. 10, vector part": ("kinematics/rotations.py", "np.sin(half) * axis", "-np.sin(half) * axis"),
+    "Eq. 10, scalar part": (
+        "kinematics/rotations.py",
+        "np.broadcast_to(np.cos(half)",
+        "np.broadcast_to(-np.cos(half)",
+    ),
+    "Fig. 8, sign of the twist": (
+        f"{POSTURE}/posture.py",
+        "np.cross(normal_metacarpal, across)",
+        "np.cross(across, normal_metacarpal)",
+    ),
+    "Fig. 7, component across": (
+        f"{POSTURE}/posture.py",
+        "normal_proximal - along *",
+        "normal_proximal + along *",
+    ),
+    "order of swing and twist": (
+        f"{POSTURE}/posture.py",
+        "multiply(about_axis(unit(vector), twist_rad), swung)",
+        "multiply(swung, about_axis(unit(vector), twist_rad))",
+    ),
+    "plane, direction of the slide": (
+        "stages/project_planes/plane.py",
+        "(plane_point_mm - own_point)",
+        "(own_point - plane_point_mm)",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the code and of the tests that guard the equations."""
+    folder = tmp_path_factory.mktemp("mutated")
+    for name in ("stages", "kinematics", "schemas", "config"):
+        shutil.copytree(REPOSITORY / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("kinematics", "stages/solve_joints", "stages/project_planes", "stages/estimate_metacarpals"):
+        shutil.copytree(REPOSITORY / "tests" / name, folder / "tests" / name)
+    for name in ("pyproject.toml", "tests/chains.py"):
+        shutil.copy(REPOSITORY / name, folder / name)
+    return folder
+
+
+def guards_pass(folder: Path) -> bool:
+    command = [sys.executable, "-B", "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "tests"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    return done.returncode == 0
+
+
+@pytest.mark.slow
+def test_the_guards_pass_as_the_code_is(copy: Path) -> None:
+    assert guards_pass(copy)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", SIGNS)
+def test_a_wrong_sign_is_found(copy: Path, sign: str) -> None:
+    name, right, wrong = SIGNS[sign]
+    path = copy / name
+    text = path.read_text("utf-8")
+    assert text.count(right) == 1, f"{sign}: {name} no longer holds {right!r} once"
+    try:
+        path.write_text(text.replace(right, wrong), "utf-8")
+        assert not guards_pass(copy)
+    finally:
+        path.write_text(text, "utf-8")
