@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from shlex import quote
 
 sys.path.insert(0, workflow.basedir)
 
@@ -20,9 +21,9 @@ except InputError as error:
 results = study.results.folder.as_posix()
 of_recording = "sub-{subject}/{hand}/{recording}"
 of_hand = "models/{model}/sub-{subject}/{hand}"
-stage = f"{sys.executable} -m stages."
+stage = f"{quote(sys.executable)} -m stages."
 
-shell.prefix(f"export PYTHONPATH={workflow.basedir} OMP_NUM_THREADS=1; ")
+shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} OMP_NUM_THREADS=1; ")
 
 
 wildcard_constraints:

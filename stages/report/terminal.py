@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 
 from stages.report.data_table import DataTable
 from stages.report.finding import used_in_words
-from stages.report.study_results import StudyResults
+from stages.report.study_results import StudyResults, Trial
 from stages.report.tables_1_to_4 import own_table, table_title
 
 WIDTH = 79
@@ -14,14 +15,18 @@ _HEADING, _CELL = 25, 8
 
 
 def terminal_tables(results: StudyResults) -> str:
-    """Every subject's and task's tables of the models that reproduce one of the paper's, as text."""
+    """The subjects' tables of the models that reproduce one of the paper's, as text.
+
+    Of a subject with recordings of role both only these, as the paper scored the recording that it solved
+    its joints from; the others are in the report.
+    """
     models = sorted(
         (model for model in results.models.values() if model.paper_table is not None),
         key=lambda model: model.paper_table or 0,
     )
     parts = [f"Study {results.study.name}: {used_in_words(results)}"]
     for subject in results.subjects:
-        for trial in results.trials(subject):
+        for trial in _as_the_paper(results.trials(subject)):
             parts += [
                 f"{_wrapped(table_title(model))}\n{table_text(own_table(results, trial, model))}"
                 for model in models
@@ -29,6 +34,12 @@ def terminal_tables(results: StudyResults) -> str:
     if len(parts) == 1:
         parts.append("No recording was evaluated with a model of one of the paper's tables.")
     return "\n\n".join(parts) + "\n"
+
+
+def _as_the_paper(trials: Iterable[Trial]) -> list[Trial]:
+    every = list(trials)
+    both = [trial for trial in every if any(r.role == "both" for r in trial.recordings.values())]
+    return both or every
 
 
 def table_text(table: DataTable) -> str:
