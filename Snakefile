@@ -43,7 +43,7 @@ rule simulate:  # only what a study with `simulation` asks for: recordings, and 
     output:
         study.simulated,
     log:
-        f"{results}/logs/simulate/sub-{{subject}}_{{hand}}_{{task}}.log",
+        f"{results}/logs/simulate/sub-{{subject}}/{{hand}}/{{task}}.log",
     params:
         code=code_digest("simulate"),
         words=study.simulate,
@@ -58,7 +58,7 @@ rule capture:  # section 2: recordings -> poses
     output:
         f"{results}/{of_recording}/poses.parquet",
     log:
-        f"{results}/logs/capture/sub-{{subject}}_{{hand}}_{{recording}}.log",
+        f"{results}/logs/capture/sub-{{subject}}/{{hand}}/{{recording}}.log",
     params:
         code=code_digest("capture"),
         words=study.capture,
@@ -75,7 +75,7 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     output:
         f"{results}/{of_hand}/joint_solutions.parquet",
     log:
-        f"{results}/logs/solve_joints/{{model}}_sub-{{subject}}_{{hand}}.log",
+        f"{results}/logs/solve_joints/{{model}}/sub-{{subject}}/{{hand}}.log",
     params:
         code=code_digest("solve_joints"),
         whose=study.whose,
@@ -93,7 +93,7 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
     output:
         f"{results}/{of_hand}/projected_joints.parquet",
     log:
-        f"{results}/logs/project_planes/{{model}}_sub-{{subject}}_{{hand}}.log",
+        f"{results}/logs/project_planes/{{model}}/sub-{{subject}}/{{hand}}.log",
     params:
         code=code_digest("project_planes"),
     shell:
@@ -114,7 +114,7 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
         bones=f"{results}/{of_hand}/bone_lengths.parquet",
         metacarpals=f"{results}/{of_hand}/metacarpals.parquet",
     log:
-        f"{results}/logs/estimate_metacarpals/{{model}}_sub-{{subject}}_{{hand}}.log",
+        f"{results}/logs/estimate_metacarpals/{{model}}/sub-{{subject}}/{{hand}}.log",
     params:
         code=code_digest("estimate_metacarpals"),
     shell:
@@ -137,7 +137,7 @@ rule evaluate_tips:  # section 6: replay and tip errors
         tips=f"{results}/{of_hand}/tips.parquet",
         errors=f"{results}/{of_hand}/tip_errors.parquet",
     log:
-        f"{results}/logs/evaluate_tips/{{model}}_sub-{{subject}}_{{hand}}.log",
+        f"{results}/logs/evaluate_tips/{{model}}/sub-{{subject}}/{{hand}}.log",
     params:
         code=code_digest("evaluate_tips"),
     shell:
@@ -155,6 +155,7 @@ rule gather:  # the study's tables, and what went wrong
         configuration=study.configuration,
     output:
         [f"{results}/{table}.parquet" for table in study.study_tables],
+        f"{results}/resolved.yaml",
     log:
         f"{results}/logs/gather.log",
     params:

@@ -61,8 +61,13 @@ class Poses:
 
 
 def recording_name(path: Path) -> RecordingName:
-    """Give the recording's name from a poses file's metadata."""
-    parameters = read_metadata(path).get("parameters", {})
+    """Give the recording's name from a poses file's metadata, also where its making failed."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; expected a {POSES.name} table")
+    metadata = read_metadata(path)
+    if metadata["schema"] != POSES.name:
+        raise InputError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
+    parameters = metadata.get("parameters", {})
     try:
         return RecordingName(
             parameters["subject"], parameters["hand"], parameters["task"], parameters["trial"]
@@ -154,7 +159,7 @@ def one_hand(paths: Sequence[Path], subject: str | None, hand: str | None) -> tu
 
     Raises InputError where the files disagree with each other or with what is given.
     """
-    names = [(path, recording_name(path)) for path in paths if path.exists()]
+    names = [(path, recording_name(path)) for path in paths]
     if not names and (subject is None or hand is None):
         raise InputError("no poses file, so --subject and --hand must say whose hand it is")
     wanted = (subject or names[0][1].subject, hand or names[0][1].hand)

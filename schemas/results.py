@@ -35,6 +35,11 @@ class Results:
         """The study's report."""
         return self.folder / "report.html"
 
+    @property
+    def resolved(self) -> Path:
+        """The study as it was understood: its file, layouts and models with every default filled in."""
+        return self.folder / "resolved.yaml"
+
     def poses(self, recording: Recording) -> Path:
         """A recording's poses."""
         return self.folder / recording.hand.folder / recording.name / "poses.parquet"

@@ -6,9 +6,7 @@ the hashes of the inputs that it was made from and the program's version. Gaps a
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +19,7 @@ import pyarrow.parquet as pq
 
 from schemas import PROGRAM, VERSION
 from schemas.errors import InputError
+from schemas.files import file_sha256, replacing
 
 METADATA_KEY = b"shukotsu"
 """Schema-level metadata: one JSON object, for programs that do not keep Arrow's field metadata."""
@@ -98,12 +97,6 @@ class Provenance:
             "inputs": [{"file": name, "sha256": digest} for name, digest in self.inputs],
             "parameters": dict(self.parameters),
         }
-
-
-def file_sha256(path: Path) -> str:
-    """Give the SHA-256 of a file's bytes, read a piece at a time."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def write_table(
@@ -219,31 +212,27 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
 
 
 def _write_atomically(path: Path, table: Table, data: pa.Table, row_groups: Sequence[int]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     encodings = {}
     for column in table.columns:
         if pa.types.is_floating(column.type):
             encodings[column.name] = "BYTE_STREAM_SPLIT"
         elif pa.types.is_integer(column.type):
             encodings[column.name] = "DELTA_BINARY_PACKED"
-    strings = [c.name for c in table.columns if pa.types.is_string(c.type)]
-    try:
-        with pq.ParquetWriter(
+    with (
+        replacing(path) as temporary,
+        pq.ParquetWriter(
             temporary,
             data.schema,
             compression="zstd",
             compression_level=3,
-            use_dictionary=strings,
+            use_dictionary=[c.name for c in table.columns if pa.types.is_string(c.type)],
             column_encoding=encodings,
-        ) as writer:
-            start = 0
-            for rows in row_groups:
-                writer.write_table(data.slice(start, rows), row_group_size=rows)
-                start += rows
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        ) as writer,
+    ):
+        start = 0
+        for rows in row_groups:
+            writer.write_table(data.slice(start, rows), row_group_size=rows)
+            start += rows
 
 
 def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:

@@ -54,7 +54,11 @@ def run(
         message = f"internal error ({type(error).__name__}: {error}); please report it with the log"
     else:
         return 0
-    record_failure(arguments, message)
+    try:
+        record_failure(arguments, message)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     return 0
 
 

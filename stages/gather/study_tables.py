@@ -7,16 +7,19 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import yaml
 
+from schemas import PROGRAM, VERSION
 from schemas.catalogue import POSES, PROBLEMS, RECORDINGS, TABLES
+from schemas.config_files import read_config
 from schemas.errors import InputError
+from schemas.files import file_sha256, write_text
 from schemas.layout import read_layout
 from schemas.results import HAND_TABLES, Results
 from schemas.study import Recording, Study, correction_problems, read_corrections
 from schemas.tables import (
     Provenance,
     columns_from_rows,
-    file_sha256,
     read_metadata,
     read_table,
     rows_of,
@@ -31,6 +34,7 @@ def gather_study(study: Study, results: Results) -> None:
     for name in HAND_TABLES:
         _write_whole(study, results, name, problems)
     problems += _uncalibrated(study) + _correction_problems(study)
+    _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
     unique = list({(row["where"], row["message"]): row for row in reversed(problems)}.values())[::-1]
     write_table(
@@ -47,6 +51,19 @@ def _uncalibrated(study: Study) -> list[dict[str, Any]]:
         for hand in study.hands
         if not study.of(hand, ("calibration", "both"))
     ]
+
+
+def _write_resolved(study: Study, results: Results) -> None:
+    """Write the study with its layouts and models, every default filled in, as one YAML file."""
+    layouts = dict.fromkeys(recording.layout for recording in study.recordings)
+    whole = {
+        "program": f"{PROGRAM} {VERSION}",
+        "study": study.config,
+        "layouts": [read_config(path, "layout") for path in layouts],
+        "models": [read_config(path, "model") for path in study.models.values()],
+    }
+    text = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True, width=100)
+    write_text(results.resolved, text)
 
 
 def _correction_problems(study: Study) -> list[dict[str, Any]]:

@@ -42,9 +42,10 @@ def report(arguments: argparse.Namespace) -> None:
 
     results = read_results(read_study(arguments.study), arguments.results)
     if arguments.out is not None:
+        from schemas.files import write_text
         from stages.report.page import render_page
 
-        _write(arguments.out, render_page(results))
+        write_text(arguments.out, render_page(results))
     if arguments.to_terminal:
         from stages.report.terminal import terminal_tables
 
@@ -57,22 +58,10 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     if arguments.out is None:
         print(f"error: {message}", file=sys.stderr)
         return
+    from schemas.files import write_text
     from stages.report.page import render_failure
 
-    _write(arguments.out, render_failure(message))
-
-
-def _write(path: Path, page: str) -> None:
-    """Write to a temporary name and rename, so that a page is never half there."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(page, "utf-8", newline="\n")
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_text(arguments.out, render_failure(message))
 
 
 if __name__ == "__main__":

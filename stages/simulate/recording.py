@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from schemas.errors import InputError
+from schemas.files import replacing
 from stages.simulate.simulation import Simulated
 
 ENDINGS = (".parquet", ".csv")
@@ -40,20 +40,10 @@ def tidy(simulated: Simulated) -> pa.Table:
 def write_recording(path: Path, simulated: Simulated) -> None:
     """Write the recording, atomically; numbers in CSV read back to the very same values."""
     check_ending(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with replacing(path) as temporary:
         if path.suffix == ".csv":
-            pyarrow.csv.write_csv(
-                tidy(simulated), temporary, pyarrow.csv.WriteOptions(quoting_style="needed")
-            )
+            options = pyarrow.csv.WriteOptions(quoting_style="needed")
+            pyarrow.csv.write_csv(tidy(simulated), temporary, options)
         else:
-            pq.write_table(
-                tidy(simulated),
-                temporary,
-                compression="zstd",
-                use_dictionary=["frame", "time_s", "segment"],
-            )
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+            dictionary = ["frame", "time_s", "segment"]
+            pq.write_table(tidy(simulated), temporary, compression="zstd", use_dictionary=dictionary)

@@ -85,6 +85,8 @@ def test_all_files_must_be_of_one_hand(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected subject 02, right hand"):
         one_hand([right], "02", None)
     with pytest.raises(InputError, match="--subject and --hand must say whose hand it is"):
+        one_hand([], "02", None)
+    with pytest.raises(InputError, match=r"absent.parquet: no such file; expected a poses table"):
         one_hand([tmp_path / "absent.parquet"], "02", None)
 
 

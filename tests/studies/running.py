@@ -1,0 +1,169 @@
+"""Real studies run by Snakemake in a process of its own, as a user runs them, and their results read back."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.catalogue import TABLES
+from schemas.results import Results
+from schemas.tables import read_table, rows_of
+from stages.simulate.realism import Realism
+from stages.simulate.recording import write_recording
+from stages.simulate.simulation import simulate
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PARTS = ("Snakefile", "stages", "kinematics", "schemas", "config", "profiles", "data")
+
+_BLOCK = re.compile(r"^(?:local)?(?:rule|checkpoint) (\w+):\n((?:    .*\n)*)", re.MULTILINE)
+_WILDCARDS = re.compile(r"^    wildcards: (.*)$", re.MULTILINE)
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job that Snakemake wants to run: its rule and its wildcards."""
+
+    rule: str
+    wildcards: tuple[tuple[str, str], ...] = ()
+
+    def __getitem__(self, wildcard: str) -> str | None:
+        return dict(self.wildcards).get(wildcard)
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """A study file, the folder that it runs in and the program that runs it."""
+
+    file: Path
+    folder: Path
+    repository: Path = REPOSITORY
+
+    def snakemake(self, *words: str, cores: int = 2) -> subprocess.CompletedProcess[str]:
+        """Run Snakemake on the study, started from the study's folder; give what it said."""
+        return snakemake(
+            self.folder,
+            "--directory",
+            str(self.folder),
+            "--configfile",
+            str(self.file),
+            *words,
+            cores=cores,
+            repository=self.repository,
+        )
+
+    def run(self, cores: int = 2) -> str:
+        """Run the study, which must end with exit code 0; give what Snakemake said."""
+        done = self.snakemake(cores=cores)
+        assert done.returncode == 0, done.stderr
+        return done.stderr
+
+    def planned(self) -> set[Job]:
+        """Jobs that a run would do now; `all`, which does nothing, left out."""
+        done = self.snakemake("--dry-run")
+        assert done.returncode == 0, done.stderr
+        return jobs_in(done.stdout + done.stderr)
+
+    @property
+    def results(self) -> Results:
+        """Where the results are."""
+        return Results(self.folder / Results.of(self.file.stem).folder)
+
+    def rows(self, table: str) -> list[Row]:
+        """Rows of a study-wide table, which must be as the contract says."""
+        return list(rows_of(read_table(self.results.study_table(table), TABLES[table])))
+
+    def rows_where(self, table: str, **wanted: str) -> list[Row]:
+        """Rows of a study-wide table with those values."""
+        return [row for row in self.rows(table) if all(row[key] == value for key, value in wanted.items())]
+
+    def page(self) -> str:
+        """The report's text."""
+        return self.results.report.read_text("utf-8")
+
+    def logs(self) -> set[str]:
+        """Paths of the log files, below the folder of logs."""
+        folder = self.results.folder / "logs"
+        return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def snakemake(
+    folder: Path, *words: str, cores: int = 2, repository: Path = REPOSITORY
+) -> subprocess.CompletedProcess[str]:
+    """Run Snakemake with the program's Snakefile from that working directory."""
+    command = [sys.executable, "-m", "snakemake", "-s", str(repository / "Snakefile")]
+    return subprocess.run(
+        [*command, "--cores", str(cores), *words], cwd=folder, capture_output=True, text=True, timeout=500
+    )
+
+
+def jobs_in(text: str) -> set[Job]:
+    """Jobs that Snakemake's output names, each with its wildcards."""
+    return {_job(found) for found in _BLOCK.finditer(text) if found[1] != "all"}
+
+
+def _job(found: re.Match[str]) -> Job:
+    wildcards = _WILDCARDS.search(found[2])
+    pairs = wildcards[1].split(", ") if wildcards else []
+    return Job(found[1], tuple(sorted(tuple(pair.split("=", 1)) for pair in pairs)))  # type: ignore[misc]
+
+
+def write_study(folder: Path, name: str, rows: list[str], models: list[str], **keys: str) -> StudyRun:
+    """Write a study file, NAME.yaml, and its sheet of recordings, NAME.tsv.
+
+    rows: subject, hand, task, role, file and, where there is a reason to leave it out, exclude.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    sheet = ["subject\thand\ttask\trole\tfile\texclude", *rows]
+    (folder / f"{name}.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
+    lines = [f"study: {name}", f"recordings: {name}.tsv", f"models: [{', '.join(models)}]"]
+    lines += [f"{key}: {value}" for key, value in ({"layout": "liberty16"} | keys).items()]
+    (folder / f"{name}.yaml").write_text("\n".join(lines) + "\n", "utf-8")
+    return StudyRun(folder / f"{name}.yaml", folder)
+
+
+def record(
+    file: Path, *, subject: str = "01", hand: str = "right", task: str = "rom", frames: int = 300
+) -> Path:
+    """Simulate a short recording into a file whose ending says its format."""
+    write_recording(file, simulate(subject, hand, task, 3, Realism.full(), frames))
+    return file
+
+
+def copy_of_the_program(folder: Path) -> Path:
+    """Copy all that the workflow needs of this repository."""
+    folder.mkdir(parents=True)
+    for part in PARTS:
+        source = REPOSITORY / part
+        if source.is_dir():
+            leave = shutil.ignore_patterns("__pycache__", "recordings")
+            shutil.copytree(source, folder / part, symlinks=True, ignore=leave)
+        else:
+            shutil.copy2(source, folder / part)
+    return folder
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below a folder by its path there; logs left out."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in _files(folder)
+        if "logs" not in path.relative_to(folder).parts
+    }
+
+
+def leftovers(folder: Path) -> list[Path]:
+    """Temporary files that somebody forgot."""
+    return [path for path in _files(folder) if path.name.endswith(".tmp")]
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    return (path for path in sorted(folder.rglob("*")) if path.is_file())

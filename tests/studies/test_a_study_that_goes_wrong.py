@@ -1,0 +1,274 @@
+"""One study in which nearly everything goes wrong: the good subject loses nothing, every fault is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+import pytest
+from report_samples.read_page import read_page
+from studies.running import StudyRun, leftovers, record, write_study
+
+from schemas.catalogue import TABLES
+from schemas.results import HAND_TABLES, STUDY_TABLES
+from schemas.tables import read_table
+
+pytestmark = pytest.mark.slow
+
+HOSTILE = 'A & <b>"x"'
+JAPANESE = "山田 花子"
+SLASHED = "a/b c"
+DEAD = "index_middle"
+REASON = "the <b>receiver</b> slipped & fell"
+MODEL = "paper-fig4-corrected"
+NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+
+GOOD = [
+    "good\tright\trom\tcalibration\tgood-right-rom.parquet",
+    "good\tright\topposition\tevaluation\tgood-right-opposition.csv",
+    "good\tleft\trom\tboth\tgood-left-rom.parquet",
+]
+BAD = [
+    "missing\tright\trom\tboth\tnowhere.parquet",
+    "truncated\tright\trom\tboth\ttruncated.parquet",
+    "truncated\tleft\trom\tboth\ttruncated.csv",
+    "dead\tright\trom\tboth\tdead.parquet",
+    "dead\tleft\trom\tboth\tabsent.csv",
+    f"{HOSTILE}\tright\trom\tboth\tgood-right-rom.parquet",
+    f"{HOSTILE}\tleft\trom\tboth\tgone & <b>.csv",
+    f"{JAPANESE}\tright\trom\tboth\tgood-right-rom.parquet",
+    f"{SLASHED}\tleft\trom\tboth\tgood-left-rom.parquet",
+    f"{SLASHED}\tleft\topposition\tevaluation\texcluded.parquet\t{REASON}",
+    "one-sided\tright\trom\tcalibration\tgood-right-rom.parquet",
+    "one-sided\tleft\trom\tevaluation\tgood-left-rom.parquet",
+]
+CORRECTIONS = [
+    "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm",
+    "good\tright\tring_dip\t1\t2\t3",
+    "good\tright\tindex_pop\t1\t2\t3",
+    "nobody\tleft\tindex_pip\t1\t2\t3",
+]
+
+RECORDINGS = {
+    ("missing", "nowhere.parquet"): ("failed", "nowhere.parquet: no such file"),
+    ("truncated", "truncated.parquet"): ("failed", "truncated.parquet: not a readable Parquet file"),
+    ("truncated", "truncated.csv"): ("failed", "truncated.csv: line 119: has"),
+    ("dead", "dead.parquet"): ("used", f"no usable pose of {DEAD}"),
+    ("dead", "absent.csv"): ("used", f"no usable pose of {DEAD}"),
+    (HOSTILE, "gone & <b>.csv"): ("failed", "gone & <b>.csv: no such file"),
+    (SLASHED, "excluded.parquet"): ("excluded", REASON),
+}
+PROBLEMS = [
+    ("missing, right, rom", "nowhere.parquet: no such file"),
+    ("truncated, right, rom", "truncated.parquet: not a readable Parquet file"),
+    ("truncated, left, rom", "truncated.csv: line 119: has"),
+    ("dead, right, rom", f"no usable pose of {DEAD}"),
+    ("dead, left, rom", f"no usable pose of {DEAD}"),
+    (f"{HOSTILE}, left, rom", "gone & <b>.csv: no such file"),
+    ("one-sided, left", "no recording calibrates this hand"),
+    ("corrections.tsv", "row 3, column joint: 'index_pop' is no joint of layout liberty16"),
+    ("corrections.tsv", "row 4, column subject: the study has no left hand of 'nobody'"),
+]
+WITHOUT_JOINTS = [
+    ("missing", "right", "nowhere.parquet: no such file"),
+    ("truncated", "right", "truncated.parquet: not a readable Parquet file"),
+    ("truncated", "left", "truncated.csv: line 119: has"),
+    (HOSTILE, "left", "gone & <b>.csv: no such file"),
+    ("one-sided", "left", "no calibration recording"),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the recordings, sound and spoiled, and of the corrections."""
+    folder = tmp_path_factory.mktemp("wrong")
+    right = record(folder / "good-right-rom.parquet")
+    csv = record(folder / "good-right-opposition.csv", task="opposition")
+    record(folder / "good-left-rom.parquet", hand="left")
+    (folder / "truncated.parquet").write_bytes(right.read_bytes()[:20_000])
+    (folder / "truncated.csv").write_bytes(csv.read_bytes()[:20_000])
+    _empty_one_receiver(right, folder / "dead.parquet")
+    kept = [line for line in csv.read_text().splitlines() if DEAD not in line]
+    (folder / "absent.csv").write_text("\n".join(kept) + "\n")
+    (folder / "corrections.tsv").write_text("\n".join(CORRECTIONS) + "\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def study(folder: Path) -> StudyRun:
+    """The study that goes wrong, run; Snakemake ended with exit code 0."""
+    return _run(folder, "troubled", GOOD + BAD)
+
+
+@pytest.fixture(scope="module")
+def good_alone(folder: Path) -> StudyRun:
+    """A study of the good subject only, run."""
+    return _run(folder, "untroubled", GOOD)
+
+
+def _run(folder: Path, name: str, rows: list[str]) -> StudyRun:
+    study = write_study(folder, name, rows, [MODEL], corrections="corrections.tsv")
+    study.run()
+    return study
+
+
+def _empty_one_receiver(sound: Path, dead: Path) -> None:
+    table = pq.read_table(sound)
+    empty = pc.equal(table.column("segment"), DEAD)
+    for name in NUMBERS:
+        column = pc.if_else(empty, pa.scalar(None, pa.float64()), table.column(name))
+        table = table.set_column(table.column_names.index(name), name, column)
+    pq.write_table(table, dead)
+
+
+@pytest.mark.parametrize("table", STUDY_TABLES)
+def test_every_table_is_there_and_as_the_contract_says(study: StudyRun, table: str) -> None:
+    assert study.rows(table)
+
+
+@pytest.mark.parametrize("table", HAND_TABLES)
+def test_the_good_subject_loses_nothing(study: StudyRun, good_alone: StudyRun, table: str) -> None:
+    """Its columns are those of a study without the others, to the last bit."""
+
+    def of_the_good_subject(run: StudyRun) -> pa.Table:
+        whole = read_table(run.results.study_table(table), TABLES[table])
+        return whole.filter(pc.equal(whole.column("subject"), "good")).replace_schema_metadata(None)
+
+    found = of_the_good_subject(study)
+    assert found.num_rows
+    assert found.equals(of_the_good_subject(good_alone))
+
+
+def test_only_what_concerns_it_is_a_problem_of_the_good_subject(good_alone: StudyRun) -> None:
+    assert {row["where"] for row in good_alone.rows("problems")} == {"corrections.tsv"}
+    assert {row["status"] for row in good_alone.rows("recordings")} == {"used"}
+
+
+def test_every_recording_has_its_status_and_message(study: StudyRun) -> None:
+    found = [(row["subject"], row["file"], row["status"], row["message"]) for row in study.rows("recordings")]
+    assert len(found) == len(GOOD + BAD)
+    for subject, file, status, message in found:
+        wanted_status, wanted_words = RECORDINGS.get((subject, file), ("used", ""))
+        assert status == wanted_status, (subject, file)
+        assert wanted_words in message, (subject, file)
+        assert bool(wanted_words) == bool(message), (subject, file)
+
+
+def test_frames_that_may_be_used_are_counted_once(study: StudyRun) -> None:
+    """A receiver without a pose costs a sixteenth, whether its rows are empty or absent."""
+    percent = [row["valid_percent"] for row in study.rows_where("recordings", subject="dead")]
+    assert percent == [93.75, 93.75]
+
+
+def test_every_problem_is_named_once(study: StudyRun) -> None:
+    problems = [(row["where"], row["message"]) for row in study.rows("problems")]
+    for where, words in PROBLEMS:
+        assert len([1 for place, message in problems if place == where and words in message]) == 1, where
+    assert len(problems) == len(PROBLEMS)
+
+
+@pytest.mark.parametrize(("subject", "hand", "reason"), WITHOUT_JOINTS)
+def test_a_hand_without_calibration_has_failed_joints(
+    study: StudyRun, subject: str, hand: str, reason: str
+) -> None:
+    joints = study.rows_where("joint_centres", subject=subject, hand=hand)
+    fitted = [row for row in joints if row["joint"] != "wrist"]
+    assert len(fitted) == 15
+    assert {row["status"] for row in fitted} == {"failed"}
+    assert all(reason in row["message"] for row in fitted)
+    assert all(row["child_x_mm"] is None for row in fitted)
+
+
+@pytest.mark.parametrize(("subject", "hand", "reason"), WITHOUT_JOINTS)
+def test_a_hand_without_joints_has_tip_errors_without_numbers(
+    study: StudyRun, subject: str, hand: str, reason: str
+) -> None:
+    errors = study.rows_where("tip_errors", subject=subject, hand=hand)
+    assert len(errors) == 10
+    assert all(row["n_frames"] == 0 and row["mean_mm"] is None for row in errors)
+    assert all(reason in row["message"] for row in errors)
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_a_dead_receiver_costs_its_own_digit_only(study: StudyRun, hand: str) -> None:
+    errors = study.rows_where("tip_errors", subject="dead", hand=hand)
+    touched = [row for row in errors if row["digit"] == "index"]
+    others = [row for row in errors if row["digit"] != "index"]
+    assert [row["n_frames"] for row in touched] == [0, 0]
+    assert all(DEAD in row["message"] for row in touched)
+    assert [row["n_frames"] for row in others] == [300] * 8
+    assert all(0 < row["mean_mm"] < 10 for row in others)
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_a_dead_receiver_costs_its_own_two_joints_only(study: StudyRun, hand: str) -> None:
+    joints = study.rows_where("joint_centres", subject="dead", hand=hand)
+    failed = [row for row in joints if row["status"] == "failed"]
+    assert [row["joint"] for row in failed] == ["index_pip", "index_dip"]
+    assert all(DEAD in row["message"] for row in failed)
+
+
+def test_the_other_digits_of_that_hand_are_as_with_the_receiver(study: StudyRun) -> None:
+    """The recording is the good subject's but for one receiver."""
+    dead = study.rows_where("joint_centres", subject="dead", hand="right")
+    good = study.rows_where("joint_centres", subject=JAPANESE, hand="right")
+    untouched = [
+        [{**row, "subject": ""} for row in rows if not row["joint"].startswith("index")]
+        for rows in (dead, good)
+    ]
+    assert untouched[0] == untouched[1]
+
+
+def test_a_hand_that_is_only_calibrated_has_joints_and_no_tips(study: StudyRun) -> None:
+    joints = study.rows_where("joint_centres", subject="one-sided", hand="right")
+    assert {row["status"] for row in joints} <= {"ok", "weak"}
+    assert not study.rows_where("tip_errors", subject="one-sided", hand="right")
+
+
+@pytest.mark.parametrize(("subject", "hand"), [(HOSTILE, "right"), (JAPANESE, "right"), (SLASHED, "left")])
+def test_any_name_of_a_subject_is_good(study: StudyRun, subject: str, hand: str) -> None:
+    errors = study.rows_where("tip_errors", subject=subject, hand=hand)
+    assert [row["n_frames"] for row in errors] == [300] * 10
+
+
+def test_corrections_that_can_be_applied_are(study: StudyRun) -> None:
+    corrected = [row for row in study.rows("joint_centres") if row["correction_mm"] is not None]
+    assert [(row["subject"], row["hand"], row["joint"]) for row in corrected] == [
+        ("good", "right", "ring_dip")
+    ]
+
+
+def test_the_report_is_well_formed_and_escapes_what_people_wrote(study: StudyRun) -> None:
+    page = study.page()
+    assert read_page(page).tables
+    assert "<b>" not in page
+
+
+def test_the_report_gives_every_reason(study: StudyRun) -> None:
+    text = " ".join("".join(read_page(study.page()).text).split())
+    for row in study.rows("problems"):
+        assert row["message"] in text
+    assert REASON in text
+    assert "10 of 15 recordings were used" in text
+    for subject in ("good", HOSTILE, JAPANESE, SLASHED):
+        assert f"Subject {subject}" in text
+
+
+def test_every_job_has_its_log_at_a_predictable_path(study: StudyRun) -> None:
+    hostile = "A%20%26%20%3Cb%3E%22x%22"
+    wanted = {f"capture/sub-{hostile}/right/rom.log", "capture/sub-a%2Fb%20c/left/rom.log"}
+    wanted |= {"capture/sub-missing/right/rom.log", "capture/sub-山田%20花子/right/rom.log"}
+    for stage in ("solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips"):
+        wanted |= {f"{stage}/{MODEL}/sub-{hostile}/left.log", f"{stage}/{MODEL}/sub-one-sided/left.log"}
+    assert wanted | {"gather.log", "report.log"} <= study.logs()
+
+
+def test_the_log_of_a_job_that_failed_says_why(study: StudyRun) -> None:
+    log = study.results.folder / "logs" / "capture" / "sub-missing/right/rom.log"
+    assert log.read_text() == "error: nowhere.parquet: no such file; expected a recording\n"
+
+
+def test_no_temporary_file_is_left(study: StudyRun) -> None:
+    assert not leftovers(study.folder)

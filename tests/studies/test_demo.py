@@ -1,0 +1,108 @@
+"""The demo study, cold, as somebody runs it who has just got the program: it shows what the paper shows."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from studies.running import Row, StudyRun, copy_of_the_program, leftovers, snakemake
+
+from kinematics.rotations import Array
+from schemas.catalogue import JOINT_CENTRES
+from schemas.tables import read_table, rows_of
+
+pytestmark = pytest.mark.slow
+
+FINGERS = ("index", "middle", "ring", "little")
+POSED = ("paper-fig3", "paper-fig4", "paper-fig4-corrected")
+FAILS = ("02", "left", "little")
+FAILING_JOINT = ("02", "left", "little_dip")
+GROSS_MM, GOOD_MM = 50, 20
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
+    """The demo study, run without --configfile in a copy of the program that holds no recording yet."""
+    program = copy_of_the_program(tmp_path_factory.mktemp("demo") / "shukotsu")
+    assert not list(program.glob("data/demo/recordings/*"))
+    done = snakemake(program, repository=program)
+    assert done.returncode == 0, done.stderr
+    return StudyRun(program / "config" / "demo.yaml", program, program)
+
+
+def _errors(demo: StudyRun, model: str, **wanted: str) -> list[Row]:
+    rows = demo.rows_where("tip_errors", model=model, binding="first-frame", **wanted)
+    assert len(rows) in (8, 40)
+    return rows
+
+
+def _worst_held_out_mm(demo: StudyRun, model: str) -> float:
+    return max(row["max_mm"] for row in _errors(demo, model) if row["held_out"])
+
+
+def _truth_mm(demo: StudyRun, subject: str, hand: str) -> dict[str, Array]:
+    """True joint centres in the child receiver's frame, by joint."""
+    folder = demo.folder / f"data/demo/recordings/sub-{subject}_hand-{hand}_task-opposition_truth"
+    rows = rows_of(read_table(folder / "joint_centres.parquet", JOINT_CENTRES))
+    return {row["joint"]: _child_mm(row) for row in rows}
+
+
+def _child_mm(row: Row) -> Array:
+    return np.array([row[f"child_{axis}_mm"] for axis in "xyz"], float)
+
+
+def _joint_errors_mm(demo: StudyRun, model: str) -> dict[tuple[str, str, str], float]:
+    """How far every finger joint is from where the simulation put it, by subject, hand and joint."""
+    errors = {}
+    for subject, hand in product(("01", "02"), ("right", "left")):
+        truth_mm = _truth_mm(demo, subject, hand)
+        for row in demo.rows_where("joint_centres", subject=subject, hand=hand, model=model):
+            if row["joint"].endswith(("mcp", "pip", "dip")):
+                error_mm = float(np.linalg.norm(_child_mm(row) - truth_mm[row["joint"]]))
+                errors[subject, hand, row["joint"]] = error_mm
+    return errors
+
+
+@pytest.mark.parametrize("digit", FINGERS)
+def test_fingers_at_rest_in_the_hand_are_centimetres_off(demo: StudyRun, digit: str) -> None:
+    """Table 1: nothing turns the fingers' metacarpals."""
+    assert all(50 < row["mean_mm"] < 200 for row in _errors(demo, "paper-fig3-rest", digit=digit))
+
+
+def test_the_thumb_whose_metacarpal_is_measured_is_not(demo: StudyRun) -> None:
+    """Table 1: the thumb's receiver turns its metacarpal."""
+    assert all(row["mean_mm"] < 25 for row in _errors(demo, "paper-fig3-rest", digit="thumb"))
+
+
+@pytest.mark.parametrize("model", POSED)
+def test_estimated_metacarpals_bring_millimetres(demo: StudyRun, model: str) -> None:
+    """Tables 2 to 4, every digit but the one whose joint fails."""
+    rows = [row for row in _errors(demo, model) if (row["subject"], row["hand"], row["digit"]) != FAILS]
+    assert all(row["mean_mm"] < 10 for row in rows)
+
+
+@pytest.mark.parametrize("model", POSED)
+def test_the_first_frame_is_bound_without_error(demo: StudyRun, model: str) -> None:
+    """Min [cm] reads 0.00, as in the paper's tables."""
+    assert {f"{row['min_mm'] / 10:.2f}" for row in _errors(demo, model)} == {"0.00"}
+
+
+def test_one_joint_fails_grossly(demo: StudyRun) -> None:
+    errors_mm = _joint_errors_mm(demo, "paper-fig4")
+    assert [who for who, error_mm in errors_mm.items() if error_mm > GROSS_MM] == [FAILING_JOINT]
+    assert _worst_held_out_mm(demo, "paper-fig4") > GROSS_MM
+
+
+def test_the_correction_puts_it_right(demo: StudyRun) -> None:
+    errors_mm = _joint_errors_mm(demo, "paper-fig4-corrected")
+    assert errors_mm[FAILING_JOINT] < GOOD_MM
+    assert max(errors_mm.values()) < GROSS_MM
+    assert _worst_held_out_mm(demo, "paper-fig4-corrected") < GOOD_MM
+    assert all(row["mean_mm"] < 10 for row in _errors(demo, "paper-fig4-corrected"))
+
+
+def test_nothing_went_wrong(demo: StudyRun) -> None:
+    assert not demo.rows("problems")
+    assert {row["status"] for row in demo.rows("recordings")} == {"used"}
+    assert not leftovers(demo.folder)

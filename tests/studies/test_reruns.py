@@ -1,0 +1,172 @@
+"""What is run again after a change: what it touches, and nothing else."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from studies.running import Job, StudyRun, copy_of_the_program, hashes, record, write_study
+
+pytestmark = pytest.mark.slow
+
+PLAIN, CORRECTED = "plain", "corrected"
+ROWS = [
+    "01\tright\trom\tboth\t01.csv",
+    "02\tright\trom\tboth\t02.csv",
+    "late\tright\trom\tboth\tlate.csv",
+]
+CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t{}\t0\t0\n"
+OF_A_HAND = ["solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips"]
+AT_THE_END = {"gather", "report"}
+FRAMES = 700  # a CSV recording above 1 MB, the size from which Snakemake goes by the time of a file
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a copy of the program and of a study, run: two models, two subjects and one still to come."""
+    folder = tmp_path_factory.mktemp("reruns") / "base"
+    program = copy_of_the_program(folder / "the program")
+    study = folder / "study"
+    for subject in ("01", "02"):
+        record(study / f"{subject}.csv", subject=subject, frames=FRAMES)
+    (study / "corrections.tsv").write_text(CORRECTIONS.format(1))
+    head = "description: a model of this study\nown_cmc: [thumb_cmc]\n"
+    (study / f"{PLAIN}.yaml").write_text(f"model: {PLAIN}\n{head}")
+    (study / f"{CORRECTED}.yaml").write_text(f"model: {CORRECTED}\n{head}planes: {{corrections: true}}\n")
+    models = [f"{PLAIN}.yaml", f"{CORRECTED}.yaml"]
+    made = write_study(study, "twice", ROWS, models, corrections="corrections.tsv")
+    StudyRun(made.file, made.folder, program).run()
+    return folder
+
+
+@pytest.fixture
+def study(base: Path, tmp_path: Path) -> StudyRun:
+    """A copy of the base study, times of files kept, with a program of its own."""
+    shutil.copytree(base, tmp_path / "copy", symlinks=True)
+    folder = tmp_path / "copy" / "study"
+    return StudyRun(folder / "twice.yaml", folder, tmp_path / "copy" / "the program")
+
+
+def _rules(jobs: set[Job]) -> set[str]:
+    return {job.rule for job in jobs}
+
+
+def _own(jobs: set[Job], wildcard: str) -> set[str | None]:
+    """Values of a wildcard over the jobs that are of one hand, recording or model."""
+    return {job[wildcard] for job in jobs if job.rule not in AT_THE_END}
+
+
+def _edit(file: Path, change: Callable[[str], str]) -> None:
+    before = file.read_text("utf-8")
+    after = change(before)
+    assert after != before
+    file.write_text(after, "utf-8")
+
+
+def _after(text: str) -> Callable[[str], str]:
+    return lambda before: f"{before}\n{text}\n"
+
+
+def test_a_second_run_does_nothing(study: StudyRun) -> None:
+    assert study.planned() == set()
+    assert "Nothing to be done" in study.run()
+
+
+def test_the_same_study_from_another_folder_does_nothing(study: StudyRun, tmp_path: Path) -> None:
+    moved = study.folder.rename(study.folder.with_name("renamed"))
+    assert StudyRun(moved / "twice.yaml", moved, study.repository).planned() == set()
+    assert tmp_path in moved.parents
+
+
+def test_a_touched_recording_reruns_its_subject_only(study: StudyRun) -> None:
+    recording = study.folder / "01.csv"
+    assert recording.stat().st_size > 1_000_000
+    os.utime(recording)
+    jobs = study.planned()
+    assert _rules(jobs) == {"capture", *OF_A_HAND, *AT_THE_END}
+    assert _own(jobs, "subject") == {"01"}
+    assert len(jobs) == 1 + 2 * len(OF_A_HAND) + 2
+
+
+def test_a_changed_recording_changes_its_subject_only(study: StudyRun) -> None:
+    """Run for real: the other's tables keep their bytes, and then nothing is left to do."""
+    before = hashes(study.results.folder)
+    record(study.folder / "01.csv", subject="01", frames=FRAMES - 20)
+    study.run()
+    after = hashes(study.results.folder)
+    changed = {name for name in after if after[name] != before[name]}
+    assert "report.html" in changed
+    assert "tips.parquet" in changed
+    assert "sub-01/right/rom/poses.parquet" in changed
+    assert not [name for name in changed if "sub-02" in name]
+    assert study.planned() == set()
+
+
+def test_a_changed_model_file_reruns_that_model_only(study: StudyRun) -> None:
+    _edit(study.folder / f"{PLAIN}.yaml", _after("joints: {singular_values: 6}"))
+    jobs = study.planned()
+    assert _rules(jobs) == {*OF_A_HAND, *AT_THE_END}
+    assert _own(jobs, "model") == {PLAIN}
+    assert _own(jobs, "subject") == {"01", "02", "late"}
+
+
+def test_changed_corrections_rerun_models_that_apply_them(study: StudyRun) -> None:
+    (study.folder / "corrections.tsv").write_text(CORRECTIONS.format(2))
+    jobs = study.planned()
+    assert _rules(jobs) == {"project_planes", "estimate_metacarpals", "evaluate_tips", *AT_THE_END}
+    assert _own(jobs, "model") == {CORRECTED}
+
+
+def test_one_model_more_runs_that_model_only(study: StudyRun) -> None:
+    _edit(study.file, lambda text: text.replace("models: [", "models: [rigid, "))
+    jobs = study.planned()
+    assert _rules(jobs) == {*OF_A_HAND, *AT_THE_END}
+    assert _own(jobs, "model") == {"rigid"}
+
+
+def test_one_subject_more_runs_that_subject_only(study: StudyRun) -> None:
+    shutil.copy(study.folder / "02.csv", study.folder / "03.csv")
+    _edit(study.folder / "twice.tsv", lambda text: f"{text}03\tright\trom\tboth\t03.csv\n")
+    jobs = study.planned()
+    assert _rules(jobs) == {"capture", *OF_A_HAND, *AT_THE_END}
+    assert _own(jobs, "subject") == {"03"}
+
+
+def test_a_recording_that_came_late_is_captured(study: StudyRun) -> None:
+    """A missing file has a row that says so, until it is there."""
+    assert study.rows_where("recordings", subject="late")[0]["status"] == "failed"
+    shutil.copy(study.folder / "02.csv", study.folder / "late.csv")
+    jobs = study.planned()
+    assert _rules(jobs) == {"capture", *OF_A_HAND, *AT_THE_END}
+    assert _own(jobs, "subject") == {"late"}
+
+
+def test_a_comment_in_a_module_reruns_nothing(study: StudyRun) -> None:
+    for module in ("stages/solve_joints/solve.py", "kinematics/rotations.py", "schemas/tables.py"):
+        _edit(study.repository / module, _after("# said again"))
+    assert study.planned() == set()
+
+
+def test_code_of_a_stage_reruns_it_and_what_depends_on_it(study: StudyRun) -> None:
+    _edit(study.repository / "stages/project_planes/plane.py", _after("MORE = 1"))
+    jobs = study.planned()
+    assert _rules(jobs) == {"project_planes", "estimate_metacarpals", "evaluate_tips", *AT_THE_END}
+    assert _own(jobs, "model") == {PLAIN, CORRECTED}
+    assert _own(jobs, "subject") == {"01", "02", "late"}
+
+
+def test_code_that_a_stage_imports_reruns_it(study: StudyRun) -> None:
+    """kinematics.skeleton is not the captures' business."""
+    _edit(study.repository / "kinematics/skeleton.py", _after("MORE = 1"))
+    rules = _rules(study.planned())
+    assert "evaluate_tips" in rules
+    assert "capture" not in rules
+    assert rules >= AT_THE_END
+
+
+def test_code_of_the_report_reruns_the_report_only(study: StudyRun) -> None:
+    _edit(study.repository / "stages/report/template.html.j2", _after("<!-- more -->"))
+    assert study.planned() == {Job("report")}
