@@ -39,6 +39,7 @@ def tables_page() -> str:
         "",
         "```python",
         "import pandas",
+        "",
         'pandas.read_parquet("results/demo/tip_errors.parquet")',
         "```",
     ]
