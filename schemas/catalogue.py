@@ -118,7 +118,13 @@ JOINT_CENTRES = Table(
         *_xyz("child_", "mm", "joint centre in the child receiver's frame"),
         *_xyz("axis_parent_", "", "unit rotation axis in the parent receiver's frame"),
         *_xyz("axis_child_", "", "unit rotation axis in the child receiver's frame"),
-        Column("sd_mm", REAL, "mm", "1-sigma error of the centre, three-dimensional", True),
+        Column(
+            "sd_mm",
+            REAL,
+            "mm",
+            "1-sigma error of the centre in 3-D as far as the gap shows it (docs/method.md)",
+            True,
+        ),
         Column(
             "covariance_mm2",
             pa.list_(REAL, 36),
@@ -214,11 +220,12 @@ TIP_ERRORS = Table(
 BONE_LENGTHS = Table(
     "bone_lengths",
     1,
-    "subject, hand, model, bone: a bone is named after its segment",
+    "subject, hand, model, digit, bone: a bone is named after its segment",
     (
         SUBJECT,
         HAND,
         MODEL,
+        DIGIT,
         Column("bone", TEXT, "", "the segment; a digit's last bone ends at the distal receiver"),
         Column("length_mm", REAL, "mm", "distance between the bone's two ends", True),
         *_xyz("", "mm", "the bone as a vector, proximal to distal end, in the frame of driven_by"),
@@ -233,7 +240,7 @@ BONE_LENGTHS = Table(
         ),
         MESSAGE,
     ),
-    ("subject", "hand", "model", "bone"),
+    ("subject", "hand", "model", "digit", "bone"),
 )
 
 RECORDINGS = Table(

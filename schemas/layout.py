@@ -46,6 +46,8 @@ class Joint:
 
     `parent` and `child` are the segments of the anatomical tree; `parent_receiver` is the nearest
     segment towards the body that carries a receiver (for the MCP joints of the fingers the hand).
+    compound : whether a joint that moves lies between the two receivers besides this one (for the MCP
+    joints of the ring and the little finger their CMC joints).
     """
 
     name: str
@@ -54,6 +56,7 @@ class Joint:
     parent_receiver: str
     dof: int
     plane: Plane
+    compound: bool = False
 
 
 @dataclass(frozen=True)
@@ -117,8 +120,8 @@ def _layout(config: dict[str, Any], where: str) -> Layout:
     axes = _AXES | {k: _vector(v) for k, v in config.get("receiver_axes", {}).items()}
     segments = {name: _segment(name, part, axes, where) for name, part in config["segments"].items()}
     _check_receivers(segments, where)
-    parent_of = _parents(config, segments, where)
-    joints = {name: _joint(name, part, segments, parent_of, where) for name, part in config["joints"].items()}
+    joint_to = _tree(config, segments, where)
+    joints = {name: _joint(name, part, segments, joint_to, where) for name, part in config["joints"].items()}
     by_child = {joint.child: joint for joint in joints.values()}
     digits = {name: _digit(name, part, segments, by_child, where) for name, part in config["digits"].items()}
     wrist = _wrist(config["wrist"], joints, where) if "wrist" in config else None
@@ -157,33 +160,39 @@ def _check_receivers(segments: dict[str, Segment], where: str) -> None:
             seen[segment.receiver] = segment.name
 
 
-def _parents(config: dict[str, Any], segments: dict[str, Segment], where: str) -> dict[str, str]:
-    parent_of: dict[str, str] = {}
+def _tree(config: dict[str, Any], segments: dict[str, Segment], where: str) -> dict[str, dict[str, Any]]:
+    """The joint above each segment, by that segment; refused unless together they are a tree."""
+    joint_to: dict[str, dict[str, Any]] = {}
     for name, part in config["joints"].items():
         for end in ("parent", "child"):
             if part[end] not in segments:
                 raise InputError(f"{where}: joints.{name}.{end}: no segment is called {part[end]!r}")
-        if part["child"] in parent_of:
+        if part["child"] in joint_to:
             raise InputError(f"{where}: joints.{name}: segment {part['child']} has two parents")
-        parent_of[part["child"]] = part["parent"]
-    for start in parent_of:
-        seen = {start}
-        above: str | None = start
-        while (above := parent_of.get(above or "")) is not None:
+        joint_to[part["child"]] = part
+    for start in joint_to:
+        seen, above = {start}, start
+        while above in joint_to:
+            above = joint_to[above]["parent"]
             if above in seen:
                 raise InputError(f"{where}: joints: segment {start} is among its own parents")
             seen.add(above)
-    return parent_of
+    return joint_to
 
 
 def _joint(
-    name: str, part: dict[str, Any], segments: dict[str, Segment], parent_of: dict[str, str], where: str
+    name: str,
+    part: dict[str, Any],
+    segments: dict[str, Segment],
+    joint_to: dict[str, dict[str, Any]],
+    where: str,
 ) -> Joint:
-    above = part["parent"]
+    above, compound = part["parent"], False
     while not segments[above].measured:
-        if above not in parent_of:
+        if above not in joint_to:
             raise InputError(f"{where}: joints.{name}: no segment above {part['child']} carries a receiver")
-        above = parent_of[above]
+        compound |= joint_to[above]["dof"] > 0
+        above = joint_to[above]["parent"]
     plane = part.get("plane", {})
     frame = plane.get("frame", "child")
     normal = _vector(plane["normal"]) if "normal" in plane else None
@@ -198,6 +207,7 @@ def _joint(
         above,
         part["dof"],
         Plane(frame, point, normal or segment.lateral),
+        compound,
     )
 
 

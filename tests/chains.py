@@ -7,7 +7,6 @@ on its bone anyhow. Used by the tests of the joint solve, the planes, the metaca
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +21,13 @@ from stages.solve_joints.solve import add_block
 
 @dataclass(frozen=True)
 class Chain:
-    """Poses of a chain, and per joint its centre p, q (mm) and axis in parent's and child's frame."""
+    """Poses of a chain or tree, and per joint its centre p, q (mm) and axis in parent's and child's frame.
+
+    parents : per joint the index of its parent segment; joint i has segment i + 1 as its child.
+    """
 
     poses: Poses
+    parents: tuple[int, ...]
     p_mm: Array
     q_mm: Array
     axis_parent: Array
@@ -32,10 +35,11 @@ class Chain:
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """The joints between neighbouring segments."""
+        """The joints, each with its child's sagittal plane."""
         names = self.poses.segments
         plane = Plane("child", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-        return tuple(Joint(f"joint_{b}", a, b, a, 1, plane) for a, b in pairwise(names))
+        pairs = ((names[above], child) for above, child in zip(self.parents, names[1:], strict=True))
+        return tuple(Joint(f"joint_{b}", a, b, a, 1, plane) for a, b in pairs)
 
 
 def smooth(rng: np.random.Generator, n_frames: int, n_channels: int) -> Array:
@@ -61,17 +65,21 @@ def random_chain(
     off_axis_rad: float = 0.0,
     noise_mm: float = 0.0,
     in_plane: bool = True,
+    parents: tuple[int, ...] | None = None,
 ) -> Chain:
     """A chain with hinges (and, off_axis_rad > 0, joints that turn a little about other axes too).
 
     in_plane : every joint centre lies in its child's sagittal plane (y = 0), its axis well across it.
+    parents : makes it a tree; the segment that each segment after the first hangs from, by index.
     """
+    parents = parents or tuple(range(n_segments - 1))
     rng = np.random.default_rng(seed)
     turn = Rotation.from_rotvec(0.8 * smooth(rng, n_frames, 3)) * Rotation.random(random_state=rng)
     origin = 300 + 100 * smooth(rng, n_frames, 3)
     rotations, origins = [turn], [origin]
     p, q, axis_parent, axis_child = [], [], [], []
-    for _ in range(n_segments - 1):
+    for above in parents:
+        turn, origin = rotations[above], origins[above]
         axis = Rotation.from_euler("xz", rng.uniform(-0.5, 0.5, 2)).apply([0.0, 1.0, 0.0])
         mount = Rotation.random(random_state=rng)
         angle = range_rad * smooth(rng, n_frames, 1)
@@ -82,10 +90,8 @@ def random_chain(
         axis_parent.append(mount.apply(axis))
         axis_child.append(axis)
         child = turn * relative
-        origin = origin + turn.apply(p[-1]) - child.apply(q[-1])
-        origins.append(origin)
+        origins.append(origin + turn.apply(p[-1]) - child.apply(q[-1]))
         rotations.append(child)
-        turn = child
     position = np.stack(origins, 1)
     position = position + noise_mm * rng.normal(size=position.shape)
     poses = as_poses(
@@ -93,7 +99,7 @@ def random_chain(
         position,
         np.stack([quaternions(rotation) for rotation in rotations], 1),
     )
-    return Chain(poses, np.array(p), np.array(q), np.array(axis_parent), np.array(axis_child))
+    return Chain(poses, parents, np.array(p), np.array(q), np.array(axis_parent), np.array(axis_child))
 
 
 def as_poses(segments: tuple[str, ...], position_mm: Array, quaternion: Array) -> Poses:
@@ -104,13 +110,22 @@ def as_poses(segments: tuple[str, ...], position_mm: Array, quaternion: Array) -
 
 
 def chain_layout(chain: Chain) -> Layout:
-    """The layout of a chain: one digit from the base to the last segment, every segment measured."""
+    """The layout of a chain or tree: a digit to every segment from which nothing hangs, all measured.
+
+    A digit starts at the segment that hangs from the base, and is named after its last one.
+    """
     names = chain.poses.segments
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     segments = {name: Segment(name, None, True, False, x, y, z) for name in names}
     joints = {joint.name: joint for joint in chain.joints}
-    digit = Digit("chain", names[0], names[1:], tuple(joints), metacarpal=False)
-    return Layout("chain", "made up", segments, joints, {"chain": digit}, None)
+    digits = {}
+    for leaf in set(range(1, len(names))) - set(chain.parents):
+        path = [leaf]
+        while chain.parents[path[0] - 1] > 0:
+            path.insert(0, chain.parents[path[0] - 1])
+        own = tuple(names[index] for index in path)
+        digits[own[-1]] = Digit(own[-1], names[0], own, tuple(f"joint_{name}" for name in own), False)
+    return Layout("made-up", "made up", segments, joints, digits, None)
 
 
 def moments_of(chain: Chain, poses: Poses | None = None, block: int = 10**6) -> JointMoments:

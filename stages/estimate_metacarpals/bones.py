@@ -29,7 +29,7 @@ class Bone:
     driven_by: str
 
     def row(self) -> dict[str, Any]:
-        """Give the bone's row of the bone_lengths table (names of subject, hand and model left out)."""
+        """Give the bone's row of the bone_lengths table (subject, hand, model and digit left out)."""
         vector = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
         return {
             "bone": self.segment,

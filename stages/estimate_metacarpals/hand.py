@@ -43,11 +43,14 @@ def build_hand(rows: Rows, layout: Layout, model: SkeletonModel, calibration: Se
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, model, joints)
         if isinstance(chain, str):
-            bones += [{"bone": segment, "driven_by": "", "message": chain} for segment in digit.segments]
+            bones += [
+                {"digit": digit.name, "bone": segment, "driven_by": "", "message": chain}
+                for segment in digit.segments
+            ]
             continue
         mode = metacarpal_mode(chain, layout, model)
         found = digit_bones(chain, mode, joints, layout, calibration)
-        bones += [bone.row() for bone in found]
+        bones += [{"digit": digit.name, **bone.row()} for bone in found]
         if mode != "none":
             posed.append((chain, mode, found[0]))
     return BuiltHand(list(joints.values()), bones, posed)

@@ -74,7 +74,9 @@ def _read_skeleton(arguments: argparse.Namespace) -> Any:
     from stages.evaluate_tips.recording import Skeleton, metacarpals_by_recording
 
     joints = {row["joint"]: row for row in rows_of(read_table(arguments.joints, JOINT_CENTRES))}
-    bones = {row["bone"]: row for row in rows_of(read_table(arguments.bones, BONE_LENGTHS))}
+    bones: dict[str, dict[str, Any]] = {}
+    for row in rows_of(read_table(arguments.bones, BONE_LENGTHS)):
+        bones.setdefault(row["digit"], {})[row["bone"]] = row
     names = ("task", "trial", "digit", "qw", "qx", "qy", "qz")
     metacarpals = read_table(arguments.metacarpals, METACARPALS, names)
     columns = {name: column_array(metacarpals, name) for name in names}

@@ -29,14 +29,14 @@ BINDINGS = ("first-frame", "least-squares")
 class Skeleton:
     """One hand under one model: its tables' rows, ready to be replayed.
 
-    joints : joint_centres by joint; bones : bone_lengths by segment; metacarpals : per (task, trial,
-    digit) the quaternions (T, 4), NaN in gaps.
+    joints : joint_centres by joint; bones : bone_lengths by digit and segment; metacarpals : per (task,
+    trial, digit) the quaternions (T, 4), NaN in gaps.
     """
 
     layout: Layout
     model: SkeletonModel
     joints: Rows
-    bones: Mapping[str, Mapping[str, Any]]
+    bones: Mapping[str, Mapping[str, Mapping[str, Any]]]
     metacarpals: Mapping[tuple[str, str, str], Array]
 
 
@@ -87,7 +87,7 @@ def _replay(
     measured = skeleton.layout.segments[chain.digit.segments[0]].measured
     at_rest = not measured and skeleton.model.unmeasured == "rest"
     bound_first = replay_first_frame(chain, poses, metacarpal, at_rest=at_rest)
-    tip = replay_least_squares(chain, skeleton.bones, poses, metacarpal)
+    tip = replay_least_squares(chain, skeleton.bones[chain.digit.name], poses, metacarpal)
     errors = dict(
         zip(BINDINGS, (tip_error_mm(found, chain, poses) for found in (bound_first, tip)), strict=True)
     )

@@ -54,7 +54,7 @@ def place_joint(
         return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
     row |= _centre(solution, placed, shift_mm)
-    reasons = _doubts(row, worst_direction_sd_mm(placed.covariance_mm2), model)
+    reasons = _doubts(joint, row, worst_direction_sd_mm(placed.covariance_mm2), model)
     row["status"] = "weak" if reasons else "ok"
     if correction_mm is not None:
         row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
@@ -107,9 +107,14 @@ def _centre(solution: Mapping[str, Any], placed: Projection, shift_mm: Array) ->
     }
 
 
-def _doubts(row: Mapping[str, Any], worst_sd_mm: float, model: SkeletonModel) -> list[str]:
+def _doubts(joint: Joint, row: Mapping[str, Any], worst_sd_mm: float, model: SkeletonModel) -> list[str]:
     """Say in words what makes the centre weak; nothing where nothing does."""
     reasons = []
+    if joint.compound:
+        reasons.append(
+            f"solved against {joint.parent_receiver} across {joint.parent}, which moves and carries no "
+            "receiver: the centre can be centimetres off and nothing in the data shows it"
+        )
     if row["range_deg"] < WEAK_RANGE_DEG:
         reasons.append(f"moved only {row['range_deg']:.1f} deg; skin motion alone can look like that")
     cut = row["axis_plane_deg"] is not None

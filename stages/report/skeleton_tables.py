@@ -50,11 +50,13 @@ def joint_tables(results: StudyResults, hand: Hand) -> list[Folded]:
 def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     """The bone lengths of a hand, mm, one column a model; a bone is named after its segment."""
     by_bone: dict[str, dict[str, Row]] = {}
+    uses = Counter(segment for digit in results.layouts[hand].digits.values() for segment in digit.segments)
     for model in results.models:
         for row in results.bones_of.get((hand, model), []):
-            by_bone.setdefault(row["bone"], {})[model] = row
-    order = list(results.layouts[hand].segments)
-    bones = sorted(by_bone, key=lambda bone: order.index(bone) if bone in order else len(order))
+            name = row["bone"] if uses[row["bone"]] < 2 else f"{row['bone']} ({row['digit']})"
+            by_bone.setdefault(name, {})[model] = row
+    order = {segment: index for index, segment in enumerate(results.layouts[hand].segments)}
+    bones = sorted(by_bone, key=lambda name: order.get(name.split(" ")[0], len(order)))
     rows = tuple((bone, *(_length(by_bone[bone].get(model)) for model in results.models)) for bone in bones)
     return DataTable(
         f"Bone lengths of subject {hand.subject}, {hand.hand} hand, in mm, with 1-sigma error.",

@@ -195,6 +195,7 @@ def _bone_rows(truth: Truth, written: Written) -> list[dict[str, Any]]:
             "subject": written.subject,
             "hand": written.hand,
             "model": MODEL_NAME,
+            "digit": BONES[bone].split("_")[0],
             "bone": BONES[bone],
             "length_mm": float(truth.hand.length_mm[bone]),
             "sd_mm": 0.0,

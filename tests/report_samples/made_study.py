@@ -238,6 +238,7 @@ def _bone_rows(
                 {
                     **_who(key),
                     "model": model.name,
+                    "digit": digit.name,
                     "bone": bone,
                     "length_mm": length,
                     "driven_by": bone,

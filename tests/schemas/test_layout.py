@@ -108,3 +108,9 @@ def test_a_contradiction_is_refused(tmp_path: Path, path: str, value: Any, messa
     with pytest.raises(InputError, match=message) as caught:
         read(tmp_path, changed(path, value))
     assert str(caught.value).startswith(str(tmp_path / "finger.yaml"))
+
+
+def test_a_joint_across_a_bone_that_moves_unseen_is_compound() -> None:
+    """The ring's and the little finger's MCP joints hang from metacarpals that move and carry no receiver."""
+    layout = read_layout("liberty16")
+    assert {joint.name for joint in layout.solvable if joint.compound} == {"ring_mcp", "little_mcp"}

@@ -43,7 +43,7 @@ def rows_with(chain: Chain, off_mm: float, seed: int = 0) -> dict[str, dict[str,
 
 def built(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain, dict[str, Any]]:
     layout, model = chain_layout(chain), read_model("rigid")
-    digit = digit_chain(layout.digits["chain"], layout, model, rows)
+    digit = digit_chain(layout.digits[chain.poses.segments[-1]], layout, model, rows)
     assert isinstance(digit, DigitChain)
     bones = digit_bones(digit, "none", rows, layout, [chain.poses])
     return digit, {bone.segment: bone.row() for bone in bones}
@@ -125,7 +125,7 @@ def test_a_failed_joint_fails_its_digit_in_words() -> None:
     rows = rows_with(chain, 0.0)
     rows["joint_s2"] = {**rows["joint_s2"], "status": "failed", "message": "the joint did not move"}
     layout = chain_layout(chain)
-    reason = digit_chain(layout.digits["chain"], layout, read_model("rigid"), rows)
+    reason = digit_chain(layout.digits[chain.poses.segments[-1]], layout, read_model("rigid"), rows)
     assert reason == "joint_s2 failed: the joint did not move"
 
 
