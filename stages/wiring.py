@@ -67,9 +67,9 @@ class Wiring:
     def recording_file(self, wildcards: Wildcards) -> list[str]:
         """The recording, if it is there or can be simulated; a missing one must not stop the others."""
         recording = self._recording(wildcards)
-        simulation = self.study.simulation
-        made = simulation is not None and _relative(recording.file.parent) == _relative(simulation.folder)
-        return [_relative(recording.file)] if made or recording.file.exists() else []
+        names = {"subject": wildcards.subject, "hand": wildcards.hand, "task": recording.task}
+        file = _relative(recording.file)
+        return [file] if recording.file.exists() or file == self.simulated.format(**names) else []
 
     def capture(self, wildcards: Wildcards) -> str:
         """Words of capture's command line."""
