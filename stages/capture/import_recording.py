@@ -60,9 +60,26 @@ def import_recording(arguments: argparse.Namespace) -> None:
             f"note: {arguments.recording}: segment {segment} never moves though its parent does; not used",
             file=sys.stderr,
         )
+    doubt = unit_doubt(poses)
+    if doubt:
+        print(f"note: {arguments.recording}: {doubt}", file=sys.stderr)
     inputs = [arguments.recording, config_path(arguments.layout, "layout", Path())]
-    provenance = Provenance.of(inputs, **_parameters(arguments, layout.name, absent))
+    provenance = Provenance.of(inputs, **_parameters(arguments, layout.name, absent), doubt=doubt)
     write_table(arguments.out, POSES, poses.columns, provenance, row_group_rows=poses.row_groups)
+
+
+def unit_doubt(poses: PosesTable) -> str:
+    """Say that the positions do not look like mm; nothing where they do.
+
+    Three receivers worn on a body lie more than 5 mm apart, ten on a hand more than 50 mm.
+    """
+    if poses.span_mm < 5:
+        unit = "metres"
+    elif poses.span_mm < 50 and len(poses.segments) >= 10:
+        unit = "centimetres or inches"
+    else:
+        return ""
+    return f"the receivers lie within {poses.span_mm:.2g} mm of each other; are the positions in {unit}?"
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

@@ -37,6 +37,9 @@ NORM_TOLERANCE = 0.01
 FROZEN_FRAMES = 240
 """A second at 240 Hz: a working receiver's last digits move in that time."""
 
+SPAN_FRAMES = 1000
+"""Frames, spread over the recording, from which the extent of the receivers is told."""
+
 _BIT = {flag: np.uint16(1 << position) for position, flag in enumerate(FLAGS)}
 
 Bools = npt.NDArray[np.bool_]
@@ -47,7 +50,7 @@ class PosesTable:
     """The columns of the poses table and how to cut them into row groups.
 
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
-    frozen : segments whose rows are flagged so.
+    frozen : segments whose rows are flagged so. span_mm : how far apart the receivers are, NaN where unknown.
     """
 
     columns: dict[str, Any]
@@ -55,6 +58,7 @@ class PosesTable:
     segments: tuple[str, ...]
     usable: tuple[int, ...]
     frozen: tuple[str, ...]
+    span_mm: float
 
 
 @dataclass(frozen=True)
@@ -212,7 +216,21 @@ def _on_grid(
         names,
         tuple(int(count) for count in usable),
         tuple(samples.segments[segment] for segment in frozen),
+        _span_mm(numbers.reshape(len(present), len(frames), -1)[..., :3]),
     )
+
+
+def _span_mm(position_mm: npt.NDArray[np.float64]) -> float:
+    """Largest extent of the receivers along an axis, (S, T, 3) in, the median over frames out, mm.
+
+    NaN where no frame has three receivers.
+    """
+    some = position_mm[:, :: max(1, position_mm.shape[1] // SPAN_FRAMES)]
+    seen = np.isfinite(some).all(-1).sum(0) >= 3
+    if not seen.any():
+        return float("nan")
+    extent = np.nanmax(some[:, seen], axis=0) - np.nanmin(some[:, seen], axis=0)
+    return float(np.median(extent.max(-1)))
 
 
 def _flag_words(flags: npt.NDArray[np.uint16]) -> pa.Array:

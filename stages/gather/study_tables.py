@@ -115,15 +115,16 @@ def _recording_row(recording: Recording, results: Results, problems: list[dict[s
     path = results.poses(recording)
     try:
         table = read_table(path, POSES, ["segment", "frame", "time_s", "valid"])
-        absent = read_metadata(path)["parameters"].get("absent", [])
+        parameters = read_metadata(path)["parameters"]
     except InputError as error:
         problems.append(problem | {"message": str(error)})
         return row | {"status": "failed", "message": str(error)}
+    absent = parameters.get("absent", [])
     dead = _dead(table, absent)
-    message = f"no usable pose of {', '.join(dead)}; check that receiver" if dead else ""
-    if dead:
-        problems.append(problem | {"message": message})
-    return row | _counts(table, absent) | {"message": message}
+    doubts = [f"no usable pose of {', '.join(dead)}; check that receiver"] if dead else []
+    doubts += [parameters["doubt"]] if parameters.get("doubt") else []
+    problems += [problem | {"message": doubt} for doubt in doubts]
+    return row | _counts(table, absent) | {"message": "; ".join(doubts)}
 
 
 def _dead(table: pa.Table, absent: Sequence[str]) -> list[str]:

@@ -22,6 +22,9 @@ from stages.project_planes.plane import (
 
 WEAK_SD_MM = 2.0
 WEAK_AXIS_SD_DEG = 5.0
+WEAK_GAP_MM = 10.0
+"""No skin on a hand lets two receivers disagree so much about their joint; a wrong quaternion order does."""
+
 WEAK_RANGE_DEG = 10.0
 """Skin alone turns receivers by some 4 deg against each other, and correlates with the neighbours' motion:
 an axis found from less than about twice that may be the skin's (docs/method.md)."""
@@ -114,6 +117,11 @@ def _doubts(joint: Joint, row: Mapping[str, Any], worst_sd_mm: float, model: Ske
         reasons.append(
             f"solved against {joint.parent_receiver} across {joint.parent}, which moves and carries no "
             "receiver: the centre can be centimetres off and nothing in the data shows it"
+        )
+    if row["gap_rms_free_mm"] > WEAK_GAP_MM:
+        reasons.append(
+            f"its receivers disagree by {row['gap_rms_free_mm']:.0f} mm at best: a loose receiver, a wrong "
+            "quaternion order or angle convention, or more skin than on a hand"
         )
     if row["range_deg"] < WEAK_RANGE_DEG:
         reasons.append(f"moved only {row['range_deg']:.1f} deg; skin motion alone can look like that")

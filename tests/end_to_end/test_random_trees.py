@@ -69,7 +69,7 @@ def numbers(row: Mapping[str, Any]) -> Array:
 
 
 @given(trees())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_any_tree_of_hinges_comes_back(tree: tuple[int, tuple[int, ...]]) -> None:
     """Centres to 1e-6 mm and every digit's tip on its receiver, in both bindings."""
     chain = made(*tree)
@@ -85,7 +85,7 @@ def test_any_tree_of_hinges_comes_back(tree: tuple[int, tuple[int, ...]]) -> Non
 
 
 @given(trees())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_results_do_not_move_with_the_transmitter(tree: tuple[int, tuple[int, ...]]) -> None:
     """A moved transmitter, q for -q and a clock of another speed: same joints, tips that move along."""
     chain = made(*tree, off_axis_rad=0.05, noise_mm=0.3)
@@ -111,7 +111,7 @@ def test_results_do_not_move_with_the_transmitter(tree: tuple[int, tuple[int, ..
 
 
 @given(trees())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_frames_in_any_order_give_the_same_skeleton(tree: tuple[int, tuple[int, ...]]) -> None:
     chain = made(*tree, off_axis_rad=0.05, noise_mm=0.3)
     poses = chain.poses
@@ -128,7 +128,7 @@ def test_frames_in_any_order_give_the_same_skeleton(tree: tuple[int, tuple[int, 
 
 
 @given(trees())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_a_mirrored_tree_has_the_mirrored_skeleton(tree: tuple[int, tuple[int, ...]]) -> None:
     """Left and right: mirrored recordings give mirrored centres and the same gaps and lengths."""
     chain = made(*tree, off_axis_rad=0.05, noise_mm=0.3)

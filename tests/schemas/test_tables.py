@@ -61,7 +61,7 @@ def values_of(column: Column) -> st.SearchStrategy[Any]:
 
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(data=st.data())
 def test_every_table_comes_back_as_it_was(
     tmp_path_factory: pytest.TempPathFactory, table: Table, data: st.DataObject

@@ -203,7 +203,7 @@ def recordings(draw: st.DrawFn) -> Samples:
 
 
 @given(recordings(), st.integers(1, 25), st.integers(1, 25))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_blocks_give_back_what_was_recorded(
     tmp_path_factory: pytest.TempPathFactory, samples: Samples, group_frames: int, block_frames: int
 ) -> None:

@@ -67,7 +67,7 @@ def palm(seed: int, n: int = 120) -> tuple[Rotation, np.ndarray, np.ndarray]:
 
 
 @given(SEEDS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_posture_of_a_known_metacarpal(seed: int) -> None:
     """Swing, then twist (factor 1) is the bone's own change of posture, to 1e-6 deg."""
     bone, vector, normal = palm(seed)
@@ -79,7 +79,7 @@ def test_posture_of_a_known_metacarpal(seed: int) -> None:
 
 
 @given(SEEDS)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_hand_and_transmitter_see_the_same_for_factor_one(seed: int) -> None:
     """Seen from a hand that turns, or from the transmitter, the estimated change is the same posture."""
     bone, vector, normal = palm(seed)

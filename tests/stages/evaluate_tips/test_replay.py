@@ -60,7 +60,7 @@ def gaps(chain: Chain, rows: dict[str, dict[str, Any]]) -> Array:
 
 
 @given(SEEDS, st.integers(2, 6), st.floats(0, 30))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_the_tip_error_telescopes(seed: int, n_segments: int, off_mm: float) -> None:
     """tip_FK - tip is the sum of the digit's gaps; bound in the first frame, less their values there.
 

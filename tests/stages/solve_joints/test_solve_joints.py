@@ -30,7 +30,7 @@ def off_axis(found: Array, true: Array, axis: Array) -> float:
 
 
 @given(SEEDS, st.integers(2, 6))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_hinges_come_back(seed: int, n_segments: int) -> None:
     """In a random chain without noise every centre is on its axis to 1e-9 mm and every axis to 1e-6 deg."""
     chain = random_chain(seed, n_segments)
@@ -91,7 +91,7 @@ def test_closed_form_is_the_published_one() -> None:
 
 
 @given(SEEDS)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_nothing_depends_on_the_transmitter(seed: int) -> None:
     """A rigid motion of the transmitter frame, q for -q and another frame order move no result."""
     rng = np.random.default_rng(seed)
