@@ -89,7 +89,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(REPOSITORY / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("kinematics", "stages/solve_joints", "stages/project_planes", "stages/estimate_metacarpals"):
         shutil.copytree(REPOSITORY / "tests" / name, folder / "tests" / name)
-    for name in ("pyproject.toml", "tests/chains.py"):
+    for name in ("pyproject.toml", "tests/chains.py", "tests/conftest.py", "tests/pipeline.py"):
         shutil.copy(REPOSITORY / name, folder / name)
     return folder
 
