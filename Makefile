@@ -1,6 +1,6 @@
 # `make demo` and `make test` set up all they need; the rest is for those who change the code.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all lint format lock docs bench clean
+.PHONY: help demo test test-slow coverage lint format lock docs bench clean
 
 python := .venv/bin/python
 cores ?= all
@@ -17,9 +17,13 @@ test: ## run the fast tests
 	@./bootstrap requirements-dev.lock
 	@$(python) -m pytest -m "not slow"
 
-test-all: ## run every test, whole studies too, and measure the coverage
+test-slow: ## run the rest: whole studies through Snakemake, planted wrong signs
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest --cov --cov-report=term:skip-covered --cov-fail-under=90
+	@$(python) -m pytest -m slow
+
+coverage: ## run the fast tests and print the lines that none of them reaches
+	@./bootstrap requirements-dev.lock
+	@$(python) -m pytest -m "not slow" --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
 
 lint: ## check style, types and the Snakefile
 	@./bootstrap requirements-dev.lock
