@@ -38,9 +38,10 @@ def tables_page() -> str:
         "Read one with any Parquet reader:",
         "",
         "```python",
-        "import pandas",
+        "import pyarrow.parquet",
         "",
-        'pandas.read_parquet("results/demo/tip_errors.parquet")',
+        'table = pyarrow.parquet.read_table("results/demo/tip_errors.parquet")',
+        'table.schema.metadata[b"shukotsu"]  # units, meanings, inputs, version',
         "```",
     ]
     for table in TABLES.values():

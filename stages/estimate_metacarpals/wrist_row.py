@@ -46,7 +46,9 @@ def wrist_row(
     point = estimate_wrist(positions, np.array(wrist.nominal_mm))
     sd_mm = float(np.sqrt(np.trace(point.covariance_mm2)))
     message = f"the point that keeps its distance from {len(positions)} MCP joints"
-    if sd_mm > WEAK_SD_MM:
+    if not positions:
+        message = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
+    elif sd_mm > WEAK_SD_MM:
         message += f", uncertain by {sd_mm:.0f} mm: the palm hardly moves, so the average hand decides"
     return _point_row(wrist, point, "weak" if sd_mm > WEAK_SD_MM else "ok", message, "estimated point")
 

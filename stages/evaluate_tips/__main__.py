@@ -15,13 +15,18 @@ def build_parser() -> argparse.ArgumentParser:
     parser = command_line.parser(
         "stages.evaluate_tips",
         "Replay the skeleton and measure how far its tips are from the distal receivers (section 6).",
-        "python -m stages.evaluate_tips --poses opposition/poses.parquet --joints joint_centres.parquet "
+        "python -m stages.evaluate_tips --poses opposition/poses.parquet "
+        "--calibration rom/poses.parquet --joints joint_centres.parquet "
         "--bones bone_lengths.parquet --metacarpals metacarpals.parquet --layout liberty16 "
         "--model paper-fig4 --out tips.parquet --out-errors tip_errors.parquet",
     )
     parser.add_argument("--poses", type=Path, nargs="*", default=[], help="poses to replay, of one hand")
     parser.add_argument(
-        "--calibration", type=Path, nargs="*", default=[], help="poses that the joints were solved from"
+        "--calibration",
+        type=Path,
+        nargs="*",
+        default=[],
+        help="poses that the joints were solved from; the others count as held out",
     )
     parser.add_argument("--joints", type=Path, required=True, help="joint_centres with the wrist point")
     parser.add_argument("--bones", type=Path, required=True, help="the hand's bone_lengths")

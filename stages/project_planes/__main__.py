@@ -19,7 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
         "stages.project_planes",
         "Cut every joint's axis with its plane (end of the paper's section 4); apply manual corrections.",
         "python -m stages.project_planes --joints joint_solutions.parquet --layout liberty16 "
-        "--model paper-fig4 --out joint_centres.parquet",
+        "--model paper-fig4 --out projected_joints.parquet",
     )
     parser.add_argument("--joints", type=Path, required=True, help="the joint_solutions table of one hand")
     parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
@@ -37,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
 def project_planes(arguments: argparse.Namespace) -> None:
     """Read the solutions, place every joint, write the table."""
     from schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
+    from schemas.errors import InputError
     from schemas.layout import read_layout
     from schemas.model import read_model
     from schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_table
@@ -44,6 +45,12 @@ def project_planes(arguments: argparse.Namespace) -> None:
 
     layout, model = read_layout(arguments.layout), read_model(arguments.model)
     solutions = list(rows_of(read_table(arguments.joints, JOINT_SOLUTIONS)))
+    for solution in solutions:
+        if solution["joint"] not in layout.joints:
+            raise InputError(
+                f"{arguments.joints}: joint {solution['joint']} is not in layout {layout.name}; "
+                "give the layout that the joints were solved with"
+            )
     corrections = _corrections(arguments.corrections if model.corrections else None)
     rows = [
         {key: solution[key] for key in ("subject", "hand", "model")}

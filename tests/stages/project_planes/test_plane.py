@@ -1,6 +1,7 @@
 """The plane: known centres to 1e-6 mm, one slide for both halves, five and six values alike."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,8 +10,11 @@ from chains import moments_of, random_chain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from schemas.catalogue import JOINT_SOLUTIONS
 from schemas.layout import Joint, Plane
 from schemas.model import read_model
+from schemas.tables import Provenance, columns_from_rows, write_table
+from stages.project_planes.__main__ import main
 from stages.project_planes.place import place_joint
 from stages.project_planes.plane import Projection, centre_sd_mm, gap_rms_mm, project
 from stages.solve_joints.__main__ import _row
@@ -206,3 +210,16 @@ def test_receivers_that_disagree_are_told() -> None:
     placed = place_joint(joint, _row(joint, found, ""), read_model("paper-fig4"), None)
     assert placed["status"] == "weak"
     assert "quaternion order" in placed["message"]
+
+
+def test_joints_of_another_layout_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A hand's joints with the arm's layout: one sentence, exit code 2, nothing written."""
+    _, row, _ = solved_row(1)
+    solutions = columns_from_rows(
+        JOINT_SOLUTIONS, [{"subject": "01", "hand": "right", "model": "rigid", **row, "joint": "thumb_cmc"}]
+    )
+    write_table(tmp_path / "joints.parquet", JOINT_SOLUTIONS, solutions, Provenance())
+    words = ["--joints", str(tmp_path / "joints.parquet"), "--layout", "arm", "--model", "rigid"]
+    assert main([*words, "--out", str(tmp_path / "out.parquet")]) == 2
+    assert "joint thumb_cmc is not in layout arm" in capsys.readouterr().err
+    assert not (tmp_path / "out.parquet").exists()
