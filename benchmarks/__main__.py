@@ -12,6 +12,7 @@ BENCHMARKS = {
     "joint_solve": "one joint: closed form, stacked SVD and biobuddy on the same data",
     "solve_hand": "all joints of a hand with 16 receivers",
     "start_up": "every stage as a process: its --help, and a job on tiny data",
+    "decode_capture": "an hour of a tracker's bytes to Parquet, beside copying them",
     "accuracy": "joint centres and tips of simulated hands against their truth",
     "demo_study": "the demo study: cold, unchanged, and after one change",
 }

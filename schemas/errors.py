@@ -1,8 +1,14 @@
 """What a person can put right: bad input or bad configuration."""
 
+from __future__ import annotations
+
 
 class InputError(Exception):
     """Bad input or configuration, told in one sentence that names the place and says what to do.
 
-    Command lines print the sentence and end with exit code 2; nothing else does.
+    Command lines print the sentence and end with exit code 2; nothing else does. A line break or a run of
+    blanks in what is quoted (another library's message) becomes one blank.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split()))

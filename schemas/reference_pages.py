@@ -60,7 +60,7 @@ def configuration_page() -> str:
         "",
         f"Layouts that ship: {', '.join(shipped('layout'))}. Skeleton models: {', '.join(shipped('model'))}.",
     ]
-    for kind in ("study", "layout", "model"):
+    for kind in ("study", "layout", "model", "mapping"):
         schema = json_schema(kind)
         lines += ["", f"## {schema['title']} file", "", schema["description"], ""]
         lines += ["| key | type | default | meaning |", "|---|---|---|---|", *_keys(schema, "")]
@@ -105,12 +105,20 @@ def _keys(schema: dict[str, Any], prefix: str) -> Iterator[str]:
 
 
 def _key_row(path: str, part: dict[str, Any], required: bool) -> str:
-    kind = part.get("type", "vector" if part.get("$ref", "").endswith("vector") else "string")
-    kind = {"string": "text", "object": "group", "array": "list", "boolean": "true, false"}.get(kind, kind)
+    kind = _kind(part)
     if "enum" in part:
         kind = ", ".join(str(word) for word in part["enum"])
     default = "needed" if required else f"`{json.dumps(part['default'])}`" if "default" in part else ""
     return f"| `{path}` | {kind} | {default} | {part['description']} |"
+
+
+def _kind(part: dict[str, Any]) -> str:
+    reference = part.get("$ref", "").rsplit("/", 1)[-1]
+    if reference in ("vector", "column"):
+        return {"vector": "vector", "column": "text or integer"}[reference]
+    words = {"string": "text", "object": "group", "array": "list", "boolean": "true, false"}
+    kinds = part.get("type", "string")
+    return " or ".join(words.get(kind, kind) for kind in ([kinds] if isinstance(kinds, str) else kinds))
 
 
 def main() -> None:

@@ -40,6 +40,8 @@ class Recording:
     file_as_written: str
     layout: Path
     format: str
+    mapping: Path | None
+    hemisphere: str
     exclude: str
 
     @property
@@ -192,6 +194,8 @@ def _recordings(sheet: Path, folder: Path, layout: Path) -> tuple[Recording, ...
             row["file"],
             own,
             row["format"],
+            folder / row["mapping"] if row["mapping"] else None,
+            row["hemisphere"],
             row["exclude"],
         )
         first, line = layouts.setdefault(recording.hand, (own, row.line))

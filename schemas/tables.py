@@ -7,7 +7,8 @@ the hashes of the inputs that it was made from and the program's version. Gaps a
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -87,8 +88,9 @@ class Provenance:
 
     @classmethod
     def of(cls, inputs: Sequence[Path], **parameters: Any) -> Provenance:
-        """Hash the input files that exist; `parameters` are kept as they are (JSON types)."""
-        hashed = tuple((path.name, file_sha256(path)) for path in inputs if path.is_file())
+        """Hash the input files that exist, all of a folder's; `parameters` (JSON types) stay as they are."""
+        files = [file for path in inputs for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
+        hashed = tuple((file.name, file_sha256(file)) for file in files if file.is_file())
         return cls(hashed, parameters)
 
     def metadata(self) -> dict[str, Any]:
@@ -114,11 +116,7 @@ def write_table(
     Raises ValueError (a bug, not a user's error) where columns are missing, left over or null against
     the declaration.
     """
-    if set(columns) != {c.name for c in table.columns}:
-        odd = sorted(set(columns) ^ {c.name for c in table.columns})
-        raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
-    arrays = [_arrow_array(table, column, columns[column.name]) for column in table.columns]
-    data = pa.Table.from_arrays(arrays, schema=table.arrow_schema(provenance.metadata()))
+    data = _arrow_table(table, columns, table.arrow_schema(provenance.metadata()))
     if isinstance(row_group_rows, int):
         row_group_rows = [
             min(row_group_rows, data.num_rows - start) for start in range(0, data.num_rows, row_group_rows)
@@ -127,13 +125,35 @@ def write_table(
         raise ValueError(
             f"{table.name}: row groups of {sum(row_group_rows)} rows, but there are {data.num_rows}"
         )
-    _write_atomically(path, table, data, row_group_rows)
+    with _writer(path, table, data.schema) as writer:
+        start = 0
+        for rows in row_group_rows:
+            writer.write_table(data.slice(start, rows), row_group_size=rows)
+            start += rows
+
+
+def write_table_in_parts(
+    path: Path, table: Table, parts: Iterable[Mapping[str, Any]], provenance: Provenance
+) -> int:
+    """Write a table that is too long for memory, atomically; every part becomes a row group.
+
+    parts : columns as in `write_table`, some rows at a time. Gives the number of rows.
+    """
+    schema = table.arrow_schema(provenance.metadata())
+    rows = 0
+    with _writer(path, table, schema) as writer:
+        for columns in parts:
+            data = _arrow_table(table, columns, schema)
+            writer.write_table(data, row_group_size=max(1, data.num_rows))
+            rows += data.num_rows
+    return rows
 
 
 def write_failure(path: Path, table: Table, message: str, provenance: Provenance) -> None:
     """Write the table without rows, the reason why it has none in its metadata (see `read_table`)."""
     schema = table.arrow_schema({**provenance.metadata(), "failure": message})
-    _write_atomically(path, table, schema.empty_table(), [])
+    with _writer(path, table, schema):
+        pass
 
 
 def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -> pa.Table:
@@ -145,7 +165,7 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
     with open_table(path, table) as file:
         try:
             return file.read(columns=None if columns is None else list(columns))
-        except (OSError, pa.ArrowInvalid) as error:
+        except (OSError, ValueError, pa.ArrowException) as error:
             raise InputError(f"{path}: damaged Parquet file ({error}); make it again") from error
 
 
@@ -155,7 +175,7 @@ def open_table(path: Path, table: Table) -> pq.ParquetFile:
         file = pq.ParquetFile(path)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; expected a {table.name} table") from error
-    except (OSError, pa.ArrowInvalid) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise InputError(f"{path}: not a readable Parquet file ({error})") from error
     try:
         _check_schema(path, table, file.schema_arrow)
@@ -169,7 +189,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
     """Give the JSON object that this program wrote into the file; InputError where there is none."""
     try:
         schema = pq.read_schema(path)
-    except (OSError, pa.ArrowInvalid) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise InputError(f"{path}: not a readable Parquet file ({error})") from error
     return _metadata(path, schema)
 
@@ -211,7 +231,16 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
     return array
 
 
-def _write_atomically(path: Path, table: Table, data: pa.Table, row_groups: Sequence[int]) -> None:
+def _arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
+    if set(columns) != {c.name for c in table.columns}:
+        odd = sorted(set(columns) ^ {c.name for c in table.columns})
+        raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
+    arrays = [_arrow_array(table, column, columns[column.name]) for column in table.columns]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+@contextmanager
+def _writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
     encodings = {}
     for column in table.columns:
         if pa.types.is_floating(column.type):
@@ -222,17 +251,14 @@ def _write_atomically(path: Path, table: Table, data: pa.Table, row_groups: Sequ
         replacing(path) as temporary,
         pq.ParquetWriter(
             temporary,
-            data.schema,
+            schema,
             compression="zstd",
             compression_level=3,
             use_dictionary=[c.name for c in table.columns if pa.types.is_string(c.type)],
             column_encoding=encodings,
         ) as writer,
     ):
-        start = 0
-        for rows in row_groups:
-            writer.write_table(data.slice(start, rows), row_group_size=rows)
-            start += rows
+        yield writer
 
 
 def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:

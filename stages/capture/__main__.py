@@ -17,7 +17,12 @@ class Command:
 
 
 COMMANDS = {
+    "decode": Command("stages.capture.decode.command", "turn a raw capture into a table of every record"),
     "import": Command("stages.capture.import_recording", "turn a recording's file into the poses table"),
+    "inspect": Command(
+        "stages.capture.inspect_file", "say what is in a file, and draft the mapping that it needs"
+    ),
+    "export-bids": Command("stages.capture.export_bids", "write poses tables into a Motion-BIDS dataset"),
 }
 
 

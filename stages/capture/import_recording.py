@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stages import command_line
-from stages.capture.readers import AUTO, FORMATS
+from stages.capture.formats.readers import AUTO, FORMATS
 
 if TYPE_CHECKING:
     from schemas.layout import Layout
@@ -25,6 +25,14 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--in", dest="recording", type=Path, required=True, help="the recording")
     parser.add_argument("--format", choices=(AUTO, *FORMATS), default=AUTO, help="auto goes by the ending")
+    parser.add_argument(
+        "--mapping", type=Path, help="how to read a file that is not this project's own (docs/recordings.md)"
+    )
+    parser.add_argument(
+        "--repair-hemisphere",
+        action="store_true",
+        help="put back positions that jumped to the other side of the transmitter; without it they are gaps",
+    )
     parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
     parser.add_argument("--subject", required=True, help="whose hand it is")
     parser.add_argument("--hand", required=True, choices=("right", "left"), help="which hand")
@@ -44,14 +52,20 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from schemas.catalogue import POSES
     from schemas.config_files import config_path
     from schemas.layout import read_layout
+    from schemas.mapping import read_mapping
     from schemas.tables import Provenance, write_table
+    from stages.capture.formats.readers import find_reader
     from stages.capture.poses import poses_table
-    from stages.capture.readers import find_reader
+    from stages.capture.samples import ReadingOptions
 
     layout = read_layout(arguments.layout)
-    read = find_reader(arguments.recording, arguments.format)
+    mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
+    read = find_reader(arguments.recording, arguments.format, mapping)
+    samples = read(arguments.recording, layout, ReadingOptions(mapping, arguments.repair_hemisphere))
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
-    poses = poses_table(read(arguments.recording, layout), parents)
+    poses = poses_table(samples, parents)
+    for note in samples.notes:
+        print(f"note: {arguments.recording}: {note}", file=sys.stderr)
     absent = _absent(layout, poses)
     for segment in absent:
         print(f"note: {arguments.recording}: segment {segment} has no pose", file=sys.stderr)
@@ -64,7 +78,9 @@ def import_recording(arguments: argparse.Namespace) -> None:
     if doubt:
         print(f"note: {arguments.recording}: {doubt}", file=sys.stderr)
     inputs = [arguments.recording, config_path(arguments.layout, "layout", Path())]
-    provenance = Provenance.of(inputs, **_parameters(arguments, layout.name, absent), doubt=doubt)
+    inputs += [] if arguments.mapping is None else [arguments.mapping]
+    told = {**_parameters(arguments, layout.name, absent), "doubt": doubt, "notes": list(samples.notes)}
+    provenance = Provenance.of(inputs, **told)
     write_table(arguments.out, POSES, poses.columns, provenance, row_group_rows=poses.row_groups)
 
 

@@ -28,8 +28,18 @@ FLAGS = {
     "time-missing": "the row has no (finite) time",
     "time-not-increasing": "the time is not later than that of the receiver's row before",
     "frozen": "the receiver gave one and the same pose all along while that of its parent segment moved",
+    "device-error": "the tracker itself reported that this pose is wrong",
+    "device-warning": "the tracker reported a fault of its own with this pose, which may be right",
+    "distorted": "the tracker saw its field distorted by metal",
+    "hemisphere-flip": "the position jumped to the other side of the transmitter, or was on its way there",
+    "hemisphere-repaired": "the position had jumped to the other side of the transmitter and was put back",
+    "low-quality": "the recording's own measure of quality is beyond the limit that its mapping gives",
+    "misfit": "the markers of the cluster do not fit its rigid shape",
 }
 """What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
+
+INVALIDATING = ("device-error", "hemisphere-flip", "low-quality", "misfit")
+"""Marks of a reader that make a pose unusable though its numbers are complete; they are kept."""
 
 NORM_TOLERANCE = 0.01
 """A quaternion whose length is off by more was not rounded: it is something else."""
@@ -40,7 +50,9 @@ FROZEN_FRAMES = 240
 SPAN_FRAMES = 1000
 """Frames, spread over the recording, from which the extent of the receivers is told."""
 
-_BIT = {flag: np.uint16(1 << position) for position, flag in enumerate(FLAGS)}
+_BIT = {flag: np.uint32(1 << position) for position, flag in enumerate(FLAGS)}
+
+_INVALIDATING = np.bitwise_or.reduce([_BIT[flag] for flag in INVALIDATING])
 
 Bools = npt.NDArray[np.bool_]
 
@@ -70,12 +82,17 @@ class _Rows:
     frame: npt.NDArray[np.int64]
     time_s: npt.NDArray[np.float64]
     numbers: npt.NDArray[np.float64]
-    flags: npt.NDArray[np.uint16]
+    flags: npt.NDArray[np.uint32]
 
     @property
     def complete(self) -> Bools:
         """Whether all seven numbers are there, shape (N,)."""
         return np.asarray(np.isfinite(self.numbers).all(-1))
+
+    @property
+    def spoilt(self) -> Bools:
+        """Whether the reader marked the pose as unusable, shape (N,)."""
+        return np.asarray((self.flags & _INVALIDATING) != 0)
 
 
 def poses_table(
@@ -109,34 +126,44 @@ def _one_a_frame(samples: Samples) -> _Rows:
     same = same_time & _same(numbers[twin], numbers[owner]).all(-1)
     time_s[owner[~same_time]] = np.nan
     numbers[owner[~same]] = np.nan
-    flags = np.zeros(len(order), np.uint16)
+    flags = np.zeros(len(order), np.uint32)
     flags[owner] = _BIT["duplicate-frame"]
     flags[owner[~same]] = _BIT["conflicting-duplicate"]
+    marks = _marks(samples)[order]
+    flags |= marks
+    np.bitwise_or.at(flags, owner, marks[twin])
     return _Rows(order[kept], segment[kept], frame[kept], time_s[kept], numbers[kept], flags[kept])
+
+
+def _marks(samples: Samples) -> npt.NDArray[np.uint32]:
+    flags = np.zeros(len(samples.segment), np.uint32)
+    for flag, marked in samples.marks.items():
+        flags[marked] |= _BIT[flag]
+    return flags
 
 
 def _same(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> Bools:
     return np.asarray((one == other) | (np.isnan(one) & np.isnan(other)))
 
 
-def _gap_flags(rows: _Rows) -> npt.NDArray[np.uint16]:
+def _gap_flags(rows: _Rows) -> npt.NDArray[np.uint32]:
     empty = np.isnan(rows.numbers)
     some, every = empty.any(-1), empty.all(-1)
-    conflicting = (rows.flags & _BIT["conflicting-duplicate"]) != 0
-    flags = np.where(every & ~conflicting, _BIT["missing"], 0)
+    told = _BIT["conflicting-duplicate"] | _BIT["partly-missing"] | _BIT["not-finite"]
+    flags = np.where(every & ((rows.flags & told) == 0), _BIT["missing"], 0)
     flags |= np.where(some & ~every, _BIT["partly-missing"], 0)
     flags |= np.where(np.isinf(rows.numbers).any(-1), _BIT["not-finite"], 0)
-    return flags.astype(np.uint16)
+    return flags.astype(np.uint32)
 
 
-def _time_flags(rows: _Rows) -> npt.NDArray[np.uint16]:
+def _time_flags(rows: _Rows) -> npt.NDArray[np.uint32]:
     known = np.isfinite(rows.time_s)
     flags = np.where(known, 0, _BIT["time-missing"])
     timed = np.flatnonzero(known)
     before, after = timed[:-1], timed[1:]
     stuck = (rows.segment[before] == rows.segment[after]) & (rows.time_s[after] <= rows.time_s[before])
     flags[after[stuck]] = _BIT["time-not-increasing"]
-    return flags.astype(np.uint16)
+    return flags.astype(np.uint32)
 
 
 def _with_unit_quaternions(rows: _Rows, samples: Samples) -> _Rows:
@@ -145,11 +172,15 @@ def _with_unit_quaternions(rows: _Rows, samples: Samples) -> _Rows:
     with np.errstate(over="ignore"):  # a number near 1e300 is refused with the norm inf
         norm = np.linalg.norm(numbers[:, 3:], axis=-1)
     bad = np.abs(norm - 1) > NORM_TOLERANCE + 1e-12  # False for NaN; 1e-12: rounding of the norm
+    numbers[bad & rows.spoilt] = np.nan
+    bad &= ~rows.spoilt
     if bad.any():
         # The first in the recording's own order: that is where its reader will look.
         row = int(np.flatnonzero(bad)[np.argmin(rows.sample[bad])])
         raise InputError(_quaternion_sentence(rows, row, float(norm[row]), int(bad.sum()), samples))
-    numbers[:, 3:] /= norm[:, None]
+    norm[np.abs(norm - 1) < 1e-15] = 1.0  # unit to rounding: reading a poses table again turns no bit
+    with np.errstate(invalid="ignore"):
+        numbers[:, 3:] /= norm[:, None]
     return replace(rows, numbers=numbers, time_s=np.where(np.isfinite(rows.time_s), rows.time_s, np.nan))
 
 
@@ -198,7 +229,7 @@ def _on_grid(
     flags = np.full(cells, _BIT["no-row"])
     flags[at] = rows.flags
     valid = np.zeros(cells, bool)
-    valid[at] = rows.complete & ~np.isin(rows.segment, frozen)
+    valid[at] = rows.complete & ~rows.spoilt & ~np.isin(rows.segment, frozen)
     columns = {
         "segment": _words(np.repeat(np.arange(len(present)), len(frames)), names),
         "frame": np.tile(frames, len(present)),
@@ -233,7 +264,7 @@ def _span_mm(position_mm: npt.NDArray[np.float64]) -> float:
     return float(np.median(extent.max(-1)))
 
 
-def _flag_words(flags: npt.NDArray[np.uint16]) -> pa.Array:
+def _flag_words(flags: npt.NDArray[np.uint32]) -> pa.Array:
     """Spell out flags, joined by ';'; each combination only once, as there are few."""
     combinations, codes = np.unique(flags, return_inverse=True)
     texts = [";".join(flag for flag in FLAGS if bits & _BIT[flag]) for bits in combinations]

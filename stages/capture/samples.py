@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from schemas.errors import InputError
 from schemas.layout import Layout
+from schemas.mapping import FileMapping
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
@@ -24,6 +25,8 @@ class Samples:
     numbers : (N, 7) x, y, z in mm, then w, x, y, z of the quaternion (receiver to transmitter frame),
     NaN where there is none, not necessarily unit.
     place : sample -> file and line, for messages.
+    marks : what the reader saw of single samples, flag (a key of poses.FLAGS) -> (N,) bool.
+    notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
     """
 
     segments: tuple[str, ...]
@@ -32,6 +35,16 @@ class Samples:
     time_s: npt.NDArray[np.float64]
     numbers: npt.NDArray[np.float64]
     place: Callable[[int], str]
+    marks: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """What a reader is told beside the file: the lab's mapping, and what to do with hemisphere flips."""
+
+    mapping: FileMapping | None = None
+    repair_hemisphere: bool = False
 
 
 def segments_of_names(

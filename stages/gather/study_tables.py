@@ -124,7 +124,8 @@ def _recording_row(recording: Recording, results: Results, problems: list[dict[s
     doubts = [f"no usable pose of {', '.join(dead)}; check that receiver"] if dead else []
     doubts += [parameters["doubt"]] if parameters.get("doubt") else []
     problems += [problem | {"message": doubt} for doubt in doubts]
-    return row | _counts(table, absent) | {"message": "; ".join(doubts)}
+    said = "; ".join([*doubts, *parameters.get("notes", [])])
+    return row | _counts(table, absent) | {"message": said}
 
 
 def _dead(table: pa.Table, absent: Sequence[str]) -> list[str]:

@@ -118,7 +118,7 @@ def _properties(schema: Any) -> list[tuple[str, dict[str, Any]]]:
     return own + [found for part in schema.values() for found in _properties(part)]
 
 
-@pytest.mark.parametrize("kind", ["study", "layout", "model"])
+@pytest.mark.parametrize("kind", ["study", "layout", "model", "mapping"])
 def test_every_key_is_described_and_every_object_closed(kind: str) -> None:
     schema = json_schema(kind)
     assert schema["additionalProperties"] is False

@@ -7,7 +7,7 @@ import pytest
 
 from schemas.config_files import json_schema
 
-KINDS = ("study", "layout", "model")
+KINDS = ("study", "layout", "model", "mapping")
 
 
 def groups(schema: dict[str, Any], path: str) -> Iterator[tuple[str, dict[str, Any]]]:

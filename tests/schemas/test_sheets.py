@@ -27,7 +27,15 @@ def written(tmp_path: Path, lines: list[str], end: str = "\n", encoding: str = "
 def test_the_same_sheet_however_it_is_saved(tmp_path: Path, end: str, encoding: str) -> None:
     (row,) = read_sheet(written(tmp_path, RECORDING, end, encoding), RECORDINGS)
     given_values = {"subject": "01", "hand": "right", "task": "rom", "role": "both", "file": "rom.csv"}
-    assert row.values == given_values | {"trial": "", "layout": "", "format": "auto", "exclude": ""}
+    defaults = {
+        "trial": "",
+        "layout": "",
+        "format": "auto",
+        "mapping": "",
+        "hemisphere": "keep",
+        "exclude": "",
+    }
+    assert row.values == given_values | defaults
 
 
 def test_columns_in_any_order_and_short_rows(tmp_path: Path) -> None:
@@ -60,7 +68,7 @@ def test_quotes_and_markup_are_text(tmp_path: Path) -> None:
         (
             RECORDINGS,
             [RECORDING[0] + "\tformat", RECORDING[1] + "\tc3d"],
-            "row 2, column format: is 'c3d'; expected auto, csv or parquet",
+            "row 2, column format: is 'c3d'; expected auto, csv, parquet, capture, motion-bids or xdf",
         ),
         (
             RECORDINGS,

@@ -44,15 +44,15 @@ COLUMNS = {"name": ["a", "b"], "count": [1, 2], "length_mm": [0.5, None]}
 
 def values_of(column: Column) -> st.SearchStrategy[Any]:
     """Any value that a column of the catalogue may hold."""
-    numbers = st.floats(allow_nan=False)
+    numbers = st.floats(allow_nan=False, width=32 if column.type == pa.float32() else 64)
     if pa.types.is_fixed_size_list(column.type):
         size = column.type.list_size
         values: st.SearchStrategy[Any] = st.lists(numbers, min_size=size, max_size=size)
     elif pa.types.is_floating(column.type):
         values = numbers
     elif pa.types.is_integer(column.type):
-        bits = column.type.bit_width - 1
-        values = st.integers(-(2**bits), 2**bits - 1)
+        limits = np.iinfo(column.type.to_pandas_dtype())
+        values = st.integers(int(limits.min), int(limits.max))
     elif pa.types.is_boolean(column.type):
         values = st.booleans()
     else:
@@ -79,7 +79,8 @@ def test_units_are_in_names_and_metadata(tmp_path: Path, table: Table) -> None:
     """A column whose name ends in a unit declares that unit; all of it can be read from the file."""
     path = tmp_path / "table.parquet"
     write_table(path, table, columns_from_rows(table, []), Provenance())
-    endings = {"_mm": "mm", "_s": "s", "_deg": "deg", "_percent": "%", "_mm2": "mm^2"}
+    endings = {"_mm": "mm", "_s": "s", "_ms": "ms", "_ns": "ns", "_deg": "deg"}
+    endings |= {"_percent": "%", "_mm2": "mm^2"}
     metadata, schema = read_metadata(path), pq.read_schema(path)
     for column in table.columns:
         ending = next((e for e in endings if column.name.endswith(e)), None)

@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from schemas.errors import InputError
-from stages.capture.columns import Columns
+from stages.capture.formats.columns import Columns
 
 EMPTY = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL"]
 """What people and programs write for "no value"."""

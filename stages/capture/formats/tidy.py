@@ -10,24 +10,24 @@ import numpy.typing as npt
 
 from schemas.errors import InputError
 from schemas.layout import Layout
-from stages.capture.columns import Columns
-from stages.capture.samples import NUMBERS, Samples, segments_of_names, segments_of_stations
+from stages.capture.formats.columns import Columns
+from stages.capture.samples import NUMBERS, ReadingOptions, Samples, segments_of_names, segments_of_stations
 
 SEGMENT, RECEIVER = "segment", "receiver"
 REQUIRED = ("frame", "time_s", *NUMBERS)
 """Beside these one of `segment` and `receiver`; any other column is left alone."""
 
 
-def read_csv(path: Path, layout: Layout) -> Samples:
+def read_csv(path: Path, layout: Layout, _options: ReadingOptions) -> Samples:
     """Read a tidy CSV file (UTF-8, commas, decimal points). Raises InputError where it is none."""
-    from stages.capture.csv_columns import open_csv
+    from stages.capture.formats.csv_columns import open_csv
 
     return read_samples(open_csv(path, wanted_columns), path, layout)
 
 
-def read_parquet(path: Path, layout: Layout) -> Samples:
+def read_parquet(path: Path, layout: Layout, _options: ReadingOptions) -> Samples:
     """Read a tidy Parquet file. Raises InputError where it is none."""
-    from stages.capture.parquet_columns import open_parquet
+    from stages.capture.formats.parquet_columns import open_parquet
 
     return read_samples(open_parquet(path, wanted_columns), path, layout)
 

@@ -10,9 +10,9 @@ import pytest
 
 from schemas.errors import InputError
 from schemas.layout import Layout, read_layout
-from stages.capture.readers import find_reader
-from stages.capture.samples import Samples
-from stages.capture.tidy import read_csv, read_parquet
+from stages.capture.formats.readers import find_reader
+from stages.capture.formats.tidy import read_csv, read_parquet
+from stages.capture.samples import ReadingOptions, Samples
 
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 ROW = "{frame},0.5,{segment},1,2,3,1,0,0,0\n"
@@ -25,7 +25,7 @@ ARM = read_layout("arm")
 def read(tmp_path: Path, content: str | bytes, layout: Layout = LIBERTY) -> Samples:
     path = tmp_path / "rom.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_csv(path, layout)
+    return read_csv(path, layout, ReadingOptions())
 
 
 def refuse(tmp_path: Path, content: str | bytes, message: str, layout: Layout = LIBERTY) -> None:
@@ -178,7 +178,7 @@ def parquet(tmp_path: Path, **changes: object) -> Path:
     ],
 )
 def test_parquet_in_whatever_types_its_writer_chose(tmp_path: Path, changes: dict[str, object]) -> None:
-    samples = read_parquet(parquet(tmp_path, **changes), LIBERTY)
+    samples = read_parquet(parquet(tmp_path, **changes), LIBERTY, ReadingOptions())
     assert [samples.segments[index] for index in samples.segment] == ["hand", "index_distal"]
     np.testing.assert_array_equal(samples.frame, [7, 8])
     np.testing.assert_array_equal(samples.time_s, [0.5, np.nan])
@@ -201,7 +201,7 @@ def test_parquet_in_whatever_types_its_writer_chose(tmp_path: Path, changes: dic
 )
 def test_parquet_that_is_no_tidy_recording(tmp_path: Path, changes: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)):
-        read_parquet(parquet(tmp_path, **changes), LIBERTY)
+        read_parquet(parquet(tmp_path, **changes), LIBERTY, ReadingOptions())
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
@@ -216,10 +216,10 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         (tmp_path / "text.parquet", "not a readable Parquet file"),
     ):
         with pytest.raises(InputError, match=message):
-            find_reader(path, "auto")(path, LIBERTY)
+            find_reader(path, "auto")(path, LIBERTY, ReadingOptions())
     for name in ("csv", "parquet"):
         with pytest.raises(InputError, match="directory"):
-            find_reader(tmp_path, name)(tmp_path, LIBERTY)
+            find_reader(tmp_path, name)(tmp_path, LIBERTY, ReadingOptions())
 
 
 def test_the_format_goes_by_the_ending_unless_given() -> None:

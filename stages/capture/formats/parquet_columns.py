@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from schemas.errors import InputError
-from stages.capture.columns import Columns
+from stages.capture.formats.columns import Columns
 
 
 class ParquetColumns(Columns):
@@ -79,7 +79,7 @@ def open_parquet(path: Path, wanted: Callable[[Path, Sequence[str]], list[str]])
             return ParquetColumns(path, file.read(columns=names))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; expected a recording") from error
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise InputError(f"{path}: not a readable Parquet file ({error}); copy it again") from error
 
 

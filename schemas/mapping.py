@@ -1,0 +1,215 @@
+"""A mapping: how a lab's own file is to be read, each unit and convention said and none guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.config_files import check_config, read_config
+from schemas.errors import InputError
+
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+"""Millimetres of every unit that a position may come in."""
+
+
+@dataclass(frozen=True)
+class FileMapping:
+    """One mapping file, read and checked; the keys of `config` are those of `json/mapping.schema.json`."""
+
+    where: str
+    format: str
+    mm_per_unit: float
+    rate_hz: float | None
+    orientation: Mapping[str, Any] | None
+    receivers: Mapping[str, Mapping[str, Any]]
+    fixed: tuple[str, ...]
+    config: Mapping[str, Any]
+
+    @property
+    def details(self) -> Mapping[str, Any]:
+        """The group of keys that belongs to the format, defaults filled in; empty where there is none."""
+        group: Mapping[str, Any] = self.config.get(self.format, {})
+        return group
+
+
+def read_mapping(path: Path) -> FileMapping:
+    """Read a mapping file. Raises InputError where it is absent, no YAML or does not say enough."""
+    return mapping_from_config(read_config(path, "mapping", with_defaults=False), str(path))
+
+
+def mapping_from_config(loaded: Mapping[str, Any], where: str) -> FileMapping:
+    """Check a loaded mapping, fill in its defaults; `where` names it in messages."""
+    groups = {"csv", "matrices", "c3d", "xdf"} & loaded.keys()
+    config = check_config(dict(loaded), "mapping", where)
+    odd = sorted(groups - {config["format"]})
+    if odd:
+        raise InputError(f"{where}: {odd[0]}: is for another format; format is {config['format']}")
+    _check_orientation(config, where)
+    _check_receivers(config, where)
+    if config["format"] in _CHECKS:
+        _CHECKS[config["format"]](config, where)
+    return FileMapping(
+        where,
+        config["format"],
+        MM_PER_UNIT[config["position_unit"]],
+        config.get("rate_hz"),
+        config.get("orientation"),
+        config["receivers"],
+        tuple(config["fixed"]),
+        config,
+    )
+
+
+_NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}
+_NUMBERS = {"quaternion": 4, "euler": 3, "matrix": 9}
+
+_RECEIVER_KEYS = {
+    "wide": ("position", "orientation", "time", "quality"),
+    "long": ("value",),
+    "matrices": (),
+    "c3d": ("markers", "rotation"),
+    "motion-bids": ("tracked_point",),
+    "xdf": ("value",),
+}
+"""The keys of a receiver that a format (of csv: its kind of rows) reads."""
+
+_LONG_KEYS = ("receiver", "position", "orientation")
+
+
+def _check_orientation(config: Mapping[str, Any], where: str) -> None:
+    orientation = config.get("orientation")
+    if orientation is None:
+        return
+    kind = orientation["kind"]
+    missing = [key for key in _NEEDED[kind] if key not in orientation]
+    if missing:
+        raise InputError(f"{where}: orientation: {kind} needs the key {', '.join(map(repr, missing))}")
+    odd = [key for key in ("order", "axes", "unit") if key in orientation and key not in _NEEDED[kind]]
+    if odd:
+        raise InputError(f"{where}: orientation.{odd[0]}: does not belong to {kind}; leave it out")
+    axes = orientation.get("axes", "XYZ")
+    if axes[0] == axes[1] or axes[1] == axes[2]:
+        raise InputError(f"{where}: orientation.axes: {axes} turns twice in a row about one axis")
+
+
+def _check_receivers(config: Mapping[str, Any], where: str) -> None:
+    """Refuse keys that the format does not read, and a segment that both moves and is fixed."""
+    name = config["csv"]["rows"] if config["format"] == "csv" else config["format"]
+    what = f"csv with {name} rows" if config["format"] == "csv" else name
+    known = _RECEIVER_KEYS[name]
+    for segment, receiver in config["receivers"].items():
+        odd = [key for key in receiver if key not in known]
+        if odd:
+            raise InputError(
+                f"{where}: receivers.{segment}.{odd[0]}: does not belong to {what}, "
+                f"which reads {', '.join(known) or 'no key here'}; leave it out"
+            )
+        if segment in config["fixed"]:
+            raise InputError(f"{where}: fixed: {segment} has a receiver too; keep one of the two")
+
+
+def _check_csv(config: Mapping[str, Any], where: str) -> None:
+    table = config["csv"]
+    if "orientation" not in config:
+        raise InputError(
+            f"{where}: the key 'orientation' is missing; a joint cannot be found from positions alone"
+        )
+    if table["delimiter"] == table["decimal"]:
+        raise InputError(f"{where}: csv.decimal: the comma cannot both separate cells and be a decimal mark")
+    if table["rows"] == "long":
+        _check_long(config, where)
+    else:
+        _check_wide(config, where)
+    groups = [("csv", table), *((f"receivers.{name}", part) for name, part in config["receivers"].items())]
+    for place, group in groups:
+        _check_columns(group, place, config, where)
+    _check_pair(groups, "time", [key for key in ("time_unit",) if key in table], "csv.time_unit", where)
+    limits = [key for key in ("quality_above", "quality_below") if key in table]
+    _check_pair(groups, "quality", limits, "csv.quality_above or csv.quality_below", where)
+    timed = "time" in table or all("time" in part for part in config["receivers"].values())
+    if not table["in_step"] and not (timed and "rate_hz" in config):
+        raise InputError(
+            f"{where}: csv.in_step: receivers that are not in step need a time column and rate_hz, "
+            "the rate of the grid of frames that they are put on"
+        )
+
+
+def _check_wide(config: Mapping[str, Any], where: str) -> None:
+    odd = [key for key in (*_LONG_KEYS, "quality") if key in config["csv"]]
+    if odd:
+        raise InputError(f"{where}: csv.{odd[0]}: is for long rows; with wide rows give it to each receiver")
+    for segment, receiver in config["receivers"].items():
+        for key in ("position", "orientation"):
+            if key not in receiver:
+                raise InputError(f"{where}: receivers.{segment}: the key {key!r} is missing")
+
+
+def _check_long(config: Mapping[str, Any], where: str) -> None:
+    missing = [key for key in _LONG_KEYS if key not in config["csv"]]
+    if missing:
+        raise InputError(f"{where}: csv: long rows need the key {', '.join(map(repr, missing))}")
+    seen: dict[str, str] = {}
+    for segment, receiver in config["receivers"].items():
+        if "value" not in receiver:
+            raise InputError(f"{where}: receivers.{segment}: the key 'value' is missing")
+        other = seen.setdefault(str(receiver["value"]), segment)
+        if other != segment:
+            raise InputError(
+                f"{where}: receivers: {other} and {segment} both have value {receiver['value']!r}"
+            )
+
+
+def _check_columns(group: Mapping[str, Any], place: str, config: Mapping[str, Any], where: str) -> None:
+    """Refuse a wrong count of orientation columns, and column names where there is no header."""
+    kind = config["orientation"]["kind"]
+    columns = group.get("orientation", [])
+    if columns and len(columns) != _NUMBERS[kind]:
+        raise InputError(
+            f"{where}: {place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
+        )
+    keys = ("position", "orientation", "time", "quality", "frame", "receiver")
+    for key in keys:
+        named = group.get(key, [])
+        for column in named if isinstance(named, list) else [named]:
+            if isinstance(column, str) and not config["csv"]["header"]:
+                raise InputError(
+                    f"{where}: {place}.{key}: {column!r} is a name; without a header give numbers"
+                )
+
+
+def _check_pair(
+    groups: Sequence[tuple[str, Mapping[str, Any]]], column: str, told: list[str], needed: str, where: str
+) -> None:
+    """Refuse a column without the key that says how to read it, and that key without a column."""
+    places = [place for place, group in groups if column in group]
+    if places and not told:
+        raise InputError(f"{where}: {places[0]}.{column}: needs {needed}")
+    if told and not places:
+        raise InputError(f"{where}: csv.{told[0]}: no {column} column is named")
+
+
+def _check_matrices(config: Mapping[str, Any], where: str) -> None:
+    kind = config.get("orientation", {"kind": "matrix"})["kind"]
+    if kind != "matrix":
+        raise InputError(f"{where}: orientation.kind: is {kind}; 4x4 matrices have the kind matrix")
+
+
+def _check_c3d(config: Mapping[str, Any], where: str) -> None:
+    if "orientation" in config:
+        raise InputError(f"{where}: orientation: a C3D file needs none; leave it out")
+    for segment, receiver in config["receivers"].items():
+        if len(receiver) != 1:
+            raise InputError(f"{where}: receivers.{segment}: needs either 'markers' or 'rotation'")
+        markers = receiver.get("markers", [])
+        twice = [marker for marker in markers if markers.count(marker) > 1]
+        if twice:
+            raise InputError(f"{where}: receivers.{segment}.markers: {twice[0]!r} is named twice")
+
+
+_CHECKS: dict[str, Callable[[Mapping[str, Any], str], None]] = {
+    "csv": _check_csv,
+    "matrices": _check_matrices,
+    "c3d": _check_c3d,
+}

@@ -1,0 +1,230 @@
+"""C3D files by mapping: clusters of markers as rigid segments, or poses of the ROTATION group."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinematics.rotations import Array, from_matrix
+from schemas.errors import InputError
+from schemas.layout import Layout
+from schemas.mapping import MM_PER_UNIT, FileMapping
+from stages.capture.formats.c3d_content import PARAMETERS, read_content
+from stages.capture.formats.clusters import ClusterPoses, cluster_poses
+from stages.capture.formats.mapped import (
+    Integers,
+    Track,
+    did_you_mean,
+    mapped_segments,
+    required_mapping,
+    samples_of_tracks,
+)
+from stages.capture.formats.orientation import proper_rotations
+from stages.capture.samples import ReadingOptions, Samples
+
+_MIPS = 86
+"""Processor type of files whose numbers have their high byte first."""
+
+_UNITS = {
+    **{unit: unit for unit in MM_PER_UNIT},
+    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+    **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
+    **dict.fromkeys(("in", "inches"), "inch"),
+}
+
+
+@dataclass(frozen=True)
+class C3dFile:
+    """What of a C3D file matters here.
+
+    points : (T, P, 3) in the file's unit, NaN where a point is not seen; labels : of the P points.
+    matrices : (T', R, 4, 4) of the ROTATION group, T' a whole multiple of T; rotation_labels : of the R.
+    unit : mm, cm, m or inch, or the file's own word where it is none of these; empty where it states none.
+    rate_hz : NaN where the file states none. first_frame : number of the first frame stored, from 1.
+    """
+
+    path: Path
+    points: Array
+    labels: tuple[str, ...]
+    matrices: Array
+    rotation_labels: tuple[str, ...]
+    unit: str
+    rate_hz: float
+    first_frame: int
+
+    @property
+    def frames(self) -> int:
+        """How many frames are stored."""
+        return len(self.points)
+
+
+def read_c3d(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
+    """Read clusters and rotations as the mapping names them (C3D user guide, www.c3d.org).
+
+    Frames keep the file's numbers, times count from the first frame stored. Raises InputError where the
+    file is no C3D file, states another unit, or has no such label.
+    """
+    mapping = required_mapping(path, options, "a C3D file")
+    mapped_segments(mapping, layout)
+    file = open_c3d(path)
+    _check_unit(file, mapping)
+    window = _window(file, mapping)
+    tracks, notes = [], []
+    for segment, receiver in mapping.receivers.items():
+        if "markers" in receiver:
+            track, note = _of_cluster(file, segment, receiver["markers"], window, mapping)
+        else:
+            track, note = _of_rotation(file, segment, receiver["rotation"], window, mapping)
+        tracks.append(track)
+        notes += [note] if note else []
+    return samples_of_tracks(
+        tracks, mapping, layout, lambda index: f"{path}: frame {file.first_frame + index}", notes
+    )
+
+
+def open_c3d(path: Path) -> C3dFile:
+    """Read a C3D file. Raises InputError where it is absent, is none, or is cut off."""
+    content = read_content(path)
+    first, last = (int(frame) for frame in content["frames"])
+    frames, promised = last - first + 1, _frames_promised(path)
+    if frames < promised:
+        raise InputError(
+            f"{path}: is cut off: it has {frames} of the {promised} frames that its header names; "
+            "copy it again"
+        )
+    unit = str(_first(content, "POINT:UNITS", "")).strip()
+    rate = float(_first(content, "POINT:RATE", np.nan))
+    return C3dFile(
+        path,
+        content["points"],
+        _labels(content, "POINT"),
+        content["rotations"],
+        _labels(content, "ROTATION"),
+        _UNITS.get(unit.lower(), unit),
+        rate if rate > 0 else float("nan"),
+        first + 1,
+    )
+
+
+def _frames_promised(path: Path) -> int:
+    """Frames that the file's own header names: ezc3d gives instead those that it could read.
+
+    Words 4 and 5 of the header are the first and the last frame (C3D user guide); the parameter section
+    says, in its fourth byte, in which order the bytes are. Longer recordings have 65535 as their last.
+    """
+    data = path.read_bytes()
+    processor = data[512 * (data[0] - 1) + 3]
+    first, last = struct.unpack_from(">HH" if processor == _MIPS else "<HH", data, 6)
+    return int(last) - int(first) + 1
+
+
+def _first(content: Mapping[str, np.ndarray], name: str, otherwise: object) -> Any:
+    values = content.get(name, np.empty(0))
+    return values[0] if len(values) else otherwise
+
+
+def _labels(content: Mapping[str, np.ndarray], group: str) -> tuple[str, ...]:
+    """Labels of a group; beyond 255 they run on in LABELS2, LABELS3 and so on."""
+    names = [name for found, name in PARAMETERS if found == group and name.startswith("LABELS")]
+    found = [content[f"{group}:{name}"] for name in names if f"{group}:{name}" in content]
+    return tuple(str(label).strip() for labels in found for label in labels)
+
+
+def _check_unit(file: C3dFile, mapping: FileMapping) -> None:
+    told = mapping.config["position_unit"]
+    if file.unit and file.unit != told:
+        raise InputError(
+            f"{file.path}: states its unit as {file.unit!r} (POINT:UNITS), but {mapping.where} says "
+            f"{told!r}; correct the mapping, or the file if its unit is wrong"
+        )
+
+
+def _window(file: C3dFile, mapping: FileMapping) -> Integers:
+    """Indices of the frames to read, from 0 at the first frame stored."""
+    first, last = mapping.details.get("first_frame", 1), mapping.details.get("last_frame", file.frames)
+    if not 1 <= first <= last <= file.frames:
+        raise InputError(
+            f"{mapping.where}: c3d: frames {first} to {last} are not in {file.path}, which has frames 1 to "
+            f"{file.frames}"
+        )
+    return np.arange(first - 1, last)
+
+
+def _track(file: C3dFile, window: Integers, mapping: FileMapping, poses: Array, misfit: Array) -> Track:
+    rate = file.rate_hz if np.isfinite(file.rate_hz) else mapping.rate_hz or float("nan")
+    return Track(
+        window,
+        file.first_frame + window,
+        window / rate,
+        poses,
+        {"misfit": misfit > mapping.details["misfit_mm"]},
+    )
+
+
+def _of_cluster(
+    file: C3dFile, segment: str, markers: Sequence[str], window: Integers, mapping: FileMapping
+) -> tuple[Track, str]:
+    place = f"{mapping.where}: receivers.{segment}.markers"
+    columns = [_index(file.path, file.labels, marker, "marker", place) for marker in markers]
+    points_mm = file.points[window][:, columns] * mapping.mm_per_unit
+    unseen = [
+        marker
+        for marker, seen in zip(markers, np.asarray(np.isfinite(points_mm).any((0, 2))), strict=True)
+        if not seen
+    ]
+    if unseen:
+        raise InputError(
+            f"{file.path}: marker {unseen[0]!r} is seen in no frame read; leave it out of {place}"
+        )
+    cluster = cluster_poses(points_mm, f"{file.path}: cluster {segment}")
+    poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
+    return _track(file, window, mapping, poses, cluster.misfit_mm), _note(segment, cluster)
+
+
+def _note(segment: str, cluster: ClusterPoses) -> str:
+    misfit = cluster.misfit_mm
+    posed = np.isfinite(misfit)
+    left = cluster.residual_mm[np.isfinite(cluster.residual_mm)]
+    return (
+        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
+        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, {left.max():.2g} mm max, "
+        f"{posed.sum()} of {len(misfit)} frames"
+    )
+
+
+def _of_rotation(
+    file: C3dFile, segment: str, label: str, window: Integers, mapping: FileMapping
+) -> tuple[Track, str]:
+    """Take the matrix of each point frame; where the group is sampled faster, those in step with points."""
+    place = f"{mapping.where}: receivers.{segment}.rotation"
+    column = _index(file.path, file.rotation_labels, label, "rotation", place)
+    ratio, odd = divmod(len(file.matrices), file.frames)
+    if odd or not ratio:
+        raise InputError(
+            f"{file.path}: has {len(file.matrices)} rotations for {file.frames} frames; "
+            "expected a whole multiple"
+        )
+    matrices = file.matrices[window * ratio, column]
+    rotation = proper_rotations(
+        matrices[:, :3, :3],
+        lambda index: f"{file.path}: frame {file.first_frame + window[index]}, rotation {label}",
+    )
+    poses = np.concatenate([matrices[:, :3, 3] * mapping.mm_per_unit, from_matrix(rotation)], -1)
+    note = f"rotation {label}: {ratio} samples a frame, the first of them is used" if ratio > 1 else ""
+    return _track(file, window, mapping, poses, np.full(len(window), np.nan)), note
+
+
+def _index(path: Path, labels: Sequence[str], label: str, what: str, place: str) -> int:
+    if labels.count(label) == 1:
+        return labels.index(label)
+    if label in labels:
+        raise InputError(f"{path}: {what} {label!r} stands in the file more than once; {place} needs one")
+    guess = did_you_mean(label, labels)
+    known = "" if guess else f", which has {', '.join(labels) or 'none'}"
+    raise InputError(f"{place}: {what} {label!r} is not in {path}{known}{guess}")

@@ -1,0 +1,157 @@
+"""4x4 matrices as text: one file, or a folder with a file a sample."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from kinematics.rotations import Array, from_matrix
+from schemas.errors import InputError
+from schemas.layout import Layout
+from schemas.mapping import FileMapping
+from stages.capture.formats.mapped import Track, mapped_segments, required_mapping, samples_of_tracks
+from stages.capture.formats.orientation import proper_rotations
+from stages.capture.samples import ReadingOptions, Samples
+
+_BOTTOM = (0.0, 0.0, 0.0, 1.0)
+_BOTTOM_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """N matrices in the order of the text: (N, 4, 4), and the file and line where each begins."""
+
+    values: Array
+    places: tuple[tuple[Path, int], ...]
+
+    def place(self, index: int) -> str:
+        """File and line in words."""
+        path, line = self.places[index]
+        return f"{path}: line {line}"
+
+
+def read_matrices(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
+    """Read matrices [R t; 0 0 0 1]; a sample has one for each of the mapping's receivers, in their order.
+
+    Frames are counted from 0; times are frames over the mapping's rate_hz, or none. A matrix of NaN is a
+    gap. Raises InputError at the first matrix that is no pose.
+    """
+    mapping = required_mapping(path, options, "a file of matrices")
+    mapped_segments(mapping, layout)
+    matrices = open_matrices(path, mapping.details["pattern"])
+    numbers = _poses(matrices, mapping)
+    count = len(mapping.receivers)
+    if len(numbers) % count:
+        raise InputError(
+            f"{path}: has {len(numbers)} matrices; expected a multiple of {count}, one for each of "
+            f"the receivers that {mapping.where} names"
+        )
+    frame = np.arange(len(numbers) // count)
+    time_s = frame / (mapping.rate_hz or np.nan)
+    tracks = [Track(frame * count + i, frame, time_s, numbers[i::count]) for i in range(count)]
+    return samples_of_tracks(tracks, mapping, layout, matrices.place)
+
+
+def open_matrices(path: Path, pattern: str) -> Matrices:
+    """Read the matrices of a file, or of a folder's files in the order of their names, 2 before 10.
+
+    Raises InputError where a line is none of a matrix, or there is no matrix at all.
+    """
+    parts = [_read_file(file) for file in _files(path, pattern)]
+    places = tuple(place for part in parts for place in part.places)
+    found = Matrices(np.concatenate([part.values for part in parts]), places)
+    if not len(found.values):
+        raise InputError(
+            f"{path}: has no matrix; expected four lines of four numbers each, or 16 numbers a line"
+        )
+    return found
+
+
+def _files(path: Path, pattern: str) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    files = [file for file in path.glob(pattern) if file.is_file() and not file.name.startswith(".")]
+    if not files:
+        raise InputError(f"{path}: has no file that matches {pattern!r}; correct `pattern` in the mapping")
+    return sorted(files, key=_natural)
+
+
+def _natural(file: Path) -> list[tuple[int, str]]:
+    """Numbers in a name by their value, so that 2 comes before 10."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", file.name)]
+
+
+def _read_file(path: Path) -> Matrices:
+    try:
+        lines = path.read_text("utf-8-sig").splitlines()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; expected matrices as text") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no text; expected matrices, four lines of four numbers each") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); expected matrices as text") from error
+    words: list[str] = []
+    starts: list[int] = []
+    for start, block in _blocks(path, lines):
+        starts.append(start)
+        words += block
+    try:
+        numbers = np.array(words, float)
+    except ValueError:
+        raise _no_number(path, lines) from None
+    return Matrices(numbers.reshape(-1, 4, 4), tuple((path, start) for start in starts))
+
+
+def _blocks(path: Path, lines: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Give each matrix's first line, counted from 1, and its 16 words."""
+    start, words = 0, list[str]()
+    for line, text in enumerate([*lines, ""], 1):
+        row = text.split()
+        if not words:
+            start = line
+        if len(row) not in (0, 4, 16) or (len(row) == 16 and words):
+            raise InputError(
+                f"{path}: line {line}: has {len(row)} numbers; expected four, or sixteen in a line"
+            )
+        if not row and words:
+            raise InputError(
+                f"{path}: line {line}: the matrix that begins in line {start} has {len(words) // 4} lines; "
+                "expected four (is it cut off?)"
+            )
+        words = words + row
+        if len(words) == 16:
+            yield start, words
+            words = []
+
+
+def _no_number(path: Path, lines: list[str]) -> InputError:
+    for line, text in enumerate(lines, 1):
+        for word in text.split():
+            try:
+                float(word)
+            except ValueError:
+                hint = " with a decimal point, not a comma" if "," in word else ""
+                return InputError(f"{path}: line {line}: is {word!r}; expected a number{hint}")
+    return InputError(f"{path}: has something that is no number")
+
+
+def _poses(matrices: Matrices, mapping: FileMapping) -> Array:
+    """Positions in mm and quaternions, shape (N, 7)."""
+    values = matrices.values
+    off = np.abs(values[:, 3] - _BOTTOM).max(-1) > _BOTTOM_TOLERANCE  # False for NaN
+    if off.any():
+        first = int(np.argmax(off))
+        found = " ".join(f"{number:g}" for number in values[first, 3])
+        raise InputError(
+            f"{matrices.place(first)}: the last row of the matrix is {found}; expected 0 0 0 1 "
+            "(a matrix with the position in its last row is transposed)"
+        )
+    rotation, position = proper_rotations(values[:, :3, :3], matrices.place), values[:, :3, 3]
+    if (mapping.orientation or {}).get("rotates") == "transmitter-to-receiver":
+        rotation = np.swapaxes(rotation, 1, 2)
+        position = -np.einsum("tij,tj->ti", rotation, position)
+    return np.concatenate([position * mapping.mm_per_unit, from_matrix(rotation)], -1)

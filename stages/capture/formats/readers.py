@@ -1,0 +1,75 @@
+"""Which format is read by what. A new format is one more line here and one module."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from schemas.errors import InputError
+
+if TYPE_CHECKING:
+    from schemas.layout import Layout
+    from schemas.mapping import FileMapping
+    from stages.capture.samples import ReadingOptions, Samples
+
+    Reader = Callable[[Path, Layout, ReadingOptions], Samples]
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format: the endings that mean it, and the reader's module and function."""
+
+    endings: tuple[str, ...]
+    module: str
+    function: str
+
+
+FORMATS = {
+    "csv": Format((".csv",), "stages.capture.formats.tidy", "read_csv"),
+    "parquet": Format((".parquet", ".pq"), "stages.capture.formats.tidy", "read_parquet"),
+    "capture": Format((".arrows",), "stages.capture.formats.raw_capture", "read_capture"),
+    "motion-bids": Format(("_motion.tsv",), "stages.capture.formats.motion_bids", "read_motion_bids"),
+    "xdf": Format((".xdf", ".xdfz"), "stages.capture.formats.xdf", "read_xdf"),
+}
+"""Formats that say themselves what their numbers are."""
+
+MAPPED = {
+    "csv": Format((".csv", ".txt", ".tsv"), "stages.capture.formats.mapped_csv", "read_mapped_csv"),
+    "matrices": Format((".txt", ".traj"), "stages.capture.formats.matrices", "read_matrices"),
+    "c3d": Format((".c3d",), "stages.capture.formats.c3d", "read_c3d"),
+    "motion-bids": FORMATS["motion-bids"],
+    "xdf": FORMATS["xdf"],
+}
+"""Formats that are read by a mapping; the mapping says which."""
+
+AUTO = "auto"
+
+
+def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
+    """Give the reader of the mapping's format, of the named one, or for "auto" that of the file's ending.
+
+    Raises InputError where the ending is none that is known, or is one that needs a mapping.
+    """
+    if mapping is not None:
+        return _function(MAPPED[mapping.format])
+    return _function(FORMATS[_format_by_ending(path) if name == AUTO else name])
+
+
+def _function(found: Format) -> Reader:
+    reader: Reader = getattr(importlib.import_module(found.module), found.function)
+    return reader
+
+
+def _format_by_ending(path: Path) -> str:
+    for name, candidate in FORMATS.items():
+        if path.name.lower().endswith(candidate.endings):
+            return name
+    endings = ", ".join(ending for candidate in FORMATS.values() for ending in candidate.endings)
+    raise InputError(
+        f"{path}: the ending {path.suffix!r} does not say which format this is (known are {endings}); "
+        f"give --format {' or '.join(FORMATS)}, or a mapping: "
+        "`python -m stages.capture inspect FILE --write-mapping mapping.yaml` writes one to edit"
+    )

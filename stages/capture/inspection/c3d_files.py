@@ -1,0 +1,104 @@
+"""C3D files: points, rate, unit, labels, and which groups of markers are rigid."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from schemas.layout import Layout
+from schemas.mapping import MM_PER_UNIT
+from stages.capture.formats.c3d import C3dFile, open_c3d
+from stages.capture.inspection.findings import CHECK, Findings, comment, extent_line, heading
+
+RIGID_SHARE = 0.05
+"""A cluster whose distances vary (interquartile) by less than this share of them is taken for rigid."""
+
+
+def look_at_c3d(path: Path, layout: Layout) -> Findings:
+    """Say what is in a C3D file. Raises InputError where it is none."""
+    file = open_c3d(path)
+    lines = [
+        f"C3D: {len(file.labels)} points, {file.frames} frames numbered from {file.first_frame}",
+        f"rate {file.rate_hz:g} Hz" if file.rate_hz > 0 else "no rate is stated: give rate_hz",
+        f"unit {file.unit} (POINT:UNITS)" if file.unit else "no unit is stated",
+        f"labels: {', '.join(file.labels) or 'none'}",
+        extent_line("all points", file.points.reshape(-1, 3)),
+    ]
+    missing = np.isnan(file.points).any(-1).mean(0) * 100 if len(file.labels) else np.zeros(0)
+    worst = sorted(zip(missing, file.labels, strict=False), reverse=True)[:5]
+    lines.append(
+        "missing: " + (", ".join(f"{label} {share:.0f} %" for share, label in worst if share) or "none")
+    )
+    if file.rotation_labels:
+        ratio = len(file.matrices) / max(file.frames, 1)
+        lines.append(f"ROTATION labels: {', '.join(file.rotation_labels)}, {ratio:g} a frame")
+    clusters = _stems(file.labels)
+    variations = {stem: _variation(file, labels) for stem, labels in clusters.items()}
+    for stem, (distance, spread) in variations.items():
+        verdict = "a rigid cluster" if spread < RIGID_SHARE * distance else "not rigid"
+        lines.append(
+            f"markers {', '.join(clusters[stem])}: distances about {distance:.3g}, varying by {spread:.2g}: "
+            f"{verdict}"
+        )
+    rigid = {stem: clusters[stem] for stem, (d, spread) in variations.items() if spread < RIGID_SHARE * d}
+    return Findings(tuple(lines), _draft(file, rigid, layout))
+
+
+def _stems(labels: Sequence[str]) -> dict[str, list[str]]:
+    """Labels that differ in their last number only, where there are three or more."""
+    found: dict[str, list[str]] = {}
+    for label in labels:
+        match = re.fullmatch(r"(.*?\D)[ _.-]?\d+", label)
+        if match:
+            found.setdefault(match[1].rstrip(" _.-"), []).append(label)
+    return {stem: group for stem, group in found.items() if len(group) >= 3}
+
+
+def _variation(file: C3dFile, labels: Sequence[str]) -> tuple[float, float]:
+    """Median distance between a group's markers, and the largest interquartile range; NaN if unseen."""
+    points = file.points[:, [file.labels.index(label) for label in labels]]
+    one, other = np.triu_indices(len(labels), 1)
+    distance = np.linalg.norm(points[:, one] - points[:, other], axis=-1)
+    seen = distance[:, np.isfinite(distance).any(0)]
+    if seen.shape[1] < 3:
+        return float("nan"), float("nan")
+    low, middle, high = np.nanpercentile(seen, [25, 50, 75], axis=0)
+    return float(np.median(middle)), float((high - low).max())
+
+
+def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) -> str:
+    known = file.unit in MM_PER_UNIT
+    unit_why = "as the file states" if known else "mm, cm, m or inch; the file states none of these"
+    lines = [
+        heading(file.path),
+        "format: c3d",
+        comment(f"position_unit: {file.unit if known else CHECK}", unit_why),
+        *([] if file.rate_hz > 0 else [comment(f"rate_hz: {CHECK}", "frames a second")]),
+        comment(
+            "receivers:", f"name each by its segment in layout {layout.name}: {', '.join(layout.measured)}"
+        ),
+    ]
+    lines += [f"  {CHECK}_{_key(label)}: {{rotation: {json.dumps(label)}}}" for label in file.rotation_labels]
+    lines += [
+        f"  {CHECK}_{_key(stem)}: {{markers: {json.dumps(list(labels))}}}" for stem, labels in rigid.items()
+    ]
+    if not (file.rotation_labels or rigid):
+        lines.append(
+            comment(
+                f"  {CHECK}: {{markers: [{CHECK}, {CHECK}2, {CHECK}3]}}", "no group of markers looks rigid"
+            )
+        )
+    lines += [
+        "# c3d:",
+        "#   first_frame: 1  # only a part of the file, counted from 1 at the first frame stored",
+        f"#   last_frame: {file.frames}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _key(label: str) -> str:
+    return re.sub(r"\W+", "_", label)

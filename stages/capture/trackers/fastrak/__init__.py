@@ -1,0 +1,1 @@
+"""Polhemus FASTRAK: output items, records in binary and in ASCII."""

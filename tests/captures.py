@@ -1,0 +1,75 @@
+"""Raw captures made field by field, as a LIBERTY would have sent them."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from stages.capture.archive import ArchiveWriter
+from stages.capture.trackers.settings import StreamSettings
+
+ITEMS = (8, 9, 11, 3, 7)
+RATE_HZ = 240.0
+
+Pose = Callable[[int, int], tuple[Sequence[float], Sequence[float]]]
+
+
+def settings(stations: Iterable[int] = (1, 2, 3), **how) -> StreamSettings:
+    stations = tuple(stations)
+    lists = dict.fromkeys(stations, ITEMS)
+    hemispheres = dict.fromkeys(stations, (1.0, 0.0, 0.0))
+    return StreamSettings("liberty", "binary", "cm", RATE_HZ, stations, lists, hemispheres, how)
+
+
+def still(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
+    """A pose that is each frame's and station's own: position in cm, quaternion."""
+    return (20 + station, 5 + 0.001 * frame, -3.0), (1.0, 0.0, 0.0, 0.0)
+
+
+def record(frame: int, station: int, pose: Pose = still, error: int = 0, distortion: int = 0) -> bytes:
+    position, quaternion = pose(frame, station)
+    body = struct.pack("<IIi", frame * 1000 // 240 % 2**32, frame % 2**32, distortion)
+    body += struct.pack("<3f4f", *position, *quaternion)
+    return b"LY" + struct.pack("<BBBBh", station, ord("C"), error, 0, len(body)) + body
+
+
+def cycle(frame: int, stations: Iterable[int] = (1, 2, 3), **how) -> bytes:
+    return b"".join(record(frame, station, **how) for station in stations)
+
+
+def write(
+    path: Path,
+    cycles: Iterable[bytes],
+    given: StreamSettings | None = None,
+    *,
+    ended: bool = True,
+    start_ns: int = 0,
+    period_ns: float = 1e9 / RATE_HZ,
+    late_ns: Callable[[int], int] = lambda _: 0,
+    utc_offset_ns: Callable[[], int] = lambda: 0,
+) -> Path:
+    """Write a capture whose i-th piece arrives with the i-th frame."""
+    writer = ArchiveWriter(path, {"note": "made up"}, utc_offset_ns)
+    writer.sent(b"C\r", start_ns)
+    writer.settings((given or settings()).to_json(), start_ns)
+    at = start_ns
+    for index, piece in enumerate(cycles):
+        at = start_ns + round(index * period_ns) + late_ns(index)
+        writer.received(piece, at)
+        if index % 50 == 49:
+            writer.flush()
+    if ended:
+        writer.close({"reason": "duration"}, at)
+    else:
+        writer.flush()
+    return path
+
+
+def circling(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
+    """A receiver on a circle round the transmitter, once in 4 s."""
+    angle = 2 * np.pi * frame / (4 * RATE_HZ)
+    q = (np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
+    return (30 * np.cos(angle), 30 * np.sin(angle), 2.0 + station), q

@@ -1,0 +1,328 @@
+"""Tables as text by mapping: every dress a program gives them, and each fault named where it stands."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kinematics.rotations import matrix, unit
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.mapping import mapping_from_config
+from stages.capture.formats.mapped_csv import read_mapped_csv
+from stages.capture.samples import ReadingOptions, Samples
+
+ARM = read_layout("arm")
+ANGLES = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
+WIDE = {
+    "format": "csv",
+    "position_unit": "cm",
+    "orientation": ANGLES,
+    "receivers": {
+        "forearm": {"position": ["x1", "y1", "z1"], "orientation": ["az1", "el1", "ro1"]},
+        "hand": {"position": ["x2", "y2", "z2"], "orientation": ["az2", "el2", "ro2"]},
+    },
+    "csv": {"time": "t", "time_unit": "ms"},
+}
+HEADER = "t,x1,y1,z1,az1,el1,ro1,x2,y2,z2,az2,el2,ro2\n"
+ROWS = "0,1,2,3,90,0,0,4,5,6,0,0,0\n4.5,1.5,2,3,0,90,0,4,5,6,0,0,90\n"
+HALF = np.sqrt(0.5)
+LONG = {
+    "format": "csv",
+    "position_unit": "m",
+    "orientation": {"kind": "quaternion", "order": "xyzw"},
+    "receivers": {"forearm": {"value": 1}, "hand": {"value": 2}},
+    "csv": {
+        "rows": "long",
+        "frame": "n",
+        "receiver": "sensor",
+        "position": ["x", "y", "z"],
+        "orientation": ["a", "b", "c", "d"],
+    },
+}
+LONG_TEXT = "n,sensor,x,y,z,a,b,c,d\n7,2,1,2,3,0,0,0,1\n7,1,4,5,6,0,0,0,1\n9,2,7,8,9,1,0,0,0\n"
+
+
+def changed(base: dict[str, Any], csv: dict[str, Any] | None = None, **keys: Any) -> dict[str, Any]:
+    return base | keys | {"csv": base["csv"] | (csv or {})}
+
+
+def read(tmp_path: Path, text: str, told: dict[str, Any], name: str = "old.txt") -> Samples:
+    (tmp_path / name).write_bytes(text.encode())
+    mapping = mapping_from_config(told, "mapping.yaml")
+    return read_mapped_csv(tmp_path / name, ARM, ReadingOptions(mapping))
+
+
+def refuse(tmp_path: Path, text: str, told: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        read(tmp_path, text, told)
+    assert "\n" not in str(caught.value)
+
+
+def of(samples: Samples, segment: str) -> np.ndarray:
+    return samples.segment == samples.segments.index(segment)
+
+
+def check_wide(samples: Samples) -> None:
+    forearm, hand = of(samples, "forearm"), of(samples, "hand")
+    np.testing.assert_allclose(samples.numbers[forearm, :3], [[10, 20, 30], [15, 20, 30]])
+    np.testing.assert_allclose(samples.numbers[forearm, 3:], [[HALF, 0, 0, HALF], [HALF, 0, HALF, 0]])
+    np.testing.assert_allclose(samples.numbers[hand, 3:], [[1, 0, 0, 0], [HALF, HALF, 0, 0]])
+    for segment in (forearm, hand):
+        np.testing.assert_array_equal(samples.frame[segment], [0, 1])
+        np.testing.assert_allclose(samples.time_s[segment], [0, 0.0045])
+
+
+def numbered(header: str) -> dict[str, Any]:
+    """The wide mapping with its columns by number."""
+    names = header.strip().split(",")
+    receivers = {
+        segment: {key: [names.index(name) + 1 for name in columns] for key, columns in group.items()}
+        for segment, group in WIDE["receivers"].items()  # type: ignore[attr-defined]
+    }
+    return WIDE | {"receivers": receivers, "csv": {"time": 1, "time_unit": "ms"}}
+
+
+@pytest.mark.parametrize(
+    ("text", "csv"),
+    [
+        (HEADER + ROWS, {}),
+        ("\ufeff" + HEADER + ROWS, {}),
+        ((HEADER + ROWS).replace("\n", "\r\n"), {}),
+        ((HEADER + ROWS).replace("\n", "\r"), {}),
+        ((HEADER + ROWS).replace(",", ";").replace(".", ","), {"delimiter": ";", "decimal": ","}),
+        ((HEADER + ROWS).replace(",", "\t"), {"delimiter": "tab"}),
+        ("  " + (HEADER + ROWS).replace(",", "  ").replace("\n", " \n "), {"delimiter": "space"}),
+        ("# made by\n" + HEADER + "  # a, note\n" + ROWS, {"comment": "#"}),
+        ("made by\n\n" + HEADER + "\n" + ROWS, {"skip_lines": 1}),
+        ((HEADER + ROWS).replace(",", " , "), {}),
+        ((HEADER + ROWS).replace("\n", ",n\n"), {}),
+    ],
+    ids=[
+        "plain",
+        "bom",
+        "crlf",
+        "cr",
+        "semicolons",
+        "tabs",
+        "blanks",
+        "comments",
+        "skipped",
+        "spaces",
+        "more",
+    ],
+)
+def test_a_wide_table_in_any_dress(tmp_path: Path, text: str, csv: dict[str, Any]) -> None:
+    check_wide(read(tmp_path, text, changed(WIDE, csv)))
+
+
+def test_a_table_without_a_header_goes_by_numbers(tmp_path: Path) -> None:
+    told = numbered(HEADER)
+    check_wide(read(tmp_path, ROWS, changed(told, {"header": False})))
+    check_wide(read(tmp_path, HEADER.replace("x1", "same").replace("x2", "same") + ROWS, told))
+    refuse(
+        tmp_path,
+        ROWS.replace("4.5,1.5", "4.5,left"),
+        changed(told, {"header": False}),
+        "old.txt: line 2, column number 2: is 'left'; expected a number",
+    )
+    told["receivers"]["hand"]["position"] = [8, 9, 14]
+    refuse(
+        tmp_path, ROWS, changed(told, {"header": False}), "receivers.hand.position: there is no column 14; "
+    )
+
+
+def test_a_long_table(tmp_path: Path) -> None:
+    samples = read(tmp_path, LONG_TEXT, changed(LONG, fixed=["scapula"]))
+    hand, forearm, bench = (of(samples, segment) for segment in ("hand", "forearm", "scapula"))
+    np.testing.assert_array_equal(samples.frame[hand], [7, 9])
+    np.testing.assert_array_equal(samples.frame[forearm], [7])
+    np.testing.assert_allclose(
+        samples.numbers[hand], [[1e3, 2e3, 3e3, 1, 0, 0, 0], [7e3, 8e3, 9e3, 0, 1, 0, 0]]
+    )
+    np.testing.assert_array_equal(samples.frame[bench], [7, 9])
+    np.testing.assert_array_equal(samples.numbers[bench], [[0, 0, 0, 1, 0, 0, 0]] * 2)
+    assert np.isnan(samples.time_s).all()
+    assert samples.place(int(np.flatnonzero(hand)[1])) == f"{tmp_path}/old.txt: line 4"
+
+
+def test_receivers_of_a_long_table_that_only_one_side_names(tmp_path: Path) -> None:
+    samples = read(tmp_path, LONG_TEXT.replace("7,1,4", "7,3,4"), LONG)
+    assert samples.notes == (
+        "receiver '1' of segment forearm has no row",
+        "receivers that the mapping names no segment for are left out: 3 (1 rows)",
+    )
+    assert of(samples, "hand").all()
+    told = changed(LONG, receivers={"hand": {"value": "left"}})
+    refuse(tmp_path, LONG_TEXT, told, "none of the values left stands in column sensor of the table")
+
+
+def test_rows_are_counted_only_where_that_is_safe(tmp_path: Path) -> None:
+    csv = {key: value for key, value in LONG["csv"].items() if key != "frame"}  # type: ignore[attr-defined]
+    told = LONG | {"csv": csv, "rate_hz": 50}
+    refuse(tmp_path, LONG_TEXT, told, "has 2 rows of hand and 1 of forearm; which belong together is told by")
+    samples = read(tmp_path, LONG_TEXT + "9,1,4,5,6,0,0,0,1\n", told)
+    for segment in ("hand", "forearm"):
+        np.testing.assert_array_equal(samples.frame[of(samples, segment)], [0, 1])
+        np.testing.assert_allclose(samples.time_s[of(samples, segment)], [0, 0.02])
+
+
+def test_a_rate_gives_times_from_the_frame_numbers(tmp_path: Path) -> None:
+    samples = read(tmp_path, LONG_TEXT, changed(LONG, rate_hz=50))
+    np.testing.assert_allclose(samples.time_s[of(samples, "hand")], [0, 0.04])
+
+
+def test_a_receivers_own_time_goes_before_the_shared_one(tmp_path: Path) -> None:
+    receivers = WIDE["receivers"] | {"hand": WIDE["receivers"]["hand"] | {"time": "t2"}}  # type: ignore[operator,index]
+    text = HEADER.strip() + ",t2\n" + ROWS.replace("0,0,0\n", "0,0,0,2\n").replace("0,0,90\n", "0,0,90,\n")
+    samples = read(tmp_path, text, changed(WIDE, receivers=receivers))
+    np.testing.assert_allclose(samples.time_s[of(samples, "hand")], [0.002, np.nan])
+    np.testing.assert_allclose(samples.time_s[of(samples, "forearm")], [0, 0.0045])
+
+
+def test_texts_that_mean_no_value(tmp_path: Path) -> None:
+    text = HEADER + "0,1,2,3,,0,0,-9999,-9999,-9999, -9999 ,-9999,-9999\n4,NaN,NA,null,0,0,0,1,2,3,0,0,0\n"
+    samples = read(tmp_path, text, changed(WIDE, {"missing": ["-9999"]}))
+    gaps = np.isnan(samples.numbers)
+    assert gaps[of(samples, "forearm")].tolist() == [[False] * 3 + [True] * 4, [True] * 3 + [False] * 4]
+    assert gaps[of(samples, "hand")].tolist() == [[True] * 7, [False] * 7]
+
+
+@pytest.mark.parametrize(
+    ("limit", "marked"),
+    [({"quality_above": 3}, [True, False]), ({"quality_below": 3}, [False, True])],
+)
+def test_a_quality_beyond_its_limit_is_marked(
+    tmp_path: Path, limit: dict[str, float], marked: list[bool]
+) -> None:
+    receivers = WIDE["receivers"] | {"hand": WIDE["receivers"]["hand"] | {"quality": "q"}}  # type: ignore[operator,index]
+    text = HEADER.strip() + ",q\n" + ROWS.replace("0,0,0\n", "0,0,0,5\n").replace("0,0,90\n", "0,0,90,1\n")
+    samples = read(tmp_path, text, changed(WIDE, limit, receivers=receivers))
+    assert samples.marks["low-quality"][of(samples, "hand")].tolist() == marked
+    assert not samples.marks["low-quality"][of(samples, "forearm")].any()
+
+
+def asynchronous() -> tuple[str, dict[str, Any], np.ndarray]:
+    """Two receivers of 100 Hz read by a loop of 300 rows a second: rows repeat what has not changed."""
+    rng = np.random.default_rng(3)
+    host = np.sort(rng.uniform(0, 1, 300))
+    values = rng.normal(size=(102, 2))
+    index = [np.floor(host * 100).astype(int), np.floor(host * 100 + 0.5).astype(int)]
+    lines = ["t,x1,y1,z1,w1,a1,b1,c1,x2,y2,z2,w2,a2,b2,c2"]
+    for row, time in enumerate(host):
+        cells = [f"{values[index[r][row], r]:.6f},0,0,1,0,0,0" for r in range(2)]
+        lines.append(f"{time:.6f}," + ",".join(cells))
+    receivers = {
+        segment: {"position": [f"{c}{n}" for c in "xyz"], "orientation": [f"{c}{n}" for c in "wabc"]}
+        for segment, n in (("forearm", 1), ("hand", 2))
+    }
+    told = {
+        "format": "csv",
+        "position_unit": "mm",
+        "rate_hz": 100,
+        "orientation": {"kind": "quaternion", "order": "wxyz"},
+        "receivers": receivers,
+        "csv": {"time": "t", "time_unit": "s", "in_step": False},
+    }
+    return "\n".join(lines) + "\n", told, np.array([len(np.unique(i)) for i in index])
+
+
+def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -> None:
+    text, told, changes = asynchronous()
+    samples = read(tmp_path, text, told)
+    for segment, count in zip(("forearm", "hand"), changes, strict=True):
+        mine = of(samples, segment)
+        frame, time_s = samples.frame[mine], samples.time_s[mine]
+        assert (np.diff(frame) > 0).all()
+        assert (np.diff(samples.numbers[mine, 0]) != 0).all()
+        assert np.abs((time_s - samples.time_s.min()) * 100 - frame).max() <= 0.5 + 1e-6
+        (note,) = (note for note in samples.notes if f"segment {segment}:" in note)
+        left = int(re.search(r"(\d+) left out", note).group(1))  # type: ignore[union-attr]
+        assert f"{count} new values in 300 rows" in note
+        assert mine.sum() == count - left
+
+
+def test_of_two_values_on_one_frame_the_nearer_is_kept(tmp_path: Path) -> None:
+    _, told, _ = asynchronous()
+    pose = "{0},0,0,1,0,0,0,{0},0,0,1,0,0,0"
+    times = {0.0: 1, 0.008: 2, 0.011: 3, 0.014: 4, 0.03: 4, 0.04: 5}
+    text = "t,x1,y1,z1,w1,a1,b1,c1,x2,y2,z2,w2,a2,b2,c2\n"
+    text += "".join(f"{time},{pose.format(value)}\n" for time, value in times.items())
+    samples = read(tmp_path, text, told)
+    hand = of(samples, "hand")
+    np.testing.assert_array_equal(samples.frame[hand], [0, 1, 4])
+    np.testing.assert_array_equal(samples.numbers[hand, 0], [1, 3, 5])
+    np.testing.assert_array_equal(samples.time_s[hand], [0, 0.011, 0.04])
+    assert "5 new values in 6 rows; 2 left out" in samples.notes[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "csv", "message"),
+    [
+        ("", {}, "old.txt: is empty; expected a table"),
+        (HEADER, {}, "old.txt: has no rows"),
+        (HEADER + ROWS + "1,2,3\n", {}, "old.txt: line 4: has 3 cells; expected 13 as in the first line"),
+        (HEADER + ROWS.replace("4.5", "four"), {}, "old.txt: line 3, column t: is 'four'; expected a number"),
+        (HEADER + ROWS, {"decimal": ",", "delimiter": ";"}, "csv.time: column 't' is missing"),
+        (
+            (HEADER + ROWS).replace(",", ";"),
+            {"decimal": ",", "delimiter": ";"},
+            "line 3, column x1: is '1.5'; expected a number with a decimal comma",
+        ),
+        (
+            HEADER.replace("ro2", "roll2") + ROWS,
+            {},
+            "mapping.yaml: receivers.hand.orientation: column 'ro2' is",
+        ),
+        (HEADER.replace("ro2", "Ro_2") + ROWS, {}, "did you mean 'Ro_2'?"),
+        (HEADER.replace("x2", "x1") + ROWS, {}, "has 2 columns 'x1'; give the column's number"),
+        (HEADER + ROWS, {"frame": "t"}, "line 3, column t: is '4.5'; expected a whole number"),
+    ],
+)
+def test_what_is_refused(tmp_path: Path, text: str, csv: dict[str, Any], message: str) -> None:
+    refuse(tmp_path, text, changed(WIDE, csv), message)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    mapping = mapping_from_config(WIDE, "mapping.yaml")
+    for content, message in (
+        (None, "no such file"),
+        ("Größe".encode("latin-1"), "line 1: is not UTF-8 text"),
+    ):
+        path = tmp_path / "odd.txt"
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(InputError, match=message):
+            read_mapped_csv(path, ARM, ReadingOptions(mapping))
+    with pytest.raises(InputError, match="needs a mapping that says its units"):
+        read_mapped_csv(path, ARM, ReadingOptions())
+    refuse(
+        tmp_path, HEADER + ROWS, changed(WIDE, fixed=["bench"]), "fixed: segment 'bench' is not in layout arm"
+    )
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10**6), st.sampled_from([";", "tab", "space"]), st.sampled_from([".", ","]))
+def test_what_is_written_comes_back(
+    tmp_path_factory: pytest.TempPathFactory, seed: int, delimiter: str, decimal: str
+) -> None:
+    """A matrix table in any dress gives back the rotations it was written from, to its digits."""
+    rng = np.random.default_rng(seed)
+    turned = matrix(unit(rng.normal(size=(5, 4))))
+    mark = {"tab": "\t", "space": "  ", ";": ";"}[delimiter]
+    cells = np.concatenate([rng.normal(size=(5, 3)), turned.reshape(5, 9)], 1)
+    text = "".join(mark.join(f"{v:.9f}".replace(".", decimal) for v in row) + "\n" for row in cells)
+    told = {
+        "format": "csv",
+        "position_unit": "inch",
+        "orientation": {"kind": "matrix", "rotates": "transmitter-to-receiver"},
+        "receivers": {"hand": {"position": [1, 2, 3], "orientation": list(range(4, 13))}},
+        "csv": {"delimiter": delimiter, "decimal": decimal, "header": False},
+    }
+    samples = read(tmp_path_factory.mktemp("dress"), text, told)
+    np.testing.assert_allclose(samples.numbers[:, :3], cells[:, :3] * 25.4, atol=1e-6)
+    np.testing.assert_allclose(matrix(samples.numbers[:, 3:]), np.swapaxes(turned, 1, 2), atol=1e-7)

@@ -1,0 +1,190 @@
+"""4x4 matrices as text: in every arrangement, and what is refused."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from solved_joint import solved
+
+from kinematics.rotations import matrix, rotate, unit
+from schemas.errors import InputError
+from schemas.layout import Layout, read_layout
+from schemas.mapping import mapping_from_config
+from stages.capture.formats.matrices import read_matrices
+from stages.capture.samples import ReadingOptions, Samples
+
+ARM = read_layout("arm")
+RNG = np.random.default_rng(8)
+QUATERNIONS = unit(RNG.normal(size=(6, 4)))
+POSITIONS = np.round(RNG.normal(size=(6, 3)), 4)
+
+
+def config(*segments: str, **keys: Any) -> dict[str, Any]:
+    names = segments or ("hand",)
+    return {"format": "matrices", "position_unit": "m", "receivers": {s: {} for s in names}} | keys
+
+
+def read(path: Path, told: dict[str, Any] | None = None, layout: Layout = ARM) -> Samples:
+    mapping = mapping_from_config(told or config(), "mapping.yaml")
+    return read_matrices(path, layout, ReadingOptions(mapping))
+
+
+def matrices() -> np.ndarray:
+    whole = np.tile(np.eye(4), (6, 1, 1))
+    whole[:, :3, :3], whole[:, :3, 3] = matrix(QUATERNIONS), POSITIONS
+    return whole
+
+
+def four_lines(some: np.ndarray, between: str = "\n", end: str = "\n") -> str:
+    blocks = ["".join(" ".join(f"{v:.9f}" for v in row) + end for row in one) for one in some]
+    return between.join(blocks)
+
+
+def refuse(path: Path, message: str, told: dict[str, Any] | None = None) -> None:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        read(path, told)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        four_lines(matrices()),
+        four_lines(matrices(), between=""),
+        four_lines(matrices(), end="\r\n"),
+        "\n\n" + four_lines(matrices()) + "\n\n",
+        "".join("\t".join(f"{v:.9f}" for v in one.ravel()) + "\n" for one in matrices()),
+    ],
+    ids=["blank-line", "no-blank-line", "crlf", "more-blanks", "sixteen-a-line"],
+)
+def test_one_file_however_it_is_laid_out(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.traj").write_bytes(text.encode())
+    samples = read(tmp_path / "a.traj", config(rate_hz=100))
+    np.testing.assert_array_equal(samples.frame, np.arange(6))
+    np.testing.assert_allclose(samples.time_s, np.arange(6) / 100)
+    np.testing.assert_allclose(samples.numbers[:, :3], POSITIONS * 1000, atol=1e-9)
+    np.testing.assert_allclose(matrix(samples.numbers[:, 3:]), matrix(QUATERNIONS), atol=1e-8)
+
+
+def test_a_folder_goes_by_its_names_two_before_ten(tmp_path: Path) -> None:
+    for name, one in zip((1, 2, 3, 9, 10, 11), matrices(), strict=True):
+        (tmp_path / f"pose{name}.txt").write_text(four_lines(one[None]))
+    (tmp_path / "LICENSE").write_text("free\n")
+    samples = read(tmp_path, config(matrices={"pattern": "*.txt"}))
+    np.testing.assert_allclose(samples.numbers[:, :3], POSITIONS * 1000, atol=1e-9)
+    assert np.isnan(samples.time_s).all()
+    refuse(tmp_path, "LICENSE: line 1: has 1 numbers; expected four")
+    refuse(tmp_path, "has no file that matches '*.mat'", config(matrices={"pattern": "*.mat"}))
+
+
+def test_several_receivers_a_sample_and_a_fixed_segment(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text(four_lines(matrices()))
+    samples = read(tmp_path / "a.txt", config("forearm", "hand", fixed=["scapula"], rate_hz=50))
+    by_name = {name: samples.segment == index for index, name in enumerate(samples.segments)}
+    np.testing.assert_allclose(samples.numbers[by_name["forearm"], :3], POSITIONS[::2] * 1000, atol=1e-9)
+    np.testing.assert_allclose(samples.numbers[by_name["hand"], :3], POSITIONS[1::2] * 1000, atol=1e-9)
+    np.testing.assert_array_equal(samples.numbers[by_name["scapula"]], [[0, 0, 0, 1, 0, 0, 0]] * 3)
+    for segment in ("forearm", "hand", "scapula"):
+        np.testing.assert_array_equal(samples.frame[by_name[segment]], [0, 1, 2])
+        np.testing.assert_allclose(samples.time_s[by_name[segment]], [0, 0.02, 0.04])
+    assert samples.place(int(np.flatnonzero(by_name["hand"])[1])) == f"{tmp_path}/a.txt: line 16"
+    refuse(tmp_path / "a.txt", "has 6 matrices; expected a multiple of 4", config(*ARM.measured))
+
+
+def test_the_inverse_is_inverted_whole(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text(four_lines(np.linalg.inv(matrices())))
+    inverse = config(orientation={"kind": "matrix", "rotates": "transmitter-to-receiver"})
+    samples = read(tmp_path / "a.txt", inverse)
+    np.testing.assert_allclose(samples.numbers[:, :3], POSITIONS * 1000, atol=1e-5)
+    np.testing.assert_allclose(
+        rotate(samples.numbers[:, 3:], np.ones(3)), rotate(QUATERNIONS, np.ones(3)), atol=1e-7
+    )
+
+
+def test_a_matrix_of_nan_is_a_gap(tmp_path: Path) -> None:
+    some = matrices()
+    some[2] = np.nan
+    (tmp_path / "a.txt").write_text(four_lines(some))
+    samples = read(tmp_path / "a.txt")
+    assert np.isnan(samples.numbers).all(1).tolist() == [False, False, True, False, False, False]
+
+
+def damaged(change: str) -> str:
+    some = matrices()
+    if change == "bottom":
+        some[1] = some[1].T
+    if change == "mirrored":
+        some[1, :3, 0] *= -1
+    if change == "scaled":
+        some[1, :3, :3] *= 1.1
+    return four_lines(some)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "has no matrix"),
+        (damaged("bottom"), "a.txt: line 6: the last row of the matrix is "),
+        (damaged("mirrored"), "a.txt: line 6: the rotation is mirrored"),
+        (damaged("scaled"), "a.txt: line 6: the matrix is no rotation"),
+        ("1 0 0 0\n0 1 0 0\n0 0 1 0\n", "a.txt: line 4: the matrix that begins in line 1 has 3 lines"),
+        (
+            "1 0 0 0\n0 1 0 0\n\n0 0 1 0\n0 0 0 1",
+            "a.txt: line 3: the matrix that begins in line 1 has 2 lines",
+        ),
+        ("1 0 0\n", "a.txt: line 1: has 3 numbers; expected four, or sixteen"),
+        ("1 0 0 0\n" + "0 " * 16, "a.txt: line 2: has 16 numbers"),
+        ("1 0 0 0\n0 1,0 0 0\n0 0 1 0\n0 0 0 1", "line 2: is '1,0'; expected a number with a decimal point"),
+    ],
+)
+def test_what_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "a.txt").write_text(text)
+    refuse(tmp_path / "a.txt", message)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "bytes.txt").write_bytes(b"\xff\xfe\x00")
+    refuse(tmp_path / "bytes.txt", "is no text")
+    refuse(tmp_path / "no.txt", "no such file")
+    refuse(
+        tmp_path / "no.txt", "mapping.yaml: receivers: segment 'hnad' is not in layout arm", config("hnad")
+    )
+    with pytest.raises(InputError, match=r"needs a mapping .* inspect .*no.txt --write-mapping mapping.yaml"):
+        read_matrices(tmp_path / "no.txt", ARM, ReadingOptions())
+
+
+def test_a_pointer_pivots_as_published(real_data: Path, tmp_path: Path) -> None:
+    """A joint whose parent is the bench: the pivot's published offset, place and residual."""
+    (tmp_path / "pointer.yaml").write_text(
+        "layout: pointer\ndescription: A pointer that pivots on its tip.\n"
+        "segments: {bench: {}, pointer: {}}\n"
+        "joints: {tip: {parent: bench, child: pointer, dof: 3, plane: {frame: none}}}\n"
+        "digits: {pointer: {segments: [pointer]}}\n"
+    )
+    layout = read_layout(tmp_path / "pointer.yaml")
+    told = config("pointer", position_unit="mm", fixed=["bench"], matrices={"pattern": "*.txt"})
+    samples = read(real_data / "pivot_bsd3", told, layout)
+    joint = solved(samples, "bench", "pointer")
+    assert joint.n_frames == 57
+    np.testing.assert_allclose(joint.q_mm, [-14.473, 394.634, -7.407], atol=5.1e-4)
+    np.testing.assert_allclose(joint.p_mm, [-804.742, -85.474, -2112.131], atol=5.1e-4)
+    assert joint.gap_rms_free_mm / np.sqrt(3) == pytest.approx(1.761, abs=5.1e-4)
+
+
+def test_reaches_of_a_real_receiver_are_read_whole(real_data: Path) -> None:
+    """Twenty files of one wrist receiver in metres: every sample a proper pose, reaches on a table."""
+    files = sorted((real_data / "fastrak_wrist_cc0").glob("*.traj"))
+    counts = {}
+    for file in files:
+        samples = read(file, config(rate_hz=100))
+        counts[file.stem] = len(samples.frame)
+        assert np.isfinite(samples.numbers).all()
+        np.testing.assert_allclose(np.linalg.norm(samples.numbers[:, 3:], axis=1), 1, atol=1e-12)
+        steps = np.linalg.norm(np.diff(samples.numbers[:, :3], axis=0), axis=1)
+        assert 3000 < steps.sum() < 8000  # a reach there and back over a table of 2.0 x 1.4 m
+        assert np.ptp(samples.numbers[:, :3], axis=0).max() < 2500
+    assert len(counts) == 20
+    assert sum(counts.values()) == 29615 // 5
+    assert counts["user1_cup0"] == 290

@@ -1,0 +1,131 @@
+"""Numbers of an orientation become quaternions: against written-out matrices, and there and back."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from kinematics.rotations import angle, conjugate, from_matrix, matrix, multiply, unit
+from schemas.errors import InputError
+from stages.capture.formats.orientation import proper_rotations, quaternions
+
+FORWARD = "receiver-to-transmitter"
+BACK = "transmitter-to-receiver"
+
+
+def place(row: int) -> str:
+    return f"rom.csv: line {row + 1}"
+
+
+def told(kind: str, rotates: str = FORWARD, **keys: str) -> dict[str, Any]:
+    return {"kind": kind, "rotates": rotates, **keys}
+
+
+def same(one: np.ndarray, other: np.ndarray) -> None:
+    """The same rotations, whatever the signs."""
+    assert angle(multiply(conjugate(one), other)).max() < 1e-7
+
+
+unit_quaternions = (
+    arrays(float, (5, 4), elements=st.floats(-1, 1))
+    .filter(lambda q: bool((np.linalg.norm(q, axis=1) > 0.1).all()))
+    .map(lambda q: q / np.linalg.norm(q, axis=1, keepdims=True))
+)
+
+
+def test_polhemus_angles_are_the_manuals_matrix() -> None:
+    """Azimuth, elevation and roll written out as the LIBERTY manual's attitude matrix."""
+    angles = np.array([[30.0, -20.0, 50.0], [-170.0, 80.0, 5.0]])
+    (ca, ce, cr), (sa, se, sr) = np.cos(np.radians(angles)).T, np.sin(np.radians(angles)).T
+    manual = np.array(
+        [
+            [ca * ce, ca * se * sr - sa * cr, ca * se * cr + sa * sr],
+            [sa * ce, ca * cr + sa * se * sr, sa * se * cr - ca * sr],
+            [-se, ce * sr, ce * cr],
+        ]
+    )
+    found = quaternions(angles, told("euler", axes="ZYX", unit="deg"), place)
+    np.testing.assert_allclose(matrix(found), np.moveaxis(manual, -1, 0), atol=1e-12)
+
+
+@pytest.mark.parametrize("axes", ["XYZ", "ZXZ", "YXZ"])
+def test_axes_are_turned_in_their_order_about_the_receivers_own(axes: str) -> None:
+    angles = np.array([[0.3, -0.4, 1.1]])
+    single = {
+        "X": lambda c, s: [[1, 0, 0], [0, c, -s], [0, s, c]],
+        "Y": lambda c, s: [[c, 0, s], [0, 1, 0], [-s, 0, c]],
+        "Z": lambda c, s: [[c, -s, 0], [s, c, 0], [0, 0, 1]],
+    }
+    first, second, third = (
+        np.array(single[axis](np.cos(a), np.sin(a))) for axis, a in zip(axes, angles[0], strict=True)
+    )
+    found = quaternions(angles, told("euler", axes=axes, unit="rad"), place)
+    np.testing.assert_allclose(matrix(found)[0], first @ second @ third, atol=1e-12)
+
+
+@given(unit_quaternions)
+def test_every_kind_gives_the_rotation_that_it_was_written_from(q: np.ndarray) -> None:
+    same(quaternions(q, told("quaternion", order="wxyz"), place), q)
+    same(quaternions(q[:, [1, 2, 3, 0]], told("quaternion", order="xyzw"), place), q)
+    same(quaternions(matrix(q).reshape(-1, 9), told("matrix"), place), q)
+
+
+@given(unit_quaternions)
+def test_the_inverse_undoes_it(q: np.ndarray) -> None:
+    for kind, numbers, keys in (
+        ("quaternion", q, {"order": "wxyz"}),
+        ("matrix", matrix(q).reshape(-1, 9), {}),
+        ("euler", q[:, :3] * 3, {"axes": "ZYX", "unit": "rad"}),
+    ):
+        forward = quaternions(numbers, told(kind, FORWARD, **keys), place)
+        back = quaternions(numbers, told(kind, BACK, **keys), place)
+        assert angle(multiply(forward, back)).max() < 1e-7
+
+
+def test_a_missing_number_stays_missing_and_an_infinite_one_infinite() -> None:
+    angles = np.array([[1, np.nan, 2], [np.nan] * 3, [1, np.inf, 2], [1, 2, 3]])
+    found = quaternions(angles, told("euler", axes="ZYX", unit="deg"), place)
+    assert np.isnan(found[:2]).all()
+    assert np.isinf(found[2]).any()
+    assert np.isfinite(found[3]).all()
+    nine = np.stack([np.full(9, np.nan), np.eye(3).ravel()])
+    found = quaternions(nine, told("matrix"), place)
+    assert np.isnan(found[0]).all()
+    np.testing.assert_array_equal(found[1], [1, 0, 0, 0])
+    some = np.array([[1.0, 0, np.nan, 0]])
+    np.testing.assert_array_equal(
+        quaternions(some, told("quaternion", order="xyzw"), place), [[0, 1, 0, np.nan]]
+    )
+
+
+def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
+    rng = np.random.default_rng(5)
+    q = unit(rng.normal(size=(50, 4)))
+    found = proper_rotations(np.round(matrix(q), 3), place)
+    np.testing.assert_allclose(np.swapaxes(found, 1, 2) @ found, np.tile(np.eye(3), (50, 1, 1)), atol=1e-12)
+    assert angle(multiply(conjugate(q), from_matrix(found))).max() < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (np.diag([1.0, 1, -1]), "rotation is mirrored (determinant -1)"),
+        (
+            np.zeros((3, 3)),
+            "rotation is all zeros; zeros that stand for missing values must be written as NaN",
+        ),
+        (
+            1.02 * np.eye(3),
+            "matrix is no rotation: its columns are off unit length and right angles by 0.0404",
+        ),
+        (np.diag([30.0, -20, 50]), "matrix is no rotation"),
+    ],
+)
+def test_what_is_no_rotation_is_refused_where_it_stands(bad: np.ndarray, message: str) -> None:
+    three = np.stack([np.eye(3), np.full((3, 3), np.nan), bad])
+    with pytest.raises(InputError, match=re.escape(f"rom.csv: line 3: the {message}")):
+        proper_rotations(three, place)

@@ -1,0 +1,304 @@
+"""Reading XDF: files made here byte by byte (XDF 1.0), and made sure of by pyxdf itself."""
+
+import gzip
+import logging
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import pyxdf
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.mapping import mapping_from_config
+from stages.capture.formats.readers import find_reader
+from stages.capture.formats.xdf import describe, draft_mapping, read_xdf
+from stages.capture.samples import ReadingOptions, Samples
+
+Array = npt.NDArray[np.float64]
+
+LIBERTY = read_layout("liberty16")
+TYPES = [f"Position{axis}" for axis in "XYZ"] + [f"Orientation{part}" for part in "ABCD"]
+NO_MAPPING = ReadingOptions()
+
+
+def chunk(tag: int, content: bytes) -> bytes:
+    length = 2 + len(content)
+    head = struct.pack("<BB", 1, length) if length < 256 else struct.pack("<BI", 4, length)
+    return head + struct.pack("<H", tag) + content
+
+
+def header(
+    owners: list[str],
+    name: str = "tracker",
+    kind: str = "MoCap",
+    unit: str = "meters",
+    types: list[str] = TYPES,
+    field: str = "marker",
+    number: str = "double64",
+) -> bytes:
+    channels = "".join(
+        f"<channel><label>{owner}_{kind}</label><{field}>{owner}</{field}><type>{kind}</type>"
+        f"<unit>{unit if kind.startswith('Position') else ''}</unit></channel>"
+        for owner in owners
+        for kind in types
+    )
+    return (
+        f"<info><name>{name}</name><type>{kind}</type>"
+        f"<channel_count>{len(owners) * len(types)}</channel_count>"
+        f"<nominal_srate>240</nominal_srate><channel_format>{number}</channel_format>"
+        f"<desc><channels>{channels}</channels></desc></info>"
+    ).encode()
+
+
+def stream(
+    number: int, head: bytes, time_s: Array, values: Array, offsets: Sequence[tuple[float, float]] = ()
+) -> bytes:
+    """A stream's chunks: header, samples two a chunk, clock offsets, footer; a NaN time is left out."""
+    of = struct.pack("<I", number)
+    data = chunk(2, of + head)
+    code = "<f4" if b"float32" in head else "<f8"
+    for start in range(0, len(time_s), 2):
+        samples = b""
+        rows = range(start, min(start + 2, len(time_s)))
+        for row in rows:
+            stamp = b"\0" if np.isnan(time_s[row]) else struct.pack("<Bd", 8, time_s[row])
+            samples += stamp + values[row].astype(code).tobytes()
+        data += chunk(3, of + struct.pack("<BB", 1, len(rows)) + samples)
+    for offset in offsets:
+        data += chunk(4, of + struct.pack("<dd", *offset))
+    footer = f"<info><sample_count>{len(time_s)}</sample_count></info>".encode()
+    return data + chunk(6, of + footer)
+
+
+def xdf(*streams: bytes) -> bytes:
+    return b"XDF:" + chunk(1, b"<info><version>1.0</version></info>") + b"".join(streams)
+
+
+TIMES = np.array([100.0, 100.004, 100.0075, 100.0125, 100.017])
+POSE = np.array([0.1, -0.02, 0.3, 0.6, 0.0, 0.8, 0.0])
+VALUES = np.tile([*POSE, *POSE], (5, 1))
+VALUES[:, 0] += np.arange(5) / 8
+VALUES[3, 7:] = np.nan
+TWO = ["hand", "index_distal"]
+PLAIN = xdf(stream(1, header(TWO), TIMES, VALUES))
+
+
+def read(tmp_path: Path, data: bytes, mapping: dict[str, object] | None = None) -> Samples:
+    path = tmp_path / "rom.xdf"
+    path.write_bytes(data)
+    options = ReadingOptions(None if mapping is None else mapping_from_config(mapping, "mapping.yaml"))
+    return read_xdf(path, LIBERTY, options)
+
+
+def refuse(tmp_path: Path, data: bytes, message: str, mapping: dict[str, object] | None = None) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read(tmp_path, data, mapping)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_writer_here_writes_what_pyxdf_reads(tmp_path: Path) -> None:
+    path = tmp_path / "rom.xdf"
+    path.write_bytes(PLAIN)
+    (found,), file_header = pyxdf.load_xdf(path, dejitter_timestamps=False)
+    assert file_header["info"]["version"] == ["1.0"]
+    np.testing.assert_array_equal(found["time_stamps"], TIMES)
+    np.testing.assert_array_equal(found["time_series"], VALUES)
+    assert found["footer"]["info"]["sample_count"] == ["5"]
+
+
+@pytest.mark.parametrize("field", ["marker", "object"])
+def test_poses_times_and_gaps_come_through(tmp_path: Path, field: str) -> None:
+    """Also beside streams of other types, and with one number of bytes or another."""
+    other = stream(9, header(["eeg"], "cap", "EEG", types=["EEG"]), TIMES, VALUES[:, :1])
+    samples = read(tmp_path, xdf(other, stream(1, header(TWO, field=field), TIMES, VALUES)))
+    assert [samples.segments[i] for i in samples.segment] == ["hand"] * 5 + ["index_distal"] * 5
+    np.testing.assert_array_equal(samples.frame, [*range(5)] * 2)
+    np.testing.assert_array_equal(samples.time_s, [*TIMES] * 2)
+    np.testing.assert_array_equal(samples.numbers[:5], VALUES[:, :7] * [1000, 1000, 1000, 1, 1, 1, 1])
+    np.testing.assert_array_equal(np.isnan(samples.numbers).all(-1), [False] * 8 + [True, False])
+    assert samples.place(9) == f"{tmp_path / 'rom.xdf'}: stream tracker, sample 5"
+    assert samples.notes == ()
+
+
+def test_time_stamps_that_are_left_out_follow_the_rate_and_jitter_stays(tmp_path: Path) -> None:
+    times = np.array([100.0, np.nan, 100.5, np.nan, 100.6])
+    samples = read(tmp_path, xdf(stream(1, header(TWO), times, VALUES)))
+    expected = [100, 100 + 1 / 240, 100.5, 100.5 + 1 / 240, 100.6]
+    np.testing.assert_array_equal(samples.time_s[:5], expected)
+
+
+def test_clock_offsets_are_applied_where_there_are_any(tmp_path: Path) -> None:
+    offsets = [(100.0, -3.0), (100.01, -3.0), (100.02, -3.0)]
+    samples = read(tmp_path, xdf(stream(1, header(TWO), TIMES, VALUES, offsets)))
+    np.testing.assert_allclose(samples.time_s[:5], TIMES - 3, rtol=0, atol=1e-9)
+
+
+def test_float32_numbers_are_kept_as_they_are(tmp_path: Path) -> None:
+    samples = read(tmp_path, xdf(stream(1, header(TWO, number="float32", unit="mm"), TIMES, VALUES)))
+    np.testing.assert_array_equal(samples.numbers[:5], VALUES[:, :7].astype("f4").astype(float))
+
+
+@pytest.mark.parametrize(
+    ("unit", "mm"), [("meters", 1000), ("centimeters", 10), ("Millimetres", 1), ("inches", 25.4)]
+)
+def test_units(tmp_path: Path, unit: str, mm: float) -> None:
+    samples = read(tmp_path, xdf(stream(1, header(TWO, unit=unit), TIMES, VALUES)))
+    np.testing.assert_array_equal(samples.numbers[0, :3], POSE[:3] * mm)
+
+
+def test_a_packed_file_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "rom.xdfz"
+    path.write_bytes(gzip.compress(PLAIN))
+    samples = find_reader(path, "auto")(path, LIBERTY, NO_MAPPING)
+    np.testing.assert_array_equal(samples.numbers, read(tmp_path, PLAIN).numbers)
+    path.write_bytes(gzip.compress(PLAIN)[:-30])
+    with pytest.raises(InputError, match="cannot be read"):
+        read_xdf(path, LIBERTY, NO_MAPPING)
+
+
+MAPPING = {
+    "format": "xdf",
+    "position_unit": "m",
+    "receivers": {"hand": {"value": "RB 1"}, "thumb_distal": {"value": "2"}},
+}
+NAMED = xdf(stream(1, header(["RB 1", "2"]), TIMES, VALUES))
+
+
+def test_a_mapping_says_which_marker_is_which_segment(tmp_path: Path) -> None:
+    """Also by number, the order and direction of quaternions, and what does not move."""
+    refuse(tmp_path, NAMED, "segment 'RB 1' is not in layout liberty16")
+    receivers = {"hand": {"value": "RB 1"}, "thumb_distal": {"value": 2}}
+    samples = read(tmp_path, NAMED, {**MAPPING, "receivers": receivers, "fixed": ["forearm"]})
+    names = [samples.segments[i] for i in samples.segment]
+    assert names == ["hand"] * 5 + ["thumb_distal"] * 5 + ["forearm"] * 5
+    np.testing.assert_array_equal(samples.numbers[10], [0, 0, 0, 1, 0, 0, 0])
+    orientation = {"kind": "quaternion", "order": "xyzw", "rotates": "transmitter-to-receiver"}
+    samples = read(tmp_path, NAMED, {**MAPPING, "orientation": orientation})
+    np.testing.assert_array_equal(samples.numbers[0, 3:], [0, -0.6, 0, -0.8])
+
+
+def test_of_several_streams_the_mapping_says_which(tmp_path: Path) -> None:
+    second = stream(2, header(["RB 1", "2"], "again"), TIMES, VALUES + 1)
+    both = NAMED + second
+    refuse(tmp_path, both, r"has 2 streams of type MoCap \(tracker, again\); say which in a mapping", MAPPING)
+    samples = read(tmp_path, both, {**MAPPING, "xdf": {"stream": "again"}})
+    assert samples.numbers[0, 0] == 1100
+    refuse(
+        tmp_path,
+        both,
+        "no streams named 'agian'.*did you mean 'again'",
+        {**MAPPING, "xdf": {"stream": "agian"}},
+    )
+
+
+def test_what_inspect_says_and_drafts(tmp_path: Path) -> None:
+    """The draft is a mapping that reads the file, once its names are segments."""
+    path = tmp_path / "rom.xdf"
+    path.write_bytes(PLAIN)
+    assert "XDF stream 'tracker' of type MoCap: 14 channels of double64, 240 Hz" in describe(path)
+    assert any(
+        line.startswith("marker or object index_distal: positionx [meters]") for line in describe(path)
+    )
+    draft = draft_mapping(path)
+    assert draft["xdf"] == {"stream": "tracker"}
+    np.testing.assert_array_equal(read(tmp_path, PLAIN, draft).numbers, read(tmp_path, PLAIN).numbers)
+
+
+EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "is no XDF file"),
+        (b"PK\x03\x04", "is no XDF file"),
+        (xdf(), "has no stream of type MoCap; it has no stream at all"),
+        (xdf(stream(1, header(["a"], "cap", "EEG"), TIMES, VALUES[:, :7])), r"it has cap \(EEG\)"),
+        (xdf(stream(1, header(TWO), TIMES[:0], VALUES[:0])), "has no samples"),
+        (xdf(stream(1, header(TWO, unit="feet"), TIMES, VALUES)), "unit: is 'feet'; expected meters"),
+        (xdf(stream(1, header(TWO, unit=""), TIMES, VALUES)), "has no unit; say position_unit"),
+        (xdf(stream(1, header(["hand"], types=EULER), TIMES, VALUES[:, :6])), "has angles"),
+        (
+            xdf(stream(1, header(["hand"], types=TYPES[:6]), TIMES, VALUES[:, :6])),
+            "no channels of type OrientationD",
+        ),
+        (xdf(stream(1, header(["hand", "hand"]), TIMES, VALUES)), "has 2 channels of type PositionX"),
+        (xdf(stream(1, header(TWO, number="string"), TIMES, VALUES)), "holds string; expected numbers"),
+        (
+            PLAIN.replace(b"<channel_count>14<", b"<channel_count>15<"),
+            "has 15 channels, but its header describes 14",
+        ),
+        (PLAIN.replace(b"<nominal_srate>240<", b"<nominal_srate>abc<"), "nominal_srate is no number"),
+        (PLAIN.replace(b"<info><name>", b"<info><nome>"), "header of stream 1: is damaged"),
+        (PLAIN[:-1] + b"\x07", "footer of stream 1: is damaged"),
+        (PLAIN + b"\x03", "is damaged at byte"),
+        (PLAIN + chunk(7, b""), "a chunk of no known kind"),
+        (PLAIN + chunk(2, struct.pack("<I", 1) + header(TWO)), "stream 1 begins again"),
+        (PLAIN + chunk(3, struct.pack("<IBBB", 1, 1, 0, 0)), "a chunk of samples is not as long as it says"),
+        (PLAIN + chunk(4, struct.pack("<Id", 1, 1.0)), "a clock offset is not as long as it says"),
+    ],
+)
+def test_what_is_refused(tmp_path: Path, data: bytes, message: str) -> None:
+    refuse(tmp_path, data, message)
+
+
+def test_a_mapping_that_disagrees_is_refused(tmp_path: Path) -> None:
+    refuse(tmp_path, NAMED, "position_unit: is mm, but .* has meters", {**MAPPING, "position_unit": "mm"})
+    euler = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
+    refuse(tmp_path, NAMED, "must be quaternion", {**MAPPING, "orientation": euler})
+    other = {**MAPPING, "receivers": {"hand": {"value": "RB1"}}}
+    refuse(tmp_path, NAMED, "'RB1' is no marker or object.*did you mean 'RB 1'", other)
+    refuse(tmp_path, NAMED, "has no value", {**MAPPING, "receivers": {"hand": {}}})
+
+
+def test_a_recording_that_was_not_ended_is_read_and_noted(tmp_path: Path) -> None:
+    """Cut off at any byte: either too early to read, or the samples of the whole chunks and a note."""
+    whole = read(tmp_path, PLAIN)
+    noted = 0
+    for length in range(len(PLAIN)):
+        try:
+            samples = read(tmp_path, PLAIN[:length])
+        except InputError:
+            assert noted == 0
+            continue
+        count = len(samples.frame) // 2
+        np.testing.assert_array_equal(samples.numbers[:count], whole.numbers[:count])
+        noted += samples.notes != ()
+    assert noted > 300
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5))])
+def test_damaged_bytes_give_samples_or_a_sentence(
+    tmp_path: Path, seed: int, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nothing else is raised, logged or printed."""
+    random = np.random.default_rng(seed)
+    offsets = [(100.0 + i, 1.0) for i in range(4)]
+    plain = xdf(stream(1, header(TWO), TIMES, VALUES, offsets))
+    read_ok, sentences = 0, []
+    with caplog.at_level(logging.DEBUG):
+        for _ in range(750):
+            data = bytearray(plain)
+            for at in random.integers(len(data), size=random.integers(1, 4)):
+                data[at] = random.choice([random.integers(256), 0, 255, data[at] ^ 1])
+            try:
+                read_ok += len(read(tmp_path, bytes(data)).frame) > 0
+            except InputError as error:
+                sentences.append(str(error))
+    assert 50 < read_ok < 740
+    assert not [sentence for sentence in sentences if "\n" in sentence]
+    assert capfd.readouterr() == ("", "")
+    assert not [record for record in caplog.records if record.name.startswith("pyxdf")]
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.binary(max_size=200))
+def test_any_bytes_after_the_magic(tmp_path: Path, tail: bytes) -> None:
+    with pytest.raises(InputError):
+        read(tmp_path, b"XDF:" + tail)

@@ -1,0 +1,314 @@
+"""Motion-BIDS out: valid for the validator, and read back to the last bit."""
+
+import csv
+import json
+import subprocess
+import sys
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas.catalogue import POSES
+from schemas.layout import read_layout
+from schemas.poses import RecordingName
+from schemas.tables import Provenance, read_metadata, read_table, write_table
+from stages.capture.__main__ import main
+from stages.capture.bids.decimals import NotANumberError, numbers_of, text_of
+from stages.capture.bids.labels import label, recording_stem
+from stages.capture.formats.motion_bids import read_motion_bids
+from stages.capture.poses import FLAGS, poses_table
+from stages.capture.samples import ReadingOptions, Samples
+from stages.simulate.__main__ import main as simulate
+
+LIBERTY = read_layout("liberty16")
+NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+WHO = ["--subject", "A & b_1", "--hand", "right", "--task", "thumb opposition", "--trial", "2"]
+STEM = "sub-AQsQx26xQsbQu1_task-thumbQsopposition_tracksys-righthand_run-2"
+
+
+def import_(recording: Path, out: Path, *who: str, layout: str = "liberty16") -> Path:
+    words = ["import", "--in", str(recording), "--layout", layout, *(who or WHO), "--out", str(out)]
+    assert main(words) == 0
+    return out
+
+
+def export(poses: Path, dataset: Path, *more: str) -> int:
+    return main(["export-bids", "--poses", str(poses), "--out", str(dataset), *more])
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated recording with gaps of every kind that a tidy file can have."""
+    folder = tmp_path_factory.mktemp("recording")
+    words = ["--subject", "01", "--hand", "right", "--task", "opposition", "--frames", "300"]
+    assert simulate([*words, "--out", str(folder / "whole.csv")]) == 0
+    with (folder / "whole.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    kept = [row for row in rows if not (row[2] == "index_distal" and 40 <= int(row[0]) < 60)]
+    for row in kept:
+        if row[2] == "thumb_distal" and 70 <= int(row[0]) < 90:
+            row[3:] = [""] * 7
+        if row[2] == "hand" and int(row[0]) == 100:
+            row[1] = ""
+        row[0] = str(int(row[0]) * 2 - 100)
+    with (folder / "rom.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([header, *kept, kept[0]])
+    return folder / "rom.csv"
+
+
+@pytest.fixture(scope="module")
+def poses(recording: Path) -> Path:
+    return import_(recording, recording.with_name("poses.parquet"))
+
+
+def motion(dataset: Path) -> Path:
+    (found,) = dataset.rglob("*_motion.tsv")
+    return found
+
+
+def test_what_is_written_reads_back_the_same(poses: Path, tmp_path: Path) -> None:
+    """Every column of every row: gaps, missing times, negative frame numbers and flags.
+
+    Reading brings quaternions to length 1, in a poses table too, which may turn their last bit; so they are
+    compared with those of the poses table read as a recording.
+    """
+    assert export(poses, tmp_path / "set") == 0
+    again = read_table(import_(motion(tmp_path / "set"), tmp_path / "again.parquet"), POSES)
+    first = read_table(poses, POSES)
+    for name in first.column_names:
+        assert again.column(name).equals(first.column(name)), name
+    seen = set(first.column("flags").to_pylist())
+    assert seen == {"", "no-row", "missing", "time-missing", "duplicate-frame"}
+    assert first.column("frame")[0].as_py() == -98
+
+
+def test_numbers_come_back_to_the_last_bit(poses: Path, tmp_path: Path) -> None:
+    assert export(poses, tmp_path / "set") == 0
+    samples = read_motion_bids(motion(tmp_path / "set"), LIBERTY, ReadingOptions())
+    table = read_table(poses, POSES)
+    present = np.array([flags != "no-row" for flags in table.column("flags").to_pylist()])
+    expected = np.stack([np.asarray(table.column(name).to_numpy(), float)[present] for name in NUMBERS], -1)
+    assert samples.numbers.shape == expected.shape
+    missing = np.isnan(expected)
+    assert missing.sum() == 20 * 7
+    np.testing.assert_array_equal(np.isnan(samples.numbers), missing)
+    assert samples.numbers[~missing].tobytes() == expected[~missing].tobytes()
+
+
+def test_files_labels_and_sidecars(poses: Path, tmp_path: Path) -> None:
+    assert export(poses, tmp_path / "set") == 0
+    folder = tmp_path / "set" / "sub-AQsQx26xQsbQu1" / "motion"
+    endings = ["_channels.json", "_channels.tsv", "_motion.json", "_motion.tsv"]
+    assert sorted(path.name for path in folder.iterdir()) == [STEM + ending for ending in endings]
+    told = json.loads((folder / f"{STEM}_motion.json").read_text())
+    assert told["TaskName"] == "thumb opposition"
+    # The fixture has every second frame number only: the tracker's rate is twice that of the rows.
+    assert told["SamplingFrequency"] == pytest.approx(480, rel=1e-6)
+    assert told["SamplingFrequencyEffective"] == pytest.approx(240, rel=1e-6)
+    assert told["TrackedPointsCount"] == 16
+    with (folder / f"{STEM}_channels.tsv").open() as file:
+        channels = list(csv.DictReader(file, delimiter="\t"))
+    assert list(channels[0])[:5] == ["name", "component", "type", "tracked_point", "units"]
+    assert told["MotionChannelCount"] == len(channels)
+    for kind, key in [
+        ("POS", "POS"),
+        ("ORNT", "ORNT"),
+        ("LATENCY", "LATENCY"),
+        ("MISC", "Misc"),
+        ("MISC", "MISC"),
+    ]:
+        assert told[f"{key}ChannelCount"] == sum(channel["type"] == kind for channel in channels)
+    assert {c["units"] for c in channels if c["type"] == "POS"} == {"m"}
+    own = told["Shukotsu"]
+    assert [own[key] for key in ("Subject", "Hand", "Task", "Trial")] == [
+        "A & b_1", "right", "thumb opposition", "2",
+    ]  # fmt: skip
+    assert "A & b_1" in (tmp_path / "set" / "participants.tsv").read_text()
+    assert not list((tmp_path / "set").rglob("*.tmp"))
+
+
+def test_the_validator_finds_no_error(poses: Path, recording: Path, tmp_path: Path) -> None:
+    """With both hands of one task and two subjects in one dataset."""
+    other = import_(recording, tmp_path / "l.parquet", *WHO[:3], "left", *WHO[4:])
+    third = import_(recording, tmp_path / "t.parquet", "--subject", "02", "--hand", "left", "--task", "rom")
+    command = ["export-bids", "--poses", str(poses), str(other), "--out", str(tmp_path / "set")]
+    assert main(command) == 0
+    assert export(third, tmp_path / "set") == 0
+    found = validate(tmp_path / "set")
+    assert not found["errors"]
+    assert found["files"] == 4 + 3 * 4
+    broken = motion(tmp_path / "set" / "sub-02").with_name("sub-02_motion.tsv")
+    broken.write_text("1\n")
+    assert validate(tmp_path / "set")["errors"]
+
+
+def validate(dataset: Path) -> dict[str, Any]:
+    """The BIDS validator's errors and how many files it looked at; it needs no network."""
+    program = Path(sys.executable).with_name("bids-validator-deno")
+    if not program.is_file():
+        pytest.skip("bids-validator-deno is not installed beside this Python")
+    command = [program, str(dataset), "--format", "json", "--max-rows", "-1"]
+    found = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
+    issues = found["issues"]["issues"]
+    errors = [issue for issue in issues if issue["severity"] == "error"]
+    return {"errors": errors, "files": found["summary"]["totalFiles"]}
+
+
+def test_what_is_there_stays(poses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A dataset's own files and columns are kept, and a recording is replaced only when told."""
+    dataset = tmp_path / "set"
+    dataset.mkdir()
+    (dataset / "dataset_description.json").write_text('{"Name": "Ours", "BIDSVersion": "1.8.0"}')
+    (dataset / "README.md").write_text("ours")
+    (dataset / "participants.tsv").write_text("participant_id\tage\nsub-07\t31\n")
+    assert export(poses, dataset) == 0
+    assert json.loads((dataset / "dataset_description.json").read_text())["Name"] == "Ours"
+    assert not (dataset / "README").exists()
+    expected = "participant_id\tage\nsub-07\t31\nsub-AQsQx26xQsbQu1\tn/a\n"
+    assert (dataset / "participants.tsv").read_text() == expected
+    before = {path: path.read_bytes() for path in dataset.rglob("*") if path.is_file()}
+    motion(dataset).write_text("mine\n")
+    assert export(poses, dataset) == 2
+    error = capsys.readouterr().err
+    assert "is there already; give --overwrite" in error
+    assert error.count("\n") == 1
+    assert motion(dataset).read_text() == "mine\n"
+    assert export(poses, dataset, "--overwrite") == 0
+    assert {path: path.read_bytes() for path in dataset.rglob("*") if path.is_file()} == before
+
+
+def test_a_folder_that_holds_something_else_is_left_alone(
+    poses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "thesis.txt").write_text("mine")
+    assert export(poses, tmp_path) == 2
+    assert "holds files but no dataset_description.json" in capsys.readouterr().err
+    assert export(poses, tmp_path / "thesis.txt") == 2
+    assert export(tmp_path / "no.parquet", tmp_path / "new") == 2
+    assert main(["export-bids", "--poses", str(poses), str(poses), "--out", str(tmp_path / "new")]) == 2
+    assert "give each recording its trial" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_a_recording_without_times_needs_a_rate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And its times stay missing when it is read back."""
+    tidy = tmp_path / "rom.csv"
+    rows = [f"{frame},,hand,{frame},2,3,1,0,0,0" for frame in (1, 2, 5)]
+    tidy.write_text("\n".join(["frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz", *rows]))
+    poses = import_(tidy, tmp_path / "poses.parquet")
+    assert export(poses, tmp_path / "set") == 2
+    assert "has no times to tell the sampling frequency from; give --rate-hz" in capsys.readouterr().err
+    assert export(poses, tmp_path / "set", "--rate-hz", "240") == 0
+    again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet")
+    assert read_table(again, POSES).equals(read_table(poses, POSES))
+    assert not validate(tmp_path / "set")["errors"]
+
+
+def test_receivers_with_times_of_their_own_keep_them(tmp_path: Path) -> None:
+    tidy = tmp_path / "rom.csv"
+    late_s = {"hand": 0, "index_distal": 0.001}
+    rows = [f"{f},{f / 240 + late_s[s]},{s},{f},2,3,1,0,0,0" for s in late_s for f in range(9)]
+    tidy.write_text("\n".join(["frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz", *rows]))
+    poses = import_(tidy, tmp_path / "poses.parquet")
+    assert export(poses, tmp_path / "set") == 0
+    again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet")
+    assert read_table(again, POSES).equals(read_table(poses, POSES))
+    assert not validate(tmp_path / "set")["errors"]
+
+
+def test_a_real_recording(real_data: Path, tmp_path: Path) -> None:
+    """Its gaps and numbers come back, and the validator has nothing against it."""
+    recording = real_data / "upper_limb_poses" / "racing_right.csv"
+    if not recording.is_file():
+        pytest.skip(f"no {recording.name} among the real recordings")
+    poses = import_(recording, tmp_path / "poses.parquet", layout="arm")
+    assert export(poses, tmp_path / "set", "--rate-hz", "60") == 0
+    again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet", layout="arm")
+    first, second = read_table(poses, POSES), read_table(again, POSES)
+    exact = ["segment", "frame", "time_s", "x_mm", "y_mm", "z_mm", "valid", "flags"]
+    assert second.select(exact).equals(first.select(exact))
+    assert not validate(tmp_path / "set")["errors"]
+
+
+MARKS = [
+    flag for flag in FLAGS if flag not in ("no-row", "missing", "partly-missing", "not-finite", "frozen")
+]
+
+
+def test_every_mark_of_a_reader_comes_back(tmp_path: Path) -> None:
+    """Which pose may be used, too: a receiver's own warning does not spoil it, a hemisphere flip does."""
+    frames = len(MARKS)
+    marks = {
+        flag: np.arange(frames) == index for index, flag in enumerate(MARKS) if not flag.startswith("time")
+    }
+    samples = Samples(
+        LIBERTY.measured, np.zeros(frames, np.int64), np.arange(frames), np.arange(frames) / 240,
+        np.tile([0.1, 20, -3e-5, 1, 0, 0, 0], (frames, 1)), str, marks,
+    )  # fmt: skip
+    samples.numbers[MARKS.index("conflicting-duplicate")] = np.nan
+    samples.numbers[:, 0] += np.arange(frames)
+    made = poses_table(samples, {})
+    names = {"subject": "1", "hand": "left", "task": "rom", "trial": "pre-op", "layout": "liberty16"}
+    write_table(
+        tmp_path / "poses.parquet", POSES, made.columns, Provenance((), names), row_group_rows=made.row_groups
+    )
+    assert export(tmp_path / "poses.parquet", tmp_path / "set") == 0
+    assert motion(tmp_path / "set").name == "sub-1_task-rom_tracksys-lefthand_acq-preQdop_motion.tsv"
+    again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet")
+    first = read_table(tmp_path / "poses.parquet", POSES)
+    assert read_table(again, POSES).equals(first)
+    assert 0 < sum(first.column("valid").to_pylist()) < frames - 1
+    assert read_metadata(again)["schema"] == "poses"
+
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(
+    st.lists(finite | st.floats(-1e4, 1e4) | st.just(float("nan")), max_size=30), st.sampled_from([0, -1, -3])
+)
+def test_numbers_survive_as_text_in_any_unit(values: list[float], shift: int) -> None:
+    array = np.array(values, float)
+    text = text_of(array, shift)
+    again = numbers_of(text, -shift)
+    missing = np.isnan(array)
+    np.testing.assert_array_equal(np.isnan(again), missing)
+    assert again[~missing].tobytes() == array[~missing].tobytes()
+
+
+@given(st.decimals(-10000, 10000, places=4))
+def test_a_number_of_few_digits_keeps_them(value: Decimal) -> None:
+    """212.4 mm is written 0.2124 m and not 0.21239999999999998."""
+    (text,) = text_of(np.array([float(value)]), -3).to_pylist()
+    assert Decimal(text) * 1000 == value
+
+
+@pytest.mark.parametrize("text", ["inf", "nan", "1_0", "0x1", "", "1e", "1,5", "--1"])
+def test_what_is_no_decimal_number(text: str) -> None:
+    with pytest.raises(NotANumberError) as caught:
+        numbers_of(pa.array(["1", None, "2e1", text]), 3)
+    assert caught.value.index == 3
+
+
+@given(st.text(), st.text())
+def test_labels_are_legal_and_of_one_name_each(one: str, other: str) -> None:
+    assert label(one).isascii()
+    assert label(one).isalnum() or not one
+    assert (label(one) == label(other)) == (one == other)
+
+
+def test_no_two_recordings_share_their_files() -> None:
+    names = [
+        RecordingName(subject, hand, task, trial)
+        for subject in ("1", "01", "0-1", "Q")
+        for hand in ("left", "right")
+        for task in ("rom", "r_om", "rQuom")
+        for trial in ("", "1", "01", "a", "run-1")
+    ]
+    assert len({recording_stem(name) for name in names}) == len(names)
