@@ -51,9 +51,25 @@ rule simulate:  # only what a study with `simulation` asks for: recordings, and 
         stage + "simulate {params.words} --out {output:q} 2> {log:q}"
 
 
+rule stream:  # the simulated tracker's end of the line: recordings -> raw captures
+    input:
+        study.simulated,
+        layout=study.layout,
+    output:
+        study.streamed,
+    log:
+        f"{results}/logs/stream/sub-{{subject}}/{{hand}}/{{task}}.log",
+    params:
+        code=code_digest("capture"),
+    shell:
+        stage
+        + "capture emulate --recording {input[0]:q} --layout {input.layout:q} --archive {output:q} 2> {log:q}"
+
+
 rule capture:  # section 2: recordings -> poses
     input:
         study.recording_file,
+        mapping=study.mapping,
         layout=study.layout,
     output:
         f"{results}/{of_recording}/poses.parquet",

@@ -53,6 +53,11 @@ class Wiring:
         folder = self.study.simulation.folder if self.study.simulation else Path(os.devnull, "none")
         return _relative(folder / "sub-{subject}_hand-{hand}_task-{task}.parquet")
 
+    @property
+    def streamed(self) -> str:
+        """Path of a simulated recording as its tracker's raw capture, with wildcards."""
+        return self.simulated.removesuffix(".parquet") + ".arrows"
+
     def simulate(self, wildcards: Wildcards) -> str:
         """Words of simulate's command line."""
         assert self.study.simulation is not None
@@ -69,14 +74,22 @@ class Wiring:
         recording = self._recording(wildcards)
         names = {"subject": wildcards.subject, "hand": wildcards.hand, "task": recording.task}
         file = _relative(recording.file)
-        return [file] if recording.file.exists() or file == self.simulated.format(**names) else []
+        made = [path.format(**names) for path in (self.simulated, self.streamed)]
+        return [file] if recording.file.exists() or file in made else []
+
+    def mapping(self, wildcards: Wildcards) -> list[str]:
+        """The recording's mapping, if it has one and it is there; a missing one must not stop the others."""
+        mapping = self._recording(wildcards).mapping
+        return [_relative(mapping)] if mapping is not None and mapping.exists() else []
 
     def capture(self, wildcards: Wildcards) -> str:
         """Words of capture's command line."""
         r = self._recording(wildcards)
         words = {"in": _relative(r.file), "layout": _relative(r.layout), "format": r.format}
+        words |= {} if r.mapping is None else {"mapping": _relative(r.mapping)}
         words |= {"subject": r.hand.subject, "hand": r.hand.hand, "task": r.task, "trial": r.trial}
-        return shlex.join(f"--{name}={word}" for name, word in words.items())
+        repair = ["--repair-hemisphere"] if r.hemisphere == "repair" else []
+        return shlex.join([*(f"--{name}={word}" for name, word in words.items()), *repair])
 
     # --- a hand under a model ---------------------------------------------------------------------------
 

@@ -22,6 +22,7 @@ COMMANDS = {
     "inspect": Command(
         "stages.capture.inspect_file", "say what is in a file, and draft the mapping that it needs"
     ),
+    "emulate": Command("stages.capture.emulate.command", "be a tracker, for a recorder without one at hand"),
     "export-bids": Command("stages.capture.export_bids", "write poses tables into a Motion-BIDS dataset"),
 }
 

@@ -1,0 +1,185 @@
+"""A recording through the emulated device into a raw capture, as a recorder would have kept it.
+
+Time is made up: the device's cycles at their exact period, pieces that arrive about every 10 ms,
+cut anywhere. The same input gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schemas.layout import Layout
+from stages.capture.archive import ArchiveWriter
+from stages.capture.emulate.device import World
+from stages.capture.emulate.emulator import SECOND_NS, Behaviour, Emulator
+from stages.capture.emulate.faults import BitErrors, LineFault, SensorFault
+from stages.capture.emulate.frames import FOLLOWING
+from stages.capture.emulate.liberty import Liberty
+from stages.capture.emulate.line import Line
+from stages.capture.emulate.poses_source import Crossing, RecordedMotion, read_motion
+from stages.capture.emulate.truth import Truth
+from stages.capture.trackers.liberty.items import FULL_LIST
+from stages.capture.trackers.settings import StreamSettings
+
+BEGINNING_NS = SECOND_NS
+"""The made-up clock's reading when the recorder opens the port."""
+
+PIECE_NS, MOST_JITTER_NS = 10_000_000, 1_000_000
+_COMMAND_NS = 20_000_000
+_MOST_HELD_BACK_BYTES = 80
+_TEXT_REPLY_HEADER_BYTES = 5
+_GLOBAL_QUERIES = (b"U\r", b"R\r", b"X\r", b"Y\r", b"Z\r", b"\x150\r", b"\x14\r", b"\x05\r", b"@B\r")
+_STATION_QUERIES = b"OHBANL"
+
+
+def write_capture(
+    recording: Path,
+    layout: Layout,
+    out: Path,
+    *,
+    sensor_faults: Sequence[SensorFault] = (),
+    line_faults: Sequence[LineFault] = (),
+    bit_errors: Sequence[BitErrors] = (),
+    hemisphere: tuple[float, float, float] | None = None,
+    seed: int = 0,
+) -> Truth:
+    """Write a raw capture of a LIBERTY with 16 connectors that measured this recording; give what was done.
+
+    Positions pass through float32 centimetres: they come back within 1e-4 mm up to 1 m from the transmitter.
+    hemisphere : what the recorder sets; by default one that no receiver leaves, or following.
+    Raises InputError where the recording cannot be read or `out` exists.
+    """
+    motion = read_motion(recording, layout)
+    world = World(motion, frozenset(motion.stations), tuple(sensor_faults), tuple(bit_errors))
+    truth = Truth()
+    behaviour = Behaviour(faults=tuple(line_faults), seed=seed)
+    about = {"recording": recording.name, "seed": seed}
+    write_archive(Liberty(world), motion, out, behaviour, Line(), truth, about, hemisphere)
+    return truth
+
+
+def write_archive(
+    device: Liberty,
+    motion: RecordedMotion | Crossing,
+    out: Path,
+    behaviour: Behaviour,
+    line: Line,
+    truth: Truth | None,
+    about: Mapping[str, Any],
+    hemisphere: tuple[float, float, float] | None = None,
+) -> None:
+    """Record the device, which measures that motion, from its first to its last frame."""
+    arrived = bytearray()
+
+    def write(data: bytes) -> int:
+        arrived.extend(data)
+        return len(data)
+
+    emulator = Emulator(device, line, behaviour, truth, write, BEGINNING_NS)
+    archive = ArchiveWriter(out, {"emulated": True, **about}, utc_offset_ns=lambda: 0)
+    vector = hemisphere or home_hemisphere(motion)
+    now_ns = BEGINNING_NS
+    replies: dict[bytes, bytes] = {}
+    for command in _handshake(device, vector):
+        replies[command] = _exchange(emulator, archive, arrived, command, now_ns)
+        now_ns += _COMMAND_NS
+    archive.settings(_settings(device, vector, replies).to_json(), now_ns)
+    for command in (b"Q0\r", b"C\r"):
+        _exchange(emulator, archive, arrived, command, now_ns)
+    begun_ns = emulator.due_ns
+    end_ns = begun_ns + motion.cycles * SECOND_NS // int(device.rate) - 1
+    pieces = 0
+    for pieces, due_ns in enumerate(_ticks(begun_ns, end_ns), 1):
+        emulator.run(due_ns)
+        draw = random.Random(pieces)
+        now_ns = due_ns + draw.randrange(MOST_JITTER_NS)
+        held_back = 0 if due_ns == end_ns else draw.randrange(_MOST_HELD_BACK_BYTES)
+        _hand_over(archive, arrived, len(arrived) - held_back, now_ns)
+        if pieces % (SECOND_NS // PIECE_NS) == 0:
+            archive.flush()
+    _exchange(emulator, archive, arrived, b"P", now_ns)
+    duration_s = (end_ns + 1 - begun_ns) / SECOND_NS
+    archive.close({"reason": "duration", "duration_s": duration_s}, now_ns + _COMMAND_NS)
+
+
+def home_hemisphere(motion: RecordedMotion | Crossing) -> tuple[float, float, float]:
+    """The axis on whose side all receivers stay, nearest to where they are; FOLLOWING where there is none.
+
+    Of a motion that is carried through X = 0 it is the side of X that it comes from.
+    """
+    if isinstance(motion, Crossing):
+        return (float(np.sign(motion.reach_mm)), 0.0, 0.0)
+    places = motion.position_mm.reshape(-1, 3)
+    places = places[np.isfinite(places).all(-1)]
+    if len(places):
+        mean = places.mean(0)
+        axis = int(np.argmax(np.abs(mean)))
+        vector = np.zeros(3)
+        vector[axis] = np.sign(mean[axis])
+        if (places @ vector > 0).all():
+            return (float(vector[0]), float(vector[1]), float(vector[2]))
+    return FOLLOWING
+
+
+def _handshake(device: Liberty, hemisphere: Sequence[float]) -> Iterator[bytes]:
+    """Give the commands of a recorder in turn, up to those that start the stream."""
+    items = ",".join(map(str, FULL_LIST))
+    vector = ",".join(f"{part:g}" for part in hemisphere)
+    rate = f"R{device.settings.rate}\r".encode()
+    yield from (b"P", b"\r", b"F0\r", b"\x16\r", b"F1\r", b"U1\r", rate, f"O*,{items}\r".encode())
+    yield from (f"H*,{vector}\r".encode(), b"L*,0\r", b"Z1\r", b"X0,1,0,0\r", b"Y0,1,0,0\r")
+    yield from _GLOBAL_QUERIES
+    for letter in _STATION_QUERIES:
+        for station in device.all_stations:
+            yield bytes([letter]) + f"{station}\r".encode()
+
+
+def _exchange(
+    emulator: Emulator, archive: ArchiveWriter, arrived: bytearray, command: bytes, now_ns: int
+) -> bytes:
+    """Send a command and keep what is answered."""
+    archive.sent(command, now_ns)
+    emulator.receive(command, now_ns)
+    reply = bytes(arrived)
+    arrived.clear()
+    if reply:
+        archive.received(reply, now_ns + MOST_JITTER_NS)
+    return reply
+
+
+def _settings(
+    device: Liberty, vector: tuple[float, float, float], replies: Mapping[bytes, bytes]
+) -> StreamSettings:
+    stations = device.all_stations
+    return StreamSettings(
+        family=device.family,
+        mode="binary",
+        unit="cm",
+        rate_hz=float(device.rate),
+        stations=device.active(),
+        items=dict.fromkeys(stations, FULL_LIST),
+        hemisphere=dict.fromkeys(stations, vector),
+        options={
+            "whoami": replies[b"\x16\r"][_TEXT_REPLY_HEADER_BYTES:].decode("latin-1").strip(),
+            "position_filter": list(device.settings.position_filter),
+            "attitude_filter": list(device.settings.attitude_filter),
+        },
+    )
+
+
+def _ticks(begun_ns: int, end_ns: int) -> Iterator[int]:
+    """When pieces are looked for; the last is the end."""
+    yield from range(begun_ns + PIECE_NS, end_ns, PIECE_NS)
+    yield end_ns
+
+
+def _hand_over(archive: ArchiveWriter, arrived: bytearray, count: int, now_ns: int) -> None:
+    """Keep so many of the bytes that arrived; the others come with the next piece."""
+    if count > 0:
+        archive.received(bytes(arrived[:count]), now_ns)
+        del arrived[:count]
