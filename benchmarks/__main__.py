@@ -13,6 +13,7 @@ BENCHMARKS = {
     "solve_hand": "all joints of a hand with 16 receivers",
     "start_up": "every stage as a process: its --help, and a job on tiny data",
     "decode_capture": "an hour of a tracker's bytes to Parquet, beside copying them",
+    "live_capture": "recording live through a terminal and a network port: loss, load, delay",
     "accuracy": "joint centres and tips of simulated hands against their truth",
     "demo_study": "the demo study: cold, unchanged, and after one change",
 }

@@ -162,7 +162,7 @@ def viper_frame(
         angles = angles_deg(quaternion)
         numbers = [(*angles, 0.0), (*np.radians(angles), 0.0), quaternion][kind]
         if accelerated:
-            scale = 32767 / (180.0, np.pi, 1.0)[kind]
+            scale = 32768 / (180.0, np.pi, 1.0)[kind]
             sent = struct.pack("<8h", *(round(number * scale) for number in numbers), 1, 2, 3, 4)
         else:
             sent = _floats(numbers)

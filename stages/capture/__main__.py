@@ -17,6 +17,9 @@ class Command:
 
 
 COMMANDS = {
+    "record": Command("stages.capture.record.command", "record a tracker into a raw capture"),
+    "devices": Command("stages.capture.record.devices", "list the ports at which a tracker may be"),
+    "check": Command("stages.capture.record.check", "say what a tracker answers, without recording"),
     "decode": Command("stages.capture.decode.command", "turn a raw capture into a table of every record"),
     "import": Command("stages.capture.import_recording", "turn a recording's file into the poses table"),
     "inspect": Command(

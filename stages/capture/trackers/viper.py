@@ -37,7 +37,7 @@ ANY = 0xFFFFFFFF
 
 _MM = np.array([MM_PER_UNIT[unit] for unit in ("inch", "foot", "cm", "m")])
 _DEGREES, _RADIANS, _QUATERNION = range(3)
-_FULL_SCALE = np.array([180.0, np.pi, 1.0, np.nan]) / 32767
+_FULL_SCALE = np.array([180.0, np.pi, 1.0, np.nan]) / 32768
 _SENSOR = np.dtype([("info", "<u4"), ("position", "<f4", (3,)), ("orientation", "<f4", (4,))])
 _WITH_ACCELERATION = 1
 _COUNT_PLACE = 20
