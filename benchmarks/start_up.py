@@ -75,6 +75,7 @@ def tiny(folder: Path) -> list[Job]:
     return [
         Job("simulate", (*simulated, f"--out={recording}")),
         stage_chain.capture(recording, poses, "right", "opposition"),
+        Job("check_calibration", ("--layout", stage_chain.LAYOUT, "--poses", str(poses))),
         *stage_chain.joints(hand, MODEL, poses),
         *stage_chain.skeleton(hand / "projected_joints.parquet", hand, MODEL, poses, [poses]),
         Job("gather", whole),

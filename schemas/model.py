@@ -19,6 +19,7 @@ class SkeletonModel:
     solver: str
     singular_values: int
     calibration: str
+    cut: bool
     parallel_limit_deg: float
     corrections: bool
     wrist: str
@@ -38,6 +39,13 @@ def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
             f"{path}: model: is {config['model']!r}; expected the file's own name, {path.stem!r}"
         )
     joints, planes, metacarpals = config["joints"], config["planes"], config["metacarpals"]
+    if joints["solver"] == "anatomical" and planes["cut"]:
+        raise InputError(
+            f"{path}: planes.cut: is true; the solver anatomical gives final centres, so write planes: "
+            "{cut: false}"
+        )
+    if planes["corrections"] and not planes["cut"]:
+        raise InputError(f"{path}: planes.corrections: is true, but planes.cut: false makes centres final")
     x, y, z = metacarpals["rest_direction"]
     if not (x or y or z):
         raise InputError(f"{path}: metacarpals.rest_direction: has no length")
@@ -48,6 +56,7 @@ def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
         solver=joints["solver"],
         singular_values=joints["singular_values"],
         calibration=joints["calibration"],
+        cut=planes["cut"],
         parallel_limit_deg=planes["parallel_limit_deg"],
         corrections=planes["corrections"],
         wrist=config["wrist"],

@@ -41,7 +41,7 @@ def place_joint(
         "joint": joint.name,
         "parent_segment": joint.parent_receiver,
         "child_segment": joint.child,
-        "dof": 3 if joint.plane.frame == "none" else 1,
+        "dof": _dof(joint, model),
         "source": "fit",
         "n_frames": solution["n_frames"],
         "status": solution["status"],
@@ -52,17 +52,37 @@ def place_joint(
     row |= {name: solution[name] for name in ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")}
     row |= _named("axis_parent_", _vector(solution, "null_parent_"))
     row |= _named("axis_child_", _vector(solution, "null_child_"))
-    placed = _projection(joint, solution)
+    placed = _projection(joint, solution) if model.cut else _as_solved(solution)
     if placed is None:
         return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
-    row |= _centre(solution, placed, shift_mm)
-    reasons = _doubts(joint, row, worst_direction_sd_mm(placed.covariance_mm2), model)
+    row |= _centre(solution, placed, shift_mm, model)
+    if model.cut:
+        reasons = _doubts(joint, row, worst_direction_sd_mm(placed.covariance_mm2), model)
+    else:
+        reasons = [solution["message"]] * bool(solution["message"]) + _disagreement(row)
     row["status"] = "weak" if reasons else "ok"
     if correction_mm is not None:
         row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
         reasons.append(f"moved {row['correction_mm']:.1f} mm by hand; its sd_mm is the fit's, not the hand's")
     return row | {"message": "; ".join(reasons)}
+
+
+def _dof(joint: Joint, model: SkeletonModel) -> int:
+    if not model.cut:
+        return max(joint.dof, 1)
+    return 3 if joint.plane.frame == "none" else 1
+
+
+def _as_solved(solution: Mapping[str, Any]) -> Projection:
+    """The centre of the joint solve, for a model whose planes cut nothing."""
+    return Projection(
+        p_mm=_vector(solution, "parent_", "_mm"),
+        q_mm=_vector(solution, "child_", "_mm"),
+        slide_mm=0.0,
+        axis_plane_deg=None,
+        covariance_mm2=np.reshape(solution["covariance_mm2"], (6, 6)),
+    )
 
 
 def _projection(joint: Joint, solution: Mapping[str, Any]) -> Projection | None:
@@ -85,7 +105,9 @@ def _projection(joint: Joint, solution: Mapping[str, Any]) -> Projection | None:
     )
 
 
-def _centre(solution: Mapping[str, Any], placed: Projection, shift_mm: Array) -> dict[str, Any]:
+def _centre(
+    solution: Mapping[str, Any], placed: Projection, shift_mm: Array, model: SkeletonModel
+) -> dict[str, Any]:
     """Where the centre is after the correction, how large its gap is and how far it can be trusted."""
     mean_rotation = np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
     p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
@@ -102,7 +124,7 @@ def _centre(solution: Mapping[str, Any], placed: Projection, shift_mm: Array) ->
     return {
         **_named("parent_", p_mm, "_mm"),
         **_named("child_", q_mm, "_mm"),
-        "gap_rms_mm": gap,
+        "gap_rms_mm": gap if model.cut else solution["gap_rms_mm"],
         "covariance_mm2": placed.covariance_mm2.ravel(),
         "sd_mm": centre_sd_mm(placed.covariance_mm2),
         "slide_mm": placed.slide_mm,
@@ -118,11 +140,7 @@ def _doubts(joint: Joint, row: Mapping[str, Any], worst_sd_mm: float, model: Ske
             f"solved against {joint.parent_receiver} across {joint.parent}, which moves and carries no "
             "receiver: the centre can be centimetres off and nothing in the data shows it"
         )
-    if row["gap_rms_free_mm"] > WEAK_GAP_MM:
-        reasons.append(
-            f"its receivers disagree by {row['gap_rms_free_mm']:.0f} mm at best: a loose receiver, a wrong "
-            "quaternion order or angle convention, or more skin than on a hand"
-        )
+    reasons += _disagreement(row)
     if row["range_deg"] < WEAK_RANGE_DEG:
         reasons.append(f"moved only {row['range_deg']:.1f} deg; skin motion alone can look like that")
     cut = row["axis_plane_deg"] is not None
@@ -136,6 +154,15 @@ def _doubts(joint: Joint, row: Mapping[str, Any], worst_sd_mm: float, model: Ske
     if cut and row["axis_sd_deg"] > WEAK_AXIS_SD_DEG:
         reasons.append(f"axis uncertain by {row['axis_sd_deg']:.0f} deg")
     return reasons
+
+
+def _disagreement(row: Mapping[str, Any]) -> list[str]:
+    if row["gap_rms_free_mm"] <= WEAK_GAP_MM:
+        return []
+    return [
+        f"its receivers disagree by {row['gap_rms_free_mm']:.0f} mm at best: a loose receiver, a wrong "
+        "quaternion order or angle convention, or more skin than on a hand"
+    ]
 
 
 def _vector(row: Mapping[str, Any], prefix: str, suffix: str = "") -> Array:

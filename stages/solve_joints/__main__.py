@@ -27,6 +27,11 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--model", required=True, help="a skeleton model that ships, or a path")
     parser.add_argument("--subject", help="whose hand (default: as the poses say)")
     parser.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses say)")
+    parser.add_argument(
+        "--hand-length-mm",
+        type=float,
+        help="wrist crease to the middle finger's tip, for the solver anatomical (default: not measured)",
+    )
     parser.add_argument("--out", type=Path, required=True, help="the joint_solutions table to write")
     return parser
 
@@ -38,6 +43,7 @@ def solve(arguments: argparse.Namespace) -> None:
     from schemas.model import read_model
     from schemas.poses import one_hand, usable_poses
     from schemas.tables import Provenance, columns_from_rows, write_table
+    from stages.solve_joints.anatomical import check_hand_length
     from stages.solve_joints.solve import solve_recordings
 
     layout, model = read_layout(arguments.layout), read_model(arguments.model)
@@ -45,7 +51,8 @@ def solve(arguments: argparse.Namespace) -> None:
     usable, reasons = usable_poses(arguments.poses)
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
-    found = solve_recordings(usable, layout, model)
+    check_hand_length(arguments.hand_length_mm)
+    found = solve_recordings(usable, layout, model, hand, arguments.hand_length_mm)
     nothing = "" if usable else f"no calibration recording: {'; '.join(reasons) or 'the study names none'}"
     rows = [
         {"subject": subject, "hand": hand, "model": model.name, **_row(joint, found[joint.name], nothing)}
@@ -81,7 +88,7 @@ def _row(joint: Joint, found: JointSolution | str, nothing: str) -> dict[str, An
     }
     if isinstance(found, str):
         return {**names, "status": "failed", "message": nothing or found, "n_frames": 0}
-    row: dict[str, Any] = {**names, "status": "ok", "message": ""}
+    row: dict[str, Any] = {**names, "status": "weak" if found.message else "ok", "message": found.message}
     for prefix, vector, suffix in (
         ("parent_", found.p_mm, "_mm"),
         ("child_", found.q_mm, "_mm"),

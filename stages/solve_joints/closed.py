@@ -28,6 +28,7 @@ class JointSolution:
     mean_rotation : (3, 3) mean of R_a^T R_b.
     singular_values : (6,) of the stack over sqrt(frames), largest first.
     covariance_mm2 : (6, 6) of (p, q), without the null direction when five singular values are inverted.
+    message : why the centre is weak, in words, where the solver can tell.
     """
 
     p_mm: Array
@@ -45,6 +46,7 @@ class JointSolution:
     axis_sd_deg: float
     n_frames: int
     n_effective: float
+    message: str = ""
 
 
 @dataclass(frozen=True)

@@ -11,25 +11,34 @@ import numpy as np
 from schemas.layout import Joint, Layout
 from schemas.model import SkeletonModel
 from schemas.poses import Poses, pose_blocks, read_poses
+from stages.solve_joints.anatomical import HandSample, solve_hand
 from stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
-from stages.solve_joints.moments import BATCH_FRAMES, JointMoments, relative_poses
+from stages.solve_joints.moments import BATCH_FRAMES, JointMoments, RelativePoses, relative_poses
 from stages.solve_joints.stacked import solve_stacked
 
 BLOCK_FRAMES = 4096 * BATCH_FRAMES
 
 
 def solve_recordings(
-    paths: Sequence[Path], layout: Layout, model: SkeletonModel
+    paths: Sequence[Path],
+    layout: Layout,
+    model: SkeletonModel,
+    hand: str = "right",
+    hand_length_mm: float | None = None,
 ) -> dict[str, JointSolution | str]:
-    """Solve every joint between two receivers; a joint without an answer has the reason instead."""
+    """Solve every joint between two receivers; a joint without an answer has the reason instead.
+
+    hand, hand_length_mm : whose anatomy to expect, for the solver `anatomical` alone.
+    """
     joints = layout.solvable
-    moments = JointMoments(len(joints))
-    seen = dict.fromkeys(layout.measured, False)
-    for path in paths:
-        for block in pose_blocks(path, layout.measured, BLOCK_FRAMES):
-            add_block(moments, block, joints)
-            for segment, valid in zip(block.segments, np.any(block.valid, axis=0).tolist(), strict=True):
-                seen[segment] |= valid
+    sample = HandSample(joints) if model.solver == "anatomical" else None
+    moments, seen = stream(paths, layout, sample)
+    if sample is not None:
+        solved = solve_hand(sample, moments, layout, hand, hand_length_mm)
+        return {
+            joint.name: solved.get(joint.name) or _reason(joint, seen, int(moments.count[index]))
+            for index, joint in enumerate(joints)
+        }
     found: dict[str, JointSolution | str] = {}
     for index, joint in enumerate(joints):
         if is_solvable(moments, index):
@@ -42,11 +51,32 @@ def solve_recordings(
     return found
 
 
-def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> None:
-    """Add a block of poses to the moments of those joints."""
+def stream(
+    paths: Sequence[Path], layout: Layout, sample: HandSample | None
+) -> tuple[JointMoments, dict[str, bool]]:
+    """Go through recordings once: moments of every joint, and which segments had a valid pose.
+
+    sample : of the layout's solvable joints, to be filled along, or None.
+    """
+    moments = JointMoments(len(layout.solvable))
+    seen = dict.fromkeys(layout.measured, False)
+    for path in paths:
+        for block in pose_blocks(path, layout.measured, BLOCK_FRAMES):
+            relative = add_block(moments, block, layout.solvable)
+            if sample is not None:
+                sample.add(relative)
+            for segment, valid in zip(block.segments, np.any(block.valid, axis=0).tolist(), strict=True):
+                seen[segment] |= valid
+    return moments, seen
+
+
+def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> RelativePoses:
+    """Add a block of poses to the moments of those joints; give the joints' relative poses."""
     parents = np.array([block.index(joint.parent_receiver) for joint in joints])
     children = np.array([block.index(joint.child) for joint in joints])
-    moments.add(relative_poses(block.quaternion, block.position_mm, block.valid, parents, children))
+    relative = relative_poses(block.quaternion, block.position_mm, block.valid, parents, children)
+    moments.add(relative)
+    return relative
 
 
 def _by_stack(

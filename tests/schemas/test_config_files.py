@@ -21,7 +21,7 @@ def read(tmp_path: Path, text: str, kind: str = "model") -> dict[str, Any]:
 def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
     config = read(tmp_path, MODEL + "joints: {singular_values: 6}\n")
     assert config["joints"] == {"solver": "closed", "singular_values": 6, "calibration": "evaluated"}
-    assert config["planes"] == {"parallel_limit_deg": 20, "corrections": False}
+    assert config["planes"] == {"cut": True, "parallel_limit_deg": 20, "corrections": False}
     assert config["metacarpals"]["rest_direction"] == [1, 0, 0]
     assert "paper_table" not in config
 

@@ -1,0 +1,269 @@
+"""The model `anatomical`: what the data say of a hand's joints, weighed against what anatomy says.
+
+Each joint's frames are a sample spread over its postures; dwelling gains nothing and no posture is
+trimmed. Skin that moves with the joints is among the unknowns. All joints of a hand share one prior, since a
+receiver's place on its bone concerns both of the bone's joints, and the hand's size all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.rotations import Array, matrix
+from schemas.errors import InputError
+from schemas.layout import Joint, Layout
+from stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
+from stages.solve_joints.evidence import (
+    JointEvidence,
+    Neighbour,
+    joint_evidence,
+    looseness_of,
+    turn_of,
+    weigh,
+)
+from stages.solve_joints.moments import JointMoments, RelativePoses
+from stages.solve_joints.posterior import HandPosterior, HandPrior, Information, posterior
+from stages.solve_joints.priors import average_bones, joint_prior
+from stages.solve_joints.receivers import hand_prior
+from stages.solve_joints.spread import SpreadFrames, SpreadSample
+
+ROUNDS = 3
+"""Robust re-weightings; the weights hardly change after the second."""
+
+MAX_EFFECTIVE = 8.0
+"""Independent samples that any recording is taken for: skin repeats its errors with every repetition."""
+
+TYPICAL_SCATTER_MM = 0.45
+"""Per component, about a fit with skin, on a hand of typical looseness."""
+
+LOOSENESS = (0.6, 3.0)
+"""Least and largest looseness that a hand's scatter is believed to show."""
+
+ENOUGH_FRAMES = 200
+"""With as many others, frames whose posture was met only once are left out."""
+
+LITTLE_RANGE_DEG = 10.0
+"""Skin turns receivers by some 4 deg, so an angle of less than about twice that may be its own."""
+
+MOSTLY = 0.5
+"""Share of the prior's variance across the axis from which a centre is called the prior's."""
+
+LARGE_SD_MM = 4.0
+UNKNOWN_MM2 = 100.0**2
+"""Prior variance above which anatomy expects nothing of a centre, and the last fit stands in for it."""
+
+
+class HandSample:
+    """Frames of every joint of a hand, spread over the postures; of fixed size however long the recording."""
+
+    def __init__(self, joints: Sequence[Joint]) -> None:
+        self.joints = tuple(joints)
+        parents = [joint.parent_receiver for joint in joints]
+        children = [joint.child for joint in joints]
+        self.before = tuple(_only(parent, children) for parent in parents)
+        self.after = tuple(_only(child, parents) for child in children)
+        self._samples = [SpreadSample(len(self.others(i))) for i in range(len(joints))]
+
+    def others(self, joint: int) -> tuple[int, ...]:
+        """Give the joints that move the same skin: before the parent's bone and after the child's."""
+        return tuple(i for i in (self.before[joint], self.after[joint]) if i is not None)
+
+    def add(self, poses: RelativePoses) -> None:
+        """Add a block of frames, in the order of time."""
+        for joint, sample in enumerate(self._samples):
+            sample.add(poses, joint, self.others(joint))
+
+    def frames(self, joint: int) -> SpreadFrames:
+        """Give a joint's frames, without lone ones where there are enough others."""
+        found = self._samples[joint].frames()
+        kept = ~found.lone
+        if kept.sum() < ENOUGH_FRAMES:
+            return found
+        return SpreadFrames(
+            found.quaternion[kept], found.position_mm[kept], found.other[kept], found.lone[kept]
+        )
+
+
+def _only(segment: str, among: list[str]) -> int | None:
+    """Where the segment stands among others, if it does once: the joints of a palm do not move its skin."""
+    return among.index(segment) if among.count(segment) == 1 else None
+
+
+@dataclass(frozen=True)
+class HandFit:
+    """A hand's joints weighed against anatomy, by their place in the sample; only joints that have a frame.
+
+    told : what each joint's frames say; found : the centres, six rows a joint, in the same order.
+    """
+
+    joints: dict[int, JointEvidence]
+    prior: HandPrior
+    told: list[Information]
+    found: HandPosterior
+    looseness: float
+    effective: dict[int, float]
+
+    def covariance(self, row: int, found: HandPosterior) -> Array:
+        """Covariance (6, 6) of one joint's (p, q) under `found`, with what skin adds that no frame shows."""
+        remainder = list(self.joints.values())[row].remainder_mm2
+        assert remainder is not None
+        return np.asarray(found.covariance[6 * row : 6 * row + 6, 6 * row : 6 * row + 6] + remainder)
+
+
+def check_hand_length(hand_length_mm: float | None) -> None:
+    """Raise InputError for a hand length, as given on a command line, that no hand has."""
+    if hand_length_mm is not None and not 50 < hand_length_mm < 400:
+        raise InputError(f"--hand-length-mm: is {hand_length_mm:g}; expected millimetres, 50 to 400")
+
+
+def fit_hand(
+    sample: HandSample, moments: JointMoments, layout: Layout, hand: str, hand_length_mm: float | None
+) -> HandFit | None:
+    """Weigh a hand's frames against anatomy; None where no joint has a frame.
+
+    hand : right or left, whose anatomy to expect. hand_length_mm : wrist crease to the middle finger's tip,
+    or None where nobody measured it.
+    """
+    joints = _evidence(sample, layout, hand)
+    if not joints:
+        return None
+    effective = {
+        index: solve_closed(moments, index, 6).n_effective if is_solvable(moments, index) else 1.0
+        for index in joints
+    }
+    prior = hand_prior(
+        [one.joint for one in joints.values()],
+        [one.prior for one in joints.values()],
+        [one.measured_axis() for one in joints.values()],
+        layout,
+        hand_length_mm,
+    )
+    own = [prior.block(row) for row in range(len(joints))]
+    centres = [mean for mean, _ in own]
+    looseness = 1.0
+    for _ in range(ROUNDS):
+        told = [
+            weigh(one, centre, layout, looseness, min(effective[index], MAX_EFFECTIVE))
+            for (index, one), centre in zip(joints.items(), centres, strict=True)
+        ]
+        found = posterior(prior, told)
+        looseness = looseness_of(joints, TYPICAL_SCATTER_MM, LOOSENESS)
+        centres = [
+            np.where(np.diag(covariance) < UNKNOWN_MM2, mean, found.mean[6 * row : 6 * row + 6])
+            for row, (mean, covariance) in enumerate(own)
+        ]
+    return HandFit(joints, prior, told, found, looseness, effective)
+
+
+def solve_hand(
+    sample: HandSample, moments: JointMoments, layout: Layout, hand: str, hand_length_mm: float | None
+) -> dict[str, JointSolution]:
+    """Solve all joints that have a frame, as `fit_hand`; the others are left out."""
+    fit = fit_hand(sample, moments, layout, hand, hand_length_mm)
+    if fit is None:
+        return {}
+    return {
+        one.joint.name: _solution(one, index, _placed(fit, row), moments, fit.effective[index])
+        for row, (index, one) in enumerate(fit.joints.items())
+    }
+
+
+def _evidence(sample: HandSample, layout: Layout, hand: str) -> dict[int, JointEvidence]:
+    """Joints that have a frame, by their place in the sample."""
+    bones = average_bones(hand)
+    joints = {}
+    for index, joint in enumerate(sample.joints):
+        frames = sample.frames(index)
+        if len(frames.quaternion):
+            lateral = np.array(layout.segments[joint.child].lateral)
+            joints[index] = joint_evidence(joint, joint_prior(joint, layout, bones), frames, lateral)
+    for index, one in joints.items():
+        others = sample.others(index)
+        for name, other in (("before", sample.before[index]), ("after", sample.after[index])):
+            if other is not None and other in joints:
+                turn = turn_of(joints[other], one.frames.other[:, others.index(other)])
+                one.neighbours[name] = Neighbour(turn, turn @ joints[other].motion.axis_child)
+    return joints
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """A joint's centre: mean (6,) of (p, q), covariance (6, 6), and the share of it that is the prior's."""
+
+    mean: Array
+    covariance: Array
+    prior_share: float
+
+
+def _placed(fit: HandFit, row: int) -> _Placed:
+    one = list(fit.joints.values())[row]
+    rows = slice(6 * row, 6 * row + 6)
+    across = np.eye(3) - np.outer(one.motion.axis_child, one.motion.axis_child)
+    left, before = (
+        np.trace(across @ covariance[3:, 3:] @ across)
+        for covariance in (fit.found.covariance[rows, rows], fit.prior.block(row)[1])
+    )
+    return _Placed(fit.found.mean[rows], fit.covariance(row, fit.found), float(left / before))
+
+
+def _solution(
+    one: JointEvidence, index: int, placed: _Placed, moments: JointMoments, n_effective: float
+) -> JointSolution:
+    """The joint in the terms of the closed form, which gives what its best fit alone can say."""
+    p_mm, q_mm = placed.mean[:3], placed.mean[3:]
+    gap = gap_rms_mm(moments, index, p_mm, q_mm)
+    mean_rotation = matrix(moments.reference[index]) @ (np.eye(3) + moments.mean(index)[:9].reshape(3, 3))
+    free = solve_closed(moments, index, 6) if is_solvable(moments, index) else None
+    s = np.clip(np.linalg.svd(mean_rotation, compute_uv=False), 0.0, 1.0)
+    return JointSolution(
+        p_mm=p_mm,
+        q_mm=q_mm,
+        null_parent=one.motion.axis_parent,
+        null_child=one.motion.axis_child,
+        mean_rotation=mean_rotation,
+        singular_values=np.sqrt(np.concatenate([1.0 + s, 1.0 - s[::-1]])),
+        covariance_mm2=placed.covariance,
+        gap_rms_mm=gap,
+        gap_rms_free_mm=gap if free is None else free.gap_rms_mm,
+        slide_to_free_mm=0.0,
+        range_deg=one.motion.range_deg,
+        spread_deg=float(np.degrees(np.sqrt(np.average(one.motion.angle_rad**2, weights=one.weights)))),
+        axis_sd_deg=90.0 if free is None else free.axis_sd_deg,
+        n_frames=int(moments.count[index]),
+        n_effective=n_effective,
+        message="; ".join(_doubts(one, placed)),
+    )
+
+
+def gap_rms_mm(moments: JointMoments, joint: int, p_mm: Array, q_mm: Array) -> float:
+    """Rms gap over every frame of a centre given in the parent's and the child's receiver frame."""
+    mean, covariance = moments.mean(joint), moments.covariance(joint)
+    middle = matrix(moments.reference[joint]).T @ p_mm - q_mm - moments.reference_mm[joint]
+    middle = middle - mean[:9].reshape(3, 3) @ q_mm - mean[9:]
+    take = np.concatenate([np.kron(np.eye(3), q_mm), np.eye(3)], 1)
+    return float(np.sqrt(max(middle @ middle + np.einsum("ri,ij,rj", take, covariance, take), 0.0)))
+
+
+def _doubts(one: JointEvidence, placed: _Placed) -> list[str]:
+    """Say in words what makes a centre weak; nothing where nothing does."""
+    name, moved = one.joint.name, one.motion.range_deg
+    known = one.prior.knows_parent and one.prior.knows_child
+    doubts = []
+    if known and (moved < LITTLE_RANGE_DEG or placed.prior_share > MOSTLY):
+        doubts.append(f"{name} moved {moved:.0f} deg; its centre comes mostly from the prior")
+    elif moved < LITTLE_RANGE_DEG:
+        doubts.append(f"{name} moved {moved:.0f} deg, and anatomy knows nothing of its receivers' places")
+    sd = centre_sd_mm(placed.covariance)
+    if sd > LARGE_SD_MM:
+        between = f", since {one.joint.parent} moves and carries no receiver" if one.compound else ""
+        doubts.append(f"its centre is uncertain by {sd:.1f} mm{between}")
+    return doubts
+
+
+def centre_sd_mm(covariance_mm2: Array) -> float:
+    """1-sigma, three-dimensional error of a centre from the covariance (6, 6) of (p, q): the worse half's."""
+    variance = np.diag(covariance_mm2)
+    return float(np.sqrt(max(variance[:3].sum(), variance[3:].sum())))

@@ -1,0 +1,237 @@
+"""The model `anatomical` on simulated hands: what must not matter does not, and its sd is honest."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from chains import as_poses, chain_layout, gap_rms_mm, moments_of, random_chain
+from scipy.spatial.transform import Rotation
+
+from benchmarks.anatomical_trial import hand_errors
+from kinematics.rotations import Array
+from schemas.layout import Layout, read_layout
+from schemas.model import read_model
+from schemas.poses import Poses
+from stages.simulate.realism import Realism
+from stages.simulate.simulation import simulate
+from stages.solve_joints import anatomical, spread
+from stages.solve_joints.anatomical import HandSample, fit_hand, solve_hand
+from stages.solve_joints.closed import JointSolution
+from stages.solve_joints.moments import JointMoments
+from stages.solve_joints.priors import average_bones, joint_prior
+from stages.solve_joints.solve import add_block, solve_recordings
+
+LIBERTY = read_layout("liberty16")
+N_FRAMES = 2400
+
+
+@pytest.fixture(scope="module")
+def hand() -> Poses:
+    """Poses of a right hand through its range of motion; the forearm's receiver was not worn."""
+    made = simulate("01", "right", "rom", 7, Realism.full(), N_FRAMES)
+    worn = as_poses(made.segments, made.position_mm, made.quaternion)
+    absent = (N_FRAMES, len(LIBERTY.measured))
+    poses = as_poses(LIBERTY.measured, np.full((*absent, 3), np.nan), np.full((*absent, 4), np.nan))
+    poses.valid[:] = False
+    for segment in worn.segments:
+        own, other = poses.index(segment), worn.index(segment)
+        poses.position_mm[:, own] = worn.position_mm[:, other]
+        poses.quaternion[:, own] = worn.quaternion[:, other]
+        poses.valid[:, own] = True
+    return poses
+
+
+def solved(
+    poses: Poses, side: str = "right", layout: Layout = LIBERTY, block: int = 10**6
+) -> dict[str, JointSolution]:
+    sample, moments = HandSample(layout.solvable), JointMoments(len(layout.solvable))
+    for start in range(0, len(poses.frame), block):
+        sample.add(add_block(moments, taken(poses, slice(start, start + block)), layout.solvable))
+    return solve_hand(sample, moments, layout, side, None)
+
+
+def taken(poses: Poses, rows: slice | npt.NDArray[np.int64]) -> Poses:
+    return Poses(
+        poses.segments,
+        poses.frame[rows],
+        poses.time_s[rows],
+        poses.position_mm[rows],
+        poses.quaternion[rows],
+        poses.valid[rows],
+    )
+
+
+def farthest_mm(one: dict[str, JointSolution], other: dict[str, JointSolution]) -> float:
+    assert one.keys() == other.keys()
+    return max(
+        float(np.linalg.norm(getattr(one[name], half) - getattr(other[name], half)))
+        for name in one
+        for half in ("p_mm", "q_mm")
+    )
+
+
+def turned(turn: Rotation, quaternion: Array) -> Array:
+    flat = Rotation.from_quat(np.roll(quaternion, -1, -1).reshape(-1, 4))
+    return np.roll((turn * flat).as_quat(), 1, -1).reshape(quaternion.shape)
+
+
+def worn(poses: Poses) -> Poses:
+    """The same with numbers, though not valid, where nothing was worn; for rotations that refuse NaN."""
+    unit = np.where(np.isfinite(poses.quaternion), poses.quaternion, [1.0, 0.0, 0.0, 0.0])
+    return replace(poses, quaternion=unit)
+
+
+def test_every_joint_has_a_centre_and_an_honest_message(hand: Poses) -> None:
+    found = solved(hand)
+    assert set(found) == {joint.name for joint in LIBERTY.solvable} - {"wrist"}
+    assert not any(one.message for one in found.values())
+
+
+def test_each_joint_knows_which_joints_move_its_skin(hand: Poses) -> None:
+    """PIP: MCP before, DIP after, turned as in the same frames; no wrist where none was measured."""
+    sample, moments = HandSample(LIBERTY.solvable), JointMoments(len(LIBERTY.solvable))
+    sample.add(add_block(moments, hand, LIBERTY.solvable))
+    fit = fit_hand(sample, moments, LIBERTY, "right", None)
+    assert fit is not None
+    by_name = {one.joint.name: one for one in fit.joints.values()}
+    assert set(by_name["index_pip"].neighbours) == {"before", "after"}
+    assert set(by_name["index_mcp"].neighbours) == {"after"}
+    assert set(by_name["index_dip"].neighbours) == set(by_name["thumb_ip"].neighbours) == {"before"}
+    mcp = by_name["index_mcp"]
+    seen = by_name["index_pip"].neighbours["before"].angle_rad
+    assert np.ptp(seen) == pytest.approx(np.ptp(mcp.motion.angle_rad), rel=0.1)
+
+
+def test_nothing_depends_on_the_transmitter(hand: Poses) -> None:
+    hand = worn(hand)
+    turn = Rotation.from_rotvec([0.4, -1.2, 0.7])
+    moved = replace(
+        hand,
+        position_mm=(turn.apply(hand.position_mm.reshape(-1, 3)) + 100).reshape(hand.position_mm.shape),
+        quaternion=-turned(turn, hand.quaternion),
+    )
+    assert farthest_mm(solved(hand), solved(moved)) < 1e-3
+
+
+def test_a_mirrored_hand_has_mirrored_centres(hand: Poses, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every pose mirrored across y, and the hand called left: p and q mirrored, nothing else.
+
+    Every frame is kept, since cells of the sample are not their own mirror images.
+    """
+    monkeypatch.setattr(spread, "FRAMES_PER_CELL", N_FRAMES)
+    monkeypatch.setattr(anatomical, "ENOUGH_FRAMES", N_FRAMES + 1)
+    hand = worn(hand)
+    mirror = np.array([1.0, -1.0, 1.0])
+    mirrored = replace(
+        hand, position_mm=hand.position_mm * mirror, quaternion=hand.quaternion * [1.0, -1.0, 1.0, -1.0]
+    )
+    right, left = solved(hand), solved(mirrored, "left")
+    back = {name: replace(one, p_mm=one.p_mm * mirror, q_mm=one.q_mm * mirror) for name, one in left.items()}
+    assert farthest_mm(right, back) < 1e-6
+    for name, one in right.items():
+        sizes = np.diag(one.covariance_mm2)
+        np.testing.assert_allclose(np.diag(left[name].covariance_mm2), sizes, rtol=1e-6, err_msg=name)
+    assert farthest_mm(right, solved(hand, "left")) > 1
+
+
+def test_blocks_give_the_same_numbers(hand: Poses) -> None:
+    assert farthest_mm(solved(hand), solved(hand, block=314)) < 1e-9
+
+
+@pytest.mark.parametrize("turned_too", [False, True])
+def test_outliers_move_nothing(hand: Poses, turned_too: bool) -> None:
+    """2 % of a receiver's readings 20 to 80 mm off, or turned anyhow: no centre moves by 0.3 mm."""
+    rng = np.random.default_rng(5)
+    wrong = replace(hand, position_mm=hand.position_mm.copy(), quaternion=hand.quaternion.copy())
+    for segment in ("index_middle", "thumb_proximal", "ring_distal"):
+        rows = rng.choice(N_FRAMES, N_FRAMES // 50, replace=False)
+        away = rng.normal(size=(len(rows), 3))
+        size = rng.uniform(20, 80, (len(rows), 1)) / np.linalg.norm(away, axis=1, keepdims=True)
+        wrong.position_mm[rows, wrong.index(segment)] += away * size
+        if turned_too:
+            anyhow = Rotation.random(len(rows), random_state=rng).as_quat()
+            wrong.quaternion[rows, wrong.index(segment)] = anyhow
+    assert farthest_mm(solved(hand), solved(wrong)) < 0.3
+
+
+def test_dwelling_changes_little(hand: Poses) -> None:
+    """Nine tenths of the time in one posture: every centre within 0.5 mm, most within 0.15 mm."""
+    still = np.full(9 * N_FRAMES, 700)
+    dwelt = taken(hand, np.concatenate([np.arange(N_FRAMES), still]))
+    one, other = solved(hand), solved(dwelt)
+    moved = [float(np.linalg.norm(one[name].q_mm - other[name].q_mm)) for name in one]
+    assert max(moved) < 0.5
+    assert np.median(moved) < 0.15
+
+
+def test_without_motion_only_the_prior_speaks(hand: Poses) -> None:
+    """One posture all along: a centre within the prior's reach, uncertain, and a message that says so."""
+    found = solved(taken(hand, np.full(300, 500)))
+    prior = joint_prior(LIBERTY.joints["index_dip"], LIBERTY, average_bones("right"))
+    dip = found["index_dip"]
+    assert np.linalg.norm(dip.q_mm - prior.q_mm) < 6
+    assert np.linalg.norm(dip.p_mm - prior.p_mm) < 6
+    assert dip.range_deg == pytest.approx(0, abs=1e-6)
+    assert "index_dip moved 0 deg; its centre comes mostly from the prior" in dip.message
+    assert np.sqrt(np.trace(dip.covariance_mm2[3:, 3:])) > 1.5
+
+
+def test_a_stiff_fingertip_is_no_gross_failure() -> None:
+    """Opposition, where DIP joints move some degrees while the PIP moves far: no DIP beyond 6 mm."""
+    errors = [e for e in hand_errors(11, "left", "opposition", 1.0) if e.joint.endswith("_dip")]
+    assert max(e.child_mm for e in errors if e.estimator == "anatomical") < 6
+    assert max(e.child_mm for e in errors if e.estimator == "paper") > 6
+
+
+def test_a_chain_that_anatomy_does_not_know() -> None:
+    """Freely turning joints of unknown segments: the data alone decide, to a millimetre of noise."""
+    chain = random_chain(4, 4, 2000, range_rad=0.6, off_axis_rad=0.5, noise_mm=0.3, in_plane=False)
+    found = solved(chain.poses, layout=chain_layout(chain))
+    for index, joint in enumerate(chain.joints):
+        assert np.linalg.norm(found[joint.name].p_mm - chain.p_mm[index]) < 1.0
+        assert np.linalg.norm(found[joint.name].q_mm - chain.q_mm[index]) < 1.0
+
+
+def test_an_arm_runs(real_data: Path, tmp_path: Path) -> None:
+    """A real arm, from the shoulder blade to the hand: every joint has a finite centre near the arm."""
+    from stages.capture.__main__ import main as capture
+
+    recording = real_data / "upper_limb_poses" / "racing_right.csv"
+    poses = tmp_path / "poses.parquet"
+    words = ["import", "--in", str(recording), "--layout", "arm", "--subject", "01", "--hand", "right"]
+    assert capture([*words, "--task", "racing", "--out", str(poses)]) == 0
+    layout = read_layout("arm")
+    found = solve_recordings([poses], layout, read_model("anatomical"), "right")
+    free = solve_recordings([poses], layout, read_model("paper-fig4"), "right")
+    for name in ("shoulder", "elbow", "wrist"):
+        one, other = found[name], free[name]
+        assert isinstance(one, JointSolution)
+        assert isinstance(other, JointSolution)
+        assert 10 < np.linalg.norm(one.q_mm) < 500
+        assert one.gap_rms_mm < 3 * other.gap_rms_free_mm + 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("artefact", [0.5, 1.0, 2.0])
+def test_the_stated_sd_is_honest(artefact: float) -> None:
+    """Of 180 centres 90 to 100 % lie within their stated 95 % radius, whatever the skin; most near it."""
+    errors = [
+        e
+        for seed in range(300, 306)
+        for side in ("right", "left")
+        for e in hand_errors(seed, side, "rom", artefact)
+        if e.estimator == "anatomical"
+    ]
+    within = np.mean([e.worse_mm <= 1.614 * e.sd_mm for e in errors])
+    assert within >= 0.90
+    assert np.median([e.worse_mm / e.sd_mm for e in errors]) > 0.6
+
+
+def test_the_gap_of_a_centre_is_that_of_every_frame() -> None:
+    """From the moments alone, the gap of any centre is that measured frame by frame."""
+    chain = random_chain(6, 2, 300, off_axis_rad=0.3, noise_mm=0.4, in_plane=False)
+    p, q = chain.p_mm[0] + [2.0, -1.0, 3.0], chain.q_mm[0] + [-1.0, 0.5, 2.0]
+    found = anatomical.gap_rms_mm(moments_of(chain), 0, p, q)
+    assert found == pytest.approx(gap_rms_mm(chain.poses, 0, p, q), rel=1e-9)
