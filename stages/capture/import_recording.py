@@ -67,8 +67,12 @@ def import_recording(arguments: argparse.Namespace) -> None:
     for note in samples.notes:
         print(f"note: {arguments.recording}: {note}", file=sys.stderr)
     absent = _absent(layout, poses)
-    for segment in absent:
-        print(f"note: {arguments.recording}: segment {segment} has no pose", file=sys.stderr)
+    if absent:
+        print(
+            f"note: {arguments.recording}: no pose of {', '.join(absent)} "
+            f"({len(absent)} of {len(layout.measured)} segments)",
+            file=sys.stderr,
+        )
     for segment in poses.frozen:
         print(
             f"note: {arguments.recording}: segment {segment} never moves though its parent does; not used",
@@ -80,6 +84,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     inputs = [arguments.recording, config_path(arguments.layout, "layout", Path())]
     inputs += [] if arguments.mapping is None else [arguments.mapping]
     told = {**_parameters(arguments, layout.name, absent), "doubt": doubt, "notes": list(samples.notes)}
+    told |= {"losses": list(samples.losses), "missing_frames": samples.missing_frames}
     provenance = Provenance.of(inputs, **told)
     write_table(arguments.out, POSES, poses.columns, provenance, row_group_rows=poses.row_groups)
 

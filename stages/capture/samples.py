@@ -27,6 +27,8 @@ class Samples:
     place : sample -> file and line, for messages.
     marks : what the reader saw of single samples, flag (a key of poses.FLAGS) -> (N,) bool.
     notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
+    losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
+    missing_frames : frames of which the recording should have something and has nothing.
     """
 
     segments: tuple[str, ...]
@@ -37,6 +39,8 @@ class Samples:
     place: Callable[[int], str]
     marks: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    losses: tuple[str, ...] = ()
+    missing_frames: int = 0
 
 
 @dataclass(frozen=True)

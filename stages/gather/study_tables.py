@@ -123,9 +123,10 @@ def _recording_row(recording: Recording, results: Results, problems: list[dict[s
     dead = _dead(table, absent)
     doubts = [f"no usable pose of {', '.join(dead)}; check that receiver"] if dead else []
     doubts += [parameters["doubt"]] if parameters.get("doubt") else []
+    doubts += parameters.get("losses", [])
     problems += [problem | {"message": doubt} for doubt in doubts]
-    said = "; ".join([*doubts, *parameters.get("notes", [])])
-    return row | _counts(table, absent) | {"message": said}
+    said = "; ".join(dict.fromkeys([*doubts, *parameters.get("notes", [])]))
+    return row | _counts(table, absent, parameters.get("missing_frames", 0)) | {"message": said}
 
 
 def _dead(table: pa.Table, absent: Sequence[str]) -> list[str]:
@@ -135,14 +136,14 @@ def _dead(table: pa.Table, absent: Sequence[str]) -> list[str]:
     return list(dict.fromkeys([*absent, *never]))
 
 
-def _counts(table: pa.Table, absent: Sequence[str]) -> dict[str, Any]:
+def _counts(table: pa.Table, absent: Sequence[str], missing_frames: int) -> dict[str, Any]:
     segments = table.column("segment").unique().to_pylist()
     n_segments = len(segments)
     n_frames = table.num_rows // max(n_segments, 1)
     time_s = table.column("time_s").to_numpy()
     known = time_s[np.isfinite(time_s)]
     n_valid = int(np.sum(table.column("valid").to_numpy()))
-    expected = n_frames * len({*segments, *absent})
+    expected = (n_frames + missing_frames) * len({*segments, *absent})
     return {
         "n_frames": n_frames,
         "duration_s": float(np.ptp(known)) if len(known) else None,

@@ -11,6 +11,7 @@ from stages.report.study_results import StudyResults, Trial
 from stages.report.tables_1_to_4 import own_table, table_title
 
 WIDTH = 79
+MOST_PROBLEMS = 10
 _HEADING, _CELL = 25, 8
 
 
@@ -24,16 +25,24 @@ def terminal_tables(results: StudyResults) -> str:
         (model for model in results.models.values() if model.paper_table is not None),
         key=lambda model: model.paper_table or 0,
     )
-    parts = [f"Study {results.study.name}: {used_in_words(results)}"]
+    parts = [f"Study {results.study.name}: {used_in_words(results)}", *_problems(results)]
     for subject in results.subjects:
         for trial in _as_the_paper(results.trials(subject)):
             parts += [
                 f"{_wrapped(table_title(model))}\n{table_text(own_table(results, trial, model))}"
                 for model in models
             ]
-    if len(parts) == 1:
+    if len(parts) == 1 + bool(results.problems):
         parts.append("No recording was evaluated with a model of one of the paper's tables.")
     return "\n\n".join(parts) + "\n"
+
+
+def _problems(results: StudyResults) -> list[str]:
+    """What went wrong, a paragraph; the first ones, for all stand in the report."""
+    told = [f"- {row['where']}, {row['stage']}: {row['message']}" for row in results.problems]
+    more = [f"- and {len(told) - MOST_PROBLEMS} more; see the report"] if len(told) > MOST_PROBLEMS else []
+    lines = [_wrapped(line) for line in [*told[:MOST_PROBLEMS], *more]]
+    return ["\n".join(["What went wrong:", *lines])] if lines else []
 
 
 def _as_the_paper(trials: Iterable[Trial]) -> list[Trial]:

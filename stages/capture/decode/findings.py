@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stages.capture.archive import open_archive
-from stages.capture.decode.survey import SHORT_GAP_S, Survey, survey_archive
+from stages.capture.decode.survey import SHORT_GAP_S, Sightings, Survey, survey_archive
 
 NAMED_PLACES = 3
 """Places of a kind that are named; more are counted."""
@@ -41,7 +41,7 @@ def facts(survey: Survey) -> dict[str, Any]:
         "missing_frames": survey.missing_frames,
         "partial_frames": len(survey.partial_frames),
         "skipped_bytes": survey.skipped_bytes,
-        "doubtful_records": sum(survey.doubtful.values()) + survey.out_of_order,
+        "doubtful_records": survey.doubtful.total + survey.out_of_order.total,
         "hemisphere_flips": len(survey.flips),
         "clock": None if clock is None else _clock_facts(survey),
         "events": [dict(event) for event in survey.tally.events],
@@ -118,20 +118,36 @@ def _damage(survey: Survey) -> Iterator[str]:
             f"{survey.skipped_bytes} bytes at {len(survey.skipped)} places were no record and were skipped "
             f"(at {_places(survey, frames)})"
         )
-    doubtful = sum(survey.doubtful.values())
-    if doubtful:
-        stations = ", ".join(map(str, sorted(survey.doubtful)))
-        yield f"{doubtful} records hold numbers that cannot be right (receivers {stations}); not used"
-    if survey.out_of_order:
-        yield f"{survey.out_of_order} records have a frame or receiver that fits no neighbour; not used"
+    for sightings, what in (
+        (survey.doubtful, "hold numbers that cannot be right"),
+        (survey.out_of_order, "have a frame or receiver that fits no neighbour"),
+    ):
+        if sightings.total:
+            yield f"{sightings.total} records {what} ({_sighted(survey, sightings)}); not used"
 
 
 def _device(survey: Survey) -> Iterator[str]:
-    for (station, letter), count in survey.errors.items():
-        yield f"receiver {station}: the tracker reported error {letter!r} with {count} records"
-    for station, count in survey.distorted.items():
-        share = 100 * count / max(1, survey.records.get(station, 0))
-        yield f"receiver {station}: the tracker saw its field distorted by metal in {share:.1f} % of records"
+    for letter, sightings in survey.errors.items():
+        yield (
+            f"the tracker reported error {letter!r} with {sightings.total} records "
+            f"({_sighted(survey, sightings)})"
+        )
+    metal = survey.distorted
+    if metal.total:
+        worst, count = metal.records.most_common(1)[0]
+        share = 100 * count / max(1, survey.records.get(worst, 0))
+        yield (
+            f"the tracker saw its field distorted by metal ({_sighted(survey, metal)}; "
+            f"receiver {worst} in {share:.1f} % of its records)"
+        )
+
+
+def _sighted(survey: Survey, sightings: Sightings) -> str:
+    stations = sorted(sightings.records)
+    named = "receiver" if len(stations) == 1 else "receivers"
+    first, last = _at(survey, sightings.first), _at(survey, sightings.last)
+    when = f"at {first}" if first == last else f"from {first} to {last}"
+    return f"{named} {', '.join(map(str, stations))}, {when}"
 
 
 def _flips(survey: Survey) -> Iterator[str]:

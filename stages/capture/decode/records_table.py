@@ -88,7 +88,7 @@ def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
     source = np.isin(records.error, list(SOURCE_FAILURES))
     flags[source] |= BIT["device-error"]
     flags[(records.error != 0) & ~source] |= BIT["device-warning"]
-    flags[records.distortion > 0] |= BIT["distorted"]
+    flags[(records.distortion > 0) & ~records.doubtful] |= BIT["distorted"]
     flags[_at(survey.partial_frames, records.frame)] |= BIT["partial-cycle"]
     resumed = np.array([offset + size for offset, size, _ in survey.skipped], np.int64)
     flags[_at(np.sort(resumed), records.offset)] |= BIT["resync-before"]
@@ -122,17 +122,22 @@ def table_columns(flagged: FlaggedRecords, *, repair: bool) -> dict[str, Any]:
         "station": records.station,
         "frame": records.frame,
         "time_s": flagged.time_s,
-        "device_ms": _known(records.device_ms),
+        "device_ms": _known(records.device_ms, np.int64),
         **{f"{axis}_mm": records.position_mm[:, i].astype(np.float32) for i, axis in enumerate("xyz")},
         **{f"q{part}": records.quaternion[:, i].astype(np.float32) for i, part in enumerate("wxyz")},
         **{f"repaired_{axis}_mm": repaired_mm[:, i].astype(np.float32) for i, axis in enumerate("xyz")},
         "error": records.error,
-        **{name: _known(getattr(records, name)) for name in ("distortion", "button", "sync")},
+        "distortion": _known(records.distortion, np.int16),
+        "button": _known(records.button, np.int8),
+        "sync": _known(records.sync, np.int8),
         "host_ns": flagged.host_ns,
         "offset": records.offset,
         "flags": flagged.flags,
     }
 
 
-def _known(values: npt.NDArray[np.int64]) -> pa.Array:
-    return pa.array(values, mask=values == NONE)
+def _known(values: npt.NDArray[np.int64], kind: type[np.signedinteger[Any]]) -> pa.Array:
+    """Values as a column of that type; null where there is none, or a damaged one that it cannot hold."""
+    limits = np.iinfo(kind)
+    unknown = (values == NONE) | (values < limits.min) | (values > limits.max)
+    return pa.array(np.where(unknown, 0, values).astype(kind), mask=unknown)

@@ -21,6 +21,29 @@ SHORT_GAP_S = 1.0
 """A receiver that is silent for longer was unplugged (it takes about a second to be found again)."""
 
 
+@dataclass
+class Sightings:
+    """Records of one kind: how many of each station, and the first and last frame in which one stood."""
+
+    records: Count[int] = field(default_factory=Count)
+    first: int = 0
+    last: int = 0
+
+    @property
+    def total(self) -> int:
+        """How many records of all stations."""
+        return sum(self.records.values())
+
+    def add(self, station: Wholes, frame: Wholes) -> None:
+        """Count records, (N,) stations and frames that do not fall."""
+        if not len(station):
+            return
+        self.first = int(frame[0]) if not self.records else self.first
+        self.last = int(frame[-1])
+        for number, count in zip(*np.unique(station, return_counts=True), strict=True):
+            self.records[int(number)] += int(count)
+
+
 @dataclass(frozen=True)
 class Survey:
     """What an archive holds.
@@ -28,7 +51,8 @@ class Survey:
     settings : of every stream in turn. records : (station) -> good records. clock : None where there is no
     record. gaps : (G, 3) station, first and last frame that have no good record of it; station 0: of none at
     all. partial_frames : ascending, frames that lack a station for less than SHORT_GAP_S while others are
-    there. skipped : (byte offset, bytes, frame before). errors : (station, letter) -> records.
+    there. skipped : (byte offset, bytes, frame before). doubtful, out_of_order, distorted : the records that
+    are so; errors : letter -> the good records with it.
     """
 
     settings: tuple[StreamSettings, ...]
@@ -38,10 +62,10 @@ class Survey:
     clock: DeviceClock | None
     gaps: Wholes
     partial_frames: Wholes
-    doubtful: dict[int, int]
-    out_of_order: int
-    errors: dict[tuple[int, str], int]
-    distorted: dict[int, int]
+    doubtful: Sightings
+    out_of_order: Sightings
+    errors: dict[str, Sightings]
+    distorted: Sightings
     skipped: tuple[tuple[int, int, int], ...]
     replies: int
     flips: tuple[Flip, ...]
@@ -97,10 +121,10 @@ class _Surveyor:
     last_frame: int | None = None
     arrivals: list[tuple[Wholes, Wholes]] = field(default_factory=list)
     gaps: list[Wholes] = field(default_factory=list)
-    doubtful: Count[int] = field(default_factory=Count)
-    out_of_order: int = 0
-    errors: Count[tuple[int, str]] = field(default_factory=Count)
-    distorted: Count[int] = field(default_factory=Count)
+    doubtful: Sightings = field(default_factory=Sightings)
+    out_of_order: Sightings = field(default_factory=Sightings)
+    errors: dict[str, Sightings] = field(default_factory=dict)
+    distorted: Sightings = field(default_factory=Sightings)
     skipped: list[tuple[int, int, int]] = field(default_factory=list)
     replies: int = 0
 
@@ -112,7 +136,6 @@ class _Surveyor:
         records = block.records
         if not len(records):
             return
-        self.out_of_order += int(block.out_of_order.sum())
         good = ~(records.doubtful | block.out_of_order)
         arrived = np.flatnonzero(np.diff(block.host_ns, append=block.host_ns[-1] + 1))
         arrived = arrived[good[arrived]]
@@ -120,7 +143,7 @@ class _Surveyor:
         self._frames(records.frame[good])
         for station in np.unique(records.station):
             self._station(block, int(station), (records.station == station) & good)
-        self._count(block)
+        self._count(block, good)
 
     def _skips(self, block: Block) -> None:
         for skip in block.skipped:
@@ -154,15 +177,18 @@ class _Surveyor:
         known.records += len(frame)
         known.finder.feed(frame, block.records.position_mm[rows], block.records.quaternion[rows])
 
-    def _count(self, block: Block) -> None:
+    def _count(self, block: Block, good: npt.NDArray[np.bool_]) -> None:
         records = block.records
-        for station in records.station[records.doubtful]:
-            self.doubtful[int(station)] += 1
-        for row in np.flatnonzero(records.error):
-            self.errors[int(records.station[row]), chr(int(records.error[row]))] += 1
-        metal = records.station[records.distortion > 0]
-        for station, count in zip(*np.unique(metal, return_counts=True), strict=True):
-            self.distorted[int(station)] += int(count)
+
+        def sighted(sightings: Sightings, which: npt.NDArray[np.bool_]) -> None:
+            sightings.add(records.station[which], records.frame[which])
+
+        sighted(self.doubtful, records.doubtful)
+        sighted(self.out_of_order, block.out_of_order & ~records.doubtful)
+        sighted(self.distorted, (records.distortion > 0) & good)
+        for code in np.unique(records.error[good & (records.error > 0)]):
+            letter = chr(int(code))
+            sighted(self.errors.setdefault(letter, Sightings()), (records.error == code) & good)
 
     def survey(self, tally: Tally) -> Survey:
         nothing = np.empty(0, np.int64)
@@ -183,10 +209,10 @@ class _Surveyor:
             clock,
             gaps[np.lexsort((gaps[:, 1], gaps[:, 0]))],
             _partial(gaps, SHORT_GAP_S * rate_hz),
-            dict(self.doubtful),
+            self.doubtful,
             self.out_of_order,
             dict(sorted(self.errors.items())),
-            dict(sorted(self.distorted.items())),
+            self.distorted,
             tuple(self.skipped),
             self.replies,
             tuple(flip for known in self.stations.values() for flip in known.finder.flips),

@@ -295,7 +295,7 @@ class Device(ABC):
             tuple(stations),
             float(self.rate),
             np.full(len(cycles), -1) if start is None else np.maximum(cycles - start, -1),
-            np.tile([station in self.world.plugged for station in stations], (len(cycles), 1)),
+            np.tile(np.isin(stations, list(self.world.plugged)).astype(bool), (len(cycles), 1)),
             np.zeros(shape, bool),
             np.zeros(shape, np.int64),
             np.zeros(len(cycles), np.int64),

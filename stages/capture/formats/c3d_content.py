@@ -23,8 +23,11 @@ PARAMETERS = (
 )
 """Group and name of the parameters that are read."""
 
-LONGEST_S = 60.0
-LONGEST_S_PER_MB = 1.0
+LONGEST_S = 5.0
+LONGEST_S_PER_MB = 0.5
+"""Seconds of a core that reading may take: ezc3d takes about 0.05 a megabyte."""
+WAIT = 6.0
+"""How much longer it may take on a machine that does other things too."""
 MOST_BYTES = 4 << 30
 MOST_BYTES_PER_BYTE = 64
 """Memory that the process may take: files hold floats, ezc3d objects."""
@@ -48,7 +51,7 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
             command,
             env=environment,
             capture_output=True,
-            timeout=LONGEST_S + LONGEST_S_PER_MB * megabytes,
+            timeout=WAIT * (LONGEST_S + LONGEST_S_PER_MB * megabytes),
             check=False,
         )
     except subprocess.TimeoutExpired as error:
@@ -66,8 +69,12 @@ def _unreadable(path: Path, why: str) -> InputError:
 
 def main(path: str) -> None:
     """Read the file and write what it holds to stdout, in NumPy's npz format."""
-    most = MOST_BYTES + MOST_BYTES_PER_BYTE * Path(path).stat().st_size
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    size = Path(path).stat().st_size
+    for limit, most in (
+        (resource.RLIMIT_AS, MOST_BYTES + MOST_BYTES_PER_BYTE * size),
+        (resource.RLIMIT_CPU, round(LONGEST_S + LONGEST_S_PER_MB * size / 1e6)),
+    ):
+        resource.setrlimit(limit, (most, most))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     import ezc3d
 

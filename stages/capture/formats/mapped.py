@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,12 @@ from schemas.mapping import FileMapping
 from stages.capture.samples import ReadingOptions, Samples, segments_of_names
 
 Integers = npt.NDArray[np.int64]
+
+LONGEST_STEP_S, SHORTEST_STEP_S = 0.1, 2e-4
+FARTHEST_MM, NEAREST_MM = 2000.0, 3.0
+"""Median time steps, and distances of receivers on one body, beyond which a unit is doubted."""
+
+_COMPARED_FRAMES = 1000
 
 IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -67,9 +74,12 @@ def samples_of_tracks(
     """Put the tracks of the mapping's receivers, in its order, and its fixed segments into samples.
 
     place : row -> file and line. A fixed segment has the identity pose in every frame that there is, at the
-    time of the first receiver that has the frame.
+    time of the first receiver that has the frame. Times and distances that make a unit of the mapping
+    doubtful are noted.
     """
     segments = mapped_segments(mapping, layout)
+    if mapping.config:  # a file that describes itself says its units, too
+        notes = [*notes, *_time_doubts(tracks, mapping), *_distance_doubts(tracks, mapping)]
     frames, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     time_s = np.concatenate([track.time_s for track in tracks])[first]
     row = np.concatenate([track.row for track in tracks])[first]
@@ -91,6 +101,46 @@ def samples_of_tracks(
         },
         tuple(notes),
     )
+
+
+def _time_doubts(tracks: Sequence[Track], mapping: FileMapping) -> list[str]:
+    steps = [np.diff(np.unique(track.time_s[np.isfinite(track.time_s)])) for track in tracks]
+    medians = [float(np.median(step)) for step in steps if len(step)]
+    step_s = float(np.median(medians)) if medians else LONGEST_STEP_S
+    if SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
+        return []
+    key = "time_unit" if "time_unit" in mapping.details else "the rate"
+    return [f"the median time step is {step_s:.3g} s, a rate of {1 / step_s:.2g} Hz; is {key} right?"]
+
+
+def _distance_doubts(tracks: Sequence[Track], mapping: FileMapping) -> list[str]:
+    """Doubt the unit where the nearest or the farthest two receivers are not as on one body."""
+    names = list(mapping.receivers)
+    every = np.unique(np.concatenate([track.frame for track in tracks]))
+    frames = (
+        every[np.unique(np.linspace(0, len(every) - 1, _COMPARED_FRAMES).astype(int))]
+        if len(every)
+        else every
+    )
+    position_mm = np.full((len(tracks), len(frames), 3), np.nan)
+    for place, track in zip(position_mm, tracks, strict=True):
+        _, at, of = np.intersect1d(frames, track.frame, return_indices=True)
+        place[at] = track.numbers[of, :3]
+    found = {}
+    for one, other in itertools.combinations(range(len(tracks)), 2):
+        distance = np.linalg.norm(position_mm[one] - position_mm[other], axis=-1)
+        if np.isfinite(distance).any():
+            found[f"{names[one]} and {names[other]}"] = float(np.nanmedian(distance))
+    if not found:
+        return []
+    nearest, farthest = min(found, key=found.__getitem__), max(found, key=found.__getitem__)
+    odd = [nearest] if found[nearest] < NEAREST_MM else []
+    odd += [farthest] if found[farthest] > FARTHEST_MM else []
+    return [
+        f"{pair} are {found[pair]:.3g} mm apart in the median; is position_unit "
+        f"({mapping.config['position_unit']}) right?"
+        for pair in odd
+    ]
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -28,6 +28,8 @@ from stages.capture.samples import ReadingOptions, Samples
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
+_LARGEST_RAD = 1.1 * 2 * np.pi
+
 
 @dataclass(frozen=True)
 class _Source:
@@ -59,6 +61,8 @@ def read_mapped_csv(path: Path, layout: Layout, options: ReadingOptions) -> Samp
     columns = read_columns(text, titles.wanted())
     notes: list[str] = []
     sources = titles.wide() if mapping.details["rows"] == "wide" else titles.long(columns, notes)
+    notes += _shared_columns(sources) if mapping.details["rows"] == "wide" else []
+    notes += _angle_doubts(columns, sources, mapping)
     series = {segment: _series(columns, source, mapping) for segment, source in sources.items()}
     if mapping.details["in_step"]:
         tracks = _in_step(series, columns, titles, path, mapping)
@@ -154,6 +158,31 @@ def _rows_of_receivers(
         rows = ", ".join(f"{word} ({count} rows)" for word, count in sorted(left.items()))
         notes.append(f"receivers that the mapping names no segment for are left out: {rows}")
     return found
+
+
+def _shared_columns(sources: Mapping[str, _Source]) -> list[str]:
+    users: dict[str, list[str]] = {}
+    for segment, source in sources.items():
+        for title in (*source.position, *source.orientation):
+            users.setdefault(title, []).append(segment)
+    return [
+        f"column {title} is used {len(by)} times, for {' and '.join(dict.fromkeys(by))}; is that right?"
+        for title, by in users.items()
+        if len(by) > 1
+    ]
+
+
+def _angle_doubts(columns: TextColumns, sources: Mapping[str, _Source], mapping: FileMapping) -> list[str]:
+    """Doubt radians beyond a whole turn, with a tenth for programs that do not wrap at once."""
+    if (mapping.orientation or {}).get("unit") != "rad":
+        return []
+    titles = dict.fromkeys(title for source in sources.values() for title in source.orientation)
+    largest = max(float(np.nanmax(np.abs(columns.reals(title)), initial=0.0)) for title in titles)
+    if largest <= _LARGEST_RAD:
+        return []
+    return [
+        f"angles reach {largest:.4g}, more than two pi, though orientation.unit is rad; are they degrees?"
+    ]
 
 
 def _series(columns: TextColumns, source: _Source, mapping: FileMapping) -> _Series:

@@ -27,25 +27,43 @@ def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Samples
     """
     archive = open_archive(path)
     survey = survey_archive(archive)
-    notes = findings(survey)
+    losses = findings(survey)
     parts = [_kept(part, options) for part in flagged_records(archive, survey)]
     if not sum(len(part[0]) for part in parts):
-        raise InputError(f"{path}: holds no pose ({'; '.join(notes)}); record again")
+        raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
     station, frame, time_s, offset, numbers, marks = (
         np.concatenate(column) for column in zip(*parts, strict=True)
     )
-    place = _place(path, offset)
+    known, left_out = _known_stations(path, station, layout)
+    place = _place(path, offset[known])
     names = (*_KEPT, "hemisphere-flip", "hemisphere-repaired")
     return Samples(
         layout.measured,
-        segments_of_stations(station, layout, place),
-        frame,
-        time_s,
-        numbers,
+        segments_of_stations(station[known], layout, place),
+        frame[known],
+        time_s[known],
+        numbers[known],
         place,
-        {name: marks[:, column] for column, name in enumerate(names)},
-        tuple(notes),
+        {name: marks[known, column] for column, name in enumerate(names)},
+        (*left_out, *losses),
+        tuple(losses),
+        survey.missing_frames,
     )
+
+
+def _known_stations(
+    path: Path, station: npt.NDArray[np.int64], layout: Layout
+) -> tuple[npt.NDArray[np.bool_], list[str]]:
+    """Which records, (N,), are of receivers that the layout names, and a note on the others."""
+    numbers = [layout.segments[name].receiver for name in layout.measured]
+    wanted = [number for number in numbers if number is not None]
+    known = np.isin(station, wanted)
+    if not known.any():
+        has = ", ".join(map(str, np.unique(station)))
+        named = ", ".join(map(str, sorted(wanted))) or "none: its segments have no `receiver:`"
+        raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {named}")
+    others = ", ".join(map(str, np.unique(station[~known])))
+    return known, [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
 
 
 def _kept(part: FlaggedRecords, options: ReadingOptions) -> tuple[npt.NDArray[np.generic], ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from stages.report.data_table import counted, listed, number
 from stages.report.finding import finding, mean_tip_errors
 from stages.report.study_results import StudyResults
 from stages.report.tables_1_to_4 import own_table, printed_table
-from stages.report.terminal import terminal_tables
+from stages.report.terminal import WIDTH, terminal_tables
 
 
 def _run(*words: str) -> int:
@@ -68,6 +69,16 @@ def test_terminal_tables_fit_and_hold_the_numbers(results: StudyResults) -> None
         assert text.count(f"\nTable {table}. ") == 2
     row = results.tip_error_of["S01", "right", "opposition", "", "paper-fig3", "thumb", "first-frame"]
     assert f"{row['mean_mm'] / 10:.2f}" in text
+
+
+def test_the_terminal_says_what_went_wrong_first(results: StudyResults) -> None:
+    problems = [{"where": f"rom{n}.arrows", "stage": "capture", "message": "x " * 60} for n in range(12)]
+    text = terminal_tables(replace(results, problems=problems))
+    assert text.index("What went wrong:") < text.index("Table 1")
+    assert text.count("rom") >= 10
+    assert "- and 2 more; see the report" in text
+    assert max(map(len, text.splitlines())) <= WIDTH
+    assert "What went wrong" not in terminal_tables(replace(results, problems=[]))
 
 
 def test_command_line_writes_and_prints(

@@ -118,10 +118,37 @@ def test_what_the_tracker_says_of_itself_is_kept(tmp_path: Path) -> None:
         (10, 3): BIT["distorted"],
     }
     assert findings(survey_of(path)) == [
-        "receiver 1: the tracker reported error 'b' with 1 records",
-        "receiver 2: the tracker reported error 'I' with 1 records",
-        "receiver 3: the tracker saw its field distorted by metal in 3.3 % of records",
+        "the tracker reported error 'I' with 1 records (receiver 2, at 0.04 s)",
+        "the tracker reported error 'b' with 1 records (receiver 1, at 0.04 s)",
+        "the tracker saw its field distorted by metal (receiver 3, at 0.04 s; receiver 3 in 3.3 % of its "
+        "records)",
     ]
+
+
+def test_a_level_that_no_tracker_sends_is_doubted_and_left_out(tmp_path: Path) -> None:
+    cycles = [cycle(frame) for frame in range(30)]
+    cycles[10] = record(10, 1, distortion=64256) + record(10, 2, distortion=-70000) + record(10, 3)
+    path = write(tmp_path / "a.arrows", cycles)
+    rows = {(r["frame"], r["station"]): r for r in decode(path).to_pylist()}
+    assert [rows[10, station]["distortion"] for station in (1, 2, 3)] == [None, None, 0]
+    assert [rows[10, station]["flags"] & BIT["doubtful"] > 0 for station in (1, 2, 3)] == [True, True, False]
+    assert "2 records hold numbers that cannot be right (receivers 1, 2, at 0.04 s); not used" in findings(
+        survey_of(path)
+    )
+
+
+def test_receivers_that_the_layout_does_not_name_are_left_out_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stations = (2, 3, 18)
+    path = write(tmp_path / "a.arrows", [cycle(f, stations) for f in range(60)], settings(stations))
+    words = ["--subject", "01", "--hand", "right", "--task", "rom", "--out", str(tmp_path / "a.parquet")]
+    assert main(["import", "--in", str(path), "--layout", "liberty16", *words]) == 0
+    assert "receiver 18: not in layout liberty16; left out" in capsys.readouterr().err
+    poses = read_table(tmp_path / "a.parquet", POSES).to_pandas()
+    assert set(poses.segment) == {"thumb_metacarpal", "thumb_proximal"}
+    assert main(["import", "--in", str(path), "--layout", "arm", *words]) == 2
+    assert "has the receivers 2, 3, 18; layout arm names none" in capsys.readouterr().err
 
 
 def crossing(frame: int, station: int):

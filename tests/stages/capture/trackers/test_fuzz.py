@@ -51,11 +51,12 @@ def test_a_worker_that_dies_is_told_with_the_run_that_it_was_in() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*DECODERS, "settings", "archive"])
 def test_many_spoilt_streams(name: str) -> None:
-    runs = 100_000 // (len(DECODERS) + 2)
+    runs = 20_000 // (len(DECODERS) + 2)
     assert_all_well(run_here(name, 1, range(runs)), runs)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_spoilt_files(name: str) -> None:
-    assert_all_well(run_apart(name, 1, 1000), 1000)
+    runs = 40 if name == "file c3d" else 400  # each C3D file is read in a process of its own
+    assert_all_well(run_apart(name, 1, runs), runs)
