@@ -12,7 +12,7 @@ from schemas.config_files import read_config
 from schemas.errors import InputError
 from schemas.model import read_model
 from schemas.results import HAND_TABLES, STUDY_TABLES, Results
-from schemas.study import Hand, Recording, Study, path_token, read_study
+from schemas.study import Hand, Recording, Study, path_token, read_participants, read_study
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject, hand, recording, model, as they stand in paths."""
@@ -26,6 +26,10 @@ class Wiring:
         self.study: Study = read_study(Path(self.file))
         self.results = Results.of(self.study.name)
         self.models = {name: _relative(path) for name, path in self.study.models.items()}
+        self._hand_length_mm = {
+            row["subject"]: row["hand_length_mm"]
+            for row in read_participants(self.study.sheets.get("participants"))
+        }
         self._hands = {(path_token(h.subject), h.hand): h for h in self.study.hands}
         self._recordings = {
             (path_token(r.hand.subject), r.hand.hand, r.name): r for r in self.study.recordings
@@ -111,9 +115,11 @@ class Wiring:
         return self._poses(self.study.evaluated(self._hand(wildcards)))
 
     def whose(self, wildcards: Wildcards) -> str:
-        """Words that say whose hand it is."""
+        """Words that say whose hand it is, and how long, where the participants sheet has it."""
         hand = self._hand(wildcards)
-        return shlex.join([f"--subject={hand.subject}", f"--hand={hand.hand}"])
+        length_mm = self._hand_length_mm.get(hand.subject)
+        words = [] if length_mm is None else [f"--hand-length-mm={length_mm:g}"]
+        return shlex.join([f"--subject={hand.subject}", f"--hand={hand.hand}", *words])
 
     def corrections(self, wildcards: Wildcards) -> list[str]:
         """The sheet of corrections, for a model that applies it."""
