@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,11 +37,29 @@ class FileMapping:
 
 def read_mapping(path: Path) -> FileMapping:
     """Read a mapping file. Raises InputError where it is absent, no YAML or does not say enough."""
-    return mapping_from_config(read_config(path, "mapping", with_defaults=False), str(path))
+    try:
+        loaded = read_config(path, "mapping", with_defaults=False)
+    except InputError:
+        _say_plainly(path)
+        raise
+    return mapping_from_config(loaded, str(path))
+
+
+def _say_plainly(path: Path) -> None:
+    """Raise InputError in words for what the schema refused in patterns; do nothing for what is no YAML."""
+    import yaml
+
+    try:
+        loaded = yaml.safe_load(path.read_text("utf-8"))
+    except (OSError, ValueError, yaml.YAMLError):
+        return
+    if isinstance(loaded, dict):
+        _check_words(loaded, str(path))
 
 
 def mapping_from_config(loaded: Mapping[str, Any], where: str) -> FileMapping:
     """Check a loaded mapping, fill in its defaults; `where` names it in messages."""
+    _check_words(loaded, where)
     groups = {"csv", "matrices", "c3d", "xdf"} & loaded.keys()
     config = check_config(dict(loaded), "mapping", where)
     odd = sorted(groups - {config["format"]})
@@ -60,6 +79,74 @@ def mapping_from_config(loaded: Mapping[str, Any], where: str) -> FileMapping:
         tuple(config["fixed"]),
         config,
     )
+
+
+_UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")
+"""What a drafted mapping has where the file cannot say the truth."""
+
+_SEGMENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def _check_words(loaded: Mapping[str, Any], where: str) -> None:
+    """Say before the schema does, and in words, what a draft or a first mapping most often gets wrong."""
+    _check_edited(loaded, where)
+    _check_shapes(loaded, where)
+
+
+def _check_edited(loaded: Mapping[str, Any], where: str) -> None:
+    """Refuse a draft in which a CHECK is left, as a key or a value."""
+    left = list(dict.fromkeys(_unedited(loaded, "")))
+    if left:
+        verb = "says" if len(left) == 1 else "say"
+        raise InputError(f"{where}: {', '.join(left)} still {verb} CHECK: put the truth there")
+
+
+def _unedited(value: object, place: str) -> Iterator[str]:
+    if isinstance(value, str) and _UNEDITED.fullmatch(value):
+        yield place
+    elif isinstance(value, list):
+        for part in value:
+            yield from _unedited(part, place)
+    elif isinstance(value, Mapping):
+        for key, part in value.items():
+            inner = f"{place}.{key}" if place else str(key)
+            if _UNEDITED.fullmatch(str(key)):
+                yield inner
+            yield from _unedited(part, inner)
+
+
+def _check_shapes(loaded: Mapping[str, Any], where: str) -> None:
+    """Refuse names that no segment has, and lists of a wrong length."""
+    receivers = loaded.get("receivers")
+    groups = dict(receivers) if isinstance(receivers, Mapping) else {}
+    for name in groups:
+        if not _SEGMENT_NAME.fullmatch(str(name)):
+            bare = re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_")
+            guess = f"; did you mean {bare!r}?" if _SEGMENT_NAME.fullmatch(bare) else ""
+            raise InputError(
+                f"{where}: receivers: {name!r} is no segment's name; names are lower case letters, digits "
+                f"and underscores{guess}"
+            )
+    places = {f"receivers.{name}": group for name, group in groups.items()} | {"csv": loaded.get("csv")}
+    for place, group in places.items():
+        if isinstance(group, Mapping):
+            _check_lengths(group, f"{where}: {place}")
+
+
+def _check_lengths(group: Mapping[str, Any], place: str) -> None:
+    markers, position, turned = (group.get(key) for key in ("markers", "position", "orientation"))
+    if isinstance(markers, list) and len(markers) < 3:
+        raise InputError(
+            f"{place}.markers: has {len(markers)}; a rigid cluster needs three or more markers "
+            "that are not on a line"
+        )
+    if isinstance(position, list) and len(position) != 3:
+        raise InputError(f"{place}.position: has {len(position)} columns; needs three, for x, y and z")
+    if isinstance(turned, list) and not 3 <= len(turned) <= 9:
+        raise InputError(
+            f"{place}.orientation: has {len(turned)} columns; needs three angles, four numbers of a "
+            "quaternion or nine of a matrix"
+        )
 
 
 _NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}

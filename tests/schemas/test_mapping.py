@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from schemas.errors import InputError
+from schemas.layout import read_layout
 from schemas.mapping import FileMapping, mapping_from_config, read_mapping
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "mappings.md"
@@ -47,6 +48,16 @@ def test_the_guide_shows_every_format_that_needs_a_mapping() -> None:
     assert {"csv", "matrices", "c3d"} <= {yaml.safe_load(text)["format"] for text in EXAMPLES}
 
 
+def test_the_guides_fixed_segment_is_of_the_layout_that_it_refers_to(tmp_path: Path) -> None:
+    layouts = re.findall(r"```yaml\n(.*?)```", (PAGE.parent / "layouts.md").read_text("utf-8"), re.DOTALL)
+    (tmp_path / "pointer.yaml").write_text(layouts[1], "utf-8")
+    layout = read_layout(tmp_path / "pointer.yaml")
+    (mapping,) = (found for text in EXAMPLES if (found := check(yaml.safe_load(text))).fixed)
+    assert {*mapping.receivers, *mapping.fixed} == {*layout.measured} == {"bench", "pointer"}
+    assert [joint.name for joint in layout.solvable] == ["pivot"]
+    assert layout.joints["pivot"].plane.frame == "none"
+
+
 def put(base: dict[str, Any], place: str, value: Any) -> dict[str, Any]:
     """The mapping with one key, by its dotted place, set, or with None taken out."""
     made = copy.deepcopy(base)
@@ -78,7 +89,29 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
 @pytest.mark.parametrize(
     ("told", "message"),
     [
-        (put(WIDE, "position_unit", "CHECK"), "position_unit: 'CHECK' is not one of"),
+        (
+            put(put(WIDE, "rate_hz", "CHECK"), "orientation.order", "CHECK"),
+            "orientation.order, rate_hz still say CHECK: put the truth there",
+        ),
+        (put(WIDE, "position_unit", "miles"), "position_unit: 'miles' is not one of"),
+        (
+            put(C3D, "receivers.hand.markers", ["CHECK", "CHECK2", "CHECK3"]),
+            "mapping.yaml: receivers.hand.markers still says CHECK: put the truth there",
+        ),
+        (
+            put(C3D, "receivers.hand.markers", ["GloveR1", "GloveR2"]),
+            "receivers.hand.markers: has 2; a rigid cluster needs three or more markers",
+        ),
+        (put(LONG, "csv.position", ["x", "y"]), "csv.position: has 2 columns; needs three"),
+        (
+            put(WIDE, "receivers.hand.orientation", ["a"]),
+            "receivers.hand.orientation: has 1 columns; needs three angles",
+        ),
+        (
+            put(MATRICES, "receivers.Right-Hand", {}),
+            "receivers: 'Right-Hand' is no segment's name; names are lower case letters, digits and "
+            "underscores; did you mean 'right_hand'?",
+        ),
         (put(WIDE, "position_unit", None), "the key 'position_unit' is missing"),
         (
             put(WIDE, "orientation", None),
@@ -124,12 +157,17 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         (put(C3D, "receivers.hand.rotation", "hand"), "receivers.hand: needs either 'markers' or 'rotation'"),
         (put(C3D, "receivers.hand.markers", None), "receivers.hand: needs either 'markers' or 'rotation'"),
         (put(C3D, "receivers.hand.markers", list("ABA")), "receivers.hand.markers: 'A' is named twice"),
-        (put(C3D, "receivers.CHECK_1", {}), "CHECK_1"),
+        (put(C3D, "receivers.CHECK_1", {}), "receivers.CHECK_1 still says CHECK"),
         (put(C3D, "c3d.first_frame", 0), "c3d.first_frame: 0 is less than the minimum of 1"),
     ],
 )
-def test_what_does_not_belong_together_is_refused(told: dict[str, Any], message: str) -> None:
+def test_what_does_not_belong_together_is_refused(tmp_path: Path, told: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)) as caught:
         check(told)
     assert str(caught.value).startswith("mapping.yaml: ")
+    path = tmp_path / "mapping.yaml"
+    path.write_text(yaml.safe_dump(told), "utf-8")
+    with pytest.raises(InputError) as from_file:
+        read_mapping(path)
+    assert str(from_file.value) == str(caught.value).replace("mapping.yaml", str(path), 1)
     assert "\n" not in str(caught.value)

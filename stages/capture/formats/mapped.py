@@ -117,11 +117,7 @@ def _distance_doubts(tracks: Sequence[Track], mapping: FileMapping) -> list[str]
     """Doubt the unit where the nearest or the farthest two receivers are not as on one body."""
     names = list(mapping.receivers)
     every = np.unique(np.concatenate([track.frame for track in tracks]))
-    frames = (
-        every[np.unique(np.linspace(0, len(every) - 1, _COMPARED_FRAMES).astype(int))]
-        if len(every)
-        else every
-    )
+    frames = every[:: max(1, len(every) // _COMPARED_FRAMES)]
     position_mm = np.full((len(tracks), len(frames), 3), np.nan)
     for place, track in zip(position_mm, tracks, strict=True):
         _, at, of = np.intersect1d(frames, track.frame, return_indices=True)

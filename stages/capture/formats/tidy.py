@@ -17,6 +17,9 @@ SEGMENT, RECEIVER = "segment", "receiver"
 REQUIRED = ("frame", "time_s", *NUMBERS)
 """Beside these one of `segment` and `receiver`; any other column is left alone."""
 
+_COMMENTS = ("#", "%", "//")
+"""What the first line of a table with comments starts with."""
+
 
 def read_csv(path: Path, layout: Layout, _options: ReadingOptions) -> Samples:
     """Read a tidy CSV file (UTF-8, commas, decimal points). Raises InputError where it is none."""
@@ -45,7 +48,7 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
     if missing:
         found = ", ".join(name for name in header if name) or "none"
         raise InputError(
-            f"{path}: column {', '.join(missing)} is missing; found {found}{_header_hint(header)}"
+            f"{path}: column {', '.join(missing)} is missing; found {found}{_header_hint(path, header)}"
         )
     wanted = [name for name in (*REQUIRED, SEGMENT, RECEIVER) if name in header]
     twice = [name for name in wanted if list(header).count(name) > 1]
@@ -79,11 +82,15 @@ def _segments(columns: Columns, path: Path, layout: Layout) -> npt.NDArray[np.in
     return segments_of_stations(columns.wholes(RECEIVER), layout, columns.place)
 
 
-def _header_hint(header: Sequence[str]) -> str:
+def _header_hint(path: Path, header: Sequence[str]) -> str:
     line = "".join(header)
+    otherwise = f"`python -m stages.capture inspect {path}` shows how to read it as it is"
+    if line.lstrip().startswith(_COMMENTS):
+        return f"; the first line is a comment: take it out, or {otherwise}"
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if mark in line:
-            return f"; the cells are separated by {name}: save with commas, and points in the numbers"
+            saved = "save with commas, and points in the numbers"
+            return f"; the cells are separated by {name}: {saved}, or {otherwise}"
     if any(name.lower() in REQUIRED and name not in REQUIRED for name in header):
         return "; column names are written in lower case"
     return ""

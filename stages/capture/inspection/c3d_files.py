@@ -38,12 +38,10 @@ def look_at_c3d(path: Path, layout: Layout) -> Findings:
         lines.append(f"ROTATION labels: {', '.join(file.rotation_labels)}, {ratio:g} a frame")
     clusters = _stems(file.labels)
     variations = {stem: _variation(file, labels) for stem, labels in clusters.items()}
-    for stem, (distance, spread) in variations.items():
-        verdict = "a rigid cluster" if spread < RIGID_SHARE * distance else "not rigid"
-        lines.append(
-            f"markers {', '.join(clusters[stem])}: distances about {distance:.3g}, varying by {spread:.2g}: "
-            f"{verdict}"
-        )
+    lines += [
+        f"markers {', '.join(clusters[stem])}: {_rigidity(distance, spread, file.unit)}"
+        for stem, (distance, spread) in variations.items()
+    ]
     rigid = {stem: clusters[stem] for stem, (d, spread) in variations.items() if spread < RIGID_SHARE * d}
     return Findings(tuple(lines), _draft(file, rigid, layout))
 
@@ -70,6 +68,14 @@ def _variation(file: C3dFile, labels: Sequence[str]) -> tuple[float, float]:
     return float(np.median(middle)), float((high - low).max())
 
 
+def _rigidity(distance: float, spread: float, unit: str) -> str:
+    if np.isnan(distance):
+        return "never seen together"
+    verdict = "a rigid cluster" if spread < RIGID_SHARE * distance else "not rigid"
+    in_unit = f" {unit}" if unit else ""
+    return f"distances about {distance:.3g}{in_unit}, varying by {spread:.2g}{in_unit}: {verdict}"
+
+
 def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) -> str:
     known = file.unit in MM_PER_UNIT
     unit_why = "as the file states" if known else "mm, cm, m or inch; the file states none of these"
@@ -94,8 +100,10 @@ def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) ->
         )
     lines += [
         "# c3d:",
-        "#   first_frame: 1  # only a part of the file, counted from 1 at the first frame stored",
-        f"#   last_frame: {file.frames}",
+        comment(
+            f"#   last_frame: {file.frames}",
+            "frames count from 1 at the first stored frame, whatever its number",
+        ),
     ]
     return "\n".join(lines) + "\n"
 

@@ -20,6 +20,14 @@ _ASIDE = re.compile(r"quality|error|dist(ortion)?$|button|stylus|sync|status|con
 _ANGLE = re.compile(
     r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
 )
+_AXIS = re.compile(
+    r"(?P<before>.*?)(?P<axis>(?<![a-z])az(imuth)?|(?<![a-z])el(ev(ation)?)?|(?<![a-z])rol?l?|[wxyz])"
+    r"(?P<after>[\W_]*(mm|cm|m|in|inch|deg|rad)?[\W_]*\d*[\W_]*)",
+    re.I,
+)
+"""A title's axis, and what the titles of the same receiver share before and after it."""
+
+_NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
 
 
 @dataclass(frozen=True)
@@ -28,6 +36,7 @@ class Roles:
 
     quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
     the table. aside : numbers that are none of these; text : columns that hold no numbers.
+    guessed : titles of which neither name nor numbers say what they are, only their place in the table.
     """
 
     time: str | None = None
@@ -39,6 +48,7 @@ class Roles:
     positions: list[list[str]] = field(default_factory=list)
     aside: list[str] = field(default_factory=list)
     text: list[str] = field(default_factory=list)
+    guessed: set[str] = field(default_factory=set)
 
     @property
     def orientations(self) -> tuple[str, list[list[str]]]:
@@ -54,26 +64,91 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     titles : all columns; numbers : those that hold numbers, title -> (N,).
     """
     numeric = [title for title in titles if title in numbers]
+    named = _named_groups(numeric, numbers)
     time = next((t for t in numeric if _TIME.search(t) and _grows(numbers[t])), None)
     frame = next((t for t in numeric if t != time and _FRAME.search(t) and _whole(numbers[t])), None)
     receiver = next((t for t in titles if t not in (time, frame) and _is_receiver(t, numbers.get(t))), None)
     text = [title for title in titles if title not in numbers and title != receiver]
     left = [title for title in numeric if title not in (time, frame, receiver)]
+    guessed = set()
+    if time is None and _first_is_time(left, numbers, named):
+        time = left.pop(0)
+        guessed.add(time)
     aside = [title for title in left if _ASIDE.search(title)]
-    found = Roles(time, frame, receiver, aside=aside, text=text)
-    run: list[str] = []
-    free = [title for title in left if title not in aside]
-    while free:
-        size = next((n for n in (9, 4) if _is_rotation(free, numbers, n)), 0)
-        if size:
-            _sort_triples(run, numbers, found)
-            run = []
-            (found.matrices if size == 9 else found.quaternions).append(free[:size])
-        else:
-            run.append(free[0])
-        free = free[size or 1 :]
-    _sort_triples(run, numbers, found)
+    found = Roles(time, frame, receiver, aside=aside, text=text, guessed=guessed)
+    _sort([title for title in left if title not in aside], numbers, named, found)
     return found
+
+
+def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
+    """Titles that differ in their axis only, each title -> its group in the order of the table.
+
+    w, x, y, z are a group only where a q stands before them or their norm is 1.
+    """
+    alike: dict[tuple[str, str], dict[str, str]] = {}
+    for title in titles:
+        if match := _AXIS.fullmatch(title):
+            axes = alike.setdefault((match["before"].lower(), match["after"].lower()), {})
+            axes.setdefault(match["axis"][0].lower(), title)
+    found: dict[str, list[str]] = {}
+    for (before, _), axes in alike.items():
+        for names in _NAMED_GROUPS:
+            group = [title for axis, title in axes.items() if axis in names]
+            if len(group) < len(names) or group[0] in found:
+                continue
+            if len(names) == 3 or before.endswith("q") or _off_rotation(group, numbers, 4) < _NORM_OFF:
+                found |= dict.fromkeys(group, group)
+    return found
+
+
+def _first_is_time(left: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, object]) -> bool:
+    """Whether the first column grows with every row and no other does that no name puts in a group."""
+    growing = [t for t in left if t not in named and not _ASIDE.search(t) and _always_grows(numbers[t])]
+    return bool(growing) and growing == [left[0]]
+
+
+def _always_grows(values: Array) -> bool:
+    return len(values) > 1 and bool((np.diff(values) > 0).all())
+
+
+def _sort(
+    free: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, list[str]], found: Roles
+) -> None:
+    """Put columns into groups: rotations by their numbers, then by names, what is left by threes."""
+    run: list[str] = []
+    while free:
+        group = named.get(free[0], [])
+        size = next((n for n in (9, 4) if _is_rotation(free, numbers, n) and _keeps(free[:n], named)), 0)
+        if not size and not set(group) <= set(free):
+            group = []
+        if not (size or group):
+            run.append(free[0])
+            free = free[1:]
+            continue
+        _sort_triples(run, numbers, found)
+        run = []
+        taken = list(free[:size]) if size else group
+        _groups_for(taken, found).append(taken)
+        free = [title for title in free if title not in taken]
+    _sort_triples(run, numbers, found)
+
+
+def _keeps(titles: Sequence[str], named: Mapping[str, list[str]]) -> bool:
+    """Whether the titles have every named group whole or not at all."""
+    return all(set(named.get(title, ())) <= set(titles) for title in titles)
+
+
+def _groups_for(titles: Sequence[str], found: Roles) -> list[list[str]]:
+    """Where a rotation, or a group by name, belongs."""
+    if len(titles) > 3:
+        return found.matrices if len(titles) == 9 else found.quaternions
+    return found.angles if _named_angles(titles) else found.positions
+
+
+def _named_angles(titles: Sequence[str]) -> bool:
+    axes = [match["axis"] for title in titles if (match := _AXIS.fullmatch(title))]
+    by_axis = len(axes) == 3 and {axis[0].lower() for axis in axes} == {"a", "e", "r"}
+    return by_axis or sum(bool(_ANGLE.search(title)) for title in titles) >= 2
 
 
 def _grows(values: Array) -> bool:
@@ -121,9 +196,10 @@ def _sort_triples(run: Sequence[str], numbers: Mapping[str, Array], found: Roles
     """Take columns by threes: angles by name; where there are no names, every second triple."""
     whole = len(run) - len(run) % 3
     found.aside.extend(run[whole:])
-    triples = [list(run[start : start + 3]) for start in range(0, whole, 3)]
-    named = [sum(bool(_ANGLE.search(title)) for title in triple) >= 2 for triple in triples]
-    for index, triple in enumerate(triples):
+    for index, triple in enumerate(list(run[start : start + 3]) for start in range(0, whole, 3)):
+        named = _named_angles(triple)
         unnamed = all(title.startswith("number ") for title in triple)
         second = unnamed and index % 2 == 1 and bool(np.nanmax(np.abs([numbers[t] for t in triple])) <= 360)
-        (found.angles if named[index] or second else found.positions).append(triple)
+        (found.angles if named or second else found.positions).append(triple)
+        if not named:
+            found.guessed.update(triple)

@@ -9,7 +9,9 @@ from typing import Any
 
 from schemas.errors import InputError
 from schemas.layout import Layout
+from stages.capture.formats.readers import AUTO, find_reader
 from stages.capture.inspection.findings import Findings
+from stages.capture.samples import ReadingOptions
 
 
 def look(path: Path, layout: Layout) -> Findings:
@@ -32,9 +34,9 @@ def look(path: Path, layout: Layout) -> Findings:
     if name.endswith(".arrows"):
         return _capture(path)
     if name.endswith("_motion.tsv"):
-        return _self_described(path, "motion_bids")
+        return _self_described(path, "motion_bids", "tracked point", layout)
     if name.endswith((".xdf", ".xdfz")):
-        return _self_described(path, "xdf")
+        return _self_described(path, "xdf", "marker or object", layout)
     return _text(path, layout)
 
 
@@ -70,8 +72,12 @@ def _capture(path: Path) -> Findings:
     return Findings(tuple(describe(path)))
 
 
-def _self_described(path: Path, module: str) -> Findings:
+def _self_described(path: Path, module: str, what: str, layout: Layout) -> Findings:
+    """Say what such a file says of itself; a mapping is drafted where the file cannot be read without."""
     reader = importlib.import_module(f"stages.capture.formats.{module}")
+    if _reads_without_mapping(path, layout):
+        told = f"every {what} is a segment of layout {layout.name}: needs no mapping"
+        return Findings((*reader.describe(path), told))
     draft: dict[str, Any] = reader.draft_mapping(path)
     head = [
         f"# Drafted from {path.name}, which says its units itself. Each name under receivers must be",
@@ -80,6 +86,14 @@ def _self_described(path: Path, module: str) -> Findings:
     body = [f"{key}: {_json(value)}" for key, value in draft.items() if key != "receivers"]
     body += ["receivers:", *(f"  {segment}: {_json(told)}" for segment, told in draft["receivers"].items())]
     return Findings(tuple(reader.describe(path)), "\n".join([*head, *body]) + "\n")
+
+
+def _reads_without_mapping(path: Path, layout: Layout) -> bool:
+    try:
+        find_reader(path, AUTO)(path, layout, ReadingOptions())
+    except InputError:
+        return False
+    return True
 
 
 def _json(value: object) -> str:

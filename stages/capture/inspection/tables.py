@@ -18,6 +18,8 @@ from stages.capture.inspection.sniff import Dress, sniff
 
 TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))
 
+GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
+
 REPEATED_SHARE = 0.2
 """More rows than this that repeat the one before, and receivers are not in step with the rows."""
 
@@ -176,8 +178,14 @@ def _draft_receivers(roles: Roles, values: Sequence[str], layout: Layout) -> lis
     lines = []
     for index, position in enumerate(roles.positions):
         turned = _columns(orientations[index]) if index < len(orientations) else f"[{CHECK}]"
-        lines.append(f"  {CHECK}_{index + 1}: {{position: {_columns(position)}, orientation: {turned}}}")
+        guessed = position + (orientations[index] if index < len(orientations) else [])
+        line = f"  {CHECK}_{index + 1}: {{position: {_columns(position)}, orientation: {turned}}}"
+        lines.append(comment(line, _doubt(roles, guessed)))
     return lines
+
+
+def _doubt(roles: Roles, titles: Sequence[str]) -> str:
+    return "" if roles.guessed.isdisjoint(titles) else GUESSED
 
 
 def _segment(value: str, layout: Layout) -> str:
@@ -210,7 +218,7 @@ def _draft_table(dress: Dress, roles: Roles, numbers: Mapping[str, Array], async
     lines += [f"  comment: {json.dumps(dress.comment)}"] if dress.comment else []
     lines += [f"  skip_lines: {dress.skip_lines}"] if dress.skip_lines else []
     if roles.time:
-        lines.append(f"  time: {_column(roles.time)}")
+        lines.append(comment(f"  time: {_column(roles.time)}", _doubt(roles, [roles.time])))
         lines.append(
             comment(f"  time_unit: {CHECK}", rate_line("s, ms or us", numbers[roles.time], TIME_UNITS))
         )
@@ -221,6 +229,7 @@ def _draft_table(dress: Dress, roles: Roles, numbers: Mapping[str, Array], async
     if roles.receiver:
         turned = roles.orientations[1]
         lines.append(f"  receiver: {_column(roles.receiver)}")
-        lines.append(f"  position: {_columns(roles.positions[0]) if roles.positions else f'[{CHECK}]'}")
-        lines.append(f"  orientation: {_columns(turned[0]) if turned else f'[{CHECK}]'}")
+        for key, groups in (("position", roles.positions), ("orientation", turned)):
+            line = f"  {key}: {_columns(groups[0]) if groups else f'[{CHECK}]'}"
+            lines.append(comment(line, _doubt(roles, groups[0] if groups else [])))
     return lines

@@ -40,7 +40,7 @@ def check_tracker(arguments: argparse.Namespace) -> int:
     from stages.capture.record.command import wishes_of
     from stages.capture.record.conversation import Conversation, NoJournal, StoppedError
     from stages.capture.record.families import driver_of
-    from stages.capture.record.port import PortGoneError, open_port
+    from stages.capture.record.port import PortGoneError, open_port, perhaps_taken
     from stages.capture.record.reader import Reader
     from stages.capture.record.stopping import Stop, signals_ask
 
@@ -58,7 +58,7 @@ def check_tracker(arguments: argparse.Namespace) -> int:
                 talk.finish()
                 driver.put_back()
         except PortGoneError as error:
-            raise InputError(f"{port.name}: the port is gone ({error})") from error
+            raise InputError(f"{port.name}: the port is gone ({error}){perhaps_taken(port.name)}") from error
         except StoppedError:
             print(f"ended ({stop.reason})")
         finally:
@@ -118,7 +118,8 @@ def _stream(driver: Driver, talk: Conversation, settings: StreamSettings) -> lis
     totals = statistics.totals(time.monotonic_ns())
     if not totals["records"]:
         raise InputError(f"{talk.port.name}: the tracker was told to stream, and no record has come")
-    return ["", *summary.table(totals)]
+    notes = [f"note: {notice}" for notice in summary.advice(totals, settings)]
+    return ["", *summary.table(totals), *notes]
 
 
 SHOWN = {"units": {0: "inch", 1: "cm"}, "rate": {3: "120 Hz", 4: "240 Hz"}}

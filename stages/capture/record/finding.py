@@ -50,6 +50,7 @@ def find(talk: Conversation, family: str, attempt: Attempt[Found], warnings: lis
         )
     tried = f" at {', '.join(str(baud) for baud in bauds)} baud" if port.tries_other_bauds else ""
     raise InputError(
-        f"{port.name}: nothing answers{tried}; check that the {tracker} is switched on, its cable (on RS-232 "
-        "a null-modem one), that its USB is not connected too (that ends RS-232), and --port"
+        f"{port.name}: nothing answers{tried}; check that the {tracker} is switched on (just switched "
+        "on? it takes 10 s), its cable (on RS-232 a null-modem one), that its USB is not "
+        "connected too (that ends RS-232), and --port"
     )

@@ -56,6 +56,7 @@ class LibertyDriver:
         self._ports = STATIONS[-1] if wishes.family == "liberty" else PATRIOT_STATIONS
         self._before: State = {}
         self._touched: set[str] = set()
+        self._switches: dict[int, bool] = {}
         self._complaints: list[str] = []
 
     @property
@@ -70,10 +71,12 @@ class LibertyDriver:
         self._talk.drain(0.1)
         self._before = self._ask_all(range(1, self._ports + 1))
         stations = self._choose_stations()
-        self._set_all(self._before, stations)
+        self._set_all(self._before)
         came, _ = self._talk.drain(0.1)
         self._complaints = [error_text(r.error) for r in binary_answers(came) if r.error in ERRORS]
         after = self._ask_all(range(1, self._ports + 1))
+        if self._wishes.stations is None:
+            stations = self._switched_on(after["stations"], stations)
         self._compare(after, stations)
         self._warn_of(after, stations)
         return self._settings(whoami, after, stations)
@@ -116,9 +119,8 @@ class LibertyDriver:
                         send(each[name](value, int(station)))
             elif name in self._touched and before.get(name) is not None:
                 send(single[name](before[name]))
-        if "stations" in self._touched:
-            for station in range(1, self._ports + 1):
-                send(commands.set_station(station, int(station in usable_stations(before["stations"]))))
+        for station in self._switches:
+            send(commands.set_station(station, int(station in usable_stations(before["stations"]))))
         send(commands.BINARY if self._was_binary else commands.TEXT)
         self._talk.drain(0.1)
 
@@ -202,23 +204,43 @@ class LibertyDriver:
     # --- setting --------------------------------------------------------------------------------------
 
     def _choose_stations(self) -> tuple[int, ...]:
-        """Give the stations to record. Raises InputError where those asked for are not connected."""
+        """Give the stations to record; without --stations all that are connected, switched off or not.
+
+        Raises InputError where those asked for are not connected.
+        """
         halves = self._before["stations"]
         if halves is None:
             raise InputError(f"{self._name}: the tracker does not say which receivers are connected")
         usable, wanted = usable_stations(halves), self._wishes.stations
-        connected = set(usable) | set(half_stations(halves))
+        connected = {s for s in (*usable, *half_stations(halves)) if s <= self._ports}
         absent = [] if wanted is None else sorted(set(wanted) - connected)
         if absent:
             raise InputError(
                 f"{self._name}: receiver {absent[0]} of --stations is not connected; "
-                f"connected are {_listed(usable)}"
+                f"connected are {_listed(sorted(connected))}"
             )
-        if wanted is None and not usable:
+        if not connected:
             raise InputError(f"{self._name}: no receiver is connected; plug them in and wait a second")
-        return usable if wanted is None else wanted
+        if wanted is None:
+            self._switches = dict.fromkeys(sorted(connected - set(usable)), True)
+            return tuple(sorted(connected))
+        self._switches = {station: station in wanted for station in range(1, self._ports + 1)}
+        return wanted
 
-    def _set_all(self, before: Mapping[str, Any], stations: tuple[int, ...]) -> None:
+    def _switched_on(self, halves: tuple[int, ...] | None, stations: tuple[int, ...]) -> tuple[int, ...]:
+        """Give those of the connected stations that can send, and note the others.
+
+        Raises InputError where there is none.
+        """
+        usable = () if halves is None else usable_stations(halves)
+        off = [station for station in stations if station not in usable]
+        if len(off) == len(stations):
+            self._must("active receivers", None if halves is None else usable, stations)
+        if off:
+            self.warnings.append(f"receiver {_listed(off)}: cannot be switched on; not recorded")
+        return tuple(station for station in stations if station in usable)
+
+    def _set_all(self, before: Mapping[str, Any]) -> None:
         wishes, send = self._wishes, self._talk.send
         if before["echo"]:
             self._touched.add("echo")
@@ -236,10 +258,8 @@ class LibertyDriver:
             self._touched |= {"position_filter", "attitude_filter"}
             send(commands.set_position_filter(commands.FILTER_OFF))
             send(commands.set_attitude_filter(commands.FILTER_OFF))
-        if wishes.stations is not None:
-            self._touched.add("stations")
-            for station in range(1, self._ports + 1):
-                send(commands.set_station(station, int(station in stations)))
+        for station, on in self._switches.items():
+            send(commands.set_station(station, int(on)))
 
     @property
     def _sync(self) -> int:
@@ -304,11 +324,6 @@ class LibertyDriver:
             self.warnings.append(f"its built-in test has found faults (words {words}, see its manual)")
         if after["usb_buffering"] == 0:
             self.warnings.append(f"USB buffering is off, so that frames may be left out{left}")
-        odd = [s for s in half_stations(after["stations"] or (0, 0)) if s <= self._ports]
-        if odd and self._wishes.stations is None:
-            self.warnings.append(
-                f"receiver {_listed(odd)}: connected but switched off, or the reverse; not recorded"
-            )
 
     def _settings(self, whoami: str, after: State, stations: tuple[int, ...]) -> StreamSettings:
         wishes = self._wishes

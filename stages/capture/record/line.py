@@ -8,6 +8,14 @@ from stages.capture.trackers.liberty.items import SHORT_LIST, record_bytes
 from stages.capture.trackers.line_load import full_cycles_per_s, line_bytes_per_s
 from stages.capture.trackers.settings import StreamSettings
 
+MUCH_MISSING_PERCENT = 20.0
+REMEDIES = {
+    "liberty": "--stations, --items short, --rate 120",
+    "patriot": "--stations, --items short",
+    "viper": "--rate 120",
+}
+"""What makes a stream smaller, of the trackers that count their frames."""
+
 VIPER_FRAME_BYTES, VIPER_SENSOR_BYTES = 28, 32
 
 
@@ -57,7 +65,24 @@ def overload(settings: StreamSettings, baud: int | None, name: str, allowed: boo
     fits = what_fits(settings, baud)
     raise InputError(
         f"{name}: {told}; {f'what fits is {fits}' if fits else 'not one receiver fits'}; use the tracker's "
-        f"USB, or --allow-slower to record the about {cycles} frames a second that come through"
+        f"USB, or --allow-slower to record what comes through, about {cycles} frames a second"
+    )
+
+
+def too_slow(settings: StreamSettings, bytes_per_s: float, missing_percent: float) -> str | None:
+    """Say that the line is too slow by what it has brought; None where it is not to blame.
+
+    missing_percent : of all records. Where they are missing and the bytes are not, something damages them.
+    """
+    need = cycle_bytes(settings) * settings.rate_hz
+    enough = bytes_per_s > (1 - MUCH_MISSING_PERCENT / 100) * need
+    if missing_percent <= MUCH_MISSING_PERCENT or enough or settings.family not in REMEDIES:
+        return None
+    count = len(settings.stations)
+    who = f"{count} receivers need" if count > 1 else "1 receiver needs"
+    return (
+        f"the line brought {bytes_per_s / 1000:.3g} kB/s of the {need / 1000:.3g} kB/s that {who}: "
+        f"it is too slow; see {REMEDIES[settings.family]}"
     )
 
 

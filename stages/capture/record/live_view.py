@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from dataclasses import dataclass
 
 from stages.capture.record.statistics import SILENT_S, Moment, Row
 
 COLUMNS = 80
+NOTICE_LINES = 2
 NEAR_EDGE = 0.1
 """A receiver whose direction is closer to the edge of its half of space may be taken for its mirror image."""
 
@@ -30,6 +32,13 @@ class Recorded:
     notice: str = ""
 
 
+def title(family: str, port: str, archive: str) -> str:
+    """Give the view's first line; of long names the ends, by which they differ."""
+    room = COLUMNS - len(f"{family} at  -> ")
+    archive = _end_of(archive, max(room // 2, room - len(port)))
+    return f"{family} at {_end_of(port, room - len(archive))} -> {archive}"
+
+
 def lines(moment: Moment, recorded: Recorded, rows: int | None = None) -> list[str]:
     """Give the whole view; `rows` is how many lines the terminal has room for."""
     head = [
@@ -41,7 +50,7 @@ def lines(moment: Moment, recorded: Recorded, rows: int | None = None) -> list[s
         "receiver      Hz  missing  error  distortion  hemisphere",
     ]
     body = [_row(row) for row in moment.rows]
-    foot = [_no_data(moment) or recorded.notice]
+    foot = textwrap.wrap(_no_data(moment) or recorded.notice, COLUMNS)[:NOTICE_LINES] or [""]
     if rows is not None and len(head) + len(body) + len(foot) > rows:
         room = max(0, rows - len(head) - len(foot) - 1)
         body = [*body[:room], f"  ... and {len(body) - room} more; make the window higher"]
@@ -65,6 +74,10 @@ def one_line(moment: Moment, recorded: Recorded) -> str:
     ]
     parts += [f"absent {','.join(absent)}"] if absent else []
     return _no_data(moment) or "  ".join(parts)
+
+
+def _end_of(name: str, room: int) -> str:
+    return name if len(name) <= room else f"...{name[3 - room :]}"
 
 
 def _times(recorded: Recorded) -> str:

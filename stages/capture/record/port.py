@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import select
 from pathlib import Path
 from typing import Any
@@ -130,13 +131,20 @@ def _why_not(name: str, error: Exception) -> str:
     text = str(error)
     if "exclusively lock" in text or number in (errno.EBUSY, errno.EAGAIN):
         return "another program has it open, and two cannot share a tracker; end that one first"
+    if re.fullmatch(r"[\w.-]+:\d+", name):
+        return f"no such port; for one on the network give --port socket://{name}"
     if number == errno.ENOENT or "No such file" in text:
         return "no such port; `python -m stages.capture devices` lists those there are"
     if number == errno.EACCES or "Permission denied" in text:
         return "may not be opened by you; on most systems members of the group dialout may"
     if "://" in name:
-        return f"cannot be reached ({_reason(error)})"
+        return f"cannot be reached ({_reason(error)}){perhaps_taken(name) if 'refused' in text else ''}"
     return f"is no port that can be opened ({_reason(error)})"
+
+
+def perhaps_taken(name: str) -> str:
+    """Say what ends a connection to a network port at once: most serve one program at a time."""
+    return "; perhaps another program has it" if "://" in name else ""
 
 
 def _reason(error: Exception) -> str:

@@ -15,14 +15,14 @@ from typing import Any
 
 from schemas.errors import InputError
 from stages.capture.archive import ArchiveWriter
-from stages.capture.record import live_view
+from stages.capture.record import live_view, summary
 from stages.capture.record.conversation import Conversation, StoppedError
 from stages.capture.record.families import driver_of
 from stages.capture.record.following import NOTHING, Follower
-from stages.capture.record.line import overload
-from stages.capture.record.port import Port, PortGoneError
+from stages.capture.record.line import overload, too_slow
+from stages.capture.record.port import Port, PortGoneError, perhaps_taken
 from stages.capture.record.reader import Chunk, Reader
-from stages.capture.record.statistics import Statistics
+from stages.capture.record.statistics import Moment, Statistics
 from stages.capture.record.stopping import Stop
 from stages.capture.record.terminal import Terminal
 from stages.capture.record.wishes import Driver, Wishes
@@ -91,7 +91,8 @@ def record(
             if isinstance(error, StoppedError):
                 return Ending(stop.reason, False, None)
             if isinstance(error, PortGoneError):
-                raise InputError(f"{port.name}: the port is gone before the first frame ({error})") from error
+                told = f"{port.name}: the port is gone before the first frame ({error})"
+                raise InputError(f"{told}{perhaps_taken(port.name)}") from error
             if isinstance(error, OSError):
                 raise InputError(f"{plan.out}: cannot be written ({error.strerror})") from error
             raise
@@ -162,7 +163,7 @@ class _Session:
         self._follower: Follower | None = None
         self._view_failed = False
         self._unseen: list[Chunk] = []
-        self._notices: list[str] = []
+        self._notices = list(driver.warnings)
         self._absent: set[int] = set()
         self._failure = ""
         self._kept_ns = self._start_ns = time.monotonic_ns()
@@ -299,17 +300,22 @@ class _Session:
         elapsed_s, duration_s = self._elapsed_s(), self._plan.duration_s
         baud = self._talk.port.line_baud
         recorded = live_view.Recorded(
-            f"{self._settings.family} at {self._talk.port.name} -> {self._plan.out.name}",
+            live_view.title(self._settings.family, self._talk.port.name, self._plan.out.name),
             elapsed_s,
             None if duration_s is None else duration_s - elapsed_s,
             self._archive_bytes(),
             None if baud is None else line_bytes_per_s(baud),
-            self._notices[-1] if self._notices else "",
+            self._slow(moment) or (self._notices[-1] if self._notices else ""),
         )
         if self._terminal.in_place:
             self._terminal.show(live_view.lines(moment, recorded, self._terminal.rows))
         else:
             self._terminal.say(live_view.one_line(moment, recorded))
+
+    def _slow(self, moment: Moment) -> str | None:
+        """Say that the line is too slow, of the last seconds."""
+        missing = [row.missing_percent for row in moment.rows if row.rate_hz is not None]
+        return too_slow(self._settings, moment.bytes_per_s, sum(missing) / max(len(missing), 1))
 
     def _archive_bytes(self) -> int:
         with suppress(OSError):  # somebody may have moved it; it is written all the same
@@ -331,6 +337,7 @@ class _Session:
                 self._fail(PORT_GONE, str(error))
         self._guarded(self._look_last)
         totals = self._statistics.totals(end_ns)
+        self._notices += summary.advice(totals, self._settings)
         reason = self._failure or self._stop.reason
         try:
             self._archive.close({"reason": reason, "notices": self._notices, **totals}, time.monotonic_ns())

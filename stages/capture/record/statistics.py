@@ -33,12 +33,14 @@ STATIONS = 256
 class Receiver:
     """One receiver so far.
 
+    lost_before_last : how many of `lost` are directly before its newest record.
     margin : p . h / |p|, the sine of how far it is within its half of space; NaN where the tracker follows
     it or it has no position. absences : (from, to) seconds since the start; to is None while it is absent.
     """
 
     records: int = 0
     lost: int = 0
+    lost_before_last: int = 0
     doubtful: int = 0
     errors: int = 0
     error: int = 0
@@ -89,6 +91,7 @@ class Statistics:
         self.receivers = {station: Receiver() for station in settings.stations}
         self.skipped_bytes = 0
         self.partial_cycles = 0
+        self.lost_cycles = 0
         self.cycles = 0
         self.received_bytes = 0
         self._settings = settings
@@ -97,6 +100,7 @@ class Statistics:
         self._heard_ns = start_ns
         self._past: deque[tuple[int, int, Wholes, Wholes]] = deque()
         self._open_cycle = (-1, 0)
+        self._before_open = (0, 0)
         self._expected = len(settings.stations)
         self._fastest: deque[tuple[int, float]] = deque()
         self._lag_ns: float | None = None
@@ -152,11 +156,18 @@ class Statistics:
         )
 
     def totals(self, now_ns: int) -> dict[str, Any]:
-        """Sum up the recording, as JSON types."""
+        """Sum up the recording, as JSON types.
+
+        cycles : with the newest one. lost_frames : records that are missing, in all and of each receiver;
+        lost_cycles : frames of which nothing came. What is missing directly before the newest frame is no
+        loss: a stop cuts the cycle in which it comes, and the tracker answers it with a frame of its own.
+        """
+        lost = {station: self._lost(receiver) for station, receiver in self.receivers.items()}
+        gap, partial = self._before_open
         receivers = {
             str(station): {
                 "records": receiver.records,
-                "lost_frames": receiver.lost,
+                "lost_frames": lost[station],
                 "doubtful_records": receiver.doubtful,
                 "records_with_error": receiver.errors,
                 "worst_distortion": receiver.worst_distortion,
@@ -168,14 +179,19 @@ class Statistics:
         return {
             "seconds": (now_ns - self._start_ns) * 1e-9,
             "records": sum(receiver.records for receiver in self.receivers.values()),
-            "lost_frames": sum(receiver.lost for receiver in self.receivers.values()),
-            "cycles": self.cycles,
-            "partial_cycles": self.partial_cycles,
+            "lost_frames": sum(lost.values()),
+            "lost_cycles": self.lost_cycles - gap,
+            "cycles": self.cycles + (self._open_cycle[0] >= 0),
+            "partial_cycles": self.partial_cycles - partial,
             "skipped_bytes": self.skipped_bytes,
             "received_bytes": self.received_bytes,
             "silent_s": [[_number(a), _number(b)] for a, b in self.silences],
             "receivers": receivers,
         }
+
+    def _lost(self, receiver: Receiver) -> int:
+        newest = receiver.last_frame == self._open_cycle[0]
+        return receiver.lost - (receiver.lost_before_last if newest else 0)
 
     def _count(self, receiver: Receiver, station: int, seen: Seen, rows: Wholes) -> None:
         if not len(rows):
@@ -186,6 +202,7 @@ class Statistics:
         missed = np.maximum(np.diff(frame, prepend=before) - 1, 0)
         absent = missed > ABSENT_S * self._settings.rate_hz
         receiver.lost += int(missed[~absent].sum())
+        receiver.lost_before_last = 0 if absent[-1] else int(missed[-1])
         if receiver.is_absent:
             receiver.absences[-1] = (receiver.absences[-1][0], self._seconds(int(host_ns[rows[0]])))
             absent[0] = False  # told already, while nothing came
@@ -213,7 +230,7 @@ class Statistics:
         receiver.least_margin = float(np.fmin.reduce(margin, initial=receiver.least_margin))
 
     def _count_cycles(self, frame: Wholes) -> None:
-        """Count cycles and those in which a receiver is missing that was there before."""
+        """Count cycles, those of which nothing came, and those that lack a receiver that was there before."""
         if not len(frame):
             return
         frames, counts = np.unique(frame, return_counts=True)
@@ -224,7 +241,13 @@ class Statistics:
             frames, counts = np.append(held, frames), np.append(count, counts)
         self._open_cycle = (int(frames[-1]), int(counts[-1]))
         self.cycles += len(frames) - 1
-        self.partial_cycles += int(np.count_nonzero(counts[:-1] < self._expected))
+        partial = counts[:-1] < self._expected
+        gaps = np.maximum(np.diff(frames) - 1, 0)
+        gaps[gaps > ABSENT_S * self._settings.rate_hz] = 0  # told as an absence of every receiver
+        self.partial_cycles += int(np.count_nonzero(partial))
+        self.lost_cycles += int(gaps.sum())
+        if len(gaps):
+            self._before_open = (int(gaps[-1]), int(partial[-1]))
         recent = self._open_cycle[0] - ABSENT_S * self._settings.rate_hz
         there = sum((receiver.last_frame or 0) > recent for receiver in self.receivers.values())
         enough = self.cycles > ABSENT_S * self._settings.rate_hz

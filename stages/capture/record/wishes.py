@@ -25,6 +25,9 @@ from stages.capture.trackers.settings import StreamSettings
 FASTRAK_LISTS = {"full": (2, 11, 16, 1), "short": (2, 11, 0)}
 """Position, quaternion, stylus and a line's end; or only what must be."""
 
+TIMESTAMP, FRAME_COUNT = 8, 9
+"""Items of LIBERTY that count; without either nothing tells when a record was measured."""
+
 TRACK = (0.0, 0.0, 0.0)
 FORWARD = (1.0, 0.0, 0.0)
 
@@ -108,6 +111,11 @@ def parse_items(text: str, mode: str, family: str = "liberty") -> tuple[int, ...
         )
     if not {2, 3} & set(items):
         raise InputError(f"--items: {text} has no position; expected item 2 or 3 among them")
+    if not {TIMESTAMP, FRAME_COUNT} & set(items):
+        raise InputError(
+            f"--items: {text} has neither the frame count ({FRAME_COUNT}) nor the timestamp ({TIMESTAMP}), "
+            f"so a lost frame could not be seen; add {FRAME_COUNT}"
+        )
     return items
 
 

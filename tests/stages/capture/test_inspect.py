@@ -44,7 +44,7 @@ def inspect(capsys: pytest.CaptureFixture[str], path: Path, *words: str, code: i
 def filled(tmp_path: Path, answers: dict[str, str]) -> Path:
     """The drafted mapping with the first place of each key set right; names go by their CHECK name."""
     path = tmp_path / "mapping.yaml"
-    with pytest.raises(InputError, match=r"CHECK|is not one of|does not match"):
+    with pytest.raises(InputError, match=r"still says? CHECK: put the truth there"):
         read_mapping(path)
     text = path.read_text("utf-8")
     for key, value in answers.items():
@@ -127,6 +127,36 @@ def test_a_small_z_before_a_quaternion_is_not_part_of_it(
     out = inspect(capsys, path)
     assert "quaternion d e f g: median norm 1.00000" in out
     assert "position a b c: " in out
+
+
+@pytest.mark.parametrize("time", ["Zeit", "Uhr", "t"])
+def test_columns_are_grouped_by_name_whatever_the_first_is_called(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], time: str
+) -> None:
+    path = tmp_path / "wide.csv"
+    path.write_text(GUIDE_FILE.replace("Time", time))
+    out = inspect(capsys, path, "--write-mapping", str(tmp_path / "mapping.yaml"))
+    assert f"time column {time}: median step 4.15" in out
+    draft = yaml.safe_load((tmp_path / "mapping.yaml").read_text("utf-8"))
+    assert list(draft["receivers"].values()) == [
+        {"position": [f"{who}_{axis}" for axis in "xyz"], "orientation": [f"{who}_{a}" for a in angles]}
+        for who, angles in (("H", ("az", "el", "ro")), ("F", ("az", "el", "ro")))
+    ]
+    guessed = [line for line in (tmp_path / "mapping.yaml").read_text().splitlines() if "guessed" in line]
+    assert [line.split()[0] for line in guessed] == ([] if time == "t" else ["time:"])
+
+
+def test_a_column_between_named_ones_shifts_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "wide.csv"
+    titles = "Nr,A_x_mm,A_y_mm,A_z_mm,odd,A_qw,A_qx,A_qy,A_qz,u,v,w0"
+    rows = np.concatenate([PLACE, PLACE[:, :1], 1.2 * TURNED, PLACE + 3], 1)
+    lines = [f"{7 - i % 3}," + ",".join(f"{v:.5f}" for v in row) for i, row in enumerate(rows)]
+    path.write_text(titles + "\n" + "\n".join(lines) + "\n")
+    inspect(capsys, path, "--write-mapping", str(tmp_path / "mapping.yaml"))
+    draft = (tmp_path / "mapping.yaml").read_text()
+    whole = 'position: ["A_x_mm", "A_y_mm", "A_z_mm"], orientation: ["A_qw", "A_qx", "A_qy", "A_qz"]}'
+    assert f"{whole}\n" in draft
+    assert re.search(r'position: \["u", "v", "w0"\].*# CHECK: guessed from the place', draft)
 
 
 def test_nine_numbers_and_columns_without_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -244,12 +274,32 @@ def test_a_c3d_file_names_its_rigid_clusters(tmp_path: Path, capsys: pytest.Capt
     assert "missing: Dot1 25 %" in out
     assert re.search(r"Arm1, Arm2, Arm3: .*: a rigid cluster", out)
     assert re.search(r"Dot1, Dot2, Dot3: .*: not rigid", out)
+    assert re.search(r"Arm1, .*: distances about [\d.]+ mm, varying by \S+ mm: ", out)
+    draft = (tmp_path / "mapping.yaml").read_text()
+    assert "first_frame" not in draft
+    assert "#   last_frame: 40  # frames count from 1 at the first stored frame" in draft
     samples = imported(tmp_path / "a.c3d", filled(tmp_path, {"CHECK_Arm": "upper_arm"}))
     np.testing.assert_allclose(samples.numbers[:, :3], rigid[:, 0], atol=1e-3)
     told = ["--mapping", str(tmp_path / "mapping.yaml"), "--out", str(tmp_path / "poses.parquet")]
     who = ["--layout", "arm", "--subject", "01", "--hand", "right", "--task", "rom"]
     assert main(["import", "--in", str(tmp_path / "a.c3d"), *told, *who]) == 0
     assert "cluster upper_arm: 3 markers" in capsys.readouterr().err
+
+
+def test_markers_that_are_never_seen_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import ezc3d
+
+    points = np.full((FRAMES, 3, 3), np.nan)
+    for marker in range(3):
+        points[marker::3, marker] = PLACE[marker::3]
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
+    file["parameters"]["POINT"]["LABELS"]["value"] = ["Dot1", "Dot2", "Dot3"]
+    file["data"]["points"] = np.concatenate([points, np.ones((FRAMES, 3, 1))], -1).transpose(2, 1, 0)
+    file.write(str(tmp_path / "a.c3d"))
+    out = inspect(capsys, tmp_path / "a.c3d")
+    assert "markers Dot1, Dot2, Dot3: never seen together" in out
+    assert "nan" not in out
 
 
 def test_a_c3d_file_of_rotations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -329,6 +379,17 @@ def test_own_files_need_no_mapping(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "nothing to import" in out
 
 
+@pytest.mark.parametrize("text", [GUIDE_FILE, GUIDE_FILE.split("\n", 1)[1]], ids=["comments", "semicolons"])
+def test_importing_a_foreign_table_without_a_mapping_leads_here(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    path = tmp_path / "old.csv"
+    path.write_text(text)
+    words = ["--layout", "arm", "--subject", "01", "--hand", "right", "--task", "rom"]
+    assert main(["import", "--in", str(path), *words, "--out", str(tmp_path / "poses.parquet")]) == 2
+    assert f"`python -m stages.capture inspect {path}`" in capsys.readouterr().err
+
+
 def test_a_motion_bids_recording_says_itself_what_it_is(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -343,6 +404,14 @@ def test_a_motion_bids_recording_says_itself_what_it_is(
     out = inspect(capsys, path, "--write-mapping", str(tmp_path / "mapping.yaml"))
     assert "tracked point wrist" in out
     assert read_mapping(tmp_path / "mapping.yaml").receivers == {"wrist": {"tracked_point": "wrist"}}
+    (tmp_path / f"{stem}_channels.tsv").write_text(
+        f"name\tcomponent\ttype\ttracked_point\tunits\n{channels}".replace("\twrist\t", "\thand\t")
+    )
+    out = inspect(capsys, path)
+    assert "every tracked point is a segment of layout arm: needs no mapping" in out
+    assert f"next: python -m stages.capture import --in {path} --layout arm" in out
+    words = ["--layout", "arm", "--subject", "01", "--hand", "right", "--task", "rom"]
+    assert main(["import", "--in", str(path), *words, "--out", str(tmp_path / "poses.parquet")]) == 0
 
 
 @pytest.mark.parametrize(

@@ -206,6 +206,53 @@ def test_a_quality_beyond_its_limit_is_marked(
     assert not samples.marks["low-quality"][of(samples, "forearm")].any()
 
 
+def test_a_table_as_it_should_be_raises_no_doubt(tmp_path: Path) -> None:
+    assert read(tmp_path, HEADER + ROWS, WIDE).notes == ()
+    small = ROWS.replace("90", "1.5")
+    assert read(tmp_path, HEADER + small, changed(WIDE, orientation=ANGLES | {"unit": "rad"})).notes == ()
+
+
+def shared(segment: str, key: str, columns: list[str]) -> dict[str, Any]:
+    receivers: dict[str, Any] = WIDE["receivers"]  # type: ignore[assignment]
+    return receivers | {segment: receivers[segment] | {key: columns}}
+
+
+@pytest.mark.parametrize(
+    ("told", "notes"),
+    [
+        (
+            changed(WIDE, orientation=ANGLES | {"unit": "rad"}),
+            ["angles reach 90, more than two pi, though orientation.unit is rad; are they degrees?"],
+        ),
+        (
+            changed(WIDE, {"time_unit": "s"}),
+            ["the median time step is 4.5 s, a rate of 0.22 Hz; is time_unit right?"],
+        ),
+        (
+            changed(WIDE, {"time_unit": "us"}),
+            ["the median time step is 4.5e-06 s, a rate of 2.2e+05 Hz; is time_unit right?"],
+        ),
+        (
+            changed(WIDE, position_unit="m"),
+            ["forearm and hand are 5.06e+03 mm apart in the median; is position_unit (m) right?"],
+        ),
+        (
+            changed(WIDE, receivers=shared("hand", "orientation", ["az2", "el2", "ro1"])),
+            ["column ro1 is used 2 times, for forearm and hand; is that right?"],
+        ),
+        (
+            changed(WIDE, receivers=shared("hand", "position", ["x1", "y1", "z1"])),
+            [
+                *(f"column {c}1 is used 2 times, for forearm and hand; is that right?" for c in "xyz"),
+                "forearm and hand are 0 mm apart in the median; is position_unit (cm) right?",
+            ],
+        ),
+    ],
+)
+def test_what_is_doubtful_is_noted(tmp_path: Path, told: dict[str, Any], notes: list[str]) -> None:
+    assert list(read(tmp_path, HEADER + ROWS, told).notes) == notes
+
+
 def asynchronous() -> tuple[str, dict[str, Any], np.ndarray]:
     """Two receivers of 100 Hz read by a loop of 300 rows a second: rows repeat what has not changed."""
     rng = np.random.default_rng(3)

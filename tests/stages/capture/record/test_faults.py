@@ -5,7 +5,9 @@ import pty
 import re
 import resource
 import signal
+import socket
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -51,6 +53,7 @@ def test_nothing_answers(line: list[str], seconds: float, emulated, ended, tmp_p
     assert done.returncode == 2
     assert time.monotonic() - start < seconds
     assert f"error: {port}: nothing answers" in sentence(done.stderr)
+    assert "(just switched on? it takes 10 s)" in done.stderr
     assert ("at 115200, 57600, 38400, 19200, 9600 baud" in done.stderr) == bool(line)
     assert not out.exists(), "the name is free for the next attempt"
 
@@ -79,6 +82,7 @@ def test_a_line_that_is_too_slow(emulated, ended, tmp_path: Path) -> None:
     done = ended(*words, "--allow-slower")
     assert done.returncode == 0, done.stderr
     assert "note: the line is too slow" in done.stderr
+    assert re.search(r"note: the line brought 1[12]\.\d kB/s of the 53.8 kB/s that 4 receivers", done.stdout)
     frames, tally = kept(out)
     assert tally.summary is not None
     assert tally.summary["lost_frames"] > 0
@@ -263,6 +267,21 @@ def test_damaged_bytes_are_counted_and_cost_little(emulated, ended, tmp_path: Pa
     assert tally.summary is not None
     assert tally.summary["skipped_bytes"] > 0
     assert 0 < tally.summary["lost_frames"] <= 12
+
+
+@pytest.mark.parametrize("word", ["record", "check"])
+def test_a_network_port_that_is_closed_at_once(word: str, ended, tmp_path: Path) -> None:
+    def serve() -> None:
+        server.accept()[0].close()
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=serve)
+        thread.start()
+        out = ["--out", str(tmp_path / "rom.arrows")] if word == "record" else []
+        done = ended(word, "--port", f"socket://127.0.0.1:{server.getsockname()[1]}", *out)
+        thread.join()
+    assert done.returncode == 2
+    assert sentence(done.stderr).endswith("; perhaps another program has it")
 
 
 def test_an_archive_is_never_written_over(ended, tmp_path: Path) -> None:

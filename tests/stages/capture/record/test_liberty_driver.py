@@ -32,14 +32,16 @@ class Stubborn:
         return self.device.next_cycle().data
 
 
-def set_up(name: str, wishes: Wishes):
-    """Set it up; gives the settings and the warnings."""
+def set_up(name: str, wishes: Wishes, *, put_back: bool = False):
+    """Set it up, and back; gives the settings and the warnings."""
     port = open_port(name, 115200)
     reader = Reader(port)
     driver = LibertyDriver(Conversation(port, reader, NoJournal()), wishes)
     try:
         return driver.set_up(), driver.warnings
     finally:
+        if put_back:
+            driver.put_back()
         reader.close()
         port.close()
 
@@ -107,11 +109,32 @@ def test_one_that_obeys(at_a_port) -> None:
     assert not stubborn.device.streaming
 
 
-@pytest.mark.slow
-def test_a_receiver_that_is_switched_off_is_told(at_a_port) -> None:
-    stubborn = Stubborn(b"not a command")
+@pytest.mark.parametrize("how", ["obeys", "keeps it off"])
+def test_receivers_that_an_earlier_run_has_switched_off_are_switched_on_or_told(how: str, at_a_port) -> None:
+    stubborn = Stubborn(b"not a command" if how == "obeys" else b"\x152,1\r")
     stubborn.device.receive(b"\x152,0\r")
     with at_a_port(stubborn) as name:
         settings, warnings = set_up(name, Wishes("liberty", hemisphere=FORWARD))
-    assert settings.stations == (1,)
-    assert warnings == ["receiver 2: connected but switched off, or the reverse; not recorded"]
+    assert settings.stations == ((1, 2) if how == "obeys" else (1,))
+    assert stubborn.device.active() == settings.stations
+    told = ["receiver 2: cannot be switched on; not recorded"]
+    assert warnings == ([] if how == "obeys" else told)
+
+
+@pytest.mark.parametrize("stations", [None, (2,)])
+def test_receivers_are_switched_back(stations, at_a_port) -> None:
+    stubborn = Stubborn(b"not a command")
+    stubborn.device.receive(b"\x152,0\r")
+    with at_a_port(stubborn) as name:
+        settings, _ = set_up(name, Wishes("liberty", stations=stations), put_back=True)
+    assert settings.stations == (stations or (1, 2))
+    assert stubborn.device.active() == (1,)
+
+
+@pytest.mark.slow
+def test_with_no_receiver_that_can_be_switched_on_it_ends(at_a_port) -> None:
+    stubborn = Stubborn(b",1\r", b",0\r")
+    stubborn.device.receive(b"\x151,0\r\x152,0\r")
+    with at_a_port(stubborn) as name, pytest.raises(InputError) as told:
+        set_up(name, Wishes("liberty"))
+    assert "its active receivers: sent was 1, 2, and when asked it says nothing" in str(told.value)

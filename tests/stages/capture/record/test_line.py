@@ -42,7 +42,7 @@ def test_the_sentence_has_the_arithmetic_and_what_fits() -> None:
     assert "115200 baud carries 11520" in sentence
     assert "1 receiver at 120 Hz with this list" in sentence
     assert "1 receiver at 240 Hz or 2 receivers at 120 Hz with --items short" in sentence
-    assert "--allow-slower" in sentence
+    assert sentence.endswith("or --allow-slower to record what comes through, about 12 frames a second")
 
 
 def test_what_fits_does_fit() -> None:
@@ -55,6 +55,19 @@ def test_what_fits_does_fit() -> None:
 
 def test_nothing_is_said_where_the_rate_is_not_known() -> None:
     assert line.overload(settings(16), None, "/dev/pts/3", allowed=False) is None
+
+
+def test_a_line_that_brings_too_little_is_told() -> None:
+    told = line.too_slow(settings(16), 11_500.0, 94.6)
+    assert told == (
+        "the line brought 11.5 kB/s of the 215 kB/s that 16 receivers need: it is too slow; "
+        "see --stations, --items short, --rate 120"
+    )
+    assert line.too_slow(settings(16), 11_500.0, 20.0) is None
+    assert line.too_slow(settings(16), 215_040.0, 94.6) is None, "all came and much of it is damaged"
+    one = line.too_slow(settings(1), 5_000.0, 60.0)
+    assert one is not None
+    assert "that 1 receiver needs: " in one
 
 
 def test_other_families() -> None:

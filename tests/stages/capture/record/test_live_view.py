@@ -74,7 +74,7 @@ def test_every_line_fits_80_columns_at_its_worst() -> None:
             notice="n" * 200,
         ),
     )
-    assert len(shown) == 5 + 16 + 1
+    assert len(shown) == 5 + 16 + 1, "silence is told in one line, instead of the notice"
     assert max(map(len, shown)) <= 80
     usual = live_view.lines(moment(*rows), recorded())
     assert all(f"{station}" in line for station, line in zip(range(1, 17), usual[5:21], strict=True))
@@ -112,6 +112,30 @@ def test_columns_stand_under_their_heads() -> None:
         ("distortion", "minor"),
     ):
         assert head.index(name) + len(name) == line.index(cell) + len(cell)
+
+
+def test_a_long_notice_has_two_lines() -> None:
+    notice = "the line brought 11.5 kB/s of the 215 kB/s that 16 receivers need: it is too slow; see --items"
+    shown = live_view.lines(moment(row()), recorded(notice=notice))
+    assert " ".join(shown[-2:]) == notice
+    assert len(live_view.lines(moment(row()), recorded(notice="word " * 100))) == len(shown)
+
+
+@pytest.mark.parametrize(
+    ("port", "archive", "shown"),
+    [
+        ("/dev/ttyUSB0", "rom.arrows", "liberty at /dev/ttyUSB0 -> rom.arrows"),
+        ("/tmp/" + "p" * 80 + "/tracker0", "rom.arrows", "p/tracker0 -> rom.arrows"),
+        ("/dev/ttyUSB0", "a" * 80 + "_rom.arrows", "liberty at /dev/ttyUSB0 -> ...a"),
+        ("/tmp/" + "p" * 80 + "/tracker0", "a" * 80 + "_rom.arrows", "p/tracker0 -> ...a"),
+    ],
+)
+def test_both_names_stay_visible_in_the_first_line(port: str, archive: str, shown: str) -> None:
+    title = live_view.title("liberty", port, archive)
+    assert shown in title
+    assert title.endswith("rom.arrows")
+    assert len(title) == min(80, len(f"liberty at {port} -> {archive}"))
+    assert title.startswith(f"liberty at {'...p' if 'p' * 80 in port else port}")
 
 
 def test_a_low_terminal_shows_what_fits_and_says_so() -> None:

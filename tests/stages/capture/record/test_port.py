@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from schemas.errors import InputError
-from stages.capture.record.port import Port, PortGoneError, open_port
+from stages.capture.record.port import Port, PortGoneError, open_port, perhaps_taken
 from stages.capture.record.reader import Reader
 
 
@@ -76,6 +76,7 @@ def test_two_programs_cannot_share_a_port(pty_pair: tuple[int, str]) -> None:
     [
         ("/dev/no-such-port", "/dev/no-such-port: no such port; `python -m stages.capture devices` lists"),
         ("socket://127.0.0.1:1", "socket://127.0.0.1:1: cannot be reached"),
+        ("127.0.0.1:4001", "127.0.0.1:4001: no such port; for one on the network give --port socket://127."),
         ("nonsense://x", "nonsense://x: cannot be reached"),
         ("/dev/null", "/dev/null: is no port that can be opened"),
     ],
@@ -85,6 +86,12 @@ def test_ports_that_cannot_be_opened(name: str, sentence: str) -> None:
         open_port(name, 115200)
     assert str(told.value).startswith(sentence)
     assert "\n" not in str(told.value)
+
+
+def test_a_network_port_that_refuses_is_perhaps_taken() -> None:
+    with pytest.raises(InputError, match=r"refused.*; perhaps another program has it$"):
+        open_port("socket://127.0.0.1:1", 115200)
+    assert perhaps_taken("/dev/ttyUSB0") == ""
 
 
 def gone(port: Port) -> str:

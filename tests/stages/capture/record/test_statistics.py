@@ -79,7 +79,8 @@ def test_a_cycle_that_nobody_sent_is_lost_by_all_and_not_partial() -> None:
     totals = statistics.totals(now_ns)
     assert totals["lost_frames"] == 2
     assert totals["partial_cycles"] == 0
-    assert totals["cycles"] == 958  # the last one may still grow
+    assert totals["lost_cycles"] == 1
+    assert totals["cycles"] == 959
 
 
 def test_a_receiver_that_was_unplugged_is_absent_and_not_lossy() -> None:
@@ -185,4 +186,22 @@ def test_a_cycle_that_two_looks_share_is_one_and_whole() -> None:
         here = pairs[first : first + 3]
         statistics.add(seen(here), 56 * len(here), START_NS + 10**7 * (first + 1))
     totals = statistics.totals(START_NS + 10**9)
-    assert (totals["cycles"], totals["partial_cycles"]) == (9, 0)
+    assert (totals["cycles"], totals["partial_cycles"]) == (10, 0)
+
+
+def test_what_the_stop_cuts_is_no_loss() -> None:
+    """The cycle in which the stop comes lacks receiver 2; the answer to the stop is a frame of its own."""
+    statistics = Statistics(settings(), START_NS)
+    cut = {(960, 2), (961, 1), (961, 2)}
+    now_ns = fed(statistics, {(500, 1), (500, 2), (600, 1), *cut}, range(963))
+    totals = statistics.totals(now_ns)
+    assert (totals["lost_frames"], totals["lost_cycles"], totals["partial_cycles"]) == (3, 1, 1)
+    assert [one["lost_frames"] for one in totals["receivers"].values()] == [2, 1]
+    assert totals["cycles"] == 961
+
+
+def test_a_silence_of_all_is_no_lost_frame() -> None:
+    statistics = Statistics(settings(), START_NS)
+    away = {(frame, station) for frame in range(300, 600) for station in (1, 2)}
+    totals = statistics.totals(fed(statistics, away, range(960)))
+    assert (totals["lost_frames"], totals["lost_cycles"]) == (0, 0)

@@ -15,7 +15,7 @@ def test_lists_have_names() -> None:
 
 def test_text_has_blanks_behind_numbers_and_a_line_end() -> None:
     assert wishes.parse_items("full", "ascii") == (8, 0, 9, 0, 11, 0, 10, 0, 12, 0, 3, 7, 1)
-    assert wishes.parse_items("2,4,1", "ascii") == (2, 4, 1)
+    assert wishes.parse_items("8,2,4,1", "ascii") == (8, 0, 2, 4, 1)
     assert wishes.parse_items("2,9", "ascii") == (2, 9, 1)
 
 
@@ -30,8 +30,17 @@ def test_a_fastrak_record_ends_with_what_never_changes() -> None:
     [
         ("all", "binary", "liberty", "--items: is 'all'; expected full, short or numbers such as 9,2,7"),
         ("9,2,13", "binary", "liberty", "--items: 13 is no item"),
-        ("2,7,11", "binary", "liberty", None),
-        ("2,11", "binary", "liberty", None),
+        ("2,7,8", "binary", "liberty", None),
+        ("2,11,9", "binary", "patriot", None),
+        ("2,11", "binary", "fastrak", None),
+        (
+            "2,7",
+            "binary",
+            "liberty",
+            "--items: 2,7 has neither the frame count (9) nor the timestamp (8), so a lost frame could not "
+            "be seen; add 9",
+        ),
+        ("3,7,10", "ascii", "patriot", "--items: 3,7,10 has neither the frame count (9)"),
         ("9,7", "binary", "liberty", "--items: 9,7 has no position"),
         ("9,11", "binary", "fastrak", "--items: 9 is no item"),
         ("11", "binary", "fastrak", "--items: 11 has no position"),
