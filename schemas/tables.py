@@ -137,15 +137,23 @@ def write_table_in_parts(
 ) -> int:
     """Write a table that is too long for memory, atomically; every part becomes a row group.
 
-    parts : columns as in `write_table`, some rows at a time. Gives the number of rows.
+    parts : columns as in `write_table`, some rows at a time. Gives the number of rows. A part is compressed
+    and written while the next one is made.
     """
+    from concurrent.futures import Future, ThreadPoolExecutor
+
     schema = table.arrow_schema(provenance.metadata())
     rows = 0
-    with _writer(path, table, schema) as writer:
+    with _writer(path, table, schema) as writer, ThreadPoolExecutor(1) as pool:
+        written: Future[None] | None = None
         for columns in parts:
             data = _arrow_table(table, columns, schema)
-            writer.write_table(data, row_group_size=max(1, data.num_rows))
+            if written is not None:
+                written.result()
+            written = pool.submit(writer.write_table, data, row_group_size=max(1, data.num_rows))
             rows += data.num_rows
+        if written is not None:
+            written.result()
     return rows
 
 

@@ -14,7 +14,7 @@ from stages.capture.archive import Archive
 from stages.capture.decode.hemisphere import flip_states
 from stages.capture.decode.stream import Block, Tally, blocks_of
 from stages.capture.decode.survey import Survey
-from stages.capture.trackers.records import NONE, Records
+from stages.capture.trackers.records import NONE, Records, stations_in
 
 Bools = npt.NDArray[np.bool_]
 
@@ -92,11 +92,11 @@ def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
     flags[_at(survey.partial_frames, records.frame)] |= BIT["partial-cycle"]
     resumed = np.array([offset + size for offset, size, _ in survey.skipped], np.int64)
     flags[_at(np.sort(resumed), records.offset)] |= BIT["resync-before"]
-    for station in np.unique(records.station):
+    for station in stations_in(records.station):
         mine = np.flatnonzero(records.station == station)
         frame = records.frame[mine]
-        flags[mine[_at(survey.gap_ends(int(station)), frame)]] |= BIT["gap-before"]
-        flips = survey.flips_of(int(station))
+        flags[mine[_at(survey.gap_ends(station), frame)]] |= BIT["gap-before"]
+        flips = survey.flips_of(station)
         if flips:
             transit, flipped = flip_states(flips, frame)
             flags[mine[transit]] |= BIT["hemisphere-transit"]

@@ -13,6 +13,7 @@ from stages.capture.archive import Archive
 from stages.capture.decode.clock import DeviceClock, fit_clock
 from stages.capture.decode.hemisphere import Flip, FlipFinder
 from stages.capture.decode.stream import Block, Tally, blocks_of
+from stages.capture.trackers.records import stations_in
 from stages.capture.trackers.settings import StreamSettings
 
 Wholes = npt.NDArray[np.int64]
@@ -141,8 +142,8 @@ class _Surveyor:
         arrived = arrived[good[arrived]]
         self.arrivals.append((records.frame[arrived], block.host_ns[arrived]))
         self._frames(records.frame[good])
-        for station in np.unique(records.station):
-            self._station(block, int(station), (records.station == station) & good)
+        for station in stations_in(records.station):
+            self._station(block, station, (records.station == station) & good)
         self._count(block, good)
 
     def _skips(self, block: Block) -> None:

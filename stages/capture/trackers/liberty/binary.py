@@ -21,7 +21,15 @@ from stages.capture.trackers.liberty.items import (
     body_bytes,
     check_items,
 )
-from stages.capture.trackers.records import Decoded, Records, Reply, Skipped, concatenated, empty_records
+from stages.capture.trackers.records import (
+    Decoded,
+    Records,
+    Reply,
+    Skipped,
+    concatenated,
+    empty_records,
+    stations_in,
+)
 from stages.capture.trackers.settings import StreamSettings
 
 Bytes = npt.NDArray[np.uint8]
@@ -111,7 +119,7 @@ class BinaryDecoder:
             return empty_records()
         station = b[at + 2].astype(np.int64)
         parts = []
-        for items in sorted({self._items[int(number)] for number in np.unique(station)}):
+        for items in sorted({self._items[number] for number in stations_in(station)}):
             mine = np.isin(station, [number for number, own in self._items.items() if own == items])
             parts.append(read_bodies(b, at[mine], items, self._mm_per_unit, self._offset))
         records = concatenated(parts)
