@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # as in the workflow; small matrices gain nothing from threads
+
 settings.register_profile("steady", deadline=None)  # a slow machine is no failure
 settings.load_profile("steady")
 

@@ -1,0 +1,1 @@
+"""A whole hand fitted at once: every joint, every receiver's place and its skin, weighed against anatomy."""

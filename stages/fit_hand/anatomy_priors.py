@@ -1,0 +1,149 @@
+"""What is known of a hand before it moves: bones, axes, where receivers sit, how skin moves. Right hand.
+
+Frame of the hand: origin at the wrist centre, x distal, y towards the thumb, z dorsal; mm. All lengths grow
+with one scale, 1 for the average hand. Sources: Buryanov & Kotiuk 2010 (lengths of bones and of the soft
+tip, X-ray, 66 adults); Buchholz 1992 (bases of the metacarpals); MyoHand (directions of the bones, axes;
+Apache-2.0, its numbers turned into this frame); Chang & Pollard 2008 and Hollister 1992 (thumb CMC axes);
+El-shennawy 2001 (CMC 4 and 5); Zhang 2003, Metcalf 2020 (skin).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.rotations import Array, unit
+
+SCALE_SD = 0.08
+"""Of the hand's size among adults (Buryanov & Kotiuk 2010: sd of the longest bones over their means)."""
+
+SCALE_SD_BY_LENGTH, SCALE_SD_BY_BREADTH = 0.04, 0.06
+"""Of the skeleton's scale when the hand's length or breadth is known: a crease is not a joint."""
+
+LENGTH_SD = 0.05
+"""Of a bone's length, relative, once the hand's size is known (same source: lengths correlate strongly)."""
+
+BASE_SD_MM = 1.5
+"""Of a metacarpal's base about its share of the hand's breadth and length (our choice)."""
+
+DIRECTION_SD_RAD = float(np.radians(3.0))
+"""Of a digit's direction in the flat hand, either way (our choice: neighbours lie 5 to 8 deg apart)."""
+
+AXIS_SD_RAD = float(np.radians(5.0))
+"""Of a joint's axis either way: that of a finger's hinge varies by about 5 deg even as it turns."""
+
+SKEW_MM, SKEW_SD_MM, SKEW_DEG = 4.6, 1.5, 87.0
+"""The thumb's CMC axes pass each other at this distance and angle (Chang & Pollard 2008), the abduction
+axis on the metacarpal's side (Hollister 1992)."""
+
+PRO_SUPINATION, PRO_SUPINATION_SD = 0.8, 0.35
+"""Pro-supination per flexion of CMC 4 and 5: ranges of 27 and 22 deg over 20 and 27 (El-shennawy 2001)."""
+
+MOUNT_SD_MM = (3.2, 1.6, 1.3)
+"""A receiver put on by eye at mid-bone: along the bone, across it, and in height over it (our trials)."""
+
+MOUNT_TURN_SD_RAD = float(np.radians(6.0 / np.sqrt(3.0)))
+"""6 deg away from the bone's axes in all, per component."""
+
+HEIGHT_MM = (8.5, 8.0, 7.0, 6.0)
+"""Of a receiver over the line of joints: metacarpal, proximal, middle, distal; half the thickness of the
+finger there and half the receiver's housing."""
+
+SLIDE_SD_MM = (1.0, 0.3, 0.4)
+"""Per rad of an adjacent joint: along, across, in height. Skin moves linearly with the angle (Zhang 2003,
+R2 0.89 to 0.97), mostly along the bone, by about a millimetre at mid-bone."""
+
+TILT_SD = (0.03, 0.05, 0.03)
+"""Turn of a receiver in rad per rad of an adjacent joint, about x, y, z of its bone."""
+
+DISTAL_TILT = -0.11 / 2
+"""Of a distal receiver with its own joint: markers under-read DIP flexion by 11 % (Metcalf 2020), of which
+the other half is the middle phalanx's."""
+
+UNDER_READING, UNDER_READING_SD = -0.15, 0.12
+"""Share of the CMC's motion that a receiver over the thumb's metacarpal adds, which is less than none: it
+is known to lag by 20 to 40 %, of which slide and tilt take some."""
+
+PHALANX_DEG, METACARPAL_DEG, PALM_DEG = (30.0, 50.0), (0.0, 30.0), (5.0, 10.0)
+ABDUCTION_DEG, AXIAL_DEG = (0.0, 15.0), (0.0, 5.0)
+"""Mean and sd of a joint angle over a recording: flexion of MCP, PIP, DIP and IP joints (0 to 100 deg), of a
+thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27); abduction (15 to 25 either way); axial rotation,
+which nobody does at will."""
+
+JOINT_SLIDE_SD_MM = 0.5
+"""Translation of a joint's centre per rad: hinge axes of finger joints move by less than 0.75 mm."""
+
+
+@dataclass(frozen=True)
+class DigitAnatomy:
+    """A digit of the average hand, from the joint at its base outward.
+
+    base_mm : (3,) first joint. points_mm : the joints after it and the tip; only the directions between
+    them are used. flexion_axes : one per joint, in the hand's frame with the digit straight.
+    lengths_mm : one per bone, to the next joint or to the bone's tip. second_axis : of the first joint,
+    where that one is skew.
+    """
+
+    base_mm: tuple[float, float, float]
+    points_mm: tuple[tuple[float, float, float], ...]
+    flexion_axes: tuple[tuple[float, float, float], ...]
+    lengths_mm: tuple[float, ...]
+    soft_tip_mm: float
+    second_axis: tuple[float, float, float] | None = None
+
+    def frames(self) -> Array:
+        """Bone frames (B, 3, 3) in the hand's frame, digit straight: x distal, y nearest the flexion axis."""
+        points = np.vstack([self.base_mm, self.points_mm])
+        x = unit(np.diff(points, axis=0))
+        axes = unit(np.array(self.flexion_axes))
+        y = unit(axes - (axes * x).sum(-1, keepdims=True) * x)
+        return np.stack([x, y, np.cross(x, y)], -1)
+
+
+# The depth of a finger's CMC joint under the back of the hand is that of the line from wrist to MCP joint.
+DIGITS: Mapping[str, DigitAnatomy] = {
+    "thumb": DigitAnatomy(
+        (25.0, 26.5, -10.5),
+        ((54.2, 43.0, -23.2), (80.1, 57.0, -33.3), (100.1, 67.0, -41.3)),
+        ((-0.732, 0.496, 0.468), (-0.203, 0.084, -0.975), (-0.480, 0.050, -0.876)),
+        (46.22, 31.57, 21.67),
+        5.67,
+        (0.665, -0.042, 0.745),
+    ),
+    "index": DigitAnatomy(
+        (13.5, 10.6, 1.8),
+        ((80.9, 22.2, 11.0), (122.2, 29.7, 18.3), (147.1, 33.0, 19.5), (165.1, 35.0, 19.5)),
+        ((-0.10, 0.995, 0.0),) * 4,
+        (68.12, 39.78, 22.38, 15.82),
+        3.84,
+    ),
+    "middle": DigitAnatomy(
+        (13.5, 0.0, 1.9),
+        ((80.6, 4.7, 11.5), (124.8, 6.4, 17.7), (153.8, 7.7, 19.7), (172.8, 9.7, 18.7)),
+        ((0.0, 1.0, 0.0),) * 4,
+        (64.60, 44.63, 26.33, 17.40),
+        3.95,
+    ),
+    "ring": DigitAnatomy(
+        (13.5, -10.8, 1.0),
+        ((79.3, -9.9, 5.7), (119.5, -13.4, 7.0), (144.3, -15.7, 7.6), (162.3, -16.7, 8.6)),
+        ((0.0, 0.90, 0.43),) * 4,
+        (58.00, 41.37, 25.65, 17.30),
+        3.95,
+    ),
+    "little": DigitAnatomy(
+        (13.5, -18.7, -0.6),
+        ((71.2, -19.5, -3.4), (106.7, -24.8, -6.3), (127.4, -27.7, -8.5), (144.4, -28.7, -11.5)),
+        ((0.0, 0.825, 0.565),) * 3 + ((0.227, 0.643, 0.731),),
+        (53.69, 32.74, 18.11, 15.96),
+        3.73,
+    ),
+}
+
+AVERAGE_LENGTH_MM = 13.5 + sum(DIGITS["middle"].lengths_mm) + DIGITS["middle"].soft_tip_mm
+"""Wrist centre to the tip of the middle finger, hand of scale 1."""
+
+AVERAGE_BREADTH_MM = 84.0
+"""Of the hand to which the lateral offsets of the bases belong (Buchholz 1992)."""

@@ -1,0 +1,197 @@
+"""What chains are laid out with: amounts in terms of the unknowns, names of marks, elementary steps.
+
+Unknowns (x) are in units of their prior's standard deviation, zero at its mean. States (y) are the joint
+angles of a frame, rad: zero when the digit is straight and lies flat in the hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.rotations import Array, unit
+from schemas.layout import Layout
+from stages.fit_hand import anatomy_priors as prior
+from stages.fit_hand.operations import Mark, Operation, Step, Term
+
+KINDS = ("flexion", "abduction", "axial")
+"""Of joint angles: about the first, the second and the third axis of a joint."""
+
+
+@dataclass(frozen=True)
+class Amount:
+    """constant + sum of coefficient * x[unknown]: a length, an offset."""
+
+    constant: float
+    parts: tuple[tuple[float, int], ...]
+
+    def times(self, factor: float) -> Amount:
+        """Give the amount, so many times."""
+        return Amount(self.constant * factor, tuple((c * factor, i) for c, i in self.parts))
+
+    def plus(self, other: Amount) -> Amount:
+        """Give the sum of two amounts."""
+        return Amount(self.constant + other.constant, self.parts + other.parts)
+
+
+@dataclass
+class Unknowns:
+    """What x holds: a name and a group (of common prior scale) for each."""
+
+    names: list[str] = field(default_factory=list)
+    groups: list[str] = field(default_factory=list)
+
+    def add(self, group: str, name: str) -> int:
+        """Add an unknown; give its index."""
+        self.names.append(f"{name} {group}")
+        self.groups.append(group)
+        return len(self.names) - 1
+
+
+@dataclass
+class States:
+    """What y holds: joint, kind and prior (mean, sd) in rad of every joint angle."""
+
+    names: list[tuple[str, str]] = field(default_factory=list)
+    mean: list[float] = field(default_factory=list)
+    sd: list[float] = field(default_factory=list)
+
+    def add(self, joint: str, kind: str, mean_deg: float, sd_deg: float) -> int:
+        """Add a state; give its index."""
+        self.names.append((joint, kind))
+        self.mean.append(float(np.radians(mean_deg)))
+        self.sd.append(float(np.radians(sd_deg)))
+        return len(self.names) - 1
+
+
+@dataclass(frozen=True)
+class FirstGuess:
+    """How a joint's flexion follows from two receivers that sit as they should.
+
+    child rotation = parent rotation * before * (turn about axis) * after.
+    """
+
+    state: int
+    parent: str
+    child: str
+    before: Array
+    axis: Array
+    after: Array
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Which parts of the model are in use; all but for ablations."""
+
+    skin: bool = True
+    palm: bool = True
+    pivot: bool = True
+    joint_slide: bool = True
+
+
+def bone(segment: str) -> str:
+    """Name of the mark at a bone's frame, whose origin is the centre of its proximal joint."""
+    return f"bone {segment}"
+
+
+def axis_frame(joint: str) -> str:
+    """Name of the mark at the frame in which a joint's flexion axis is `HandModel.axes` of it."""
+    return f"axis {joint}"
+
+
+def centre(joint: str) -> str:
+    """Name of the mark at the centre of a joint that does not start a known bone."""
+    return f"centre {joint}"
+
+
+def receiver(segment: str) -> str:
+    """Name of the mark at a receiver's frame."""
+    return f"receiver {segment}"
+
+
+class Builder:
+    """Collects unknowns and states while the chains are laid out."""
+
+    def __init__(
+        self, layout: Layout, scale: tuple[float, float], parts: Parts, seen: frozenset[str]
+    ) -> None:
+        self.layout, self.parts, self.seen = layout, parts, seen
+        self.unknowns, self.states = Unknowns(), States()
+        scale_unknown = self.unknowns.add("scale", "hand")
+        self.scale = Amount(scale[0], ((scale[1], scale_unknown),))
+        self.length: dict[str, Amount] = {}
+        self.mount: dict[str, tuple[Amount, Amount, Amount]] = {}
+        self.guesses: list[FirstGuess] = []
+        self.axes: dict[str, Array] = {}
+        self.centres: dict[str, str] = {}
+        self.seats: dict[str, tuple[Amount, Amount, Amount]] = {}
+
+    def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
+        """Give an amount of its own, with that mean and sd."""
+        return Amount(mean, ((sd, self.unknowns.add(group, name)),))
+
+    def place(self, mean: Amount, sd: float, group: str, name: str) -> Amount:
+        """Give an amount that differs from another by an unknown of that sd."""
+        return mean.plus(self.free(0.0, sd, group, name))
+
+    def receiver_steps(
+        self, segment: str, place: Sequence[Amount], drives: Sequence[int], own_tilt: float
+    ) -> tuple[Step, ...]:
+        """Place of a receiver on its bone, sliding and tilting with the drives (states)."""
+        steps: list[Step] = []
+        sd = prior.MOUNT_SD_MM
+        placed = [self.place(place[i], sd[i], f"mount {'xyz'[i]}", segment) for i in range(3)]
+        self.mount[segment] = (placed[0], placed[1], placed[2])
+        for i, axis in enumerate(np.eye(3)):
+            skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
+            steps.append(along(axis, placed[i], skin))
+        for i, axis in enumerate(np.eye(3)):
+            turn = self.free(0.0, prior.MOUNT_TURN_SD_RAD, "mount turn", f"{segment} {'xyz'[i]}")
+            skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
+            if i == 1 and own_tilt and drives and self.parts.skin:
+                skin = (*skin, Term(own_tilt, None, drives[0]))
+            steps.append(about(axis, turn, skin))
+        return (*steps, Mark(receiver(segment)))
+
+    def skin_terms(self, segment: str, drives: Sequence[int], group: str, sd: float) -> tuple[Term, ...]:
+        """Give what the skin adds, an unknown of that sd per rad of each drive."""
+        if not self.parts.skin:
+            return ()
+        return tuple(
+            Term(sd, self.unknowns.add(group, f"{segment} {n}"), state) for n, state in enumerate(drives)
+        )
+
+
+def along(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:
+    """Translation by an amount."""
+    return Operation(False, axis, amount.constant, tuple(Term(c, i) for c, i in amount.parts), skin)
+
+
+def about(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:
+    """Rotation by an amount."""
+    return Operation(True, axis, amount.constant, tuple(Term(c, i) for c, i in amount.parts), skin)
+
+
+def by_state(axis: Array, state: int, skin: tuple[Term, ...] = ()) -> Operation:
+    """Rotation by a joint angle."""
+    return Operation(True, axis, 0.0, (Term(1.0, None, state),), skin)
+
+
+def across_of(axis: Array) -> tuple[Array, Array]:
+    """Two unit vectors at right angles to an axis and to each other."""
+    first = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
+    return first, np.cross(axis, first)
+
+
+def tilted(across: tuple[Array, Array], tilts: Sequence[Amount], turn: Sequence[Step]) -> list[Step]:
+    """A rotation whose axis is tilted by two small rotations: there, turn, and back."""
+    first, second = across
+    return [
+        about(first, tilts[0]),
+        about(second, tilts[1]),
+        *turn,
+        about(second, tilts[1].times(-1.0)),
+        about(first, tilts[0].times(-1.0)),
+    ]

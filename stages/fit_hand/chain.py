@@ -1,0 +1,144 @@
+"""A layout as chains of operations: from the frame of its base bone, the root, to every bone and receiver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.rotations import Array
+from schemas.layout import Digit, Layout
+from stages.fit_hand import anatomy_priors as prior
+from stages.fit_hand.building import (
+    KINDS,
+    Amount,
+    Builder,
+    FirstGuess,
+    Parts,
+    States,
+    Unknowns,
+    along,
+    axis_frame,
+    by_state,
+    centre,
+    receiver,
+    tilted,
+)
+from stages.fit_hand.digits import digit_steps
+from stages.fit_hand.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
+from stages.fit_hand.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
+from stages.fit_hand.operations import Branch, Mark, Side, Step, Turn
+
+
+@dataclass(frozen=True)
+class HandModel:
+    """Everything that does not depend on a recording.
+
+    length : bone's segment to its length; mount : segment to its receiver's place (x, y, z) on the bone;
+    axes : joint to its flexion axis in the frame marked `axis_frame`, centres : joint to
+    the mark at its centre. seats : joint without anatomy to its centre in its child's receiver frame.
+    """
+
+    unknowns: Unknowns
+    states: States
+    branches: tuple[Branch, ...]
+    receivers: tuple[str, ...]
+    guesses: tuple[FirstGuess, ...]
+    length: Mapping[str, Amount]
+    mount: Mapping[str, tuple[Amount, Amount, Amount]]
+    axes: Mapping[str, Array]
+    centres: Mapping[str, str]
+    seats: Mapping[str, tuple[Amount, Amount, Amount]]
+
+
+def root_of(layout: Layout) -> str:
+    """The segment from which the first digit hangs: the root of every chain."""
+    return next(iter(layout.digits.values())).base
+
+
+def known_digits(layout: Layout) -> list[Digit]:
+    """Digits of the layout whose anatomy is known."""
+    return [
+        digit
+        for digit in layout.digits.values()
+        if digit.name in prior.DIGITS
+        and digit.base == root_of(layout)
+        and len(digit.segments) == len(prior.DIGITS[digit.name].lengths_mm)
+    ]
+
+
+def hand_model(
+    layout: Layout,
+    receivers: Sequence[str],
+    seen: Sequence[str],
+    wrist_mm: Array,
+    free: Sequence[FreeJoint] = (),
+    scale: tuple[float, float] = (1.0, prior.SCALE_SD),
+    parts: Parts | None = None,
+) -> HandModel:
+    """Lay out all chains of a layout.
+
+    receivers : segments in the order in which frames hold them; seen : those that have valid poses, as skin
+    is not fitted to angles that nothing shows. wrist_mm : (3,) where the wrist centre is expected in the
+    root's receiver frame, average hand. free : joints without anatomy. scale : mean and sd of the hand's
+    size.
+    """
+    builder = Builder(layout, scale, parts or Parts(), frozenset(seen))
+    root, digits = root_of(layout), known_digits(layout)
+    branches = [_base(builder, root, wrist_mm if digits else None)]
+    branches += [digit_steps(builder, digit, prior.DIGITS[digit.name]) for digit in digits]
+    branches += [_free(builder, joint, free, at_wrist=bool(digits)) for joint in free if joint.near == root]
+    return HandModel(
+        builder.unknowns,
+        builder.states,
+        tuple(Branch(steps) for steps in branches),
+        tuple(receivers),
+        tuple(builder.guesses),
+        builder.length,
+        builder.mount,
+        builder.axes,
+        builder.centres,
+        builder.seats,
+    )
+
+
+def _base(builder: Builder, root: str, wrist_mm: Array | None) -> Sequence[Step]:
+    """The root's own receiver: somewhere on the hand, or (None) the root itself."""
+    if wrist_mm is None:
+        return [Mark(receiver(root))]
+    return builder.receiver_steps(root, [builder.scale.times(-float(v)) for v in wrist_mm], (), 0.0)
+
+
+def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:
+    """A joint without anatomy and all that hangs from it."""
+    name = joint.joint.name
+    sd = WRIST_SD_MM if at_wrist and joint.far == joint.joint.parent_receiver else REACH_SD_MM
+    near = [builder.free(0.0, sd, "near side", f"{name} {n}") for n in "xyz"]
+    far = [builder.free(0.0, REACH_SD_MM, "far side", f"{name} {n}") for n in "xyz"]
+    outward = joint.far == joint.joint.child
+    x, y, z = [amount.times(-1.0) for amount in far] if outward else near
+    builder.seats[name] = x, y, z
+    steps: list[Step] = [along(axis, amount) for axis, amount in zip(np.eye(3), near, strict=True)]
+    steps.append(Mark(centre(name)))
+    states = [
+        builder.states.add(name, kind, 0.0, sd)
+        for kind, sd in zip(KINDS, ANGLE_SD_DEG[max(joint.joint.dof, 1) - 1], strict=True)
+    ]
+    axes = joint.axes if outward else -joint.axes  # angles are the child's
+    builder.axes[name] = joint.axes[:, 0]
+    builder.centres[name] = centre(name)
+    builder.guesses.append(FirstGuess(states[0], joint.near, joint.far, np.eye(3), axes[:, 0], joint.mean))
+    turns: list[Step] = [
+        Mark(axis_frame(name)),
+        *(by_state(axes[:, i], state) for i, state in enumerate(states)),
+    ]
+    if joint.joint.dof < 3:  # three rotations reach every posture, wherever their axes are
+        tilts = [builder.free(0.0, FREE_AXIS_SD_RAD, "free axis", f"{name} {n}") for n in (1, 2)]
+        turns = tilted((joint.axes[:, 1], joint.axes[:, 2]), tilts, turns)
+    steps += turns
+    steps.append(Turn(joint.mean))
+    steps += [along(axis, amount) for axis, amount in zip(np.eye(3), far, strict=True)]
+    steps.append(Mark(receiver(joint.far)))
+    after = [other for other in others if other.near == joint.far]
+    return [*steps, *(Side(tuple(_free(builder, other, others, at_wrist=False))) for other in after)]

@@ -1,0 +1,108 @@
+"""How large residuals, misplacements and skin motion are in this hand: scales of the priors from the data.
+
+Each scale is the value that makes the group's unknowns, with their posterior variance, as large as its prior
+says (the EM step for a variance component; MacKay 1992), held near the literature's by a number of pseudo
+observations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.rotations import Array
+from stages.fit_hand.normal_equations import Point, Problem, Reduced, Residuals, weighted_jacobian
+from stages.solve_joints.closed import effective_samples
+
+FAMILIES: Mapping[str, tuple[str, ...]] = {
+    "mount": ("mount x", "mount y", "mount z"),
+    "mount turn": ("mount turn",),
+    "slide": ("slide x", "slide y", "slide z"),
+    "tilt": ("tilt x", "tilt y", "tilt z"),
+    "joint slide": ("joint slide",),
+}
+"""Groups of unknowns that share a scale; the sizes of bones and joints are left as published."""
+
+PSEUDO_UNKNOWNS = 20.0
+PSEUDO_SHARE = 0.3
+"""Weight of the published scale: as so many unknowns, and as this share of the residuals."""
+
+LEAST_SAMPLES = 5.0
+_NO_MOTION = 1e-12
+
+SD_LIMITS = (0.2, 6.0)
+"""No receiver's residual is trusted to be smaller or larger than so many times the published one."""
+
+
+def prior_precision(groups: Sequence[str], x: Array, covariance: Array) -> tuple[Array, dict[str, float]]:
+    """Precision (G,) of the unknowns' priors and the scale of each family (1: as published)."""
+    named = np.array(groups)
+    precision = np.ones(len(named))
+    scales = {}
+    for family, members in FAMILIES.items():
+        own = np.isin(named, members)
+        if not own.any():
+            continue
+        second_moment = float((x[own] ** 2 + np.diag(covariance)[own]).sum())
+        variance = (second_moment + PSEUDO_UNKNOWNS) / (own.sum() + PSEUDO_UNKNOWNS)
+        precision[own] = 1.0 / variance
+        scales[family] = float(np.sqrt(variance))
+    return precision, scales
+
+
+def independent_samples(problem: Problem, found: Residuals) -> float:
+    """Number of independent samples in frames that follow each other evenly.
+
+    From the autocorrelation of every receiver's residuals; that which three quarters of them exceed, at
+    least LEAST_SAMPLES.
+    """
+    counts = []
+    for receivers, (r, _, _) in zip(problem.receivers, found.branches, strict=True):
+        for i, (_, s) in enumerate(receivers):
+            seen = r[i, problem.frames.valid[:, s]]
+            if len(seen) < 5:
+                continue
+            for part in (seen[:, :3], seen[:, 3:]):
+                variance = float(part.var(0).sum())
+                if variance > _NO_MOTION:
+                    counts.append(effective_samples(part, variance, len(part)))
+    return max(LEAST_SAMPLES, float(np.percentile(counts, 25))) if counts else LEAST_SAMPLES
+
+
+def residual_sd(problem: Problem, point: Point, found: Residuals, reduced: Reduced, nominal: Array) -> Array:
+    """Sd (S, 2) of every receiver's residuals, position in mm and rotation in rad.
+
+    The squares are divided by the degrees of freedom that the frame's own unknowns leave, as their leverage
+    says. nominal : (S, 2) the published ones.
+    """
+    out = nominal.copy()
+    for index, part in enumerate(found.branches):
+        r, weight, _ = part
+        _, by_operation, by_root = weighted_jacobian(problem, index, part, point)
+        branch, eliminated = problem.branches[index], reduced.eliminated[index]
+        J_y = by_operation @ branch.per_state(point.x)
+        own = J_y @ eliminated.inverse.swapaxes(-1, -2)
+        rest = by_root - own @ eliminated.by_rest[..., :6]
+        leverage = (own**2).sum(-1) + ((rest @ reduced.root_inverse.swapaxes(-1, -2)) ** 2).sum(-1)
+        for i, (_, s) in enumerate(problem.receivers[index]):
+            ok = problem.frames.valid[:, s]
+            if not ok.any():
+                continue
+            for kind in (0, 1):
+                rows = slice(3 * kind, 3 * kind + 3)
+                squares = (
+                    float((weight[i, :, None] * r[i, :, rows] ** 2)[ok].sum()) * problem.sd[s, kind] ** 2
+                )
+                left = float((1 - leverage.reshape(len(ok), -1, 6)[:, i, rows])[ok].sum())
+                pseudo = PSEUDO_SHARE * 3 * ok.sum()
+                variance = (squares + pseudo * nominal[s, kind] ** 2) / (max(left, 0.0) + pseudo)
+                limits = np.array(SD_LIMITS) * nominal[s, kind]
+                out[s, kind] = np.clip(np.sqrt(variance), *limits)
+    return out
+
+
+def rescaled(problem: Problem, sd: Array, precision: Array) -> Problem:
+    """The same problem with other scales."""
+    return replace(problem, sd=sd, precision=precision)

@@ -1,0 +1,265 @@
+"""A whole hand fitted to its calibration recordings: maximum a posteriori, with Laplace's covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from kinematics.rotations import Array
+from schemas.errors import InputError
+from schemas.layout import Layout
+from schemas.poses import Poses
+from stages.fit_hand import anatomy_priors as prior
+from stages.fit_hand.building import Parts
+from stages.fit_hand.chain import HandModel, hand_model, known_digits, root_of
+from stages.fit_hand.empirical_bayes import independent_samples, prior_precision, rescaled, residual_sd
+from stages.fit_hand.frames import spread_frames
+from stages.fit_hand.free_joints import free_joints
+from stages.fit_hand.measurements import Measurement, observations, planes
+from stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs, reduce, residuals
+from stages.fit_hand.posing import first_guess, pose
+from stages.fit_hand.reading import Evidence, FittedBone, FittedJoint, Posterior, Reading, read
+from stages.fit_hand.recordings import Convention, joined, postures
+from stages.fit_hand.solving import CLOSE, NEARLY, Solution, solve
+
+RESIDUAL_SD = (0.5, float(np.radians(0.6)))
+"""Of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its states
+do not follow (two LIBERTY sensors on a rigid bar already differ by 0.3 to 0.55 mm and 0.3 to 0.45 deg)."""
+
+INDEPENDENT_SAMPLES = 30.0
+"""In a calibration of half a minute; skin wanders for about half a second."""
+
+CANDIDATES_PER_FRAME = 4
+"""So many frames with all receivers valid, for each that is fitted, and no others are looked at."""
+
+EVEN_FRAMES = 300
+"""Evenly spaced over the recording, to see how residuals follow one another."""
+
+_POSING_STEPS = 4
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How hard to work: frames fitted, steps of each solution at most, rounds in which the scales of priors
+    and residuals are found (0: as published), and the parts of the model in use.
+    """
+
+    n_frames: int = 150
+    most_steps: int = 25
+    rounds: int = 2
+    parts: Parts = field(default_factory=Parts)
+
+
+@dataclass(frozen=True)
+class HandFit:
+    """A fitted hand: `reading` holds its joints and bones, `evidence` what they were read off.
+
+    residual_rms : by receiver, mm and deg per component. scales : those of priors and residuals as found,
+    over the published ones. steps : of all rounds. n_frames : that could have been used.
+    """
+
+    evidence: Evidence
+    reading: Reading
+    residual_rms: Mapping[str, tuple[float, float]]
+    scales: Mapping[str, float]
+    steps: int
+    n_frames: int
+
+    @property
+    def joints(self) -> Mapping[str, FittedJoint]:
+        """Every joint between two receivers, by name."""
+        return self.reading.joints
+
+    @property
+    def palm(self) -> Mapping[str, FittedJoint]:
+        """Moving joints whose child carries no receiver: CMC 4 and 5."""
+        return self.reading.palm
+
+    @property
+    def bones(self) -> Mapping[str, FittedBone]:
+        """Lengths of the bones, by segment."""
+        return self.reading.bones
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last round ended because nothing moved any more."""
+        return self.evidence.converged
+
+
+def fit_hand(
+    recordings: Sequence[Poses],
+    layout: Layout,
+    hand: str,
+    *,
+    hand_length_mm: float | None = None,
+    hand_breadth_mm: float | None = None,
+    measurements: Sequence[Measurement] = (),
+    settings: Settings | None = None,
+) -> HandFit:
+    """Fit a hand to its calibration recordings, all at once.
+
+    recordings : of one hand; each holds the poses (T, S) of receivers in the transmitter frame, wherever
+    that is. hand : right or left. hand_length_mm : wrist crease to the tip of the middle finger;
+    hand_breadth_mm : across the knuckles of digits 2 to 5. measurements : taken on the hand itself. A
+    receiver that is never valid is done without. Raises InputError where fewer than two frames have half of
+    the receivers, or a measurement names nothing known.
+    """
+    settings = settings or Settings()
+    convention = Convention.of(layout, _receivers(layout, recordings), hand)
+    everything = joined([convention.frames(poses) for poses in recordings])
+    frames, share, n_used = _chosen(everything, layout, convention.receivers, settings.n_frames)
+    scale = _scale(hand_length_mm, hand_breadth_mm)
+    model = _model(layout, convention, everything, frames, scale, settings.parts)
+    measured = observations(model, measurements).and_also(planes(model, layout, convention))
+    problem = _problem(model, frames, measured)
+    problem, solution, scales, steps = _solved(problem, model, everything, settings)
+    reduced = reduce(problem, solution.point, solution.residuals, np.zeros(len(share)))
+    posterior = Posterior.of(problem, solution.point, reduced, share)
+    evidence = Evidence(
+        layout, model, convention, problem, posterior, share, solution.point.y, solution.converged
+    )
+    residual_rms = _residual_rms(problem, solution, model)
+    return HandFit(evidence, read(evidence), residual_rms, scales, steps, n_used)
+
+
+def _model(
+    layout: Layout,
+    convention: Convention,
+    everything: Frames,
+    frames: Frames,
+    scale: tuple[float, float],
+    parts: Parts,
+) -> HandModel:
+    """Lay out the chains that this layout and these recordings allow."""
+    receivers, root = convention.receivers, root_of(layout)
+    seen = [receivers[i] for i in np.flatnonzero(np.any(everything.valid, axis=0))]
+    known = [joint for digit in known_digits(layout) for joint in digit.joints]
+    free = free_joints(layout, root, known, frames, receivers)
+    wrist_mm = np.zeros(3)
+    if layout.wrist is not None:
+        wrist_mm = convention.point_matrix(root).T @ (layout.wrist.point_mm or layout.wrist.nominal_mm)
+    return hand_model(layout, receivers, seen, wrist_mm, free, scale, parts)
+
+
+def _problem(model: HandModel, frames: Frames, measured: Observations) -> Problem:
+    """The problem with every scale as published."""
+    return Problem(
+        branches=model.branches,
+        receivers=pairs(model.branches, model.receivers),
+        frames=frames,
+        sd=np.tile(RESIDUAL_SD, (len(model.receivers), 1)),
+        temper=min(1.0, INDEPENDENT_SAMPLES / len(frames.valid)),
+        state_mean=np.array(model.states.mean),
+        state_sd=np.array(model.states.sd),
+        precision=np.ones(len(model.unknowns.names)),
+        observations=measured,
+    )
+
+
+def _solved(
+    problem: Problem, model: HandModel, everything: Frames, settings: Settings
+) -> tuple[Problem, Solution, dict[str, float], int]:
+    """Solve, find the scales that the hand shows, solve again; give problem, solution, scales and steps."""
+    nominal = problem.sd
+    scales: dict[str, float] = {}
+    average = np.zeros(len(problem.precision))
+    start = pose(problem, first_guess(problem, model, average), _POSING_STEPS)
+    closeness = [NEARLY] * settings.rounds + [CLOSE]
+    solution = solve(problem, start, settings.most_steps, closeness[0])
+    steps = solution.steps
+    if settings.rounds:
+        problem = replace(problem, temper=_temper(problem, model, solution, everything))
+    for close in closeness[1:]:
+        problem, scales = _with_own_scales(problem, model, solution, nominal)
+        solution = solve(problem, solution.point, settings.most_steps, close)
+        steps += solution.steps
+    return problem, solution, scales, steps
+
+
+def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, float]:
+    """Mean and sd of the hand's size: the population's, or what was measured."""
+    known = [
+        (value / average, sd)
+        for value, average, sd in (
+            (length_mm, prior.AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH),
+            (breadth_mm, prior.AVERAGE_BREADTH_MM, prior.SCALE_SD_BY_BREADTH),
+        )
+        if value is not None
+    ]
+    weight = np.array([1 / sd**2 for _, sd in known])
+    if not known:
+        return 1.0, prior.SCALE_SD
+    return float(weight @ [scale for scale, _ in known] / weight.sum()), float(weight.sum() ** -0.5)
+
+
+def _receivers(layout: Layout, recordings: Sequence[Poses]) -> list[str]:
+    """Segments with a receiver, the root's first; an optional one only where it was worn."""
+    worn = {
+        name
+        for poses in recordings
+        for name, valid in zip(poses.segments, np.any(poses.valid, axis=0).tolist(), strict=True)
+        if valid
+    }
+    root = root_of(layout)
+    others = [s for s in layout.measured if s != root and (s in worn or not layout.segments[s].optional)]
+    return [root, *others]
+
+
+def _chosen(
+    frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int
+) -> tuple[Frames, Array, int]:
+    """Frames to fit, the share of the recording that each stands for, and how many could be used."""
+    worn = int(frames.valid.any(0).sum())
+    count = frames.valid.sum(1)
+    enough = min(CANDIDATES_PER_FRAME * n_frames, int((count >= max(2, worn / 2)).sum()) // 2)
+    least = next(c for c in range(worn, -1, -1) if (count >= c).sum() >= enough)
+    usable = np.flatnonzero(count >= max(2, worn / 2, least))
+    if len(usable) < 2:
+        raise InputError(
+            f"{len(usable)} frames have half of the {worn} receivers valid; expected 2 or more: record the "
+            "receivers together"
+        )
+    joints = [j for j in layout.solvable if {j.parent_receiver, j.child} <= set(receivers)]
+    index = [(receivers.index(j.parent_receiver), receivers.index(j.child)) for j in joints]
+    rows, share = spread_frames(postures(frames.take(usable), index), n_frames)
+    return frames.take(usable[rows]), share, len(usable)
+
+
+def _temper(problem: Problem, model: HandModel, solution: Solution, everything: Frames) -> float:
+    """Independent samples per fitted frame, from how the residuals wander over the whole recording."""
+    step = max(1, len(everything.valid) // EVEN_FRAMES)
+    even = replace(problem, frames=everything.take(slice(None, None, step)))
+    posed = pose(even, first_guess(even, model, solution.point.x), _POSING_STEPS)
+    samples = independent_samples(even, residuals(even, posed))
+    return min(1.0, samples / len(problem.frames.valid))
+
+
+def _with_own_scales(
+    problem: Problem, model: HandModel, solution: Solution, nominal: Array
+) -> tuple[Problem, dict[str, float]]:
+    """The problem with the scales of priors and residuals that this hand shows."""
+    point, found = solution.point, solution.residuals
+    reduced = reduce(problem, point, found, np.zeros(len(point.y)))
+    covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
+    precision, scales = prior_precision(model.unknowns.groups, point.x, covariance)
+    sd = residual_sd(problem, point, found, reduced, nominal)
+    position, rotation = np.sqrt((sd**2).mean(0)) / nominal[0]
+    scales |= {"residual position": float(position), "residual rotation": float(rotation)}
+    return rescaled(problem, sd, precision), scales
+
+
+def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dict[str, tuple[float, float]]:
+    """Root mean square residual of every receiver, mm and deg, per component; NaN where it was not seen."""
+    rms = {}
+    for receivers, (r, _, _) in zip(problem.receivers, solution.residuals.branches, strict=True):
+        for i, (_, s) in enumerate(receivers):
+            ok = problem.frames.valid[:, s]
+            if not ok.any():
+                rms[model.receivers[s]] = (float("nan"), float("nan"))
+                continue
+            position = np.sqrt((r[i, ok, :3] ** 2).mean()) * problem.sd[s, 0]
+            rotation = np.sqrt((r[i, ok, 3:] ** 2).mean()) * problem.sd[s, 1]
+            rms[model.receivers[s]] = (float(position), float(np.degrees(rotation)))
+    return rms

@@ -1,0 +1,253 @@
+"""Chains of elementary operations, and the derivative of every pose in them.
+
+A bone is reached from the root by rotations about and translations along constant axes. The amount of each
+is linear in the unknowns of the hand (x), in the joint angles of a frame (y), or in products of one of each.
+Then every derivative is a cross product: an operation at origin t_i with axis w, both in the root's frame,
+moves a point at t by w x (t - t_i) and turns it by w when it rotates; by w and not at all when it translates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.rotations import Array
+
+Index = npt.NDArray[np.int64]
+NOTHING: Array = np.empty(0)
+
+
+@dataclass(frozen=True)
+class Term:
+    """coefficient * x[unknown] * y[state]; a factor that is None is left out."""
+
+    coefficient: float
+    unknown: int | None = None
+    state: int | None = None
+
+
+@dataclass(frozen=True)
+class Operation:
+    """A rotation about (rad) or a translation along (mm) a constant unit axis in the frame reached so far.
+
+    The amount is the constant and the terms; skin : terms that are the skin's doing, not the bones'.
+    """
+
+    rotates: bool
+    axis: Array
+    constant: float = 0.0
+    terms: tuple[Term, ...] = ()
+    skin: tuple[Term, ...] = ()
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A constant rotation matrix (3, 3)."""
+
+    rotation: Array
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The frame reached here is a named one: a bone or a receiver."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Side:
+    """A side branch: what follows it starts where it starts."""
+
+    steps: tuple[Step, ...]
+
+
+Step = Operation | Turn | Mark | Side
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Marked poses and where every operation acts, over F frames, in the frame in which the root is given.
+
+    rotation : (M, F, 3, 3), position_mm : (M, F, 3) of the marks. axis, origin_mm : (O, F, 3).
+    """
+
+    rotation: Array
+    position_mm: Array
+    axis: Array
+    origin_mm: Array
+
+
+@dataclass
+class _Listing:
+    """Steps laid out in a row."""
+
+    operations: list[Operation] = field(default_factory=list)
+    marks: list[str] = field(default_factory=list)
+    upstream: list[list[int]] = field(default_factory=list)
+    plan: list[tuple[str, int, Array]] = field(default_factory=list)
+
+    def add(self, steps: Sequence[Step], before: list[int]) -> None:
+        """Add steps; `before` are the operations that they follow."""
+        before = list(before)
+        for step in steps:
+            if isinstance(step, Operation):
+                before.append(len(self.operations))
+                self.plan.append(("rotate" if step.rotates else "translate", len(self.operations), step.axis))
+                self.operations.append(step)
+            elif isinstance(step, Turn):
+                self.plan.append(("turn", 0, step.rotation))
+            elif isinstance(step, Mark):
+                self.plan.append(("mark", len(self.marks), NOTHING))
+                self.marks.append(step.name)
+                self.upstream.append(list(before))
+            else:
+                self.plan.append(("leave", 0, NOTHING))
+                self.add(step.steps, before)
+                self.plan.append(("return", 0, NOTHING))
+
+
+class Branch:
+    """A chain of steps from the root with its side branches, ready to be evaluated.
+
+    marks : names in order. unknowns : indices into x, states : indices into y, of those that occur.
+    moving : operations that depend on the states.
+    """
+
+    def __init__(self, steps: Sequence[Step]) -> None:
+        listing = _Listing()
+        listing.add(steps, [])
+        self.marks = tuple(listing.marks)
+        self._plan = listing.plan
+        n_operations = len(listing.operations)
+        self._rotates = np.array([operation.rotates for operation in listing.operations], bool)
+        self._upstream = np.zeros((len(self.marks), n_operations), bool)
+        for mark, before in enumerate(listing.upstream):
+            self._upstream[mark, before] = True
+        axes = np.array([operation.axis for operation in listing.operations]).reshape(-1, 3)
+        self._cross = np.cross(axes[:, None, :], -np.eye(3))  # row i of [a]x is a x -e_i, read backwards
+        self._square = self._cross @ self._cross
+        self._constant = np.array([operation.constant for operation in listing.operations])
+        terms = [
+            (o, term, skin)
+            for o, operation in enumerate(listing.operations)
+            for skin, group in ((False, operation.terms), (True, operation.skin))
+            for term in group
+        ]
+        self.unknowns: Index = np.array(
+            sorted({t.unknown for _, t, _ in terms if t.unknown is not None}), int
+        )
+        self.states: Index = np.array(sorted({t.state for _, t, _ in terms if t.state is not None}), int)
+        x_at = {int(index): i for i, index in enumerate(self.unknowns)}
+        y_at = {int(index): i for i, index in enumerate(self.states)}
+        self._by_unknown = np.zeros((n_operations, len(self.unknowns)))
+        self._by_state = np.zeros((2, n_operations, len(self.states)))  # bones', skin's
+        products = []
+        for o, term, skin in terms:
+            if term.unknown is None and term.state is not None:
+                self._by_state[int(skin), o, y_at[term.state]] += term.coefficient
+            elif term.unknown is not None and term.state is None:
+                self._by_unknown[o, x_at[term.unknown]] += term.coefficient
+            elif term.unknown is not None and term.state is not None:
+                products.append((o, x_at[term.unknown], y_at[term.state], term.coefficient, skin))
+        self._product_at: Index = np.array([p[:3] for p in products], int).reshape(-1, 3)
+        self._product = np.array([p[3] for p in products])
+        self._product_skin = np.array([p[4] for p in products], bool)
+        self._moves = np.any(self._by_state != 0, axis=(0, 2))
+        self._moves[self._product_at[:, 0]] = True
+        self.moving: Index = np.flatnonzero(self._moves)
+        select = np.zeros((len(products), len(self.unknowns)))
+        select[np.arange(len(products)), self._product_at[:, 1]] = self._product
+        self._by_unknown_and_product = np.concatenate([self._by_unknown, select])
+
+    def per_state(self, x: Array, *, skin: bool = True) -> Array:
+        """Derivative (O, states) of every amount with respect to the branch's own states."""
+        by_state = self._by_state[0] + self._by_state[1] if skin else self._by_state[0].copy()
+        o, g, s = self._product_at.T
+        used = slice(None) if skin else ~self._product_skin
+        np.add.at(by_state, (o[used], s[used]), (self._product * x[self.unknowns][g])[used])
+        return np.asarray(by_state)
+
+    def reach(self, x: Array, y: Array, root: Array, root_mm: Array, *, skin: bool = True) -> Reached:
+        """Go through the chain.
+
+        x : (G,) unknowns; y : (F, S) states of the frames; root : (F, 3, 3), root_mm : (F, 3) pose of the
+        root. skin : False to leave the receivers where they are on the bones when no joint is bent.
+        """
+        own = y[:, self.states]
+        amount = self._constant + self._by_unknown @ x[self.unknowns]
+        amount = amount[:, None] + self.per_state(x, skin=skin) @ own.T
+        turning = [
+            _rotation(cross_, square, angle if moves else angle[:1])
+            for cross_, square, angle, moves in zip(
+                self._cross, self._square, amount, self._moves, strict=True
+            )
+        ]
+        R, t = root, root_mm
+        n_frames = len(y)
+        rotation = np.empty((len(self.marks), n_frames, 3, 3))
+        position = np.empty((len(self.marks), n_frames, 3))
+        axis = np.empty((len(self._rotates), n_frames, 3))
+        origin = np.empty((len(self._rotates), n_frames, 3))
+        left = []
+        for what, index, constant in self._plan:
+            if what == "rotate":
+                axis[index], origin[index] = R @ constant, t
+                R = R @ turning[index]
+            elif what == "translate":
+                axis[index], origin[index] = R @ constant, t
+                t = t + axis[index] * amount[index][:, None]
+            elif what == "turn":
+                R = R @ constant
+            elif what == "mark":
+                rotation[index], position[index] = R, t
+            elif what == "leave":
+                left.append((R, t))
+            else:
+                R, t = left.pop()
+        return Reached(rotation, position, axis, origin)
+
+    def by_operation(self, reached: Reached, marks: Sequence[int], which: Index | None = None) -> Array:
+        """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation.
+
+        which : operations to give; all where None.
+        """
+        chosen = np.arange(len(self._rotates)) if which is None else which
+        axis, origin_mm = reached.axis[chosen], reached.origin_mm[chosen]
+        rotates = self._rotates[chosen, None, None]
+        out = np.empty((len(marks), axis.shape[1], 6, len(chosen)))
+        for i, mark in enumerate(marks):
+            turned = np.where(rotates, cross(axis, reached.position_mm[mark] - origin_mm), axis)
+            spun = np.where(rotates, axis, 0.0)
+            both = np.concatenate([turned, spun], -1) * self._upstream[mark, chosen, None, None]
+            out[i] = both.transpose(1, 2, 0)
+        return out
+
+    def by_unknown(self, by_operation: Array, y: Array, *, skin: bool = True) -> Array:
+        """Derivative (..., F, 6, unknowns) by the branch's own unknowns from that by the operations.
+
+        skin : as in `reach`.
+        """
+        o, _, s = self._product_at.T
+        angles = y[:, self.states][:, s]
+        if not skin:
+            angles = np.where(self._product_skin, 0.0, angles)
+        products = by_operation[..., o] * angles[:, None, :]
+        return np.asarray(np.concatenate([by_operation, products], -1) @ self._by_unknown_and_product)
+
+
+def _rotation(cross_matrix: Array, square: Array, angle_rad: Array) -> Array:
+    """Rotation matrices (F, 3, 3) about the axis of a cross product matrix, by angles (F,) (Rodrigues)."""
+    angle = angle_rad[:, None, None]
+    return np.asarray(np.eye(3) + np.sin(angle) * cross_matrix + (1.0 - np.cos(angle)) * square)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product of vectors (..., 3), written out (np.cross is slow)."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out

@@ -1,0 +1,229 @@
+"""The chains themselves: every analytic derivative, and a hand of their own making that comes back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics.rotations import Array
+from schemas.layout import Layout, read_layout
+from stages.fit_hand.anatomy_priors import UNDER_READING, UNDER_READING_SD
+from stages.fit_hand.chain import HandModel, hand_model
+from stages.fit_hand.normal_equations import (
+    Frames,
+    Observations,
+    Point,
+    Problem,
+    back_substitute,
+    exp_rotation,
+    log_rotation,
+    pairs,
+    reduce,
+    residuals,
+    states_by_unknowns,
+    weighted_jacobian,
+)
+from stages.fit_hand.reading import Posterior
+from stages.fit_hand.solving import solve
+
+STEP = 1e-6
+
+
+@pytest.fixture(scope="module")
+def layout() -> Layout:
+    return read_layout("liberty16")
+
+
+def model_of(layout: Layout) -> HandModel:
+    receivers = [name for name in layout.measured if name != "forearm"]
+    return hand_model(layout, receivers, receivers, np.array([-35.0, 0.0, -14.0]))
+
+
+def random_point(model: HandModel, n_frames: int, seed: int = 0) -> Point:
+    rng = np.random.default_rng(seed)
+    n_x, n_y = len(model.unknowns.names), len(model.states.names)
+    root = exp_rotation(rng.normal(size=(n_frames, 3)))
+    y = np.array(model.states.mean) + 0.6 * np.array(model.states.sd) * rng.normal(size=(n_frames, n_y))
+    return Point(0.7 * rng.normal(size=n_x), y, root, 200 * rng.normal(size=(n_frames, 3)))
+
+
+def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> Problem:
+    """Frames as that point makes them, with noise in mm and deg."""
+    rng = np.random.default_rng(seed)
+    n_frames, n_receivers = len(point.y), len(model.receivers)
+    rotation = np.empty((n_frames, n_receivers, 3, 3))
+    position = np.empty((n_frames, n_receivers, 3))
+    receivers = pairs(model.branches, model.receivers)
+    for branch, of_branch in zip(model.branches, receivers, strict=True):
+        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+        for mark, s in of_branch:
+            turn = exp_rotation(np.radians(noise) * rng.normal(size=(n_frames, 3)))
+            rotation[:, s] = reached.rotation[mark] @ turn
+            position[:, s] = reached.position_mm[mark] + noise * rng.normal(size=(n_frames, 3))
+    valid = rng.random((n_frames, n_receivers)) > 0.1
+    n_x = len(point.x)
+    return Problem(
+        model.branches,
+        receivers,
+        Frames(rotation, position, valid),
+        np.tile([0.5, 0.01], (n_receivers, 1)),
+        0.3,
+        np.array(model.states.mean),
+        np.array(model.states.sd),
+        np.full(n_x, 0.8),
+        Observations(rng.normal(size=(2, n_x)), rng.normal(size=2)),
+    )
+
+
+@pytest.mark.parametrize("skin", [True, False])
+def test_every_branch(layout: Layout, skin: bool) -> None:
+    """Poses of all marks by all unknowns and states, with the skin's motion and without."""
+    model = model_of(layout)
+    point = random_point(model, 3)
+
+    def reach(x: Array, y: Array, branch_index: int) -> tuple[Array, Array]:
+        reached = model.branches[branch_index].reach(x, y, point.root, point.root_mm, skin=skin)
+        return reached.rotation, reached.position_mm
+
+    for index, branch in enumerate(model.branches):
+        reached = branch.reach(point.x, point.y, point.root, point.root_mm, skin=skin)
+        raw = branch.by_operation(reached, range(len(branch.marks)))
+        by_x = branch.by_unknown(raw, point.y, skin=skin)
+        by_y = raw @ branch.per_state(point.x, skin=skin)
+        for own, by, of_x in ((branch.unknowns, by_x, True), (branch.states, by_y, False)):
+            for column, unknown in enumerate(own):
+                nudge = np.zeros(len(point.x) if of_x else point.y.shape[1])
+                nudge[unknown] = STEP
+                ends = []
+                for sign in (1, -1):
+                    x = point.x + sign * nudge if of_x else point.x
+                    y = point.y if of_x else point.y + sign * nudge
+                    ends.append(reach(x, y, index))
+                moved = (ends[0][1] - ends[1][1]) / (2 * STEP)
+                turned = log_rotation(ends[0][0] @ np.swapaxes(ends[1][0], -1, -2)) / (2 * STEP)
+                np.testing.assert_allclose(by[..., :3, column], moved, atol=1e-6)
+                np.testing.assert_allclose(by[..., 3:, column], turned, atol=1e-8)
+
+
+def test_residuals_turn_as_their_jacobian_says(layout: Layout) -> None:
+    """Residuals of many degrees by every amount of the root's pose, in the receivers' own frames."""
+    model = model_of(layout)
+    point = random_point(model, 3)
+    problem = replace(problem_at(model, point, 8.0), temper=1.0)
+    found = residuals(problem, point)
+    part = (found.branches[2][0], np.ones_like(found.branches[2][1]), found.branches[2][2])
+    by_root = weighted_jacobian(problem, 2, part, point)[2].reshape(3, -1, 6, 6)
+    for column in range(6):
+        ends = []
+        for sign in (STEP, -STEP):
+            nudge = sign * np.eye(6)[column]
+            root = point.root @ exp_rotation(nudge[3:])
+            moved = replace(point, root=root, root_mm=point.root_mm + point.root @ nudge[:3])
+            ends.append(residuals(problem, moved).branches[2][0])
+        slope = np.swapaxes(ends[0] - ends[1], 0, 1) / (2 * STEP)
+        np.testing.assert_allclose(by_root[..., column], slope, atol=1e-5)
+
+
+def test_the_thumbs_receiver_lags_behind_its_bone(layout: Layout) -> None:
+    """Where the CMC flexes, the receiver over the metacarpal turns by the share that the unknown says."""
+    model = model_of(layout)
+    cmc = model.states.names.index(("thumb_cmc", "flexion"))
+    unknown = model.unknowns.groups.index("under-reading")
+    branch = next(b for b in model.branches if "receiver thumb_metacarpal" in b.marks)
+    x, y = np.zeros(len(model.unknowns.names)), np.zeros((2, len(model.states.names)))
+    x[unknown], y[1, cmc] = 0.5, 0.4
+    reached = branch.reach(x, y, np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
+    turned = {}
+    for name in ("receiver thumb_metacarpal", "bone thumb_metacarpal"):
+        first, second = reached.rotation[branch.marks.index(name)]
+        turned[name] = np.linalg.norm(log_rotation(second @ first.T))
+    share = 1 + UNDER_READING + 0.5 * UNDER_READING_SD
+    assert turned["bone thumb_metacarpal"] == pytest.approx(0.4)
+    assert turned["receiver thumb_metacarpal"] == pytest.approx(0.4 * share, abs=1e-9)
+
+
+def test_gradient_of_the_cost(layout: Layout) -> None:
+    """With states and roots at their best, the reduced gradient is the cost's slope along every unknown."""
+    model = model_of(layout)
+    point = random_point(model, 4)
+    problem = problem_at(model, point, 0.4)
+    for _ in range(40):  # states and roots to their optimum, so that eliminating them leaves the gradient
+        found = residuals(problem, point)
+        point = back_substitute(
+            problem, point, reduce(problem, point, found, np.full(4, 1e-9), fixed_x=True), None
+        )
+    found = residuals(problem, point)
+    reduced = reduce(problem, point, found, np.zeros(4))
+    for unknown in range(0, len(point.x), 7):
+        costs = []
+        for sign in (1, -1):
+            x = point.x.copy()
+            x[unknown] += sign * 1e-5
+            costs.append(residuals(problem, Point(x, point.y, point.root, point.root_mm)).cost)
+        slope = (costs[0] - costs[1]) / 2e-5
+        assert reduced.gradient[unknown] == pytest.approx(slope, abs=1e-4 * max(1, abs(slope)))
+
+
+def test_states_follow_the_unknowns(layout: Layout) -> None:
+    """Mean states after moving an unknown and posing again, against the derivative that elimination gives."""
+    model = model_of(layout)
+    truth = random_point(model, 4)
+    problem = problem_at(model, truth, 0.0)
+    everything = np.ones_like(problem.frames.valid)
+    problem = replace(
+        problem, state_sd=10 * problem.state_sd, frames=replace(problem.frames, valid=everything)
+    )
+
+    def posed(x: Array) -> Point:
+        point = Point(x, truth.y, truth.root, truth.root_mm)
+        for _ in range(8):
+            found = residuals(problem, point)
+            reduced = reduce(problem, point, found, np.full(4, 1e-12), fixed_x=True)
+            point = back_substitute(problem, point, reduced, None)
+        return point
+
+    here = posed(truth.x)
+    reduced = reduce(problem, here, residuals(problem, here), np.zeros(4))
+    by_x = states_by_unknowns(problem, reduced, np.full(4, 0.25))
+    for unknown in range(0, len(truth.x), 41):
+        ends = []
+        for sign in (1, -1):
+            x = truth.x.copy()
+            x[unknown] += sign * 1e-4
+            ends.append(posed(x).y.mean(0))
+        slope = (ends[0] - ends[1]) / 2e-4
+        np.testing.assert_allclose(by_x[:, unknown], slope, atol=2e-4)
+
+
+def test_a_hand_of_its_own_kind_comes_back(layout: Layout) -> None:
+    """Poses made by the model's own chain, without noise: from an average hand to 0.05 mm of the true one, in
+    every direction that the data show; every length within its sd.
+    """
+    model = model_of(layout)
+    truth = random_point(model, 40, seed=5)
+    truth = replace(truth, x=0.5 * truth.x)
+    n_x = len(truth.x)
+    exact = replace(
+        problem_at(model, truth, 0.0),
+        sd=np.tile([0.02, 0.0004], (len(model.receivers), 1)),
+        temper=1.0,
+        precision=np.full(n_x, 0.02),
+        state_sd=30 * np.array(model.states.sd),
+        observations=Observations(np.zeros((0, n_x)), np.zeros(0)),
+    )
+    point = replace(truth, x=np.zeros(n_x))
+    for coarse in (25, 8, 2.5, 1):
+        solution = solve(replace(exact, sd=coarse * exact.sd), point, 30)
+        point = solution.point
+        assert solution.converged
+    reduced = reduce(exact, point, solution.residuals, np.zeros(40))
+    variance, directions = np.linalg.eigh(np.linalg.inv(reduced.matrix))
+    off_mm = 3.9 * directions.T @ (point.x - truth.x)  # the widest prior has an sd of 3.9 mm
+    shown = variance < 0.05**2
+    assert shown.sum() > n_x / 2
+    assert np.abs(off_mm[shown]).max() < 0.05
+    posterior = Posterior.of(exact, point, reduced, np.full(40, 1 / 40))
+    for length in model.length.values():
+        found, sd = posterior.of_amount(length)
+        true = length.constant + sum(c * truth.x[i] for c, i in length.parts)
+        assert abs(found - true) < 0.05 + 2 * sd
