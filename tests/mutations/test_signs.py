@@ -81,15 +81,23 @@ SIGNS = {
 }
 
 
+GUARDS = (
+    *("chains.py", "conftest.py", "pipeline.py"),
+    *("stages/solve_joints/test_solve_joints.py", "stages/project_planes/test_plane.py"),
+)
+"""Tests of the paper's equations, and what they stand on, beside those of kinematics and metacarpals."""
+
+
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the code and of the tests that guard the equations."""
     folder = tmp_path_factory.mktemp("mutated")
     for name in ("stages", "kinematics", "schemas", "config"):
         shutil.copytree(REPOSITORY / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("kinematics", "stages/solve_joints", "stages/project_planes", "stages/estimate_metacarpals"):
+    for name in ("kinematics", "stages/estimate_metacarpals"):
         shutil.copytree(REPOSITORY / "tests" / name, folder / "tests" / name)
-    for name in ("pyproject.toml", "tests/chains.py", "tests/conftest.py", "tests/pipeline.py"):
+    for name in ("pyproject.toml", *(f"tests/{name}" for name in GUARDS)):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(REPOSITORY / name, folder / name)
     return folder
 
