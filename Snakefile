@@ -20,7 +20,7 @@ except InputError as error:
 
 results = study.results.folder.as_posix()
 of_recording = "sub-{subject}/{hand}/{recording}"
-of_hand = "models/{model}/sub-{subject}/{hand}"
+of_hand = "models/{model}/sub-{subject}/{hand}{without}"
 stage = f"{quote(sys.executable)} -m stages."
 
 shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} OMP_NUM_THREADS=1; ")
@@ -32,6 +32,7 @@ wildcard_constraints:
     task="[^/]+",
     recording="[^/]+",
     model="[^/]+",
+    without="(/without-[^/]+)?",  # a skeleton made without a task's recordings, to be scored on them
 
 
 rule all:
@@ -83,6 +84,23 @@ rule capture:  # section 2: recordings -> poses
         + "capture import --record-failure {params.words} --out {output:q} 2> {log:q}"
 
 
+rule check_calibration:  # not in the paper: which joints should have moved more
+    input:
+        poses=study.calibrating,
+        layout=study.layout,
+    output:
+        f"{results}/hands/sub-{{subject}}/{{hand}}/calibration_advice.parquet",
+    log:
+        f"{results}/logs/check_calibration/sub-{{subject}}/{{hand}}.log",
+    params:
+        code=code_digest("check_calibration"),
+        whose=study.whose,
+    shell:
+        stage
+        + "check_calibration --record-failure {params.whose} --poses {input.poses:q}"
+        " --layout {input.layout:q} --out {output:q} > /dev/null 2> {log:q}"
+
+
 rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     input:
         poses=study.calibration,
@@ -91,7 +109,7 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     output:
         f"{results}/{of_hand}/joint_solutions.parquet",
     log:
-        f"{results}/logs/solve_joints/{{model}}/sub-{{subject}}/{{hand}}.log",
+        f"{results}/logs/solve_joints/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
     params:
         code=code_digest("solve_joints"),
         whose=study.whose,
@@ -109,7 +127,7 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
     output:
         f"{results}/{of_hand}/projected_joints.parquet",
     log:
-        f"{results}/logs/project_planes/{{model}}/sub-{{subject}}/{{hand}}.log",
+        f"{results}/logs/project_planes/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
     params:
         code=code_digest("project_planes"),
     shell:
@@ -118,9 +136,44 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
         " --layout {input.layout:q} --model {input.model:q} --out {output:q} 2> {log:q}"
 
 
+rule fit_hand:  # not in the paper: the whole hand at once, and recordings posed with it
+    input:
+        poses=study.calibration,
+        joints=f"{results}/{of_hand}/projected_joints.parquet",
+        other=study.other_calibration,
+        replay=study.evaluated,
+        measurements=study.sheet("measurements"),
+        touches=study.sheet("touches"),
+        layout=study.layout,
+        model=study.model,
+    output:
+        joints=f"{results}/{of_hand}/fitted_joints.parquet",
+        bones=f"{results}/{of_hand}/fitted_bones.parquet",
+        receivers=f"{results}/{of_hand}/receivers.parquet",
+        gains=f"{results}/{of_hand}/gains.parquet",
+        angles=f"{results}/{of_hand}/joint_angles.parquet",
+        bone_poses=f"{results}/{of_hand}/bone_poses.parquet",
+        tips=f"{results}/{of_hand}/posed_tips.parquet",
+    log:
+        f"{results}/logs/fit_hand/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
+    params:
+        code=code_digest("fit_hand"),
+        sizes=study.sizes,
+    shell:
+        stage
+        + "fit_hand --record-failure {params.sizes} --poses {input.poses:q} --joints {input.joints:q}"
+        " --other-poses {input.other:q} --replay {input.replay:q} --measurements {input.measurements:q}"
+        " --touches {input.touches:q} --layout {input.layout:q} --model {input.model:q}"
+        " --out {output.joints:q} --out-bones {output.bones:q} --out-receivers {output.receivers:q}"
+        " --out-gains {output.gains:q} --out-angles {output.angles:q}"
+        " --out-bone-poses {output.bone_poses:q} --out-tips {output.tips:q} 2> {log:q}"
+
+
 rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, metacarpal postures
     input:
-        joints=f"{results}/{of_hand}/projected_joints.parquet",
+        joints=study.joints,
+        fitted_bones=study.fitted("fitted_bones"),
+        bone_poses=study.fitted("bone_poses"),
         calibration=study.calibration,
         poses=study.evaluated,
         layout=study.layout,
@@ -130,12 +183,13 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
         bones=f"{results}/{of_hand}/bone_lengths.parquet",
         metacarpals=f"{results}/{of_hand}/metacarpals.parquet",
     log:
-        f"{results}/logs/estimate_metacarpals/{{model}}/sub-{{subject}}/{{hand}}.log",
+        f"{results}/logs/estimate_metacarpals/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
     params:
         code=code_digest("estimate_metacarpals"),
     shell:
         stage + "estimate_metacarpals --record-failure --joints {input.joints:q}"
         " --calibration {input.calibration:q} --poses {input.poses:q}"
+        " --fitted-bones {input.fitted_bones:q} --bone-poses {input.bone_poses:q}"
         " --layout {input.layout:q} --model {input.model:q} --out-joints {output.joints:q}"
         " --out-bones {output.bones:q} --out {output.metacarpals:q} 2> {log:q}"
 
@@ -153,7 +207,7 @@ rule evaluate_tips:  # section 6: replay and tip errors
         tips=f"{results}/{of_hand}/tips.parquet",
         errors=f"{results}/{of_hand}/tip_errors.parquet",
     log:
-        f"{results}/logs/evaluate_tips/{{model}}/sub-{{subject}}/{{hand}}.log",
+        f"{results}/logs/evaluate_tips/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
     params:
         code=code_digest("evaluate_tips"),
     shell:
@@ -164,10 +218,33 @@ rule evaluate_tips:  # section 6: replay and tip errors
         " --out {output.tips:q} --out-errors {output.errors:q} 2> {log:q}"
 
 
+rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that they have not seen
+    input:
+        study.skeleton_tables,
+        poses=study.evaluated,
+        calibration=study.calibrating,
+        layout=study.layout,
+    output:
+        scores=f"{results}/hands/sub-{{subject}}/{{hand}}/skeleton_scores.parquet",
+        errors=f"{results}/hands/sub-{{subject}}/{{hand}}/joint_errors.parquet",
+    log:
+        f"{results}/logs/evaluate_skeletons/sub-{{subject}}/{{hand}}.log",
+    params:
+        code=code_digest("evaluate_skeletons"),
+        whose=study.whose,
+        skeletons=study.skeletons,
+        truth=study.truth,
+    shell:
+        stage
+        + "evaluate_skeletons --record-failure {params.whose} --poses {input.poses:q}"
+        " --calibration {input.calibration:q} --skeletons {params.skeletons:q} --truth {params.truth:q}"
+        " --layout {input.layout:q} --out {output.scores:q} --out-joints {output.errors:q} 2> {log:q}"
+
+
 rule gather:  # the study's tables, and what went wrong
     input:
         study.poses,
-        [study.of_every_hand(table) for table in study.hand_tables],
+        study.every_table,
         configuration=study.configuration,
     output:
         [f"{results}/{table}.parquet" for table in study.study_tables],

@@ -54,16 +54,18 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
     """Give the digit's chain, or the sentence why it cannot be had: a joint of it failed.
 
     rows : joint_centres of one hand and model, the wrist point among them. Raises InputError where the
-    model asks for a first joint of its own that no receiver measures.
+    model asks for a first joint of its own that no receiver measures, and fits no whole hand to find it.
     """
     at_wrist = starts_at_wrist(digit, layout, model)
     first = layout.joints[digit.joints[0]]
-    if not at_wrist and not layout.segments[first.child].measured:
+    unseen = not layout.segments[first.child].measured
+    if not at_wrist and unseen and model.fitting is None:
         raise InputError(
             f"model {model.name}: own_cmc names {first.name}, but {first.child} carries no receiver in "
             f"layout {layout.name}, so that joint cannot be found; remove it from own_cmc"
         )
     needed = [layout.wrist.joint] if at_wrist and layout.wrist else []
+    needed += [first.name] if unseen and not at_wrist else []
     needed += [
         joint
         for joint, segment in zip(digit.joints, digit.segments, strict=True)
@@ -75,7 +77,10 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
             return f"{joint} failed: {reason}"
     base = needed[0]
     base_point = _point(rows[base], "child") if at_wrist else _point(rows[base], "parent")
-    own = tuple(_point(rows[joint], "child") if joint in needed else None for joint in digit.joints)
+    own = tuple(
+        _point(rows[joint], "child") if joint in needed and layout.segments[segment].measured else None
+        for joint, segment in zip(digit.joints, digit.segments, strict=True)
+    )
     after = tuple(_point(rows[joint], "parent") for joint in digit.joints[1:])
     receivers = tuple(segment for segment in digit.segments if layout.segments[segment].measured)
     return DigitChain(digit, at_wrist, receivers, base_point, own, (*after, np.zeros(3)))

@@ -160,7 +160,8 @@ JOINT_CENTRES = Table(
             "sd_mm",
             REAL,
             "mm",
-            "1-sigma error of the centre in 3-D as far as the gap shows it (docs/method.md)",
+            "1-sigma error of the centre in 3-D; of the paper's models only what the gap shows "
+            "(docs/method.md)",
             True,
         ),
         Column(
@@ -270,6 +271,14 @@ BONE_LENGTHS = Table(
         Column("driven_by", TEXT, "", "the segment whose receiver turns the bone; empty where none does"),
         Column("sd_mm", REAL, "mm", "1-sigma error of the length", True),
         Column(
+            "bone_mm",
+            REAL,
+            "mm",
+            "where the whole hand was fitted: length of the bone itself, joint to joint, the last to its tip",
+            True,
+        ),
+        Column("bone_sd_mm", REAL, "mm", "1-sigma error of that", True),
+        Column(
             "sd_over_frames_mm",
             REAL,
             "mm",
@@ -279,6 +288,250 @@ BONE_LENGTHS = Table(
         MESSAGE,
     ),
     ("subject", "hand", "model", "digit", "bone"),
+)
+
+CALIBRATION_ADVICE = Table(
+    "calibration_advice",
+    1,
+    "subject, hand, joint: whether the calibration recordings move the joint enough, and what more would gain",
+    (
+        SUBJECT,
+        HAND,
+        Column("joint", TEXT, "", "the joint, as the layout names it"),
+        Column("range_deg", REAL, "deg", "range of motion that it has there", True),
+        Column("sd_now_mm", REAL, "mm", "1-sigma error of its centre, joint by joint with anatomy", True),
+        Column("sd_moved_mm", REAL, "mm", "the same if it moved as the advice says", True),
+        Column("advice", TEXT, "", "in words, what to move"),
+    ),
+    ("subject", "hand", "joint"),
+)
+
+RECEIVERS = Table(
+    "receivers",
+    1,
+    "subject, hand, model, segment: where the receiver sits on its bone and how it behaves, as fitted",
+    (
+        SUBJECT,
+        HAND,
+        MODEL,
+        Column("segment", TEXT, "", "the segment that wears the receiver"),
+        *(
+            column
+            for name, meaning in (
+                ("along", "distally from the bone's proximal joint"),
+                ("lateral", "towards the thumb"),
+                ("height", "dorsally from the line between the bone's joints"),
+            )
+            for column in (
+                Column(f"{name}_mm", REAL, "mm", f"place of its origin on the bone, {meaning}", True),
+                Column(f"{name}_sd_mm", REAL, "mm", "1-sigma error of that", True),
+            )
+        ),
+        *_xyz("bone_tip_", "mm", "a digit's last: end of the bone in the receiver's own frame"),
+        Column("bone_tip_sd_mm", REAL, "mm", "1-sigma error of that in 3-D", True),
+        *_xyz("soft_tip_", "mm", "a digit's last: end of the digit, skin and all, likewise"),
+        Column("soft_tip_sd_mm", REAL, "mm", "1-sigma error of that in 3-D", True),
+        Column("residual_mm", REAL, "mm", "rms per component of its position about the fitted hand", True),
+        Column("residual_deg", REAL, "deg", "rms per component of its rotation about the fitted hand", True),
+        Column("loose_from_frame", WHOLE, "", "frame from which it sits elsewhere; null: it stayed", True),
+        Column("loose_task", TEXT, "", "task and trial in which that happened; empty: it stayed"),
+        Column("loose_shift_mm", REAL, "mm", "how far it moved then", True),
+        Column("loose_turn_deg", REAL, "deg", "how far it turned then", True),
+        STATUS,
+        MESSAGE,
+    ),
+    ("subject", "hand", "model", "segment"),
+)
+
+GAINS = Table(
+    "gains",
+    1,
+    "subject, hand, model, quantity: what measuring one more thing on the hand would gain, best first",
+    (
+        SUBJECT,
+        HAND,
+        MODEL,
+        Column("quantity", TEXT, "", "what could be measured, as measurements.tsv calls it"),
+        Column("sd_mm", REAL, "mm", "1-sigma error that the measurement is assumed to have"),
+        Column("mean_sd_before_mm", REAL, "mm", "mean sd_mm of the hand's joint centres now"),
+        Column("mean_sd_after_mm", REAL, "mm", "the same with that measurement"),
+        Column("joint", TEXT, "", "the joint that would gain most"),
+        Column("joint_sd_before_mm", REAL, "mm", "its sd_mm now"),
+        Column("joint_sd_after_mm", REAL, "mm", "the same with that measurement"),
+    ),
+    ("subject", "hand", "model", "quantity"),
+)
+
+JOINT_ANGLES = Table(
+    "joint_angles",
+    1,
+    "subject, hand, task, trial, model, joint, frame: the joint's angles with the fitted hand",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        MODEL,
+        Column("joint", TEXT, "", "the joint, as the layout names it"),
+        FRAME,
+        Column(
+            "flexion_deg", REAL, "deg", "flexion positive, extension negative (docs/joint-angles.md)", True
+        ),
+        Column(
+            "abduction_deg", REAL, "deg", "abduction or deviation, signed as docs/joint-angles.md says", True
+        ),
+        Column("rotation_deg", REAL, "deg", "axial rotation, signed as docs/joint-angles.md says", True),
+    ),
+    ("subject", "hand", "task", "trial", "model", "joint", "frame"),
+)
+
+BONE_POSES = Table(
+    "bone_poses",
+    1,
+    "subject, hand, task, trial, model, segment, frame: a bone of the fitted hand, posed with all receivers",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        MODEL,
+        Column("segment", TEXT, "", "the bone; those that carry no receiver among them"),
+        FRAME,
+        *_xyz(
+            "", "mm", "centre of the bone's proximal joint (of the hand: the wrist) in the transmitter frame"
+        ),
+        *_quaternion("bone (x distal, z dorsal) to transmitter frame"),
+    ),
+    ("subject", "hand", "task", "trial", "model", "segment", "frame"),
+)
+
+POSED_TIPS = Table(
+    "posed_tips",
+    1,
+    "subject, hand, task, trial, model, digit, frame: a tip of the fitted hand, posed with all receivers",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        MODEL,
+        DIGIT,
+        FRAME,
+        Column("time_s", REAL, "s", "device time as recorded", True),
+        *_xyz("tip_", "mm", "end of the distal bone in the transmitter frame"),
+        Column(
+            "error_mm",
+            REAL,
+            "mm",
+            "from where the hand says that the distal receiver is to where it is",
+            True,
+        ),
+        Column(
+            "error_left_out_mm",
+            REAL,
+            "mm",
+            "the same with the positions of all distal receivers left out of the pose; null in frames that "
+            "were not tried",
+            True,
+        ),
+        Column("residual_mm", REAL, "mm", "rms distance of all receivers of the hand in this frame", True),
+    ),
+    ("subject", "hand", "task", "trial", "model", "digit", "frame"),
+)
+
+CALIBRATED_ON = Column(
+    "calibrated_on",
+    TEXT,
+    "",
+    "tasks (and trials) that the skeleton was made from, joined by ';'; empty: none",
+)
+
+SKELETON_SCORES = Table(
+    "skeleton_scores",
+    1,
+    "subject, hand, task, trial, model, calibrated_on, digit: how well a skeleton does in one recording",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        Column(
+            "model",
+            TEXT,
+            "",
+            "the skeleton model, or a reference: prior-only, distal-receiver, true-skeleton",
+        ),
+        CALIBRATED_ON,
+        Column("held_out", YES_NO, "", "whether the skeleton was made without this recording's task"),
+        Column("reference", YES_NO, "", "whether this is a reference and no model of the study"),
+        DIGIT,
+        Column(
+            "replay_mean_mm", REAL, "mm", "tip error of the receiver-driven replay, mean over frames", True
+        ),
+        Column("replay_p95_mm", REAL, "mm", "the same, 95th percentile", True),
+        Column(
+            "posed_mean_mm", REAL, "mm", "tip error of the fitted hand posed with all receivers, mean", True
+        ),
+        Column(
+            "left_out_mean_mm",
+            REAL,
+            "mm",
+            "the same with the distal receivers' positions left out, mean",
+            True,
+        ),
+        Column("left_out_p95_mm", REAL, "mm", "the same, 95th percentile", True),
+        Column(
+            "wrist_mcp_sd_mm",
+            REAL,
+            "mm",
+            "SD over the frames of the distance from the wrist to the digit's MCP joint",
+            True,
+        ),
+        Column(
+            "metacarpal_deg", REAL, "deg", "simulated: mean angle to the metacarpal's true direction", True
+        ),
+        Column(
+            "true_tip_mean_mm",
+            REAL,
+            "mm",
+            "simulated: mean distance to the true end of the distal bone",
+            True,
+        ),
+        Column("true_tip_p95_mm", REAL, "mm", "the same, 95th percentile", True),
+        Column("n_frames", WHOLE, "", "frames scored"),
+        MESSAGE,
+    ),
+    ("subject", "hand", "task", "trial", "model", "calibrated_on", "digit"),
+)
+
+JOINT_ERRORS = Table(
+    "joint_errors",
+    1,
+    "subject, hand, model, calibrated_on, joint: simulated hands only, how far a joint is from its truth",
+    (
+        SUBJECT,
+        HAND,
+        Column("model", TEXT, "", "the skeleton model, or the reference prior-only"),
+        CALIBRATED_ON,
+        Column("joint", TEXT, "", "the joint, as the layout names it"),
+        Column(
+            "error_mm",
+            REAL,
+            "mm",
+            "distance of the centre to the true one, in the child receiver's frame",
+            True,
+        ),
+        Column("along_mm", REAL, "mm", "its part along the true axis", True),
+        Column("across_mm", REAL, "mm", "its part across the true axis", True),
+        Column("parent_error_mm", REAL, "mm", "the distance in the parent receiver's frame", True),
+        Column("axis_deg", REAL, "deg", "angle between the axis and the true one (hinges)", True),
+        Column("sd_mm", REAL, "mm", "the stated 1-sigma error of the centre", True),
+        Column("within_95", YES_NO, "", "whether the worse half is within the stated 95 % radius", True),
+        Column("bone", TEXT, "", "the bone that starts at the joint; empty where its length is not stated"),
+        Column("bone_error_mm", REAL, "mm", "its stated length minus the true one", True),
+        Column("bone_error_percent", REAL, "%", "the same, of the true one", True),
+    ),
+    ("subject", "hand", "model", "calibrated_on", "joint"),
 )
 
 RECORDINGS = Table(
@@ -330,6 +583,14 @@ TABLES = {
         TIPS,
         TIP_ERRORS,
         BONE_LENGTHS,
+        CALIBRATION_ADVICE,
+        RECEIVERS,
+        GAINS,
+        JOINT_ANGLES,
+        BONE_POSES,
+        POSED_TIPS,
+        SKELETON_SCORES,
+        JOINT_ERRORS,
         RECORDINGS,
         PROBLEMS,
     )

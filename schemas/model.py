@@ -4,14 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from schemas.config_files import config_path, read_config
 from schemas.errors import InputError
 
 
 @dataclass(frozen=True)
+class HandFitting:
+    """How the whole hand is fitted at once."""
+
+    share_lengths: bool
+    contacts: tuple[str, ...]
+    frames: int
+    steps: int
+
+
+@dataclass(frozen=True)
 class SkeletonModel:
-    """One model file, read and checked; the keys are those of `json/model.schema.json`."""
+    """One model file, read and checked; the keys are those of `json/model.schema.json`.
+
+    fitting : None where the joints are not fitted as a whole hand.
+    """
 
     name: str
     description: str
@@ -22,6 +36,7 @@ class SkeletonModel:
     cut: bool
     parallel_limit_deg: float
     corrections: bool
+    fitting: HandFitting | None
     wrist: str
     own_cmc: tuple[str, ...]
     unmeasured: str
@@ -46,6 +61,9 @@ def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
         )
     if planes["corrections"] and not planes["cut"]:
         raise InputError(f"{path}: planes.corrections: is true, but planes.cut: false makes centres final")
+    fit = dict(config["fit"])
+    whole_hand = fit.pop("whole_hand")
+    _check_fit(path, config, whole_hand=whole_hand)
     x, y, z = metacarpals["rest_direction"]
     if not (x or y or z):
         raise InputError(f"{path}: metacarpals.rest_direction: has no length")
@@ -59,6 +77,7 @@ def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
         cut=planes["cut"],
         parallel_limit_deg=planes["parallel_limit_deg"],
         corrections=planes["corrections"],
+        fitting=HandFitting(**{**fit, "contacts": tuple(fit["contacts"])}) if whole_hand else None,
         wrist=config["wrist"],
         own_cmc=tuple(config["own_cmc"]),
         unmeasured=metacarpals["unmeasured"],
@@ -66,3 +85,23 @@ def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
         twist_factor=metacarpals["twist_factor"],
         rest_direction=(float(x), float(y), float(z)),
     )
+
+
+def _check_fit(path: Path, config: dict[str, Any], *, whole_hand: bool) -> None:
+    """Refuse a model whose joints or metacarpals do not go with its fit of the whole hand, or with none."""
+    fitted = [key for key in ("unmeasured", "measured") if config["metacarpals"][key] == "fitted"]
+    if fitted and not whole_hand:
+        raise InputError(
+            f"{path}: metacarpals.{fitted[0]}: is fitted, but no whole hand is fitted; write fit: "
+            "{whole_hand: true}"
+        )
+    if whole_hand and config["planes"]["cut"]:
+        raise InputError(
+            f"{path}: planes.cut: is true; a fit of the whole hand starts from joints that no plane has cut, "
+            "so write joints: {solver: anatomical} and planes: {cut: false}"
+        )
+    if whole_hand and len(fitted) < 2:
+        raise InputError(
+            f"{path}: metacarpals: a fit of the whole hand poses them all; write metacarpals: "
+            "{unmeasured: fitted, measured: fitted}"
+        )

@@ -59,6 +59,17 @@ class Poses:
         """Position of the segment in the second dimension."""
         return self.segments.index(segment)
 
+    def take(self, rows: slice | npt.NDArray[np.int64]) -> Poses:
+        """Only some of the frames."""
+        return Poses(
+            self.segments,
+            self.frame[rows],
+            self.time_s[rows],
+            self.position_mm[rows],
+            self.quaternion[rows],
+            self.valid[rows],
+        )
+
 
 def recording_name(path: Path) -> RecordingName:
     """Give the recording's name from a poses file's metadata, also where its making failed."""

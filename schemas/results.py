@@ -16,7 +16,17 @@ HAND_TABLES = {
 }
 """The study's tables and the stage that writes each."""
 
-STUDY_TABLES = (*HAND_TABLES, "recordings", "problems")
+FIT_TABLES = {"receivers": "fit_hand", "gains": "fit_hand"}
+"""The same for models that fit the whole hand."""
+
+SCORE_TABLES = {
+    "skeleton_scores": "evaluate_skeletons",
+    "joint_errors": "evaluate_skeletons",
+    "calibration_advice": "check_calibration",
+}
+"""Tables of a hand under all models together, or under none, and the stage that writes each."""
+
+STUDY_TABLES = (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES, "recordings", "problems")
 
 
 @dataclass(frozen=True)
@@ -46,7 +56,16 @@ class Results:
 
     def hand_table(self, model: str, hand: Hand, table: str) -> Path:
         """A table of one hand under one skeleton model."""
-        return self.folder / "models" / model / hand.folder / f"{table}.parquet"
+        return self.skeleton(model, hand) / f"{table}.parquet"
+
+    def skeleton(self, model: str, hand: Hand, without: str = "") -> Path:
+        """Folder of one hand under one model, made `without` a task's recordings where one is named."""
+        folder = self.folder / "models" / model / hand.folder
+        return folder / f"without-{without}" if without else folder
+
+    def score_table(self, hand: Hand, table: str) -> Path:
+        """A table of one hand that no single model is behind."""
+        return self.folder / "hands" / hand.folder / f"{table}.parquet"
 
     def study_table(self, table: str) -> Path:
         """A table over the whole study."""

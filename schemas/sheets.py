@@ -153,7 +153,26 @@ MEASUREMENTS = Sheet(
     ("subject", "hand", "quantity"),
 )
 
-SHEETS = {sheet.name: sheet for sheet in (RECORDINGS, PARTICIPANTS, CORRECTIONS, MEASUREMENTS)}
+TOUCHES = Sheet(
+    "touches",
+    (
+        SUBJECT,
+        HAND,
+        Cell("task", _text, "the recording in which the fingertip was touched, or touched something"),
+        Cell("trial", _text, "its repetition, where it has one", False, ""),
+        Cell("digit", _text, "the digit, as the layout names it"),
+        Cell("part", _one_of("tip", "pad"), "what touched: the very tip, or the pad", False, "pad"),
+        Cell("from_s", _number, "begin of the touch, device time of the recording"),
+        Cell("to_s", _number, "its end"),
+        Cell("x_mm", _number, "the point in the transmitter frame, x"),
+        Cell("y_mm", _number, "the point in the transmitter frame, y"),
+        Cell("z_mm", _number, "the point in the transmitter frame, z"),
+        Cell("sd_mm", _positive, "1-sigma error of the point, per direction"),
+    ),
+    ("subject", "hand", "task", "trial", "digit", "from_s"),
+)
+
+SHEETS = {sheet.name: sheet for sheet in (RECORDINGS, PARTICIPANTS, CORRECTIONS, MEASUREMENTS, TOUCHES)}
 
 
 def read_sheet(path: Path, sheet: Sheet) -> list[Row]:

@@ -12,7 +12,16 @@ from schemas.config_files import check_config, config_path, read_config
 from schemas.errors import InputError
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
-from schemas.sheets import CORRECTIONS, MEASUREMENTS, PARTICIPANTS, RECORDINGS, Row, Sheet, read_sheet
+from schemas.sheets import (
+    CORRECTIONS,
+    MEASUREMENTS,
+    PARTICIPANTS,
+    RECORDINGS,
+    TOUCHES,
+    Row,
+    Sheet,
+    read_sheet,
+)
 
 
 @dataclass(frozen=True)
@@ -84,11 +93,23 @@ class Study:
         """The recordings that the hand's tips are evaluated on."""
         return self.of(hand, ("evaluation", "both"))
 
-    def calibrating(self, hand: Hand, calibration: str) -> list[Recording]:
-        """The recordings that joints are solved from; `calibration` as in the model file."""
-        if calibration == "evaluated":
-            return self.of(hand, ("both",)) or self.of(hand, ("calibration",))
-        return self.of(hand, ("calibration", "both"))
+    def calibrating(self, hand: Hand, calibration: str, without: str = "") -> list[Recording]:
+        """The recordings that joints are solved from; `calibration` as in the model file.
+
+        without : a task to leave out.
+        """
+        known = [r for r in self.of(hand, ("calibration", "both")) if r.task != without]
+        scored = [r for r in known if r.role == "both"]
+        return scored if calibration == "evaluated" and scored else known
+
+    def left_out(self, hand: Hand, calibration: str) -> list[str]:
+        """Tasks to leave out in turn: those evaluated that would else be calibrated on as well.
+
+        One without which nothing is left to calibrate on is not among them.
+        """
+        used = {recording.task for recording in self.calibrating(hand, calibration)}
+        tasks = dict.fromkeys(recording.task for recording in self.evaluated(hand))
+        return [task for task in tasks if task in used and self.calibrating(hand, calibration, task)]
 
     def layout_of(self, hand: Hand) -> Path:
         """The one layout of the hand's recordings."""
@@ -117,7 +138,7 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     models = _models(config["models"], folder, where)
     sheets: dict[str, Path] = {
         name: folder / config[name]
-        for name in ("recordings", "participants", "corrections", "measurements")
+        for name in ("recordings", "participants", "corrections", "measurements", "touches")
         if name in config
     }
     recordings = _recordings(sheets["recordings"], folder, layout)
@@ -125,7 +146,8 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         read_layout(path.absolute())
     read_participants(sheets.get("participants"))
     read_corrections(sheets.get("corrections"))
-    _read(sheets.get("measurements"), MEASUREMENTS)
+    read_measurements(sheets.get("measurements"))
+    read_touches(sheets.get("touches"))
     simulation = None
     if "simulation" in config:
         part = config["simulation"]
@@ -143,6 +165,16 @@ def read_participants(path: Path | None) -> list[Row]:
 def read_corrections(path: Path | None) -> list[Row]:
     """Read the sheet of manual corrections; empty where the study has none."""
     return _read(path, CORRECTIONS)
+
+
+def read_measurements(path: Path | None) -> list[Row]:
+    """Read the sheet of measurements on the hands; empty where the study has none."""
+    return _read(path, MEASUREMENTS)
+
+
+def read_touches(path: Path | None) -> list[Row]:
+    """Read the sheet of touches of known points; empty where the study has none."""
+    return _read(path, TOUCHES)
 
 
 def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:

@@ -7,7 +7,7 @@ the hashes of the inputs that it was made from and the program's version. Gaps a
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -155,6 +155,24 @@ def write_table_in_parts(
         if written is not None:
             written.result()
     return rows
+
+
+@contextmanager
+def table_in_parts(
+    path: Path, table: Table, provenance: Provenance
+) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+    """Open a table to write some rows at a time, for tables that grow side by side; atomic when it closes.
+
+    Gives a function that writes columns, as in `write_table`, as a row group.
+    """
+    schema = table.arrow_schema(provenance.metadata())
+    with _writer(path, table, schema) as writer:
+
+        def write(columns: Mapping[str, Any]) -> None:
+            data = _arrow_table(table, columns, schema)
+            writer.write_table(data, row_group_size=max(1, data.num_rows))
+
+        yield write
 
 
 def write_failure(path: Path, table: Table, message: str, provenance: Provenance) -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from schemas.config_files import read_config
 from schemas.errors import InputError
-from schemas.model import read_model
-from schemas.results import HAND_TABLES, STUDY_TABLES, Results
+from schemas.model import SkeletonModel, read_model
+from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, STUDY_TABLES, Results
 from schemas.study import Hand, Recording, Study, path_token, read_participants, read_study
 
 Wildcards = Any
@@ -26,9 +26,12 @@ class Wiring:
         self.study: Study = read_study(Path(self.file))
         self.results = Results.of(self.study.name)
         self.models = {name: _relative(path) for name, path in self.study.models.items()}
-        self._hand_length_mm = {
-            row["subject"]: row["hand_length_mm"]
+        self._sizes = {
+            row["subject"]: {name: row[name] for name in ("hand_length_mm", "hand_breadth_mm")}
             for row in read_participants(self.study.sheets.get("participants"))
+        }
+        self._skeleton_models = {
+            name: read_model(Path(path).absolute()) for name, path in self.models.items()
         }
         self._hands = {(path_token(h.subject), h.hand): h for h in self.study.hands}
         self._recordings = {
@@ -107,29 +110,88 @@ class Wiring:
 
     def calibration(self, wildcards: Wildcards) -> list[str]:
         """Poses that the hand's joints are solved from under this model."""
-        model = read_model(Path(self.models[wildcards.model]).absolute())
-        return self._poses(self.study.calibrating(self._hand(wildcards), model.calibration))
+        return self._calibration(self._hand(wildcards), wildcards)
+
+    def other_calibration(self, wildcards: Wildcards) -> list[str]:
+        """Poses that calibrate the same person's other hand, where the model shares what they have alike."""
+        own = self._hand(wildcards)
+        fitting = self._model(wildcards.model).fitting
+        others = [h for h in self.study.hands if h.subject == own.subject and h.hand != own.hand]
+        if fitting is None or not fitting.share_lengths or not others:
+            return []
+        if self.study.layout_of(others[0]) != self.study.layout_of(own):
+            return []
+        return self._calibration(others[0], wildcards)
 
     def evaluated(self, wildcards: Wildcards) -> list[str]:
-        """Poses that the hand's tips are evaluated on."""
-        return self._poses(self.study.evaluated(self._hand(wildcards)))
+        """Poses that the hand's tips are evaluated on; of a task that was left out, that task's."""
+        recordings = self.study.evaluated(self._hand(wildcards))
+        without = _left_out(wildcards)
+        return self._poses(r for r in recordings if not without or path_token(r.task) == without)
 
     def whose(self, wildcards: Wildcards) -> str:
         """Words that say whose hand it is, and how long, where the participants sheet has it."""
         hand = self._hand(wildcards)
-        length_mm = self._hand_length_mm.get(hand.subject)
-        words = [] if length_mm is None else [f"--hand-length-mm={length_mm:g}"]
-        return shlex.join([f"--subject={hand.subject}", f"--hand={hand.hand}", *words])
+        words = [f"--subject={hand.subject}", f"--hand={hand.hand}"]
+        return shlex.join([*words, *self._size_words(hand, "hand_length_mm")])
+
+    def sizes(self, wildcards: Wildcards) -> str:
+        """Words that say how large the hand is, where the participants sheet has it."""
+        return shlex.join(self._size_words(self._hand(wildcards), "hand_length_mm", "hand_breadth_mm"))
+
+    def sheet(self, name: str) -> list[str]:
+        """A sheet of the study, if it has one."""
+        path = self.study.sheets.get(name)
+        return [] if path is None else [_relative(path)]
+
+    def joints(self, wildcards: Wildcards) -> str:
+        """The joints that the hand is built from: of the whole hand's fit, or one by one."""
+        name = "projected_joints" if self._model(wildcards.model).fitting is None else "fitted_joints"
+        return self._beside(wildcards, name)
+
+    def fitted(self, table: str) -> Callable[[Wildcards], list[str]]:
+        """A table of the whole hand's fit, for a model that has one."""
+
+        def of(wildcards: Wildcards) -> list[str]:
+            fitting = self._model(wildcards.model).fitting
+            return [] if fitting is None else [self._beside(wildcards, table)]
+
+        return of
 
     def corrections(self, wildcards: Wildcards) -> list[str]:
         """The sheet of corrections, for a model that applies it."""
-        model = read_model(Path(self.models[wildcards.model]).absolute())
-        sheet = self.study.sheets.get("corrections")
-        return [_relative(sheet)] if sheet is not None and model.corrections else []
+        return self.sheet("corrections") if self._model(wildcards.model).corrections else []
+
+    # --- a hand under all models ------------------------------------------------------------------------
+
+    def skeletons(self, wildcards: Wildcards) -> list[str]:
+        """Folders of the hand's skeletons: every model's, and made without each task that it is scored on."""
+        return [str(folder) for folder, _ in self._skeletons(self._hand(wildcards))]
+
+    def skeleton_tables(self, wildcards: Wildcards) -> list[str]:
+        """Tables in these folders."""
+        return [
+            str(folder / f"{table}.parquet")
+            for folder, model in self._skeletons(self._hand(wildcards))
+            for table in (*HAND_TABLES, *(("bone_poses", "posed_tips") if self._model(model).fitting else ()))
+        ]
+
+    def calibrating(self, wildcards: Wildcards) -> list[str]:
+        """Poses of every recording that may calibrate the hand."""
+        return self._poses(self.study.calibrating(self._hand(wildcards), "all"))
+
+    def truth(self, wildcards: Wildcards) -> list[str]:
+        """Folders of the truth beside the hand's simulated recordings."""
+        if self.study.simulation is None:
+            return []
+        names = [
+            self.simulated.format(subject=wildcards.subject, hand=wildcards.hand, task=recording.task)
+            for recording in self.study.of(self._hand(wildcards), ("calibration", "evaluation", "both"))
+        ]
+        return [name.removesuffix(".parquet") + "_truth" for name in dict.fromkeys(names)]
 
     # --- the study --------------------------------------------------------------------------------------
 
-    hand_tables = tuple(HAND_TABLES)
     study_tables = STUDY_TABLES
 
     @property
@@ -137,12 +199,17 @@ class Wiring:
         """Poses of every recording that is not excluded."""
         return self._poses(recording for recording in self.study.recordings if not recording.exclude)
 
-    def of_every_hand(self, table: str) -> list[str]:
-        """One table of every hand under every model."""
-        return [
+    @property
+    def every_table(self) -> list[str]:
+        """Every table that the study's are gathered from."""
+        of_models = [
             str(self.results.hand_table(model, hand, table))
             for model in self.models
             for hand in self.study.hands
+            for table in (*HAND_TABLES, *(FIT_TABLES if self._model(model).fitting else ()))
+        ]
+        return of_models + [
+            str(self.results.score_table(hand, table)) for hand in self.study.hands for table in SCORE_TABLES
         ]
 
     @property
@@ -153,11 +220,43 @@ class Wiring:
     def _hand(self, wildcards: Wildcards) -> Hand:
         return self._hands[wildcards.subject, wildcards.hand]
 
+    def _model(self, name: str) -> SkeletonModel:
+        return self._skeleton_models[name]
+
+    def _calibration(self, hand: Hand, wildcards: Wildcards) -> list[str]:
+        calibration, without = self._model(wildcards.model).calibration, _left_out(wildcards)
+        tasks = {path_token(r.task): r.task for r in self.study.recordings}
+        return self._poses(self.study.calibrating(hand, calibration, tasks.get(without, "")))
+
+    def _beside(self, wildcards: Wildcards, table: str) -> str:
+        """A table in the folder of the job's own skeleton."""
+        folder = self.results.skeleton(wildcards.model, self._hand(wildcards), _left_out(wildcards))
+        return str(folder / f"{table}.parquet")
+
+    def _skeletons(self, hand: Hand) -> list[tuple[Path, str]]:
+        """Folders of the hand's skeletons, and the model of each."""
+        return [
+            (self.results.skeleton(model, hand, without), model)
+            for model in self.models
+            for without in ("", *map(path_token, self.study.left_out(hand, self._model(model).calibration)))
+        ]
+
+    def _size_words(self, hand: Hand, *names: str) -> list[str]:
+        sizes = self._sizes.get(hand.subject, {})
+        return [
+            f"--{name.replace('_', '-')}={sizes[name]:g}" for name in names if sizes.get(name) is not None
+        ]
+
     def _recording(self, wildcards: Wildcards) -> Recording:
         return self._recordings[wildcards.subject, wildcards.hand, wildcards.recording]
 
     def _poses(self, recordings: Iterable[Recording]) -> list[str]:
         return [str(self.results.poses(recording)) for recording in recordings]
+
+
+def _left_out(wildcards: Wildcards) -> str:
+    """The task, as in paths, that the job's skeleton is made without; empty for none."""
+    return str(getattr(wildcards, "without", "")).removeprefix("/without-")
 
 
 def _as_written(path: Path) -> dict[str, Any]:

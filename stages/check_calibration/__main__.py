@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stages import command_line
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from stages.check_calibration.advice import Advice
 
 ENDINGS = (".csv", ".parquet")
-COLUMNS = ("joint", "range_deg", "sd_now_mm", "sd_moved_mm", "advice")
 _HEADS = ("joint", "range deg", "sd now mm", "sd with more motion mm", "advice")
 
 
@@ -28,12 +27,14 @@ def build_parser() -> argparse.ArgumentParser:
         "--layout liberty16",
     )
     parser.add_argument(
-        "--poses", type=Path, nargs="+", required=True, help="poses of one hand's calibration"
+        "--poses", type=Path, nargs="*", default=[], required=True, help="poses of one hand's calibration"
     )
     parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
     parser.add_argument(
         "--hand-length-mm", type=float, help="wrist crease to the middle finger's tip (default: not measured)"
     )
+    parser.add_argument("--subject", help="whose hand (default: as the poses say)")
+    parser.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses say)")
     parser.add_argument("--out", type=Path, help="write the table there too, as .csv or .parquet")
     return parser
 
@@ -42,7 +43,7 @@ def check(arguments: argparse.Namespace) -> None:
     """Read the poses, weigh every joint, print the table."""
     from schemas.errors import InputError
     from schemas.layout import read_layout
-    from schemas.poses import one_hand
+    from schemas.poses import one_hand, usable_poses
     from stages.check_calibration.advice import advise
     from stages.solve_joints.anatomical import HandSample, check_hand_length, fit_hand
     from stages.solve_joints.solve import stream
@@ -51,13 +52,17 @@ def check(arguments: argparse.Namespace) -> None:
         raise InputError(f"{arguments.out}: the ending says the format; expected {' or '.join(ENDINGS)}")
     check_hand_length(arguments.hand_length_mm)
     layout = read_layout(arguments.layout)
-    _, hand = one_hand(arguments.poses, None, None)
+    subject, hand = one_hand(arguments.poses, arguments.subject, arguments.hand)
     sample = HandSample(layout.solvable)
-    moments, _ = stream(arguments.poses, layout, sample)
+    usable, reasons = usable_poses(arguments.poses)
+    if not usable:
+        raise InputError(f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
+    moments, _ = stream(usable, layout, sample)
     found = advise(fit_hand(sample, moments, layout, hand, arguments.hand_length_mm), sample, layout)
     print(as_text(found))
     if arguments.out is not None:
-        _write(arguments.out, found)
+        rows = [{"subject": subject, "hand": hand, **vars(one)} for one in found]
+        _write(arguments, rows)
 
 
 def as_text(found: Sequence[Advice]) -> str:
@@ -80,33 +85,34 @@ def _cells(one: Advice) -> tuple[str, ...]:
     return (one.joint, *numbers, one.advice)
 
 
-def _write(path: Path, found: Sequence[Advice]) -> None:
+def _write(arguments: argparse.Namespace, rows: Sequence[dict[str, Any]]) -> None:
     import pyarrow as pa
     import pyarrow.csv
-    import pyarrow.parquet as pq
 
+    from schemas.catalogue import CALIBRATION_ADVICE
+    from schemas.config_files import config_path
     from schemas.files import replacing
+    from schemas.tables import Provenance, columns_from_rows, write_table
 
-    kinds = (pa.string(), pa.float64(), pa.float64(), pa.float64(), pa.string())
-    table = pa.table(
-        {
-            name: pa.array([getattr(one, name) for one in found], kind)
-            for name, kind in zip(COLUMNS, kinds, strict=True)
-        }
-    )
-    with replacing(path) as temporary:
-        if path.suffix == ".csv":
-            pa.csv.write_csv(table, temporary)
-        else:
-            pq.write_table(table, temporary)
+    columns = columns_from_rows(CALIBRATION_ADVICE, rows)
+    if arguments.out.suffix == ".csv":
+        with replacing(arguments.out) as temporary:
+            pa.csv.write_csv(pa.table(columns), temporary)
+        return
+    layout = config_path(arguments.layout, "layout", Path())
+    write_table(arguments.out, CALIBRATION_ADVICE, columns, Provenance.of([*arguments.poses, layout]))
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write a table whose only row, of no joint, is the reason."""
-    from stages.check_calibration.advice import Advice
+    """Write the table without rows and the reason; in CSV, a row of no joint that says it."""
+    from schemas.catalogue import CALIBRATION_ADVICE
+    from schemas.tables import Provenance, write_failure
 
-    if arguments.out is not None and arguments.out.suffix in ENDINGS:
-        _write(arguments.out, [Advice("", None, None, None, message)])
+    if arguments.out is not None and arguments.out.suffix == ".parquet":
+        write_failure(arguments.out, CALIBRATION_ADVICE, message, Provenance.of(arguments.poses))
+    elif arguments.out is not None and arguments.out.suffix == ".csv":
+        whose = {"subject": arguments.subject or "", "hand": arguments.hand or ""}
+        _write(arguments, [{**whose, "joint": "", "advice": message}])
 
 
 def main(words: list[str] | None = None) -> int:

@@ -5,8 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stages import command_line
+
+if TYPE_CHECKING:
+    from schemas.model import SkeletonModel
+    from stages.estimate_metacarpals.fitted import Fitted
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -22,6 +27,15 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--joints", type=Path, required=True, help="joint_centres from stages.project_planes")
     parser.add_argument("--calibration", type=Path, nargs="*", default=[], help="poses the joints come from")
     parser.add_argument("--poses", type=Path, nargs="*", default=[], help="poses to pose metacarpals in")
+    parser.add_argument(
+        "--fitted-bones",
+        type=Path,
+        nargs="?",
+        help="bone_lengths from stages.fit_hand, for a model that fits the hand",
+    )
+    parser.add_argument(
+        "--bone-poses", type=Path, nargs="?", help="bone_poses from stages.fit_hand, likewise"
+    )
     parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
     parser.add_argument("--model", required=True, help="a skeleton model that ships, or a path")
     parser.add_argument("--out-joints", type=Path, required=True, help="joint_centres with the wrist point")
@@ -35,7 +49,7 @@ def estimate(arguments: argparse.Namespace) -> None:
     from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
     from schemas.layout import read_layout
     from schemas.model import read_model
-    from schemas.poses import one_hand, read_poses, usable_poses
+    from schemas.poses import one_hand, read_poses, recording_name, usable_poses
     from schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_table
     from stages.estimate_metacarpals.hand import build_hand, pose_metacarpals
 
@@ -46,15 +60,37 @@ def estimate(arguments: argparse.Namespace) -> None:
     )
     names = {"subject": subject, "hand": hand, "model": model.name}
     calibration = [read_poses(path, layout.measured) for path in usable_poses(arguments.calibration)[0]]
-    built = build_hand({row["joint"]: row for row in table}, layout, model, calibration)
+    fitted = _fitted(arguments, model)
+    built = build_hand({row["joint"]: row for row in table}, layout, model, calibration, fitted)
     files = [arguments.joints, *arguments.calibration, *arguments.poses]
-    provenance = Provenance.of([*files, *command_line.config_files(arguments)])
+    files += [path for path in (arguments.fitted_bones, arguments.bone_poses) if path]
+    recordings = [recording_name(path) for path in arguments.calibration]
+    provenance = Provenance.of(
+        [*files, *command_line.config_files(arguments)],
+        calibrated_on=[", ".join(filter(None, (name.task, name.trial))) for name in recordings],
+    )
     joints = columns_from_rows(JOINT_CENTRES, [{**row, **names} for row in built.joints])
     write_table(arguments.out_joints, JOINT_CENTRES, joints, provenance)
     bones = columns_from_rows(BONE_LENGTHS, [{**row, **names} for row in built.bones])
     write_table(arguments.out_bones, BONE_LENGTHS, bones, provenance)
     columns = pose_metacarpals(built, layout, model, usable_poses(arguments.poses)[0])
     write_table(arguments.out, METACARPALS, columns, provenance)
+
+
+def _fitted(arguments: argparse.Namespace, model: SkeletonModel) -> Fitted | None:
+    """What the fit of the whole hand says; None for a model without one. Raises InputError where it lacks."""
+    from schemas.errors import InputError
+    from stages.estimate_metacarpals.fitted import read_fitted
+
+    given = {"--fitted-bones": arguments.fitted_bones, "--bone-poses": arguments.bone_poses}
+    if model.fitting is None:
+        return None
+    for option, path in given.items():
+        if path is None:
+            raise InputError(
+                f"{option}: is missing; model {model.name} fits the whole hand (stages.fit_hand)"
+            )
+    return read_fitted(arguments.fitted_bones, arguments.bone_poses)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

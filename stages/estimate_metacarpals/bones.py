@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,8 @@ from schemas.poses import Poses
 @dataclass(frozen=True)
 class Bone:
     """One bone. vector_mm : (3,) proximal to distal end in the frame of driven_by, or None where the
-    bone's direction is estimated frame by frame. Lengths in mm; sd_over_frames_mm for metacarpals.
+    bone's direction is estimated frame by frame. Lengths in mm; sd_over_frames_mm for metacarpals; bone_mm
+    and bone_sd_mm of the bone itself, joint to joint or to its tip, where the whole hand was fitted.
     """
 
     segment: str
@@ -27,6 +28,8 @@ class Bone:
     sd_over_frames_mm: float | None
     vector_mm: Array | None
     driven_by: str
+    bone_mm: float | None = None
+    bone_sd_mm: float | None = None
 
     def row(self) -> dict[str, Any]:
         """Give the bone's row of the bone_lengths table (subject, hand, model and digit left out)."""
@@ -35,6 +38,8 @@ class Bone:
             "bone": self.segment,
             "length_mm": self.length_mm,
             "sd_mm": self.sd_mm,
+            "bone_mm": self.bone_mm,
+            "bone_sd_mm": self.bone_sd_mm,
             "sd_over_frames_mm": self.sd_over_frames_mm,
             **dict(zip(("x_mm", "y_mm", "z_mm"), vector, strict=True)),
             "driven_by": self.driven_by,
@@ -42,8 +47,23 @@ class Bone:
         }
 
 
+def as_fitted(bone: Bone, fitted: Mapping[str, Any] | None, *, last: bool) -> Bone:
+    """The bone with what the fit of the whole hand says of it; fitted : its row there.
+
+    A metacarpal is as long as the fit says. A phalanx keeps the vector between its joints, which the fit gave
+    too, with the fit's sd; a digit's last one ends at the receiver here and at its tip there, so that its
+    sd stays that of its joint.
+    """
+    if fitted is None:
+        return bone
+    known = replace(bone, bone_mm=fitted["length_mm"], bone_sd_mm=fitted["sd_mm"])
+    if bone.sd_over_frames_mm is not None:
+        return replace(known, length_mm=fitted["length_mm"], sd_mm=fitted["sd_mm"])
+    return known if last else replace(known, sd_mm=fitted["sd_mm"])
+
+
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
-    """How the digit's metacarpal is posed: rest, rigid, estimated or receiver; none where it has none."""
+    """How the digit's metacarpal is posed: rest, rigid, estimated, receiver or fitted; none: it has none."""
     if not chain.digit.metacarpal:
         return "none"
     return model.measured if layout.segments[chain.digit.segments[0]].measured else model.unmeasured

@@ -22,9 +22,18 @@ from stages.estimate_metacarpals.posture import (
 
 
 def metacarpal_columns(
-    chain: DigitChain, mode: str, bone: Bone, layout: Layout, model: SkeletonModel, poses: Poses
+    chain: DigitChain,
+    mode: str,
+    bone: Bone,
+    layout: Layout,
+    model: SkeletonModel,
+    poses: Poses,
+    fitted: Array | None = None,
 ) -> dict[str, Any]:
-    """Give frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags, each of length T."""
+    """Give frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags, each of length T.
+
+    fitted : (T, 4) the posture that the fit of the whole hand gives, NaN in gaps, where that is the mode.
+    """
     n = len(poses.frame)
     usable = all_valid(poses, _needed(chain, mode))
     swing_deg, twist_deg = np.full(n, np.nan), np.full(n, np.nan)
@@ -35,6 +44,9 @@ def metacarpal_columns(
             swing_deg[usable] = np.degrees(posture.swing_rad)
             twist_deg[usable] = np.degrees(posture.twist_rad)
             swing_bad[usable], twist_bad[usable] = posture.swing_singular, posture.twist_singular
+    elif mode == "fitted":
+        assert fitted is not None, "the fit of the whole hand poses this metacarpal"
+        quaternion, usable = fitted, np.isfinite(fitted[:, 0])
     else:
         quaternion = _carried(mode, bone, layout, model, poses)
     quaternion = np.where(usable[:, None], quaternion, np.nan)
@@ -57,6 +69,7 @@ def _needed(chain: DigitChain, mode: str) -> tuple[str, ...]:
         "rest": (),
         "rigid": (chain.digit.base,),
         "receiver": (first,),
+        "fitted": (),
         "estimated": (chain.digit.base, proximal),
     }[mode]
 

@@ -83,7 +83,8 @@ class DigitAnatomy:
     base_mm : (3,) first joint. points_mm : the joints after it and the tip; only the directions between
     them are used. flexion_axes : one per joint, in the hand's frame with the digit straight.
     lengths_mm : one per bone, to the next joint or to the bone's tip. second_axis : of the first joint,
-    where that one is skew.
+    where that one is skew. faces_nail : whether the frame of the first bone, a thumb's metacarpal, faces as
+    those of the phalanges do, y nearest the second joint's axis (`kinematics.thumb_facing`).
     """
 
     base_mm: tuple[float, float, float]
@@ -92,12 +93,15 @@ class DigitAnatomy:
     lengths_mm: tuple[float, ...]
     soft_tip_mm: float
     second_axis: tuple[float, float, float] | None = None
+    faces_nail: bool = False
 
     def frames(self) -> Array:
         """Bone frames (B, 3, 3) in the hand's frame, digit straight: x distal, y nearest the flexion axis."""
         points = np.vstack([self.base_mm, self.points_mm])
         x = unit(np.diff(points, axis=0))
         axes = unit(np.array(self.flexion_axes))
+        if self.faces_nail:
+            axes[0] = axes[1]
         y = unit(axes - (axes * x).sum(-1, keepdims=True) * x)
         return np.stack([x, y, np.cross(x, y)], -1)
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array
+from kinematics.joint_angles import mirrored
+from kinematics.rotations import Array, from_matrix
 from schemas.layout import Digit, Layout
 from stages.fit_hand import anatomy_priors as prior
+from stages.fit_hand.anatomy_priors import DIGITS, DigitAnatomy
 from stages.fit_hand.building import (
     KINDS,
     Amount,
@@ -38,6 +40,7 @@ class HandModel:
     length : bone's segment to its length; mount : segment to its receiver's place (x, y, z) on the bone;
     axes : joint to its flexion axis in the frame marked `axis_frame`, centres : joint to
     the mark at its centre. seats : joint without anatomy to its centre in its child's receiver frame.
+    anatomy : of the average digits, with the thumb's metacarpal facing as its receiver does.
     """
 
     unknowns: Unknowns
@@ -50,6 +53,7 @@ class HandModel:
     axes: Mapping[str, Array]
     centres: Mapping[str, str]
     seats: Mapping[str, tuple[Amount, Amount, Amount]]
+    anatomy: Mapping[str, DigitAnatomy]
 
 
 def root_of(layout: Layout) -> str:
@@ -62,10 +66,28 @@ def known_digits(layout: Layout) -> list[Digit]:
     return [
         digit
         for digit in layout.digits.values()
-        if digit.name in prior.DIGITS
+        if digit.name in DIGITS
         and digit.base == root_of(layout)
-        and len(digit.segments) == len(prior.DIGITS[digit.name].lengths_mm)
+        and len(digit.segments) == len(DIGITS[digit.name].lengths_mm)
     ]
+
+
+def rest_rotations(
+    layout: Layout, hand: str, anatomy: Mapping[str, DigitAnatomy] = DIGITS
+) -> dict[str, Array]:
+    """Quaternion (4,) of every joint of known anatomy, child to parent bone, of a straight digit lying flat.
+
+    Of the average hand; for a left hand mirrored. anatomy : that of the fitted model, whose bones' frames
+    these are.
+    """
+    rests = {}
+    for digit in known_digits(layout):
+        above = np.eye(3)
+        for joint, frame in zip(digit.joints, anatomy[digit.name].frames(), strict=True):
+            rest = from_matrix(above.T @ frame)
+            rests[joint] = mirrored(rest) if hand == "left" else rest
+            above = frame
+    return rests
 
 
 def hand_model(
@@ -76,18 +98,19 @@ def hand_model(
     free: Sequence[FreeJoint] = (),
     scale: tuple[float, float] = (1.0, prior.SCALE_SD),
     parts: Parts | None = None,
+    anatomy: Mapping[str, DigitAnatomy] = DIGITS,
 ) -> HandModel:
     """Lay out all chains of a layout.
 
     receivers : segments in the order in which frames hold them; seen : those that have valid poses, as skin
     is not fitted to angles that nothing shows. wrist_mm : (3,) where the wrist centre is expected in the
     root's receiver frame, average hand. free : joints without anatomy. scale : mean and sd of the hand's
-    size.
+    size. anatomy : of the digits.
     """
     builder = Builder(layout, scale, parts or Parts(), frozenset(seen))
     root, digits = root_of(layout), known_digits(layout)
     branches = [_base(builder, root, wrist_mm if digits else None)]
-    branches += [digit_steps(builder, digit, prior.DIGITS[digit.name]) for digit in digits]
+    branches += [digit_steps(builder, digit, anatomy[digit.name]) for digit in digits]
     branches += [_free(builder, joint, free, at_wrist=bool(digits)) for joint in free if joint.near == root]
     return HandModel(
         builder.unknowns,
@@ -100,6 +123,7 @@ def hand_model(
         builder.axes,
         builder.centres,
         builder.seats,
+        anatomy,
     )
 
 
@@ -129,9 +153,10 @@ def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at
     builder.axes[name] = joint.axes[:, 0]
     builder.centres[name] = centre(name)
     builder.guesses.append(FirstGuess(states[0], joint.near, joint.far, np.eye(3), axes[:, 0], joint.mean))
+    at_receiver = [1, 2] if joint.joint.dof == 1 else []  # a hinge has one axis; skin turns the receiver
     turns: list[Step] = [
         Mark(axis_frame(name)),
-        *(by_state(axes[:, i], state) for i, state in enumerate(states)),
+        *(by_state(axes[:, i], state) for i, state in enumerate(states) if i not in at_receiver),
     ]
     if joint.joint.dof < 3:  # three rotations reach every posture, wherever their axes are
         tilts = [builder.free(0.0, FREE_AXIS_SD_RAD, "free axis", f"{name} {n}") for n in (1, 2)]
@@ -139,6 +164,7 @@ def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at
     steps += turns
     steps.append(Turn(joint.mean))
     steps += [along(axis, amount) for axis, amount in zip(np.eye(3), far, strict=True)]
+    steps += [by_state(joint.mean.T @ axes[:, i], states[i]) for i in at_receiver]
     steps.append(Mark(receiver(joint.far)))
     after = [other for other in others if other.near == joint.far]
     return [*steps, *(Side(tuple(_free(builder, other, others, at_wrist=False))) for other in after)]

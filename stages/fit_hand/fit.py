@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from kinematics.rotations import Array
+from kinematics.thumb_facing import faces_nail
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.poses import Poses
 from stages.fit_hand import anatomy_priors as prior
+from stages.fit_hand.anatomy_priors import DIGITS, DigitAnatomy
 from stages.fit_hand.building import Parts
 from stages.fit_hand.chain import HandModel, hand_model, known_digits, root_of
 from stages.fit_hand.empirical_bayes import independent_samples, prior_precision, rescaled, residual_sd
@@ -112,7 +114,7 @@ def fit_hand(
     frames, share, n_used = _chosen(everything, layout, convention.receivers, settings.n_frames)
     scale = _scale(hand_length_mm, hand_breadth_mm)
     model = _model(layout, convention, everything, frames, scale, settings.parts)
-    measured = observations(model, measurements).and_also(planes(model, layout, convention))
+    measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
     problem = _problem(model, frames, measured)
     problem, solution, scales, steps = _solved(problem, model, everything, settings)
     reduced = reduce(problem, solution.point, solution.residuals, np.zeros(len(share)))
@@ -140,7 +142,21 @@ def _model(
     wrist_mm = np.zeros(3)
     if layout.wrist is not None:
         wrist_mm = convention.point_matrix(root).T @ (layout.wrist.point_mm or layout.wrist.nominal_mm)
-    return hand_model(layout, receivers, seen, wrist_mm, free, scale, parts)
+    anatomy = _anatomy(layout, everything, receivers)
+    return hand_model(layout, receivers, seen, wrist_mm, free, scale, parts, anatomy)
+
+
+def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Mapping[str, DigitAnatomy]:
+    """Anatomy of the digits, the thumb's metacarpal facing as its receiver does."""
+    thumb = next((digit for digit in known_digits(layout) if digit.name == "thumb"), None)
+    if thumb is None or not set(thumb.segments[:2]) <= set(receivers):
+        return DIGITS
+    metacarpal, proximal = (receivers.index(segment) for segment in thumb.segments[:2])
+    both = everything.valid[:, metacarpal] & everything.valid[:, proximal]
+    seen = everything.rotation[both, metacarpal].swapaxes(-1, -2) @ everything.rotation[both, proximal]
+    nail = replace(DIGITS["thumb"], faces_nail=True)
+    rests = [frames[0].T @ frames[1] for frames in (nail.frames(), DIGITS["thumb"].frames())]
+    return {**DIGITS, "thumb": nail} if faces_nail(seen, *rests) else DIGITS
 
 
 def _problem(model: HandModel, frames: Frames, measured: Observations) -> Problem:

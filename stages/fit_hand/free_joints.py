@@ -21,7 +21,7 @@ REACH_SD_MM = 200.0
 WRIST_SD_MM = 2.0
 """Of the wrist's centre about the origin of the hand's frame, in which the bases of the digits are given."""
 
-AXIS_SD_RAD = float(np.radians(15.0))
+AXIS_SD_RAD = float(np.radians(30.0))
 """Of a joint's axes about those that the recording shows at first sight."""
 
 ANGLE_SD_DEG = ((60.0, 4.0, 4.0), (60.0, 60.0, 5.0), (60.0, 60.0, 60.0))

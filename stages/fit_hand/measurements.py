@@ -8,14 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas.errors import InputError
-from schemas.layout import Layout
+from schemas.layout import Joint, Layout
+from stages.fit_hand import anatomy_priors as prior
 from stages.fit_hand.building import Amount
-from stages.fit_hand.chain import HandModel
-from stages.fit_hand.normal_equations import Observations
+from stages.fit_hand.chain import HandModel, known_digits, root_of
+from stages.fit_hand.normal_equations import Frames, Observations
 from stages.fit_hand.recordings import Convention
 
-PLANE_SD_MM = 2.0
-"""Of a hinge's centre about the plane through its child's receiver: receivers are put on by eye."""
+PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
+"""Of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned, which
+counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
+
+_TURNS = 0.1
+"""Share of the largest singular value below which a hinge's axis is not found by what it turned about it."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,18 @@ class Measurement:
     sd_mm: float
 
 
+def measurable(layout: Layout) -> list[str]:
+    """Every quantity that can be measured on the hands of a layout, by name; none without known anatomy."""
+    names = []
+    for digit in known_digits(layout):
+        for segment in digit.segments:
+            names.append(segment)
+            if layout.segments[segment].measured:
+                names += [f"{segment}.{part}" for part in ("along", "lateral", "height", "distal")]
+    root = root_of(layout)
+    return [*names, *(f"{root}.{part}" for part in ("along", "lateral", "height"))] if names else []
+
+
 def observations(model: HandModel, measurements: Sequence[Measurement]) -> Observations:
     """Measurements as linear observations of the unknowns; InputError where one names nothing known."""
     rows, values = [], []
@@ -45,7 +62,7 @@ def observations(model: HandModel, measurements: Sequence[Measurement]) -> Obser
     return Observations(np.array(rows).reshape(-1, len(model.unknowns.names)), np.array(values))
 
 
-def planes(model: HandModel, layout: Layout, convention: Convention) -> Observations:
+def planes(model: HandModel, layout: Layout, convention: Convention, frames: Frames) -> Observations:
     """Hinges without anatomy lie near the plane that the layout gives: nothing else says where on their axis.
 
     A joint that turns about more than one axis needs no plane. Planes that the layout gives in the parent's
@@ -62,9 +79,21 @@ def planes(model: HandModel, layout: Layout, convention: Convention) -> Observat
         for part, along in zip(seat, normal, strict=True):
             for coefficient, unknown in part.parts:
                 row[unknown] += coefficient * along
-        rows.append(row / PLANE_SD_MM)
-        values.append(float(own @ joint.plane.point_mm) / PLANE_SD_MM)
+        sd_mm = np.hypot(PLANE_SD_MM, PLANE_SD_RAD * _distance_mm(model, joint, frames))
+        rows.append(row / sd_mm)
+        values.append(float(own @ joint.plane.point_mm) / sd_mm)
     return Observations(np.array(rows).reshape(-1, len(model.unknowns.names)), np.array(values))
+
+
+def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
+    """Of a hinge's axis from its child's receiver, at first sight: Eq. 4 with what is not seen left out."""
+    parent, child = (model.receivers.index(name) for name in (joint.parent_receiver, joint.child))
+    both = frames.valid[:, parent] & frames.valid[:, child]
+    back = frames.rotation[both, child].swapaxes(-1, -2)
+    turned = back @ frames.rotation[both, parent]
+    apart = back @ (frames.position_mm[both, parent] - frames.position_mm[both, child])[..., None]
+    stack = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), -turned], -1).reshape(-1, 6)
+    return float(np.linalg.norm(np.linalg.lstsq(stack, apart.reshape(-1), rcond=_TURNS)[0][:3]))
 
 
 def _amount(model: HandModel, quantity: str) -> Amount:

@@ -70,6 +70,17 @@ class FittedBone:
 
 
 @dataclass(frozen=True)
+class FixedCentre:
+    """Centre (3,) in mm of a joint that does not move, in the parent's receiver frame; covariance (3, 3)."""
+
+    name: str
+    parent_segment: str
+    child_segment: str
+    parent_mm: Array
+    covariance_mm2: Array
+
+
+@dataclass(frozen=True)
 class Posterior:
     """Mean x (G,) and covariance (G, G) of the hand's unknowns; mean_states (S,) over the recording, rad,
     and how they move with the unknowns (S, G).
@@ -116,20 +127,21 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Reading:
-    """What is read: joints between two receivers, moving joints whose child carries none, bones' lengths by
-    segment, and the wrist centre (3,) with its covariance (3, 3) in the base receiver's frame, NaN where
-    the layout's anatomy is not known.
+    """What is read: joints between two receivers, moving joints whose child carries none, joints that do not
+    move, bones' lengths by segment, and the wrist centre (3,) with its covariance (3, 3) in the base
+    receiver's frame, NaN where the layout's anatomy is not known.
     """
 
     joints: dict[str, FittedJoint]
     palm: dict[str, FittedJoint]
+    fixed: dict[str, FixedCentre]
     bones: dict[str, FittedBone]
     wrist_mm: Array
     wrist_covariance_mm2: Array
 
 
 @dataclass(frozen=True)
-class _Place:
+class Place:
     """A marked frame seen from the base bone, and how it moves and turns with the unknowns: (3, G) each."""
 
     R: Array
@@ -137,11 +149,17 @@ class _Place:
     moved: Array
     turned: Array
 
-    def sees(self, other: _Place) -> tuple[Array, Array]:
+    def sees(self, other: Place) -> tuple[Array, Array]:
         """The other's origin in this frame and its derivative (3, G)."""
         arm = other.t - self.t
         moved = other.moved - self.moved + cross(arm, self.turned.T).T
         return self.R.T @ arm, self.R.T @ moved
+
+    def carrying(self, point_mm: Array, by_x: Array) -> Place:
+        """A point that rides on this frame, where `point_mm` (3,) puts it; by_x (3, G) : its derivative."""
+        arm = self.R @ point_mm
+        moved = self.moved + cross(self.turned.T, arm).T + self.R @ by_x
+        return Place(self.R, self.t + arm, moved, self.turned)
 
     def sees_axis(self, axis: Array, turned: Array) -> tuple[Array, Array]:
         """An axis in this frame and its derivative (3, G); turned : how the axis turns."""
@@ -150,21 +168,26 @@ class _Place:
 
 def read(evidence: Evidence) -> Reading:
     """Read joints, bones and wrist off a solved fit."""
-    places = _places(evidence.model, evidence.posterior)
+    places = places_of(evidence.model, evidence.posterior)
     joints: dict[str, FittedJoint] = {}
     palm: dict[str, FittedJoint] = {}
+    fixed: dict[str, FixedCentre] = {}
     for joint in evidence.layout.joints.values():
-        if axis_frame(joint.name) in places and receiver(joint.parent_receiver) in places:
+        if receiver(joint.parent_receiver) not in places:
+            continue
+        if axis_frame(joint.name) in places:
             found = joints if receiver(joint.child) in places else palm
             found[joint.name] = _joint(joint, places, evidence)
+        elif evidence.model.centres.get(joint.name) in places:
+            fixed[joint.name] = _fixed(joint, places, evidence)
     bones = {
         segment: FittedBone(*evidence.posterior.of_amount(length))
         for segment, length in evidence.model.length.items()
     }
-    return Reading(joints, palm, bones, *_wrist(places, evidence))
+    return Reading(joints, palm, fixed, bones, *_wrist(places, evidence))
 
 
-def _places(model: HandModel, posterior: Posterior) -> dict[str, _Place]:
+def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
     """Every marked frame at the mean posture."""
     y = posterior.mean_states[None]
     places = {}
@@ -177,24 +200,37 @@ def _places(model: HandModel, posterior: Posterior) -> dict[str, _Place]:
             full = by_y[mark] @ posterior.states_by_x[branch.states]
             full[:, branch.unknowns] += by_x[mark]
             R, t = reached.rotation[mark, 0], reached.position_mm[mark, 0]
-            places[name] = _Place(R, t, full[:3], full[3:])
+            places[name] = Place(R, t, full[:3], full[3:])
     return places
 
 
-def _joint(joint: Joint, places: Mapping[str, _Place], evidence: Evidence) -> FittedJoint:
-    model, convention, posterior = evidence.model, evidence.convention, evidence.posterior
-    centre, axis_at = places[model.centres[joint.name]], places[axis_frame(joint.name)]
-    axis = axis_at.R @ model.axes[joint.name]
-    nothing = np.full(3, np.nan)
-    points, axes = {}, {}
-    by_x = np.full((6, len(posterior.x)), np.nan)
+def centre_by_unknowns(
+    joint: Joint, places: Mapping[str, Place], evidence: Evidence
+) -> tuple[dict[str, Array], Array]:
+    """A joint's centre in the fitted frames of the parent's and the child's receiver, NaN where there is
+    none, and its derivative (6, G) in the receivers' own frames.
+    """
+    centre = places[evidence.model.centres[joint.name]]
+    points, by_x = {}, np.full((6, len(evidence.posterior.x)), np.nan)
     for side, segment in enumerate((joint.parent_receiver, joint.child)):
-        points[segment], axes[segment] = nothing, nothing
+        points[segment] = np.full(3, np.nan)
         if receiver(segment) in places:
-            seat = places[receiver(segment)]
-            points[segment], moved = seat.sees(centre)
-            axes[segment] = seat.sees_axis(axis, axis_at.turned)[0]
-            by_x[3 * side : 3 * side + 3] = convention.point_matrix(segment) @ moved
+            points[segment], moved = places[receiver(segment)].sees(centre)
+            by_x[3 * side : 3 * side + 3] = evidence.convention.point_matrix(segment) @ moved
+    return points, by_x
+
+
+def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> FittedJoint:
+    model, convention, posterior = evidence.model, evidence.convention, evidence.posterior
+    points, by_x = centre_by_unknowns(joint, places, evidence)
+    axis_at = places[axis_frame(joint.name)]
+    axis = axis_at.R @ model.axes[joint.name]
+    axes = {
+        segment: places[receiver(segment)].sees_axis(axis, axis_at.turned)[0]
+        if receiver(segment) in places
+        else np.full(3, np.nan)
+        for segment in points
+    }
     seen = places[receiver(joint.parent_receiver)].sees_axis(axis, axis_at.turned)[1]
     covariance = by_x @ posterior.covariance @ by_x.T
     axis_sd = float(np.degrees(np.sqrt(np.trace(seen @ posterior.covariance @ seen.T))))
@@ -218,6 +254,19 @@ def _joint(joint: Joint, places: Mapping[str, _Place], evidence: Evidence) -> Fi
         gap_rms_mm=gap,
         status="weak" if reasons else "ok",
         message="; ".join(reasons),
+    )
+
+
+def _fixed(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> FixedCentre:
+    seat = places[receiver(joint.parent_receiver)]
+    point, moved = seat.sees(places[evidence.model.centres[joint.name]])
+    by_x = evidence.convention.point_matrix(joint.parent_receiver) @ moved
+    return FixedCentre(
+        joint.name,
+        joint.parent_receiver,
+        joint.child,
+        evidence.convention.point(joint.parent_receiver, point),
+        by_x @ evidence.posterior.covariance @ by_x.T,
     )
 
 
@@ -281,12 +330,12 @@ def _doubts_of_the_hand(evidence: Evidence) -> list[str]:
     return reasons
 
 
-def _wrist(places: Mapping[str, _Place], evidence: Evidence) -> tuple[Array, Array]:
+def _wrist(places: Mapping[str, Place], evidence: Evidence) -> tuple[Array, Array]:
     """The wrist centre, which is where the hand's frame has its origin, and its covariance."""
     if not evidence.model.length:
         return np.full(3, np.nan), np.full((3, 3), np.nan)
     base, posterior = evidence.model.receivers[0], evidence.posterior
     still = np.zeros((3, len(posterior.x)))
-    point, moved = places[receiver(base)].sees(_Place(np.eye(3), np.zeros(3), still, still))
+    point, moved = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
     by_x = evidence.convention.point_matrix(base) @ moved
     return evidence.convention.point(base, point), by_x @ posterior.covariance @ by_x.T

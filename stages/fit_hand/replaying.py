@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array, from_matrix
+from kinematics.rotations import Array, from_matrix, rotate
 from schemas.poses import Poses
 from stages.fit_hand.building import bone, receiver
+from stages.fit_hand.chain import known_digits, root_of
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.normal_equations import Frames, Point, Problem, residuals
 from stages.fit_hand.posing import first_guess, pose
@@ -25,10 +26,12 @@ _UNSEEN = 1e9
 class PosedHand:
     """A recording as the fitted hand did it, T frames; NaN in frames that could not be posed.
 
-    angle_names : (joint, kind) of the columns of angles_rad (T, A). bones : B names; bone_position_mm
-    (T, B, 3) proximal joint's centre, bone_quaternion (T, B, 4) bone (x distal, z dorsal) to transmitter.
+    angle_names : (joint, kind) of the columns of angles_rad (T, A). bones : B names, the base bone (the hand,
+    at the wrist centre) first; bone_position_mm (T, B, 3) proximal joint's centre, bone_quaternion
+    (T, B, 4) bone (x distal, z dorsal) to transmitter.
     receivers : S names; receiver_mm (T, S, 3) where the hand says that each receiver's origin is, which for
-    a distal one is the fingertip. posed : (T,) bool. residual_mm : (T,) rms over the receivers.
+    a distal one is the fingertip. posed : (T,) bool. residual_mm : (T,) rms over the receivers. tips : D
+    digits; tip_mm (T, D, 3) the end of each one's last bone, under the skin, in the transmitter frame.
     """
 
     angle_names: tuple[tuple[str, str], ...]
@@ -40,6 +43,8 @@ class PosedHand:
     receiver_mm: Array
     residual_mm: Array
     posed: npt.NDArray[np.bool_]
+    tips: tuple[str, ...]
+    tip_mm: Array
 
 
 def pose_hand(
@@ -72,11 +77,22 @@ def pose_hand(
         origins,
         rms,
         posed,
+        *_tips(fit, position, quaternion),
     )
 
 
 def _bones(fit: HandFit) -> tuple[str, ...]:
-    return tuple(fit.evidence.model.length)
+    return (root_of(fit.evidence.layout), *fit.evidence.model.length)
+
+
+def _tips(fit: HandFit, position_mm: Array, quaternion: Array) -> tuple[tuple[str, ...], Array]:
+    """The digits, and the ends of their last bones (T, D, 3), from all bones' poses."""
+    digits = known_digits(fit.evidence.layout)
+    last = [_bones(fit).index(digit.tip) for digit in digits]
+    along = np.zeros((len(digits), 3))
+    along[:, 0] = [fit.bones[digit.tip].length_mm for digit in digits]
+    ends = position_mm[:, last] + rotate(quaternion[:, last], along)
+    return tuple(digit.name for digit in digits), np.asarray(ends)
 
 
 def _weighted(fit: HandFit, weights: Mapping[str, tuple[float, float]]) -> Array:
@@ -97,10 +113,9 @@ def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, 
         for branch, (_, _, reached) in zip(problem.branches, found.branches, strict=True)
         for mark, name in enumerate(branch.marks)
     }
-    n_frames = len(frames.valid)
-    bones = [fit.evidence.convention.world(*marks[bone(name)]) for name in _bones(fit)]
-    rotation = np.stack([R for R, _ in bones], 1) if bones else np.empty((n_frames, 0, 3, 3))
-    position = np.stack([t for _, t in bones], 1) if bones else np.empty((n_frames, 0, 3))
+    places = [(point.root, point.root_mm), *(marks[bone(name)] for name in fit.evidence.model.length)]
+    bones = [fit.evidence.convention.world(*place) for place in places]
+    rotation, position = (np.stack(parts, 1) for parts in zip(*bones, strict=True))
     origins = np.stack(
         [fit.evidence.convention.world(*marks[receiver(name)])[1] for name in fit.evidence.model.receivers], 1
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,14 @@ import pyarrow as pa
 import yaml
 
 from schemas import PROGRAM, VERSION
-from schemas.catalogue import POSES, PROBLEMS, RECORDINGS, TABLES
+from schemas.catalogue import POSES, PROBLEMS, RECEIVERS, RECORDINGS, TABLES
 from schemas.config_files import read_config
 from schemas.errors import InputError
 from schemas.files import file_sha256, write_text
 from schemas.layout import read_layout
-from schemas.results import HAND_TABLES, Results
-from schemas.study import Recording, Study, correction_problems, read_corrections
+from schemas.model import read_model
+from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Results
+from schemas.study import Hand, Recording, Study, correction_problems, read_corrections
 from schemas.tables import (
     Provenance,
     columns_from_rows,
@@ -31,8 +33,17 @@ def gather_study(study: Study, results: Results) -> None:
     """Write the study-wide tables into its results folder."""
     problems: list[dict[str, Any]] = []
     recordings = [_recording_row(recording, results, problems) for recording in study.recordings]
-    for name in HAND_TABLES:
-        _write_whole(study, results, name, problems)
+    models = {name: read_model(path.absolute()) for name, path in study.models.items()}
+    fitted = [name for name, model in models.items() if model.fitting is not None]
+    for name, stage in HAND_TABLES.items():
+        _write_whole(results, name, _parts(study, results, name, list(models)), stage, problems)
+    for name, stage in FIT_TABLES.items():
+        whole = _write_whole(results, name, _parts(study, results, name, fitted), stage, problems)
+        if name == RECEIVERS.name:
+            problems += _receiver_problems(whole)
+    for name, stage in SCORE_TABLES.items():
+        scored = [(_whose(hand), results.score_table(hand, name)) for hand in study.hands]
+        _write_whole(results, name, scored, stage, problems)
     problems += _uncalibrated(study) + _correction_problems(study)
     _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
@@ -75,18 +86,35 @@ def _correction_problems(study: Study) -> list[dict[str, Any]]:
     return [{"where": path.name, "stage": "project_planes", "message": message} for message in messages]
 
 
-def _write_whole(study: Study, results: Results, name: str, problems: list[dict[str, Any]]) -> None:
+def _whose(hand: Hand, model: str = "") -> str:
+    whose = f"subject {hand.subject}, {hand.hand} hand"
+    return f"{whose}, model {model}" if model else whose
+
+
+def _parts(study: Study, results: Results, name: str, models: Sequence[str]) -> list[tuple[str, Path]]:
+    """Whose a table of a hand under a model is, and its file."""
+    return [
+        (_whose(hand, model), results.hand_table(model, hand, name))
+        for model in models
+        for hand in study.hands
+    ]
+
+
+def _write_whole(
+    results: Results,
+    name: str,
+    sources: Sequence[tuple[str, Path]],
+    stage: str,
+    problems: list[dict[str, Any]],
+) -> pa.Table:
     """Concatenate one table over hands and models; a part that failed becomes a problem."""
-    table, parts, files = TABLES[name], [], []
-    for model in study.models:
-        for hand in study.hands:
-            path = results.hand_table(model, hand, name)
-            files.append(path)
-            try:
-                parts.append(read_table(path, table).replace_schema_metadata(None))
-            except InputError as error:
-                where = f"subject {hand.subject}, {hand.hand} hand, model {model}"
-                problems.append({"where": where, "stage": HAND_TABLES[name], "message": str(error)})
+    table, parts = TABLES[name], []
+    files = [path for _, path in sources]
+    for where, path in sources:
+        try:
+            parts.append(read_table(path, table).replace_schema_metadata(None))
+        except InputError as error:
+            problems.append({"where": where, "stage": stage, "message": str(error)})
     bare = table.arrow_schema({}).remove_metadata()
     whole = pa.concat_tables([part.cast(bare) for part in parts]) if parts else bare.empty_table()
     columns = {column.name: whole.column(column.name) for column in table.columns}
@@ -94,6 +122,20 @@ def _write_whole(study: Study, results: Results, name: str, problems: list[dict[
         (path.relative_to(results.folder).as_posix(), file_sha256(path)) for path in files if path.is_file()
     ]
     write_table(results.study_table(name), table, columns, Provenance(tuple(hashed)))
+    return whole
+
+
+def _receiver_problems(receivers: pa.Table) -> list[dict[str, Any]]:
+    """Receivers that came loose, and touches that were refused, once however many models say so."""
+    return [
+        {
+            "where": f"subject {row['subject']}, {row['hand']} hand, {row['segment']}",
+            "stage": FIT_TABLES[RECEIVERS.name],
+            "message": row["message"],
+        }
+        for row in rows_of(receivers)
+        if row["message"]
+    ]
 
 
 def _recording_row(recording: Recording, results: Results, problems: list[dict[str, Any]]) -> dict[str, Any]:

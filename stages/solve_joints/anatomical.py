@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.rotations import Array, matrix
+from kinematics.thumb_facing import faces_nail
 from schemas.errors import InputError
 from schemas.layout import Joint, Layout
 from stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
@@ -26,7 +27,7 @@ from stages.solve_joints.evidence import (
 )
 from stages.solve_joints.moments import JointMoments, RelativePoses
 from stages.solve_joints.posterior import HandPosterior, HandPrior, Information, posterior
-from stages.solve_joints.priors import average_bones, joint_prior
+from stages.solve_joints.priors import average_bones, joint_prior, receiver_axes
 from stages.solve_joints.receivers import hand_prior
 from stages.solve_joints.spread import SpreadFrames, SpreadSample
 
@@ -173,7 +174,7 @@ def solve_hand(
 
 def _evidence(sample: HandSample, layout: Layout, hand: str) -> dict[int, JointEvidence]:
     """Joints that have a frame, by their place in the sample."""
-    bones = average_bones(hand)
+    bones = average_bones(hand, thumb_faces_nail=_thumb_faces_nail(sample, layout, hand))
     joints = {}
     for index, joint in enumerate(sample.joints):
         frames = sample.frames(index)
@@ -187,6 +188,18 @@ def _evidence(sample: HandSample, layout: Layout, hand: str) -> dict[int, JointE
                 turn = turn_of(joints[other], one.frames.other[:, others.index(other)])
                 one.neighbours[name] = Neighbour(turn, turn @ joints[other].motion.axis_child)
     return joints
+
+
+def _thumb_faces_nail(sample: HandSample, layout: Layout, hand: str) -> bool:
+    """Whether the receiver over the thumb's metacarpal does; no where that and its phalanx's never meet."""
+    ends = "thumb_metacarpal", "thumb_proximal"
+    for index, joint in enumerate(sample.joints):
+        if (joint.parent_receiver, joint.child) == ends:
+            above, below = (receiver_axes(layout.segments[segment]) for segment in ends)
+            relative = above.T @ matrix(sample.frames(index).quaternion) @ below
+            either = [average_bones(hand, thumb_faces_nail=nail) for nail in (True, False)]
+            return faces_nail(relative, *(bones[ends[0]].frame.T @ bones[ends[1]].frame for bones in either))
+    return False
 
 
 @dataclass(frozen=True)

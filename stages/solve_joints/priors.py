@@ -83,7 +83,7 @@ UNKNOWN_SD_MM = 500.0
 class Bone:
     """A bone of the average hand, right or left, in the hand's frame (x distal, z dorsal).
 
-    frame : (3, 3) its own axes (x along it, y the flexion axis made perpendicular, z dorsal) as columns;
+    frame : (3, 3) its own axes (x along it, y a flexion axis made perpendicular, z dorsal) as columns;
     start_mm : (3,) its proximal joint from the wrist centre; axis : (3,) unit flexion axis of that joint.
     digit, kind : as in the segment's name.
     """
@@ -101,18 +101,23 @@ class Bone:
         return np.array([self.length_mm / 2, 0.0, HEIGHT_MM[self.kind]])
 
 
-def average_bones(hand: str) -> dict[str, Bone]:
-    """Give the bones of an average hand by segment; a left hand is the mirror image of a right one."""
+def average_bones(hand: str, *, thumb_faces_nail: bool = False) -> dict[str, Bone]:
+    """Give the bones of an average hand by segment; a left hand is the mirror image of a right one.
+
+    thumb_faces_nail : whether the frame of the thumb's metacarpal faces as those of its phalanges do, y
+    nearest the MCP joint's axis (`kinematics.thumb_facing`).
+    """
     mirror = np.array([1.0, -1.0, 1.0]) if hand == "left" else np.ones(3)
     bones = {}
     for digit, points in _POINTS_MM.items():
         ends = np.array(points) * mirror
+        axes = unit(np.array(_AXES[digit])) * mirror * (-1.0 if hand == "left" else 1.0)
+        across = axes[[1, 1, 2]] if digit == "thumb" and thumb_faces_nail else axes
         for i, kind in enumerate(_THUMB_BONES if digit == "thumb" else _BONES):
             x = unit(ends[i + 1] - ends[i])
-            axis = unit(np.array(_AXES[digit][i])) * mirror * (-1.0 if hand == "left" else 1.0)
-            y = unit(axis - (axis @ x) * x)
+            y = unit(across[i] - (across[i] @ x) * x)
             frame = np.stack([x, y, np.cross(x, y)], -1)
-            bones[f"{digit}_{kind}"] = Bone(digit, kind, frame, ends[i], LENGTH_MM[digit][i], axis)
+            bones[f"{digit}_{kind}"] = Bone(digit, kind, frame, ends[i], LENGTH_MM[digit][i], axes[i])
     return bones
 
 

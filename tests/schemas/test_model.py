@@ -37,6 +37,18 @@ def test_the_papers_tables() -> None:
             "metacarpals.rest_direction: has no length",
         ),
         ("model: mine", "the key 'description' is missing"),
+        (
+            "model: mine\ndescription: d\nmetacarpals: {unmeasured: fitted}",
+            "metacarpals.unmeasured: is fitted, but no whole hand is fitted",
+        ),
+        (
+            "model: mine\ndescription: d\nfit: {whole_hand: true}",
+            "planes.cut: is true; a fit of the whole hand starts from joints that no plane has cut",
+        ),
+        (
+            "model: mine\ndescription: d\nfit: {whole_hand: true}\nplanes: {cut: false}",
+            "metacarpals: a fit of the whole hand poses them all",
+        ),
     ],
 )
 def test_a_mistake_is_refused(tmp_path: Path, text: str, message: str) -> None:

@@ -77,6 +77,27 @@ def test_which_recordings_calibrate_and_which_are_evaluated(
     assert "".join(r.task for r in read.evaluated(hand)) == evaluated
 
 
+@pytest.mark.parametrize(
+    ("rows", "calibration", "left_out"),
+    [
+        (("01 right c calibration 1", "01 right b both 2"), "all", {"b": "c"}),
+        (("01 right c calibration 1", "01 right b both 2"), "evaluated", {"b": "c"}),
+        (("01 right b both 1", "01 right d both 2"), "evaluated", {"b": "d", "d": "b"}),
+        (("01 right c calibration 1", "01 right e evaluation 2"), "all", {}),
+        (("01 right b both 1",), "all", {}),
+        (("01 right b both 1", "01 left c calibration 2"), "all", {}),
+    ],
+    ids=["with-a-calibration", "the-papers", "each-other", "held-out-anyhow", "nothing-left", "other-hands"],
+)
+def test_tasks_that_are_left_out_in_turn(
+    tmp_path: Path, rows: tuple[str, ...], calibration: str, left_out: dict[str, str]
+) -> None:
+    read, hand = study(tmp_path, *rows), Hand("01", "right")
+    assert read.left_out(hand, calibration) == list(left_out)
+    for task, used in left_out.items():
+        assert "".join(r.task for r in read.calibrating(hand, calibration, task)) == used
+
+
 def test_hands_come_in_the_sheets_order(tmp_path: Path) -> None:
     rows = ("b left x both 1", "a right x both 2", "b left y both 3", "b right x both 4")
     assert study(tmp_path, *rows).hands == (Hand("b", "left"), Hand("a", "right"), Hand("b", "right"))

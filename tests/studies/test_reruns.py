@@ -20,6 +20,7 @@ ROWS = [
 ]
 CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t{}\t0\t0\n"
 OF_A_HAND = ["solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips"]
+OF_ALL_MODELS = "evaluate_skeletons"
 AT_THE_END = {"gather", "report"}
 FRAMES = 700  # a CSV recording above 1 MB, the size from which Snakemake goes by the time of a file
 
@@ -55,8 +56,8 @@ def _rules(jobs: set[Job]) -> set[str]:
 
 
 def _own(jobs: set[Job], wildcard: str) -> set[str | None]:
-    """Values of a wildcard over the jobs that are of one hand, recording or model."""
-    return {job[wildcard] for job in jobs if job.rule not in AT_THE_END}
+    """Values of a wildcard over the jobs that have it."""
+    return {job[wildcard] for job in jobs if job[wildcard] is not None}
 
 
 def _edit(file: Path, change: Callable[[str], str]) -> None:
@@ -86,9 +87,9 @@ def test_a_touched_recording_reruns_its_subject_only(study: StudyRun) -> None:
     assert recording.stat().st_size > 1_000_000
     os.utime(recording)
     jobs = study.planned()
-    assert _rules(jobs) == {"capture", *OF_A_HAND, *AT_THE_END}
+    assert _rules(jobs) == {"capture", "check_calibration", *OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "subject") == {"01"}
-    assert len(jobs) == 1 + 2 * len(OF_A_HAND) + 2
+    assert len(jobs) == 2 + 2 * len(OF_A_HAND) + 1 + 2
 
 
 def test_a_changed_recording_changes_its_subject_only(study: StudyRun) -> None:
@@ -108,7 +109,7 @@ def test_a_changed_recording_changes_its_subject_only(study: StudyRun) -> None:
 def test_a_changed_model_file_reruns_that_model_only(study: StudyRun) -> None:
     _edit(study.folder / f"{PLAIN}.yaml", _after("joints: {singular_values: 6}"))
     jobs = study.planned()
-    assert _rules(jobs) == {*OF_A_HAND, *AT_THE_END}
+    assert _rules(jobs) == {*OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "model") == {PLAIN}
     assert _own(jobs, "subject") == {"01", "02", "late"}
 
@@ -116,14 +117,14 @@ def test_a_changed_model_file_reruns_that_model_only(study: StudyRun) -> None:
 def test_changed_corrections_rerun_models_that_apply_them(study: StudyRun) -> None:
     (study.folder / "corrections.tsv").write_text(CORRECTIONS.format(2))
     jobs = study.planned()
-    assert _rules(jobs) == {"project_planes", "estimate_metacarpals", "evaluate_tips", *AT_THE_END}
+    assert _rules(jobs) == {*OF_A_HAND[1:], OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "model") == {CORRECTED}
 
 
 def test_one_model_more_runs_that_model_only(study: StudyRun) -> None:
     _edit(study.file, lambda text: text.replace("models: [", "models: [rigid, "))
     jobs = study.planned()
-    assert _rules(jobs) == {*OF_A_HAND, *AT_THE_END}
+    assert _rules(jobs) == {*OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "model") == {"rigid"}
 
 
@@ -131,7 +132,7 @@ def test_one_subject_more_runs_that_subject_only(study: StudyRun) -> None:
     shutil.copy(study.folder / "02.csv", study.folder / "03.csv")
     _edit(study.folder / "twice.tsv", lambda text: f"{text}03\tright\trom\tboth\t03.csv\n")
     jobs = study.planned()
-    assert _rules(jobs) == {"capture", *OF_A_HAND, *AT_THE_END}
+    assert _rules(jobs) == {"capture", "check_calibration", *OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "subject") == {"03"}
 
 
@@ -140,7 +141,7 @@ def test_a_recording_that_came_late_is_captured(study: StudyRun) -> None:
     assert study.rows_where("recordings", subject="late")[0]["status"] == "failed"
     shutil.copy(study.folder / "02.csv", study.folder / "late.csv")
     jobs = study.planned()
-    assert _rules(jobs) == {"capture", *OF_A_HAND, *AT_THE_END}
+    assert _rules(jobs) == {"capture", "check_calibration", *OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "subject") == {"late"}
 
 
@@ -153,7 +154,7 @@ def test_a_comment_in_a_module_reruns_nothing(study: StudyRun) -> None:
 def test_code_of_a_stage_reruns_it_and_what_depends_on_it(study: StudyRun) -> None:
     _edit(study.repository / "stages/project_planes/plane.py", _after("MORE = 1"))
     jobs = study.planned()
-    assert _rules(jobs) == {"project_planes", "estimate_metacarpals", "evaluate_tips", *AT_THE_END}
+    assert _rules(jobs) == {*OF_A_HAND[1:], OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "model") == {PLAIN, CORRECTED}
     assert _own(jobs, "subject") == {"01", "02", "late"}
 

@@ -6,6 +6,9 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 
+from schemas.catalogue import CALIBRATION_ADVICE
+from schemas.errors import InputError
+from schemas.tables import read_table
 from stages.capture.__main__ import main as capture
 from stages.check_calibration.__main__ import main
 from stages.simulate.__main__ import main as simulate
@@ -69,7 +72,9 @@ def test_bad_input_is_a_sentence(
     ):
         assert main(["--layout", "liberty16", *words]) == 2
         assert said in capsys.readouterr().err
-    out = tmp_path / "advice.csv"
-    words = ["--poses", str(tmp_path / "none.parquet"), "--out", str(out), "--record-failure"]
-    assert main(["--layout", "liberty16", *words]) == 0
-    assert "no such file" in out.read_text()
+    for ending in (".csv", ".parquet"):
+        words = ["--poses", str(tmp_path / "none.parquet"), f"--out={tmp_path / 'advice'}{ending}"]
+        assert main(["--layout", "liberty16", *words, "--record-failure"]) == 0
+    assert "no such file" in (tmp_path / "advice.csv").read_text()
+    with pytest.raises(InputError, match="no such file"):
+        read_table(tmp_path / "advice.parquet", CALIBRATION_ADVICE)

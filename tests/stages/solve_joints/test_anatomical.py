@@ -8,6 +8,7 @@ import numpy.typing as npt
 import pytest
 from chains import as_poses, chain_layout, gap_rms_mm, moments_of, random_chain
 from scipy.spatial.transform import Rotation
+from thumb_receiver import facing_the_nail, poses_of
 
 from benchmarks.anatomical_trial import hand_errors
 from kinematics.rotations import Array
@@ -81,6 +82,35 @@ def worn(poses: Poses) -> Poses:
     """The same with numbers, though not valid, where nothing was worn; for rotations that refuse NaN."""
     unit = np.where(np.isfinite(poses.quaternion), poses.quaternion, [1.0, 0.0, 0.0, 0.0])
     return replace(poses, quaternion=unit)
+
+
+@pytest.mark.parametrize("seed", [4, 5, 7])
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_thumb_whose_receiver_faces_the_nail(seed: int, side: str) -> None:
+    """The MCP joint's axis is expected where it is, and the thumb's centres are as near to the truth as with
+    the receiver on the back of the hand, and as sure.
+    """
+    made = simulate("01", side, "rom", seed, Realism.full(), N_FRAMES)
+    joints = [joint for joint in LIBERTY.solvable if joint.name != "wrist"]
+    error_mm, sd_mm = np.zeros((2, 2, 6)), np.zeros((2, 2, 6))
+    for i, one in enumerate((made, facing_the_nail(made))):
+        sample, moments = HandSample(joints), JointMoments(len(joints))
+        sample.add(add_block(moments, poses_of(one), joints))
+        fit = fit_hand(sample, moments, LIBERTY, side, None)
+        assert fit is not None
+        for row, index in enumerate(fit.joints):
+            true = one.truth.joints[joints[index].name]
+            if true.name == "thumb_mcp":
+                assert fit.joints[index].prior.axis_parent @ true.axis_parent > 0.9
+            if true.name in ("thumb_cmc", "thumb_mcp"):
+                k = int(true.name == "thumb_mcp")
+                error_mm[i, k] = fit.found.mean[6 * row : 6 * row + 6]
+                error_mm[i, k] -= np.concatenate([true.parent_mm, true.child_mm])
+                sd_mm[i, k] = np.sqrt(np.diag(fit.covariance(row, fit.found)))
+    off, unsure = (np.linalg.norm(a.reshape(2, 2, 2, 3), axis=-1) for a in (error_mm, sd_mm))
+    assert (off < 2.5 * unsure).all()
+    assert np.abs(off[1] - off[0]).max() < 1.5
+    np.testing.assert_allclose(unsure[1], unsure[0], rtol=0.05)
 
 
 def test_every_joint_has_a_centre_and_an_honest_message(hand: Poses) -> None:

@@ -1,0 +1,203 @@
+"""One hand under one model, as its folder of tables says; what a table cannot give is told in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from kinematics.rotations import Array
+from kinematics.skeleton import Rows
+from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, POSED_TIPS, TIP_ERRORS, TIPS
+from schemas.errors import InputError
+from schemas.poses import RecordingName
+from schemas.study import path_token
+from schemas.tables import Table, column_array, open_table, read_metadata, read_table, rows_of
+
+WITHOUT = "without-"
+"""A folder of this name and a task holds the skeleton that was made without that task's recordings."""
+
+TABLES = (JOINT_CENTRES, BONE_LENGTHS, METACARPALS, TIPS, TIP_ERRORS, POSED_TIPS)
+"""What a folder may hold of what is read here."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a skeleton states of itself: joint_centres by joint, bone_lengths by segment, and the first joints
+    that are points of their own (own_cmc), whose bone therefore starts at them and not at the wrist.
+    """
+
+    joints: Rows
+    bones: Mapping[str, Mapping[str, Any]]
+    own_cmc: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SkeletonFolder:
+    """A skeleton as it was read.
+
+    calibrated_on : tasks, or "task, trial", that it was made from; None where its tables do not say.
+    without : token of the task that it was made without; empty for the whole skeleton. whole_hand : whether
+    the model poses the whole hand. errors : rows of tip_errors by task, trial and digit, of
+    either binding.
+    message : what could not be read.
+    """
+
+    path: Path
+    model: str
+    calibrated_on: tuple[str, ...] | None
+    without: str
+    whole_hand: bool
+    stated: Stated
+    errors: Mapping[tuple[str, str, str], Mapping[str, Any]]
+    message: str
+
+    @property
+    def calibrated_text(self) -> str:
+        """The column calibrated_on."""
+        return ";".join(self.calibrated_on or ())
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """Tasks that the skeleton was made from."""
+        return tuple(words.partition(", ")[0] for words in self.calibrated_on or ())
+
+    def table(self, table: Table) -> Path:
+        """A table's file."""
+        return self.path / f"{table.name}.parquet"
+
+    def evaluates(self, name: RecordingName) -> bool:
+        """Whether the folder's tables are meant to hold this recording."""
+        return self.without in ("", path_token(name.task))
+
+    def held_out(self, name: RecordingName) -> bool:
+        """Whether the skeleton was made without this recording's task, as far as its tables say."""
+        if self.calibrated_on is not None:
+            return name.task not in self.tasks
+        rows = [row for key, row in self.errors.items() if key[:2] == (name.task, name.trial)]
+        return bool(self.without) or any(row["held_out"] for row in rows)
+
+
+def read_folder(path: Path, subject: str, hand: str) -> SkeletonFolder:
+    """Read the small tables of a skeleton's folder.
+
+    Tables that failed or are missing are told in `message`. Raises InputError where a table is of another
+    hand than that of `subject`.
+    """
+    if not path.is_dir():
+        nothing = f"{path}: no such folder; expected the tables of a skeleton"
+        return SkeletonFolder(path, model_of(path), None, _without(path), False, Stated({}, {}), {}, nothing)
+    check_tables(path, TABLES, subject, hand)
+    reasons: list[str] = []
+    joints, bones, errors = (
+        _rows(path, table, reasons) for table in (JOINT_CENTRES, BONE_LENGTHS, TIP_ERRORS)
+    )
+    made = _parameters(path / f"{JOINT_CENTRES.name}.parquet")
+    calibrated = made.get("calibrated_on")
+    return SkeletonFolder(
+        path=path,
+        model=joints[0]["model"] if joints else model_of(path),
+        calibrated_on=None if calibrated is None else tuple(calibrated),
+        without=_without(path),
+        whole_hand=(path / f"{POSED_TIPS.name}.parquet").exists(),
+        stated=Stated(
+            {row["joint"]: row for row in joints},
+            {row["bone"]: row for row in bones},
+            tuple(made.get("own_cmc", ())),
+        ),
+        errors={(row["task"], row["trial"], row["digit"]): row for row in errors},
+        message=joined(reasons),
+    )
+
+
+def model_of(path: Path) -> str:
+    """The model's name as the path of a folder models/MODEL/sub-SUBJECT/HAND[/without-TASK] has it."""
+    place = path.parent if _without(path) else path
+    return place.parent.parent.name or path.name
+
+
+def _without(path: Path) -> str:
+    return path.name.removeprefix(WITHOUT) if path.name.startswith(WITHOUT) else ""
+
+
+def joined(reasons: Sequence[str]) -> str:
+    """Reasons as one message, each once; several tables often fail for one."""
+    return "; ".join(dict.fromkeys(reason for reason in reasons if reason))
+
+
+def read_digits(
+    path: Path, table: Table, columns: Sequence[str], name: RecordingName
+) -> dict[str, dict[str, npt.NDArray[Any]]]:
+    """Give numeric columns of one recording, by digit, in the order of the file; gaps are NaN.
+
+    table : one that has a row for every recording, digit and frame. Reads those columns alone and skips row
+    groups of other recordings. Raises InputError where the table failed or cannot be read.
+    """
+    open_table(path, table).close()
+    words = [("task", "=", name.task), ("trial", "=", name.trial)]
+    try:
+        found = pq.read_table(path, columns=["digit", *columns], filters=words)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise InputError(f"{path}: damaged Parquet file ({error}); make it again") from error
+    digits = found.column("digit").combine_chunks().dictionary_encode()
+    code = np.asarray(digits.indices)
+    arrays = {column: column_array(found, column) for column in columns}
+    return {
+        digit: {column: values[code == index] for column, values in arrays.items()}
+        for index, digit in enumerate(digits.dictionary.to_pylist())
+    }
+
+
+def stack(columns: Mapping[str, npt.NDArray[Any]], names: Sequence[str]) -> Array:
+    """Columns side by side, (T, len(names))."""
+    return np.stack([np.asarray(columns[name], float) for name in names], -1)
+
+
+def _check_hand(path: Path, subject: str, hand: str) -> None:
+    """Raise InputError where a readable table's first row is of another hand."""
+    with pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(1, columns=["subject", "hand"]):
+            row = batch.to_pylist()[0]
+            if (row["subject"], row["hand"]) != (subject, hand):
+                raise InputError(
+                    f"{path}: is of subject {row['subject']}, {row['hand']} hand; expected subject "
+                    f"{subject}, {hand} hand; give one hand's files"
+                )
+            break
+
+
+def check_tables(path: Path, tables: Sequence[Table], subject: str, hand: str) -> None:
+    """Raise InputError where a readable table of a folder is of another hand; whoever needs an unreadable
+    one tells so.
+    """
+    for table in tables:
+        file = path / f"{table.name}.parquet"
+        try:
+            open_table(file, table).close()
+        except InputError:
+            continue
+        _check_hand(file, subject, hand)
+
+
+def _parameters(path: Path) -> Mapping[str, Any]:
+    """Parameters in a table's metadata, also where its making failed; none where it cannot be read."""
+    try:
+        found: Mapping[str, Any] = read_metadata(path).get("parameters", {})
+    except InputError:
+        return {}
+    return found
+
+
+def _rows(path: Path, table: Table, reasons: list[str]) -> list[dict[str, Any]]:
+    """Rows of a table of a folder; one that cannot be read has none and a reason."""
+    try:
+        return list(rows_of(read_table(path / f"{table.name}.parquet", table)))
+    except InputError as error:
+        reasons.append(str(error))
+        return []

@@ -1,0 +1,95 @@
+"""Where in a recording the thumb's pad is likely to rest on a finger's: opposition, from the poses alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.rotations import Array
+from schemas.poses import Poses
+from stages.fit_hand.fingertips import PAD, Fingertips, fingertips, seen_parts
+from stages.fit_hand.fit import HandFit
+from stages.fit_hand.frames import Index
+from stages.fit_hand.touching import CONTACT_SD_MM, Contact, contact_in
+
+THUMB = "thumb"
+
+NEAR_SD = 3.37
+"""Pads predicted closer than so many sd may be in contact: 99 % of three normal numbers (chi)."""
+
+SLOW_SHARE = 0.15
+"""Of the speed that thumb and finger reach towards each other (its 90th percentile): pads that meet are held
+for a moment, pads that pass each other are not."""
+
+HELD_MM = 1.0
+"""Frames so much farther apart than the closest one still belong to the contact."""
+
+MOST_EACH = 3
+"""Contacts of one finger that are used, those held stillest."""
+
+_SPEED_FRAMES = 4
+"""Speed is that over twice as many frames, so that the tracker's noise does not count as one."""
+
+_Rows = npt.NDArray[np.bool_]
+
+
+def find_contacts(
+    hand: HandFit | Fingertips, poses: Poses, *, sd_mm: float = CONTACT_SD_MM, most_each: int = MOST_EACH
+) -> list[Contact]:
+    """Find frames of a recording in which the thumb's pad is likely to rest on a finger's.
+
+    One finger's pad must be the nearest to the thumb's, come nearer than the hand's uncertainty allows, and
+    be held there. One person's way of putting pads together repeats itself, so that all
+    contacts of a finger share the weight of one: sd_mm, per direction, is for their mean.
+    """
+    tips = hand if isinstance(hand, Fingertips) else fingertips(hand)
+    fingers = [name for name in tips.digits if name != THUMB]
+    if THUMB not in tips.digits or not fingers:
+        return []
+    pads = tips.in_transmitter(poses, PAD)
+    own = [list(tips.digits).index(name) for name in fingers]
+    apart = pads[:, own] - pads[:, [list(tips.digits).index(THUMB)]]
+    distance = np.nan_to_num(np.linalg.norm(apart, axis=-1), nan=np.inf)
+    nearest = distance.argmin(1)
+    contacts = []
+    for i, finger in enumerate(fingers):
+        near = (distance[:, i] < NEAR_SD * _apart_sd_mm(tips, finger, sd_mm)) & (nearest == i)
+        episodes = _held(distance[:, i], _speed(apart[:, i]), near)[:most_each]
+        shared = sd_mm * len(episodes) ** 0.5
+        contacts += [contact_in(tips, poses, rows, (THUMB, finger), sd_mm=shared) for rows in episodes]
+    return contacts
+
+
+def _apart_sd_mm(tips: Fingertips, finger: str, sd_mm: float) -> float:
+    """Sd per direction of the distance of two pads in contact, averaged over directions."""
+    evidence = tips.fit.evidence
+    seen = seen_parts(evidence, evidence.posterior.x, tips.offsets_mm)
+    both = [seen[digit, PAD][1] for digit in (THUMB, finger)]
+    variance = sum(float(np.trace(rows @ tips.covariance @ rows.T)) / 3 for rows in both)
+    return float(np.sqrt(variance + sd_mm**2))
+
+
+def _speed(apart_mm: Array) -> Array:
+    """Speed (T,) at which a vector (T, 3) changes, mm per frame; infinite where not known."""
+    speed = np.full(len(apart_mm), np.inf)
+    k = _SPEED_FRAMES
+    if len(apart_mm) > 2 * k:
+        speed[k:-k] = np.linalg.norm(apart_mm[2 * k :] - apart_mm[: -2 * k], axis=-1) / (2 * k)
+    return np.asarray(np.nan_to_num(speed, nan=np.inf))
+
+
+def _held(distance_mm: Array, speed: Array, near: _Rows) -> list[Index]:
+    """Frames of each time that two pads were held together, the stillest time first."""
+    known = speed[np.isfinite(speed)]
+    if not len(known):
+        return []
+    slow = SLOW_SHARE * float(np.percentile(known, 90))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    found = []
+    for start, stop in edges.reshape(-1, 2):
+        run = np.arange(start, stop)
+        run = run[speed[run] < slow]
+        if len(run):
+            rows = run[distance_mm[run] < distance_mm[run].min() + HELD_MM]
+            found.append((float(np.median(speed[rows])), rows))
+    return [rows for _, rows in sorted(found, key=lambda one: one[0])]

@@ -1,0 +1,172 @@
+"""What one more measurement of a hand would gain, before anyone takes it.
+
+The posterior's covariance after a linear observation does not depend on what is observed, only on how well:
+P - P H^T (H P H^T + R)^-1 H P. So every length and place that could be measured, and a touch of every
+fingertip, is tried on the covariance alone, all at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.rotations import Array
+from stages.fit_hand.chain import root_of
+from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, fingertips, seen_parts, tipped_digits
+from stages.fit_hand.fit import HandFit
+from stages.fit_hand.measurements import Measurement, observations
+from stages.fit_hand.reading import Evidence, centre_by_unknowns, places_of
+from stages.fit_hand.touching import SKIN_SD_MM
+
+MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
+"""Of a calliper between two joints or a joint and a receiver; of a touch, per direction."""
+
+DEEP_SD_MM = 2.0
+"""Of a length from a CMC joint or the wrist, which lie deep and show no crease (our choice)."""
+
+TOUCH = "touch"
+
+_PLACES = {
+    "along": "how far along {} its receiver sits",
+    "lateral": "how far to the side of {} its receiver sits",
+    "height": "how high over {} its receiver sits",
+    "distal": "how far from the next joint the receiver of {} sits",
+}
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What measuring one thing to sd_mm would do to the 1-sigma errors of the joint centres.
+
+    quantity : as in `Measurement`, or a digit followed by .touch: its soft tip on a known point. mean_sd :
+    over all joints between two receivers. joint : the one that gains most, before and after.
+    """
+
+    quantity: str
+    sd_mm: float
+    mean_sd_before_mm: float
+    mean_sd_after_mm: float
+    joint: str
+    joint_sd_before_mm: float
+    joint_sd_after_mm: float
+
+
+def gains(
+    hand: HandFit | Fingertips, *, sd_mm: float = MEASURED_SD_MM, touch_sd_mm: float = TOUCH_SD_MM
+) -> list[Gain]:
+    """Say what each bone's length, each receiver's place and each fingertip's touch would gain, best first.
+
+    sd_mm : of a measurement between joints and receivers; what starts at a CMC joint or the wrist counts as
+    known to DEEP_SD_MM, what ends at the tip of a bone as less certain by the soft tip. touch_sd_mm : of a
+    touch, per direction. Empty for a hand whose anatomy is not known.
+    """
+    tips = hand if isinstance(hand, Fingertips) else fingertips(hand)
+    names = list(tips.fit.joints)
+    quantities, sds, rows = _candidates(tips, sd_mm, touch_sd_mm)
+    if not quantities or not names:
+        return []
+    before, after = _sd_mm(tips, rows)
+    best = (before[:, None] - after).argmax(0)
+    found = [
+        Gain(
+            quantity,
+            sd,
+            float(before.mean()),
+            float(after[:, k].mean()),
+            names[best[k]],
+            float(before[best[k]]),
+            float(after[best[k], k]),
+        )
+        for k, (quantity, sd) in enumerate(zip(quantities, sds, strict=True))
+    ]
+    return sorted(found, key=lambda gain: gain.mean_sd_after_mm)
+
+
+def advice(found: Sequence[Gain]) -> str:
+    """Say in a sentence what is best measured next; nothing where nothing can be."""
+    if not found:
+        return ""
+    best = found[0]
+    name, _, part = best.quantity.partition(".")
+    bone = _bone_in_words(name)
+    if part == TOUCH:
+        doing = f"touching a known point with the tip of {_digit_in_words(name)}"
+    else:
+        doing = "measuring " + (_PLACES[part].format(bone) if part else bone)
+    joint = _joint_in_words(best.joint, name.partition("_")[0])
+    return (
+        f"{doing} to {best.sd_mm:.1f} mm would take {joint} from {best.joint_sd_before_mm:.1f} to "
+        f"{best.joint_sd_after_mm:.1f} mm"
+    )
+
+
+def _digit_in_words(digit: str) -> str:
+    return "the thumb" if digit == "thumb" else f"the {digit} finger"
+
+
+def _bone_in_words(segment: str) -> str:
+    digit, _, kind = segment.rpartition("_")
+    if not digit:
+        return f"the {segment}"
+    return f"{_digit_in_words(digit)}'s {kind}{'' if kind == 'metacarpal' else ' phalanx'}"
+
+
+def _joint_in_words(joint: str, of_digit: str) -> str:
+    digit, _, kind = joint.rpartition("_")
+    if not digit:
+        return f"the {joint}"
+    whose = "its" if digit == of_digit else f"{_digit_in_words(digit)}'s"
+    return f"{whose} {kind.upper()}"
+
+
+def _candidates(tips: Fingertips, sd_mm: float, touch_sd_mm: float) -> tuple[list[str], list[float], Array]:
+    """What could be measured, how well, and as rows (K, 3, G + 6 D) in units of its sd; unused rows zero."""
+    evidence = tips.fit.evidence
+    model = evidence.model
+    quantities = [
+        *model.length,
+        *(f"{s}.{part}" for s in model.mount for part in ("along", "lateral", "height")),
+        *(f"{s}.distal" for s in model.mount if s in model.length),
+    ]
+    sds = [_realistic_sd_mm(evidence, quantity, sd_mm) for quantity in quantities]
+    asked = [Measurement(quantity, 0.0, sd) for quantity, sd in zip(quantities, sds, strict=True)]
+    digits = tipped_digits(evidence)
+    rows = np.zeros((len(asked) + len(digits), 3, len(tips.covariance)))
+    rows[: len(asked), 0, : len(model.unknowns.names)] = observations(model, asked).rows
+    seen = seen_parts(evidence, evidence.posterior.x, tips.offsets_mm)
+    for k, digit in enumerate(digits, len(asked)):
+        rows[k] = seen[digit.name, TIP][1] / np.hypot(touch_sd_mm, SKIN_SD_MM)
+        quantities.append(f"{digit.name}.{TOUCH}")
+        sds.append(touch_sd_mm)
+    return quantities, sds, rows
+
+
+def _realistic_sd_mm(evidence: Evidence, quantity: str, sd_mm: float) -> float:
+    """How well a quantity can be measured, given how well one between two visible places can."""
+    segment, _, part = quantity.partition(".")
+    first = {digit.segments[0] for digit in evidence.layout.digits.values()}
+    last = {digit.tip for digit in evidence.layout.digits.values()}
+    if segment == root_of(evidence.layout) or (segment in first and part in ("", "along")):
+        return max(sd_mm, DEEP_SD_MM)
+    if segment in last and part in ("", "distal"):
+        return float(np.hypot(sd_mm, TIP_SD_MM[0]))
+    return sd_mm
+
+
+def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:
+    """Joint centres' sd (J,) as they are, as `FittedJoint.sd_mm`, and (J, K) after each observation alone."""
+    evidence, P = tips.fit.evidence, tips.covariance
+    places, n_unknowns = places_of(evidence.model, evidence.posterior), len(evidence.posterior.x)
+    centres = np.zeros((len(tips.fit.joints), 6, len(P)))
+    for own, name in zip(centres, tips.fit.joints, strict=True):
+        own[:, :n_unknowns] = centre_by_unknowns(evidence.layout.joints[name], places, evidence)[1]
+    flat = centres.reshape(-1, len(P))
+    variance = ((flat @ P) * flat).sum(-1).reshape(-1, 2, 3).sum(-1)
+    PH = (rows.reshape(-1, len(P)) @ P).reshape(rows.shape)  # P is symmetric
+    root = np.linalg.cholesky(np.eye(3) + rows @ PH.swapaxes(-1, -2))
+    shown = np.linalg.solve(root, PH @ flat.T)  # (K, 3, 6 J)
+    gained = (shown**2).sum(1).reshape(len(rows), -1, 2, 3).sum(-1)
+    left = np.maximum(variance - gained, 0.0).max(-1)
+    return np.sqrt(variance.max(-1)), np.sqrt(left).T

@@ -1,0 +1,215 @@
+"""What touching says of a fitted hand: a fingertip on a known point, a thumb's pad on a finger's.
+
+Receivers are measured in a touch, so that it is an observation of three numbers, of the hand's unknowns and
+the soft parts' offsets alone. The posterior is normal and the observation nearly linear: it comes in by
+conditioning, linearised a few times at what it leads to (the iterated Kalman update, Bell & Cathey 1993).
+
+A touch is one observation however many frames it lasts. What is wrong with it, the skin under the receiver,
+the field, the finger's place on the point, stays the same while it lasts; only the tracker's noise averages,
+and that is a tenth of a millimetre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.rotations import Array, matrix
+from schemas.errors import InputError
+from schemas.poses import Poses
+from stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, fingertips_of, seen_parts
+from stages.fit_hand.fit import HandFit
+from stages.fit_hand.frames import Index
+from stages.fit_hand.reading import read
+
+TOUCH_SD_MM = 0.4
+"""Of a fingertip's end on a known point, per direction: a divot or a stylus, and skin that gives way."""
+
+CONTACT_SD_MM = 1.5
+"""Of two pads that meet, per direction: pulps give way by 1 to 2 mm and do not meet centre on centre."""
+
+SKIN_SD_MM = 0.3
+"""Of a nail's receiver over its bone, per direction: other skin slides by about a millimetre per rad of its
+joint, that of the nail by a third of it."""
+
+WORST = 16.27
+"""Squared distance, in sd, of a touch from where all else puts it: exceeded by 1 in 1000 (chi-square, 3)."""
+
+_ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A fingertip on a known point, or a stylus's tip on the fingertip.
+
+    receiver_mm : (N, 3), receiver_quaternion : (N, 4) poses of the digit's distal receiver while it lasted.
+    point_mm : (3,) the point in the transmitter frame. sd_mm : of finger and point, per direction.
+    part : tip or pad, or bone where somebody knows even that.
+    """
+
+    digit: str
+    receiver_mm: Array
+    receiver_quaternion: Array
+    point_mm: Array
+    sd_mm: float = TOUCH_SD_MM
+    part: str = TIP
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The pads of two digits on each other; poses as in `Touch`, of both, in the same frames."""
+
+    digit_a: str
+    digit_b: str
+    receiver_a_mm: Array
+    quaternion_a: Array
+    receiver_b_mm: Array
+    quaternion_b: Array
+    sd_mm: float = CONTACT_SD_MM
+
+
+def touch_in(
+    tips: Fingertips,
+    poses: Poses,
+    rows: Index,
+    digit: str,
+    point_mm: Array,
+    *,
+    sd_mm: float = TOUCH_SD_MM,
+    part: str = TIP,
+) -> Touch:
+    """A touch that lasted for some frames of a recording; InputError where its receiver is in none valid."""
+    mm, quaternion = _held(poses, rows, (tips[digit].receiver,))
+    return Touch(digit, mm[:, 0], quaternion[:, 0], point_mm, sd_mm, part)
+
+
+def contact_in(
+    tips: Fingertips, poses: Poses, rows: Index, digits: tuple[str, str], *, sd_mm: float = CONTACT_SD_MM
+) -> Contact:
+    """A contact that lasted for some frames of a recording; InputError where no frame has both receivers."""
+    mm, quaternion = _held(poses, rows, (tips[digits[0]].receiver, tips[digits[1]].receiver))
+    return Contact(*digits, mm[:, 0], quaternion[:, 0], mm[:, 1], quaternion[:, 1], sd_mm)
+
+
+def _held(poses: Poses, rows: Index, receivers: tuple[str, ...]) -> tuple[Array, Array]:
+    """Poses (N, R, 3), (N, R, 4) of receivers in those rows in which all are valid."""
+    columns = [poses.index(name) for name in receivers]
+    rows = rows[poses.valid[rows][:, columns].all(1)]
+    if not len(rows):
+        raise InputError(f"no frame of the touch has a valid pose of {' and '.join(receivers)}")
+    return poses.position_mm[rows][:, columns], poses.quaternion[rows][:, columns]
+
+
+@dataclass(frozen=True)
+class _Equation:
+    """value (3,) = sum of factor (3, 3) @ point of (digit, part), to an sd per direction."""
+
+    name: str
+    terms: tuple[tuple[Array, tuple[str, str]], ...]
+    value: Array
+    sd_mm: float
+
+
+def with_touches(
+    before: HandFit | Fingertips, touches: Sequence[Touch] = (), contacts: Sequence[Contact] = ()
+) -> Fingertips:
+    """Let a fit know what was touched; its own joints, bones and their covariance are in the result's `fit`.
+
+    before : a fit, or fingertips that have touched something already. A touch that is farther than 1 in 1000
+    is from where the fit and the other touches put it is left out, and said in `refused`. Raises
+    InputError for a digit without a fingertip or an unknown part.
+    """
+    tips = before if isinstance(before, Fingertips) else fingertips(before)
+    equations = [_of_touch(tips, i, touch) for i, touch in enumerate(touches)]
+    equations += [_of_contact(tips, i, contact) for i, contact in enumerate(contacts)]
+    refused: list[str] = []
+    while equations:
+        u, covariance, misfits = _conditioned(tips, equations)
+        worst = max(range(len(equations)), key=lambda i: misfits[i][0])
+        if misfits[worst][0] <= WORST:
+            return _moved(tips, u, covariance, tuple(refused))
+        squared, apart_mm = misfits[worst]
+        refused.append(
+            f"{equations.pop(worst).name} is {apart_mm:.1f} mm, {np.sqrt(squared):.1f} sd, from where "
+            "the hand and all other touches put it: left out as another digit's, another part's, or no touch"
+        )
+    return replace(tips, refused=(*tips.refused, *refused))
+
+
+def _of_touch(tips: Fingertips, index: int, touch: Touch) -> _Equation:
+    if touch.part not in (BONE, TIP, PAD):
+        raise InputError(f"part {touch.part!r} of a fingertip is not known; expected bone, tip or pad")
+    receiver = tips[touch.digit].receiver
+    R, t = matrix(touch.receiver_quaternion).mean(0), touch.receiver_mm.mean(0)
+    sd = float(np.hypot(touch.sd_mm, SKIN_SD_MM))
+    name = f"touch {index + 1} ({touch.digit}, {receiver})"
+    return _Equation(name, ((R, (touch.digit, touch.part)),), touch.point_mm - t, sd)
+
+
+def _of_contact(tips: Fingertips, index: int, contact: Contact) -> _Equation:
+    for digit in (contact.digit_a, contact.digit_b):
+        tips[digit]
+    apart = (contact.receiver_b_mm - contact.receiver_a_mm).mean(0)
+    factors = matrix(contact.quaternion_a).mean(0), -matrix(contact.quaternion_b).mean(0)
+    terms = (factors[0], (contact.digit_a, PAD)), (factors[1], (contact.digit_b, PAD))
+    sd = float(np.sqrt(contact.sd_mm**2 + 2 * SKIN_SD_MM**2))
+    return _Equation(f"contact {index + 1} ({contact.digit_a} and {contact.digit_b})", terms, apart, sd)
+
+
+def _conditioned(
+    tips: Fingertips, equations: Sequence[_Equation]
+) -> tuple[Array, Array, list[tuple[float, float]]]:
+    """Unknowns and offsets (G + 6 D,) given the equations, their covariance, and of each equation how far it
+    is from what all others make of it: squared in sd, and in mm.
+    """
+    evidence, shape = tips.fit.evidence, tips.offsets_mm.shape
+    start, P = np.concatenate([evidence.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
+    noise = np.repeat([equation.sd_mm**2 for equation in equations], 3)
+    u = start
+    for _ in range(_ROUNDS):
+        off, H = _misfit(tips, equations, u, shape)
+        PH = P @ H.T
+        gain = np.linalg.solve(H @ PH + np.diag(noise), PH.T).T
+        u = start + gain @ (off - H @ (start - u))
+    off, H = _misfit(tips, equations, u, shape)
+    after = P - gain @ PH.T
+    misfits = []
+    for i, equation in enumerate(equations):
+        rows = slice(3 * i, 3 * i + 3)
+        # what is left of an equation's own noise says how far the others alone would have it
+        left = equation.sd_mm**2 * np.eye(3) - H[rows] @ after @ H[rows].T
+        pull = np.linalg.solve(left, off[rows])
+        misfits.append((float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))))
+    return u, (after + after.T) / 2, misfits
+
+
+def _misfit(
+    tips: Fingertips, equations: Sequence[_Equation], u: Array, shape: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """What the equations (K) want beyond what u gives, (3 K,), and the derivative (3 K, G + 6 D) of that."""
+    n_unknowns = len(u) - int(np.prod(shape))
+    seen = seen_parts(tips.fit.evidence, u[:n_unknowns], u[n_unknowns:].reshape(shape))
+    off, rows = [], []
+    for equation in equations:
+        off.append(equation.value - sum(factor @ seen[which][0] for factor, which in equation.terms))
+        rows.append(sum(factor @ seen[which][1] for factor, which in equation.terms))
+    return np.concatenate(off), np.concatenate(rows)
+
+
+def _moved(tips: Fingertips, u: Array, covariance: Array, refused: tuple[str, ...]) -> Fingertips:
+    """The fit and the offsets moved to u; the mean joint angles go along."""
+    evidence = tips.fit.evidence
+    posterior, n_unknowns = evidence.posterior, len(evidence.posterior.x)
+    x = u[:n_unknowns]
+    posterior = replace(
+        posterior,
+        x=x,
+        covariance=covariance[:n_unknowns, :n_unknowns],
+        mean_states=posterior.mean_states + posterior.states_by_x @ (x - posterior.x),
+    )
+    evidence = replace(evidence, posterior=posterior)
+    fit = replace(tips.fit, evidence=evidence, reading=read(evidence))
+    offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
+    return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))

@@ -1,0 +1,108 @@
+"""A joint's and a bone's errors with numbers that can be checked by hand."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from schemas.layout import read_layout
+from schemas.poses import RecordingName
+from stages.evaluate_skeletons.skeleton_folder import Stated
+from stages.evaluate_skeletons.truth_errors import centre_errors, joint_errors, truth_for
+from stages.evaluate_skeletons.truth_folder import TruthFolder
+
+LAYOUT = read_layout("liberty16")
+Row = dict[str, Any]
+
+
+def centre(joint: str, child: tuple[float, ...], parent: tuple[float, ...], **other: Any) -> Row:
+    row: Row = {"joint": joint, "status": "ok", "dof": 1, "sd_mm": None, "parent_segment": "x"}
+    axes = {"axis_child_": (0.0, 1.0, 0.0), "axis_parent_": (0.0, 1.0, 0.0)}
+    for prefix, values in {"child_": child, "parent_": parent}.items():
+        row |= {f"{prefix}{axis}_mm": value for axis, value in zip("xyz", values, strict=True)}
+    for prefix, values in axes.items():
+        row |= {f"{prefix}{axis}": value for axis, value in zip("xyz", values, strict=True)}
+    return row | other
+
+
+def truth_of(task: str, *joints: Row, **length_mm: float) -> TruthFolder:
+    bones = {bone: {"length_mm": value} for bone, value in length_mm.items()}
+    stated = Stated({row["joint"]: row for row in joints}, bones)
+    return TruthFolder(Path(task), RecordingName("01", "right", task), stated)
+
+
+def test_a_centre_along_and_across_its_axis() -> None:
+    """Off by (3, -4, 0) with the true axis along y: 5 in all, 4 along, 3 across; the parent's half by 6."""
+    true = centre("index_pip", (1, 1, 1), (0, 0, 0))
+    tilted = {"axis_child_x": 0.0, "axis_child_y": -np.cos(0.2), "axis_child_z": np.sin(0.2)}
+    found = centre_errors(centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted), true)
+    assert found["error_mm"] == pytest.approx(5.0)
+    assert found["along_mm"] == pytest.approx(4.0)
+    assert found["across_mm"] == pytest.approx(3.0)
+    assert found["parent_error_mm"] == pytest.approx(6.0)
+    assert found["axis_deg"] == pytest.approx(np.degrees(0.2))
+    assert (found["sd_mm"], found["within_95"]) == (3.8, True)
+
+
+def test_the_worse_half_must_be_within_the_radius() -> None:
+    """1.614 x 3.71 is 5.99 mm; either half may be the worse one."""
+    true = centre("index_pip", (0, 0, 0), (0, 0, 0))
+    for child, parent in (((0, 0, 6), (0, 0, 0)), ((0, 0, 0), (0, 0, 6))):
+        assert centre_errors(centre("index_pip", child, parent, sd_mm=3.72), true)["within_95"] is True
+        assert centre_errors(centre("index_pip", child, parent, sd_mm=3.71), true)["within_95"] is False
+    assert centre_errors(centre("index_pip", (0, 0, 0), (0, 0, 0)), true)["within_95"] is None
+    assert centre_errors(true, {**true, "dof": 2})["axis_deg"] is None
+
+
+def test_only_bones_that_are_stated_are_compared() -> None:
+    """A middle phalanx is; a thumb's metacarpal only where it starts at its CMC joint; a last bone, which
+    ends at the receiver, is not; of a whole hand every bone is.
+    """
+    names = ("thumb_cmc", "index_pip", "index_dip")
+    true = truth_of(
+        "rom",
+        *(centre(name, (0, 0, 0), (0, 0, 0)) for name in names),
+        thumb_metacarpal=50.0,
+        index_middle=25.0,
+        index_distal=20.0,
+    )
+    joints = {name: centre(name, (0, 0, 0), (0, 0, 0)) for name in names}
+    bones = {name: {"bone_mm": None, "length_mm": 24.0} for name in true.stated.bones}
+
+    def errors(stated: Stated) -> dict[str, tuple[str, float | None, float | None]]:
+        rows = joint_errors(stated, true, LAYOUT)
+        return {r["joint"]: (r["bone"], r.get("bone_error_mm"), r.get("bone_error_percent")) for r in rows}
+
+    nothing = ("", None, None)
+    assert errors(Stated(joints, bones)) == {
+        "thumb_cmc": nothing,
+        "index_pip": ("index_middle", -1.0, -4.0),
+        "index_dip": nothing,
+    }
+    assert errors(Stated(joints, bones, ("thumb_cmc",)))["thumb_cmc"] == ("thumb_metacarpal", -26.0, -52.0)
+    whole = {name: {"bone_mm": 21.0, "length_mm": 99.0} for name in bones}
+    assert errors(Stated(joints, whole))["index_dip"] == ("index_distal", 1.0, 5.0)
+    unknown = {name: {"bone_mm": None, "length_mm": None} for name in bones}
+    assert set(errors(Stated(joints, unknown)).values()) == {nothing}
+    assert set(errors(Stated(joints, {})).values()) == {nothing}
+
+
+def test_a_joint_that_failed_or_is_missing_has_no_number() -> None:
+    """The wrist, to which no receiver leads, is no joint to be solved."""
+    names = ("index_pip", "index_dip")
+    true = truth_of(
+        "rom",
+        centre("wrist", (0, 0, 0), (0, 0, 0), parent_segment=""),
+        *(centre(name, (0, 0, 0), (0, 0, 0)) for name in names),
+    )
+    failed = centre("index_pip", (None,) * 3, (None,) * 3, status="failed")  # type: ignore[arg-type]
+    rows = joint_errors(Stated({"index_pip": failed}, {}), true, LAYOUT)
+    assert rows == [{"joint": name, "bone": ""} for name in names]
+
+
+def test_the_truth_of_the_first_calibration_task() -> None:
+    rom, grasp = truth_of("rom"), truth_of("grasp")
+    assert truth_for(["opposition", "grasp", "rom"], [rom, grasp]) is grasp
+    assert truth_for(["opposition"], [rom, grasp]) is rom
+    assert truth_for(["rom"], []) is None

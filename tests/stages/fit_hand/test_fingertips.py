@@ -1,0 +1,328 @@
+"""Fingertips of fitted hands, and what touches and contacts say of them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kinematics.rotations import Array, about_axis, multiply, rotate, unit
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.poses import Poses
+from stages.fit_hand.anatomy_priors import DIGITS as AVERAGE
+from stages.fit_hand.contacts import MOST_EACH, find_contacts
+from stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, seen_parts
+from stages.fit_hand.fit import Settings, fit_hand
+from stages.fit_hand.replaying import pose_hand
+from stages.fit_hand.touching import CONTACT_SD_MM, Contact, Touch, contact_in, touch_in, with_touches
+from stages.simulate.anatomy import DIGITS, TIP_BONES
+from stages.simulate.realism import Realism
+from stages.simulate.simulation import Simulated, simulate
+
+QUICK = Settings(n_frames=60, rounds=1)
+SOFT_MM = np.array([5.0, 4.4, 3.5, 4.6, 3.9])
+"""Soft tips of the person in these tests, along the bones: within a sd or two of the published."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """A simulated person: fingertips as fitted, the recording that they were fitted to, and its poses."""
+
+    tips: Fingertips
+    made: Simulated
+    poses: Poses
+
+    def true_mm(self, rows: slice | Array, part: str) -> Array:
+        """Points (T, 5, 3) of the true hand in the transmitter frame."""
+        truth = self.made.truth
+        turn, offset = truth.bone_quaternion[rows][:, TIP_BONES], np.zeros((5, 3))
+        if part == TIP:
+            offset[:, 0] = SOFT_MM
+        elif part == PAD:
+            offset = truth.hand.pad_mm - truth.hand.length_mm[TIP_BONES, None] * [1.0, 0.0, 0.0]
+        return truth.tip_mm[rows] + rotate(turn, offset)
+
+    def touches(self, seed: int, digits: tuple[str, ...] = DIGITS) -> list[Touch]:
+        """One touch of every digit's soft tip, 0.4 mm off in every direction, in a frame of its own."""
+        rng, touches = np.random.default_rng(seed), []
+        for digit in digits:
+            row = rng.integers(0, len(self.poses.frame), 1)
+            point = self.true_mm(row, TIP)[0, DIGITS.index(digit)] + 0.4 * rng.normal(size=3)
+            touches.append(touch_in(self.tips, self.poses, row, digit, point))
+        return touches
+
+    def off_mm(self, tips: Fingertips, part: str) -> Array:
+        """Mean distance (5,) of every digit's part to its true place."""
+        rows = slice(None, None, 20)
+        found = tips.in_transmitter(self.poses, part)[rows]
+        return np.asarray(np.linalg.norm(found - self.true_mm(rows, part), axis=-1).mean(0))
+
+
+def recorded(side: str, task: str, n_frames: int) -> tuple[Simulated, Poses]:
+    # the room's field bends point and hand alike, so that a person may do without it
+    realism = replace(Realism.full(), field_distortion=0.0)
+    made = simulate("01", side, task, 5, realism, n_frames)
+    valid = np.ones(made.position_mm.shape[:2], bool)
+    return made, Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
+
+
+@pytest.fixture(scope="module")
+def people() -> dict[str, Person]:
+    found = {}
+    for side in ("right", "left"):
+        made, poses = recorded(side, "rom", 2400)
+        fit = fit_hand([poses], read_layout("liberty16"), side, settings=QUICK)
+        found[side] = Person(fingertips(fit), made, poses)
+    return found
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_tips_are_where_the_hand_has_them(people: dict[str, Person], side: str) -> None:
+    """Untouched, bone, tip and pad are some mm off, and no more than their covariance allows."""
+    person = people[side]
+    assert tuple(person.tips.digits) == DIGITS
+    for part, most_mm in ((BONE, 3.5), (TIP, 4.0), (PAD, 4.0)):
+        off = person.off_mm(person.tips, part)
+        assert off.max() < most_mm, part
+    lengths = [bone.length_mm for bone in person.tips.fit.bones.values()]
+    size = sum(lengths) / sum(sum(anatomy.lengths_mm) for anatomy in AVERAGE.values())
+    assert abs(size - 1) > 0.02
+    soft = [anatomy.soft_tip_mm for anatomy in AVERAGE.values()]
+    np.testing.assert_allclose(person.tips.offsets_mm[:, 0, 0], size * np.array(soft))
+    squares = []
+    for i, digit in enumerate(DIGITS):
+        tip = person.tips[digit]
+        receiver = person.poses.index(tip.receiver)
+        back = person.poses.quaternion[:, receiver] * [1.0, -1.0, -1.0, -1.0]
+        arm = person.true_mm(slice(None), BONE)[:, i] - person.poses.position_mm[:, receiver]
+        off_mm = rotate(back, arm).mean(0) - tip.point_mm
+        squares.append(off_mm @ np.linalg.solve(tip.covariance_mm2, off_mm))
+    assert sum(squares) < 37.7  # chi-square of 15, 1 in 1000
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_derivatives_are_those_of_the_points(people: dict[str, Person], side: str) -> None:
+    tips = people[side].tips
+    evidence, rng = tips.fit.evidence, np.random.default_rng(0)
+    x, offsets = evidence.posterior.x, tips.offsets_mm
+    along = rng.normal(size=len(x) + offsets.size)
+    by_x, by_offset = along[: len(x)], along[len(x) :].reshape(offsets.shape)
+    step = 1e-5
+    first, second = (
+        seen_parts(evidence, x + sign * step * by_x, offsets + sign * step * by_offset) for sign in (-1, 1)
+    )
+    for which, (_, derivative) in seen_parts(evidence, x, offsets).items():
+        slope = (second[which][0] - first[which][0]) / (2 * step)
+        np.testing.assert_allclose(derivative @ along, slope, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_posed_tips_are_the_ends_of_the_last_bones(people: dict[str, Person], side: str) -> None:
+    """They lie their bone's length from its joint, near the true ends, and near the receivers' own view."""
+    person = people[side]
+    rows = np.arange(0, 2400, 48)
+    poses = taken(person.poses, rows)
+    poses.valid[3] = False
+    posed = pose_hand(person.tips.fit, poses)
+    assert posed.tips == DIGITS
+    assert np.isnan(posed.tip_mm[3]).all()
+    rows, seen = np.delete(rows, 3), np.delete(posed.tip_mm, 3, 0)
+    for i, digit in enumerate(DIGITS):
+        last = posed.bones.index(f"{digit}_distal")
+        bone = seen[:, i] - np.delete(posed.bone_position_mm[:, last], 3, 0)
+        length = person.tips.fit.bones[f"{digit}_distal"].length_mm
+        np.testing.assert_allclose(np.linalg.norm(bone, axis=-1), length, atol=1e-6)
+    assert np.linalg.norm(seen - person.true_mm(rows, BONE), axis=-1).mean(0).max() < 3.5
+    carried = np.delete(person.tips.in_transmitter(poses), 3, 0)
+    assert np.linalg.norm(seen - carried, axis=-1).mean() < 0.7
+
+
+def taken(poses: Poses, rows: Array) -> Poses:
+    arrays = (poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
+    return Poses(poses.segments, *(array[rows] for array in arrays))
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_one_touch_a_finger_finds_the_tips(people: dict[str, Person], side: str) -> None:
+    """Soft tips come to the touch's error, bones to that and what is not known of the flesh between."""
+    person = people[side]
+    tips = with_touches(person.tips.fit, person.touches(1))
+    assert tips.refused == ()
+    assert person.off_mm(tips, TIP).mean() < 0.8 < 1.5 < person.off_mm(person.tips, TIP).mean()
+    assert person.off_mm(tips, BONE).mean() < 1.0
+    for digit, before in person.tips.digits.items():
+        after = tips[digit]
+        assert np.sqrt(np.trace(after.soft_tip_covariance_mm2) / 3) < 0.5
+        assert np.trace(after.soft_tip_covariance_mm2) < np.trace(after.covariance_mm2)
+        assert np.trace(after.covariance_mm2) < 0.5 * np.trace(before.covariance_mm2)
+    np.testing.assert_array_equal(tips.fit.evidence.posterior.covariance, tips.covariance[:-30, :-30])
+    assert np.linalg.eigvalsh(tips.covariance)[0] > 0
+    now, before = tips.fit.evidence.posterior, person.tips.fit.evidence.posterior
+    angles = before.states_by_x @ (now.x - before.x)
+    np.testing.assert_allclose(now.mean_states - before.mean_states, angles)
+    assert np.abs(angles).max() > 0.001
+    for name, joint in person.tips.fit.joints.items():
+        assert tips.fit.joints[name].sd_mm < joint.sd_mm + 1e-9
+    assert tips.fit.joints["index_dip"].sd_mm < 0.9 * person.tips.fit.joints["index_dip"].sd_mm
+
+
+def test_one_touch_after_another_is_as_both_at_once(people: dict[str, Person]) -> None:
+    """What the first said of flesh and bone together is not lost when the second comes."""
+    person = people["right"]
+    first, second = person.touches(2), person.touches(3)
+    at_once = with_touches(person.tips, [*first, *second])
+    in_turn = with_touches(with_touches(person.tips, first), second)
+    np.testing.assert_allclose(in_turn.offsets_mm, at_once.offsets_mm, atol=0.03)
+    np.testing.assert_allclose(np.diag(in_turn.covariance), np.diag(at_once.covariance), rtol=0.05)
+    forgetful = with_touches(with_touches(person.tips, first).fit, second)
+    assert np.abs(forgetful.offsets_mm - at_once.offsets_mm).max() > 0.1
+
+
+def test_a_long_touch_counts_once(people: dict[str, Person]) -> None:
+    """A finger that is held still for a hundred frames says what it says in one."""
+    person = people["right"]
+    touch = person.touches(4, ("ring",))[0]
+    held = replace(
+        touch,
+        receiver_mm=np.repeat(touch.receiver_mm, 100, 0),
+        receiver_quaternion=np.repeat(touch.receiver_quaternion, 100, 0),
+    )
+    short, long = with_touches(person.tips, [touch]), with_touches(person.tips, [held])
+    np.testing.assert_allclose(short.covariance, long.covariance, atol=1e-12)
+    np.testing.assert_allclose(short.offsets_mm, long.offsets_mm, atol=1e-9)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=5)
+def test_wherever_the_transmitter_is(people: dict[str, Person], seed: int) -> None:
+    """Poses and points turned and moved together tell the same."""
+    person = people["right"]
+    rng = np.random.default_rng(seed)
+    turn, shift = about_axis(unit(rng.normal(size=3)), rng.uniform(0.5, 3.0)), 300 * rng.normal(size=3)
+    touches = person.touches(5)[:2]
+    moved = [
+        replace(
+            touch,
+            receiver_mm=rotate(turn, touch.receiver_mm) + shift,
+            receiver_quaternion=multiply(turn, touch.receiver_quaternion),
+            point_mm=rotate(turn, touch.point_mm) + shift,
+        )
+        for touch in touches
+    ]
+    one, other = with_touches(person.tips, touches), with_touches(person.tips, moved)
+    np.testing.assert_allclose(one.offsets_mm, other.offsets_mm, atol=1e-7)
+    np.testing.assert_allclose(one["thumb"].point_mm, other["thumb"].point_mm, atol=1e-7)
+
+
+def test_a_wrong_touch_is_left_out(people: dict[str, Person]) -> None:
+    """A touch booked on the wrong digit is refused with its reason, and the others stay."""
+    person = people["right"]
+    touches = person.touches(6)
+    wrong = replace(touches[2], point_mm=touches[2].point_mm + np.array([0.0, 9.0, 9.0]))
+    alone = with_touches(person.tips, [wrong])
+    assert alone.fit is person.tips.fit
+    assert "touch 1 (middle, middle_distal)" in alone.refused[0]
+    among = with_touches(person.tips, [*touches, wrong])
+    assert len(among.refused) == 1
+    assert "touch 6 (middle" in among.refused[0]
+    without = with_touches(person.tips, touches)
+    np.testing.assert_allclose(among.offsets_mm, without.offsets_mm, atol=1e-9)
+
+
+def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
+    """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the
+    true ones: a contact says where two pads are to each other, not where both are.
+    """
+    person = people["right"]
+    made, poses = recorded("right", "opposition", 2400)
+    other = Person(person.tips, made, poses)
+    contacts = find_contacts(person.tips.fit, poses)
+    fingers = [contact.digit_b for contact in contacts]
+    assert {contact.digit_a for contact in contacts} == {"thumb"}
+    assert set(fingers) == set(DIGITS[1:])
+    assert max(fingers.count(finger) for finger in fingers) <= MOST_EACH
+    thumb = poses.position_mm[:, poses.index("thumb_distal")]
+    pads = other.true_mm(slice(None), PAD)
+    for contact in contacts:
+        row = np.linalg.norm(thumb - contact.receiver_a_mm.mean(0), axis=-1).argmin()
+        apart = pads[row, DIGITS.index(contact.digit_b)] - pads[row, 0]
+        assert np.linalg.norm(apart) < 8, contact.digit_b
+    touched = with_touches(person.tips, contacts=contacts)
+    assert touched.refused == ()
+    for digit in DIGITS:
+        assert np.trace(touched[digit].pad_covariance_mm2) < np.trace(person.tips[digit].pad_covariance_mm2)
+    assert gap_mm(touched, contacts) < 0.6 * gap_mm(person.tips, contacts)
+    assert len(find_contacts(person.tips, person.poses)) <= 2
+    apart = contact_in(person.tips, poses, np.arange(3), ("thumb", "ring"))
+    among = with_touches(person.tips, contacts=[apart, *contacts])
+    assert len(among.refused) == 1
+    assert "contact 1 (thumb and ring)" in among.refused[0]
+    np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
+
+
+def acted(tips: Fingertips, pads_mm: Array) -> Poses:
+    """Receivers that never turn, with pads (T, 5, 3) where a script wants them."""
+    position = pads_mm - np.array([tip.pad_mm for tip in tips.digits.values()])
+    time, still = np.arange(len(pads_mm)), np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
+    receivers = tuple(tip.receiver for tip in tips.digits.values())
+    return Poses(receivers, time, time / 240, position, still, np.ones(position.shape[:2], bool))
+
+
+def test_a_contact_is_near_nearest_and_held(people: dict[str, Person]) -> None:
+    """A script: the index is held on the thumb, twice, with the middle finger close by; the ring passes."""
+    tips = people["right"].tips
+    pads = np.zeros((1000, 5, 3))
+    pads[:, :, 0] = [0.0, 60.0, 60.0, 60.0, 60.0]
+    first, second, between = slice(100, 200), slice(400, 500), slice(200, 400)
+    away = 60 * np.ones(1000)
+    for held in (first, second):
+        away[held] = np.abs(np.linspace(-60, 60, 100)).clip(12) - 9.0
+    pads[:, 1, 0] = away
+    pads[:, 2, 0] = away + 3.0
+    pads[between, 3, 0] = np.linspace(-80, 80, 200)
+    contacts = find_contacts(tips, acted(tips, pads))
+    assert [contact.digit_b for contact in contacts] == ["index", "index"]
+    for contact in contacts:
+        apart = contact.receiver_b_mm + tips["index"].pad_mm - contact.receiver_a_mm - tips["thumb"].pad_mm
+        np.testing.assert_allclose(apart[:, 0], 3.0, atol=1.0)
+        assert contact.sd_mm == pytest.approx(CONTACT_SD_MM * 2**0.5)
+        assert 5 <= len(apart) < 30
+    assert find_contacts(tips, acted(tips, pads[:5])) == []
+
+
+def gap_mm(tips: Fingertips, contacts: list[Contact]) -> float:
+    """Mean distance of the pads that are in contact."""
+    gaps = []
+    for contact in contacts:
+        a = contact.receiver_a_mm + rotate(contact.quaternion_a, tips[contact.digit_a].pad_mm)
+        b = contact.receiver_b_mm + rotate(contact.quaternion_b, tips[contact.digit_b].pad_mm)
+        gaps.append(np.linalg.norm((a - b).mean(0)))
+    return float(np.mean(gaps))
+
+
+def test_frames_without_receivers(people: dict[str, Person]) -> None:
+    person = people["right"]
+    valid = person.poses.valid.copy()
+    valid[10:, person.poses.index("index_distal")] = False
+    poses = replace(person.poses, valid=valid)
+    found = person.tips.in_transmitter(poses, PAD)
+    assert np.isnan(found[10:, 1]).all()
+    assert np.isfinite(found[:10]).all()
+    assert np.isfinite(found[:, 2]).all()
+    assert len(touch_in(person.tips, poses, np.arange(5, 15), "index", np.zeros(3)).receiver_mm) == 5
+    with pytest.raises(InputError, match="no frame of the touch has a valid pose of index_distal"):
+        touch_in(person.tips, poses, np.arange(10, 20), "index", np.zeros(3))
+    with pytest.raises(InputError, match="thumb_distal and index_distal"):
+        contact_in(person.tips, poses, np.arange(10, 20), ("thumb", "index"))
+    assert "index" not in {contact.digit_b for contact in find_contacts(person.tips, poses)}
+
+
+def test_unknown_digits_and_parts_are_refused(people: dict[str, Person]) -> None:
+    person = people["right"]
+    touch = person.touches(7)[0]
+    with pytest.raises(InputError, match="digit 'pinky' has no fingertip; expected one of thumb, index"):
+        with_touches(person.tips, [replace(touch, digit="pinky")])
+    with pytest.raises(InputError, match="part 'nail' of a fingertip is not known"):
+        with_touches(person.tips, [replace(touch, part="nail")])

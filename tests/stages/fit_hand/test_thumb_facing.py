@@ -1,0 +1,165 @@
+"""A thumb metacarpal's receiver on the nail's side is as good as one on the back of the hand."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from thumb_receiver import OWN, facing_the_nail, nail_turn, poses_of
+
+from kinematics.joint_angles import angles_of_hand, mirrored
+from kinematics.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
+from schemas.layout import read_layout
+from stages.fit_hand.anatomy_priors import DIGITS, DigitAnatomy
+from stages.fit_hand.chain import rest_rotations
+from stages.fit_hand.fit import HandFit, Settings, fit_hand
+from stages.fit_hand.recordings import MIRROR
+from stages.fit_hand.replaying import pose_hand
+from stages.simulate.anatomy import BONES, JOINTS
+from stages.simulate.realism import Realism
+from stages.simulate.simulation import Simulated, simulate
+
+LAYOUT = read_layout("liberty16")
+QUICK = Settings(n_frames=40, rounds=1)
+SEEDS = (4, 5, 7)
+HANDS = pytest.mark.parametrize(
+    "seed", [SEEDS[0], *(pytest.param(s, marks=pytest.mark.slow) for s in SEEDS[1:])]
+)
+SIDES = pytest.mark.parametrize("side", ["right", "left"])
+NAIL = {**DIGITS, "thumb": replace(DIGITS["thumb"], faces_nail=True)}
+
+
+@cache
+def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
+    """A hand with its receiver on either side of the thumb, fitted quickly."""
+    made = simulate("01", side, "rom", seed, Realism.full(), 2400)
+    made = facing_the_nail(made) if nail else made
+    return made, fit_hand([poses_of(made)], LAYOUT, side, settings=QUICK)
+
+
+def faces_nail(fit: HandFit) -> bool:
+    return fit.evidence.model.anatomy["thumb"].faces_nail
+
+
+def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
+    """Errors (2, 2, 3) of the CMC and the MCP joint, parent's and child's half, in the bones' directions."""
+    made, fit = fitted(seed, side, nail=nail)
+    errors = np.array(
+        [
+            (joint.parent_mm - true.parent_mm, joint.child_mm - true.child_mm)
+            for joint, true in (
+                (fit.joints[name], made.truth.joints[name]) for name in ("thumb_cmc", "thumb_mcp")
+            )
+        ]
+    )
+    if nail:  # as the receiver on the back of the hand sees them
+        errors[[0, 1], [1, 0]] = rotate(nail_turn(made), errors[[0, 1], [1, 0]])
+    return errors
+
+
+@HANDS
+@SIDES
+def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
+    """Told apart by the data; no centre is weak, and they differ as two that are as sure as they say."""
+    one, other = (errors_mm(seed, side, nail=nail) for nail in (False, True))
+    fits = [fitted(seed, side, nail=nail)[1] for nail in (False, True)]
+    assert [faces_nail(fit) for fit in fits] == [False, True]
+    for row, name in enumerate(("thumb_cmc", "thumb_mcp")):
+        sd_mm = [fit.joints[name].sd_mm for fit in fits]
+        assert sd_mm[1] < 1.15 * sd_mm[0]
+        assert fits[1].joints[name].status == "ok", fits[1].joints[name].message
+        assert np.linalg.norm(one[row] - other[row], axis=-1).max() < np.hypot(*sd_mm)
+
+
+@pytest.mark.slow
+def test_neither_facing_is_the_better_one() -> None:
+    hands = [(seed, side) for seed in SEEDS for side in ("right", "left")]
+    hand_mm, nail_mm = (
+        np.mean([np.linalg.norm(errors_mm(*hand, nail=nail), axis=-1) for hand in hands])
+        for nail in (False, True)
+    )
+    assert nail_mm == pytest.approx(hand_mm, abs=0.3)
+
+
+def test_the_transmitter_and_the_side_do_not_matter() -> None:
+    """The turned recording seen from elsewhere, and its mirror image: the same thumb."""
+    made, fit = fitted(4, "right", nail=True)
+    poses = poses_of(made)
+    turn = about_axis(unit(np.array([1.0, -2.0, 0.5])), 2.0)
+    moved = replace(
+        poses,
+        position_mm=rotate(turn, poses.position_mm) + 300.0,
+        quaternion=-multiply(turn, poses.quaternion),
+    )
+    image = replace(poses, position_mm=poses.position_mm * MIRROR, quaternion=mirrored(poses.quaternion))
+    for other, side, back in ((moved, "right", np.ones(3)), (image, "left", MIRROR)):
+        again = fit_hand([other], LAYOUT, side, settings=QUICK)
+        assert faces_nail(again)
+        for name in ("thumb_cmc", "thumb_mcp", "thumb_ip"):
+            np.testing.assert_allclose(
+                again.joints[name].child_mm * back, fit.joints[name].child_mm, atol=1e-6
+            )
+
+
+def test_receivers_never_seen_together_keep_the_usual_facing() -> None:
+    poses = poses_of(fitted(4, "right", nail=True)[0])
+    valid = poses.valid.copy()
+    half = len(valid) // 2
+    valid[:half, poses.index("thumb_proximal")] = False
+    valid[half:, poses.index(OWN)] = False
+    assert not faces_nail(fit_hand([replace(poses, valid=valid)], LAYOUT, "right", settings=QUICK))
+
+
+@SIDES
+def test_the_bone_faces_where_its_receiver_faces(side: str) -> None:
+    """Posed bones and angles of the CMC and the MCP joint, against those of the true bone turned likewise."""
+    made, fit = fitted(4, side, nail=True)
+    rows = np.arange(0, len(made.frame), 24)
+    posed = pose_hand(fit, poses_of(made).take(rows))
+    true = made.truth.bone_quaternion[rows]
+    true[:, BONES.index(OWN)] = multiply(true[:, BONES.index(OWN)], nail_turn(made))
+    off = multiply(conjugate(true[:, BONES.index(OWN)]), posed.bone_quaternion[:, posed.bones.index(OWN)])
+    assert np.degrees(np.median(angle(off))) < 10.0
+    rests = dict(zip(JOINTS, made.truth.hand.rest, strict=True))
+    rests["thumb_cmc"] = multiply(rests["thumb_cmc"], nail_turn(made))
+    rests["thumb_mcp"] = multiply(conjugate(nail_turn(made)), rests["thumb_mcp"])
+    own_rests = rest_rotations(LAYOUT, side, fit.evidence.model.anatomy)
+    found = angles_of_hand(
+        posed.bones, posed.bone_quaternion, posed.bone_quaternion[:, 0], LAYOUT, side, own_rests
+    )
+    expected = angles_of_hand(BONES, true, true[:, BONES.index("hand")], LAYOUT, side, rests)
+    for joint in ("thumb_cmc", "thumb_mcp"):
+        assert np.abs(found[joint] - expected[joint]).mean() < 6.0, joint
+
+
+@SIDES
+def test_a_thumb_facing_the_nail_moves_by_its_names(side: str) -> None:
+    """A sweep along the palm is flexion and hardly any abduction; leaving the palm at right angles is palmar
+    abduction, which is negative, and hardly any flexion.
+    """
+    rest = rest_rotations(LAYOUT, side, NAIL)["thumb_cmc"]
+    dorsal = np.array([0.0, 0.0, 1.0])
+    long_axis = matrix(rest)[:, 0]
+    ulnarwards = about_axis(dorsal, np.radians(-20.0 if side == "right" else 20.0))
+    palmwards = about_axis(unit(np.cross(long_axis, -dorsal)), np.radians(20.0))
+    bones = multiply(np.stack([ulnarwards, palmwards]), rest)[:, None]
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+    sweep, leaving = angles_of_hand([OWN], bones, still, LAYOUT, side, {"thumb_cmc": rest})["thumb_cmc"]
+    assert sweep[0] > 17.0
+    assert abs(sweep[1]) < 5.0
+    assert leaving[1] < -17.0
+    assert abs(leaving[0]) < 5.0
+
+
+@pytest.mark.parametrize("anatomy", [DIGITS, NAIL])
+def test_a_straight_thumb_is_the_same_however_its_metacarpal_faces(
+    anatomy: Mapping[str, DigitAnatomy],
+) -> None:
+    """Rests of CMC and MCP joints in a row give the phalanx its place, whatever frame lies between."""
+    rests = rest_rotations(LAYOUT, "right", anatomy)
+    phalanx = matrix(multiply(rests["thumb_cmc"], rests["thumb_mcp"]))
+    np.testing.assert_allclose(phalanx, DIGITS["thumb"].frames()[1], atol=1e-12)
+    np.testing.assert_allclose(
+        matrix(rests["thumb_cmc"])[:, 0], DIGITS["thumb"].frames()[0, :, 0], atol=1e-12
+    )
