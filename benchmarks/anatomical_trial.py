@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.accuracy import JOINT_TYPES, RADIUS_SD
+from benchmarks.paper_accuracy import JOINT_TYPES, RADIUS_SD
 from benchmarks.text_table import Cell, TextTable
 from kinematics.rotations import Array
 from schemas.layout import Joint, Layout, read_layout

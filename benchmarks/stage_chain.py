@@ -34,6 +34,28 @@ def joints(folder: Path, model: str, calibration: Path) -> list[Job]:
     ]
 
 
+def advice(poses: Path, folder: Path) -> Job:
+    """Poses -> the folder's calibration_advice."""
+    out = folder / "calibration_advice.parquet"
+    return Job("check_calibration", ("--layout", LAYOUT, "--poses", str(poses), "--out", str(out)))
+
+
+def whole_hand(projected: Path, folder: Path, poses: Path) -> Job:
+    """Joints one by one -> the whole hand in the folder, and the poses posed with it."""
+    from stages.fit_hand.__main__ import OUTPUTS
+
+    outputs = [f"--{name.replace('_', '-')}={folder / table}.parquet" for name, (table, _) in OUTPUTS.items()]
+    named = f"--layout={LAYOUT}", "--model=whole-hand", f"--joints={projected}"
+    return Job("fit_hand", (*named, f"--poses={poses}", f"--replay={poses}", *outputs))
+
+
+def scores(skeletons: Path, folder: Path, poses: Path) -> Job:
+    """A hand's skeletons -> the folder's skeleton_scores and joint_errors."""
+    named = f"--layout={LAYOUT}", f"--poses={poses}", f"--calibration={poses}", f"--skeletons={skeletons}"
+    outputs = f"--out={folder / 'skeleton_scores.parquet'}", f"--out-joints={folder / 'joint_errors.parquet'}"
+    return Job("evaluate_skeletons", (*named, *outputs))
+
+
 def skeleton(
     projected: Path, folder: Path, model: str, calibration: Path, evaluated: Sequence[Path]
 ) -> list[Job]:

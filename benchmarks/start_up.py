@@ -70,14 +70,17 @@ def tiny(folder: Path) -> list[Job]:
     study = folder / "tiny.yaml"
     study.write_text(_STUDY, "utf-8")
     (folder / "recordings.tsv").write_text(_SHEET, "utf-8")
+    scores = results / "hands" / "sub-01" / "right"
     simulated = "--subject=01", "--hand=right", "--task=opposition", f"--frames={FRAMES}"
     whole = "--study", str(study), "--results", str(results)
     return [
         Job("simulate", (*simulated, f"--out={recording}")),
         stage_chain.capture(recording, poses, "right", "opposition"),
-        Job("check_calibration", ("--layout", stage_chain.LAYOUT, "--poses", str(poses))),
+        stage_chain.advice(poses, scores),
         *stage_chain.joints(hand, MODEL, poses),
+        stage_chain.whole_hand(hand / "projected_joints.parquet", folder / "fitted", poses),
         *stage_chain.skeleton(hand / "projected_joints.parquet", hand, MODEL, poses, [poses]),
+        stage_chain.scores(hand, scores, poses),
         Job("gather", whole),
         Job("report", (*whole, "--out", str(results / "report.html"))),
     ]

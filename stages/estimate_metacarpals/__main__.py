@@ -49,7 +49,7 @@ def estimate(arguments: argparse.Namespace) -> None:
     from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
     from schemas.layout import read_layout
     from schemas.model import read_model
-    from schemas.poses import one_hand, read_poses, recording_name, usable_poses
+    from schemas.poses import one_hand, read_poses, usable_poses
     from schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_table
     from stages.estimate_metacarpals.hand import build_hand, pose_metacarpals
 
@@ -64,10 +64,10 @@ def estimate(arguments: argparse.Namespace) -> None:
     built = build_hand({row["joint"]: row for row in table}, layout, model, calibration, fitted)
     files = [arguments.joints, *arguments.calibration, *arguments.poses]
     files += [path for path in (arguments.fitted_bones, arguments.bone_poses) if path]
-    recordings = [recording_name(path) for path in arguments.calibration]
     provenance = Provenance.of(
         [*files, *command_line.config_files(arguments)],
-        calibrated_on=[", ".join(filter(None, (name.task, name.trial))) for name in recordings],
+        calibrated_on=_calibrated_on(arguments),
+        own_cmc=list(model.own_cmc),
     )
     joints = columns_from_rows(JOINT_CENTRES, [{**row, **names} for row in built.joints])
     write_table(arguments.out_joints, JOINT_CENTRES, joints, provenance)
@@ -93,12 +93,27 @@ def _fitted(arguments: argparse.Namespace, model: SkeletonModel) -> Fitted | Non
     return read_fitted(arguments.fitted_bones, arguments.bone_poses)
 
 
+def _calibrated_on(arguments: argparse.Namespace) -> list[str]:
+    """Tasks, and trials where there are any, of the calibration; a file that is none is left out."""
+    from schemas.errors import InputError
+    from schemas.poses import recording_name
+
+    names = []
+    for path in arguments.calibration:
+        try:
+            name = recording_name(path)
+        except InputError:
+            continue
+        names.append(", ".join(filter(None, (name.task, name.trial))))
+    return names
+
+
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write the three tables without rows and the reason."""
     from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
     from schemas.tables import Provenance, write_failure
 
-    provenance = Provenance.of([arguments.joints])
+    provenance = Provenance.of([arguments.joints], calibrated_on=_calibrated_on(arguments))
     write_failure(arguments.out_joints, JOINT_CENTRES, message, provenance)
     write_failure(arguments.out_bones, BONE_LENGTHS, message, provenance)
     write_failure(arguments.out, METACARPALS, message, provenance)

@@ -74,14 +74,14 @@ def evaluate(arguments: argparse.Namespace) -> None:
         for row in score_rows(read_recording(path, layout, truths), folders, prior)
     ]
     calibration = [recording_name(path) for path in arguments.calibration]
-    words = {"subject": subject, "hand": hand}
+    words, provenance = {"subject": subject, "hand": hand}, _provenance(arguments)
     errors = [words | row for row in joint_rows(calibration, layout, folders, truths, prior)]
     for path, table, rows in (
         (arguments.out, SKELETON_SCORES, scores),
         (arguments.out_joints, JOINT_ERRORS, errors),
     ):
         columns = columns_from_rows(table, _first_of_each(rows, table.key))
-        write_table(path, table, columns, _provenance(arguments))
+        write_table(path, table, columns, provenance)
 
 
 def _first_of_each(rows: list[dict[str, Any]], key: tuple[str, ...]) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from kinematics.rotations import Array, conjugate, rotate
 from kinematics.skeleton import Rows, all_valid, ride
 from schemas.errors import InputError
 from schemas.layout import Digit, Layout
-from schemas.poses import Poses, pose_blocks, read_poses, usable_poses
+from schemas.poses import BLOCK_FRAMES, Poses, pose_blocks, read_poses, usable_poses
 from stages.evaluate_skeletons.scores import (
     Recording,
     Row,
@@ -87,12 +87,12 @@ def fit_prior(
     return Prior(layout, fit, "")
 
 
-def some_frames(path: Path, layout: Layout, most: int) -> Poses:
+def some_frames(path: Path, layout: Layout, most: int, block_frames: int = BLOCK_FRAMES) -> Poses:
     """Read at most so many frames of a recording, evenly spaced, a block at a time."""
     totals = (len(read_poses(path, (segment,)).frame) for segment in layout.measured)
     step, start = max(1, -(-next((total for total in totals if total), 0) // most)), 0
     parts: list[Poses] = []
-    for block in pose_blocks(path, layout.measured):
+    for block in pose_blocks(path, layout.measured, block_frames):
         parts.append(block.take(np.arange(-start % step, len(block.frame), step)))
         start += len(block.frame)
     names = ("frame", "time_s", "position_mm", "quaternion", "valid")

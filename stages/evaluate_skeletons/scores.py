@@ -74,12 +74,12 @@ def read_recording(path: Path, layout: Layout, truths: Sequence[TruthFolder]) ->
     Raises InputError where a truth is not that of the recording.
     """
     name, tip_of = recording_name(path), {digit.name: digit.tip for digit in layout.digits.values()}
-    try:
-        poses = read_poses(path, tuple(dict.fromkeys(tip_of.values())))
-    except InputError as error:
-        return Recording(path, name, layout, None, {}, str(error))
     own = [truth for truth in truths if truth.name.task == name.task and truth.name.trial in ("", name.trial)]
     best = max(own, key=lambda truth: truth.name.trial, default=None)
+    try:
+        poses = read_poses(path, tuple(dict.fromkeys(tip_of.values())) if best else ())
+    except InputError as error:
+        return Recording(path, name, layout, None, {}, str(error))
     return Recording(path, name, layout, best, best.digits(poses, tip_of) if best else {}, "")
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from kinematics.rotations import Array
@@ -18,7 +19,7 @@ from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, POSED_TI
 from schemas.errors import InputError
 from schemas.poses import RecordingName
 from schemas.study import path_token
-from schemas.tables import Table, column_array, open_table, read_metadata, read_table, rows_of
+from schemas.tables import Table, open_table, read_metadata, read_table, rows_of
 
 WITHOUT = "without-"
 """A folder of this name and a task holds the skeleton that was made without that task's recordings."""
@@ -45,8 +46,7 @@ class SkeletonFolder:
     calibrated_on : tasks, or "task, trial", that it was made from; None where its tables do not say.
     without : token of the task that it was made without; empty for the whole skeleton. whole_hand : whether
     the model poses the whole hand. errors : rows of tip_errors by task, trial and digit, of
-    either binding.
-    message : what could not be read.
+    either binding. message : what could not be read.
     """
 
     path: Path
@@ -140,17 +140,21 @@ def read_digits(
     groups of other recordings. Raises InputError where the table failed or cannot be read.
     """
     open_table(path, table).close()
-    words = [("task", "=", name.task), ("trial", "=", name.trial)]
+    own = (ds.field("task") == name.task) & (ds.field("trial") == name.trial)
+    parts: dict[str, list[list[npt.NDArray[Any]]]] = {}
     try:
-        found = pq.read_table(path, columns=["digit", *columns], filters=words)
+        for batch in ds.dataset(path).to_batches(
+            columns=["digit", *columns], filter=own, batch_readahead=1, fragment_readahead=1
+        ):
+            digits = batch.column("digit").dictionary_encode()
+            code, arrays = np.asarray(digits.indices), [np.asarray(batch.column(name)) for name in columns]
+            for index, digit in enumerate(digits.dictionary.to_pylist()):
+                parts.setdefault(digit, []).append([array[code == index] for array in arrays])
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InputError(f"{path}: damaged Parquet file ({error}); make it again") from error
-    digits = found.column("digit").combine_chunks().dictionary_encode()
-    code = np.asarray(digits.indices)
-    arrays = {column: column_array(found, column) for column in columns}
     return {
-        digit: {column: values[code == index] for column, values in arrays.items()}
-        for index, digit in enumerate(digits.dictionary.to_pylist())
+        digit: dict(zip(columns, map(np.concatenate, zip(*found, strict=True)), strict=True))
+        for digit, found in parts.items()
     }
 
 

@@ -55,6 +55,9 @@ SLIDE_SD_MM = (1.0, 0.3, 0.4)
 """Per rad of an adjacent joint: along, across, in height. Skin moves linearly with the angle (Zhang 2003,
 R2 0.89 to 0.97), mostly along the bone, by about a millimetre at mid-bone."""
 
+SKIN_BENT = 0.26
+"""Share of a slide that is not linear in the angle: the root of what R2 0.89 to 0.97 leave (Zhang 2003)."""
+
 TILT_SD = (0.03, 0.05, 0.03)
 """Turn of a receiver in rad per rad of an adjacent joint, about x, y, z of its bone."""
 

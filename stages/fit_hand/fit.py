@@ -33,8 +33,9 @@ do not follow (two LIBERTY sensors on a rigid bar already differ by 0.3 to 0.55 
 INDEPENDENT_SAMPLES = 30.0
 """In a calibration of half a minute; skin wanders for about half a second."""
 
-CANDIDATES_PER_FRAME = 4
-"""So many frames with all receivers valid, for each that is fitted, and no others are looked at."""
+LEAST_CANDIDATES = 0.5
+"""Share of the frames with half of the receivers that are looked at, those with most of them: few would be of
+few moments where receivers drop out in turn, and show few postures."""
 
 EVEN_FRAMES = 300
 """Evenly spaced over the recording, to see how residuals follow one another."""
@@ -229,7 +230,7 @@ def _chosen(
     """Frames to fit, the share of the recording that each stands for, and how many could be used."""
     worn = int(frames.valid.any(0).sum())
     count = frames.valid.sum(1)
-    enough = min(CANDIDATES_PER_FRAME * n_frames, int((count >= max(2, worn / 2)).sum()) // 2)
+    enough = int(LEAST_CANDIDATES * (count >= max(2, worn / 2)).sum())
     least = next(c for c in range(worn, -1, -1) if (count >= c).sum() >= enough)
     usable = np.flatnonzero(count >= max(2, worn / 2, least))
     if len(usable) < 2:

@@ -17,7 +17,7 @@ from stages.fit_hand.chain import root_of
 from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, fingertips, seen_parts, tipped_digits
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.measurements import Measurement, observations
-from stages.fit_hand.reading import Evidence, centre_by_unknowns, places_of
+from stages.fit_hand.reading import Evidence, bent_skin_mm2, centre_by_unknowns, places_of
 from stages.fit_hand.touching import SKIN_SD_MM
 
 MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
@@ -160,13 +160,16 @@ def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:
     evidence, P = tips.fit.evidence, tips.covariance
     places, n_unknowns = places_of(evidence.model, evidence.posterior), len(evidence.posterior.x)
     centres = np.zeros((len(tips.fit.joints), 6, len(P)))
-    for own, name in zip(centres, tips.fit.joints, strict=True):
-        own[:, :n_unknowns] = centre_by_unknowns(evidence.layout.joints[name], places, evidence)[1]
+    bent = np.zeros((len(centres), 2))  # what skin adds that no measurement takes away
+    for own, skin, joint in zip(centres, bent, tips.fit.joints.values(), strict=True):
+        own[:, :n_unknowns] = centre_by_unknowns(evidence.layout.joints[joint.name], places, evidence)[1]
+        sides = (joint.parent_segment, joint.child_segment)
+        skin[:] = [np.trace(bent_skin_mm2(segment, evidence)) for segment in sides]
     flat = centres.reshape(-1, len(P))
     variance = ((flat @ P) * flat).sum(-1).reshape(-1, 2, 3).sum(-1)
     PH = (rows.reshape(-1, len(P)) @ P).reshape(rows.shape)  # P is symmetric
     root = np.linalg.cholesky(np.eye(3) + rows @ PH.swapaxes(-1, -2))
     shown = np.linalg.solve(root, PH @ flat.T)  # (K, 3, 6 J)
     gained = (shown**2).sum(1).reshape(len(rows), -1, 2, 3).sum(-1)
-    left = np.maximum(variance - gained, 0.0).max(-1)
-    return np.sqrt(variance.max(-1)), np.sqrt(left).T
+    left = (np.maximum(variance - gained, 0.0) + bent).max(-1)
+    return np.sqrt((variance + bent).max(-1)), np.sqrt(left).T

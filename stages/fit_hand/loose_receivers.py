@@ -17,6 +17,8 @@ import numpy.typing as npt
 
 from kinematics.rotations import Array
 from schemas.poses import Poses
+from stages.fit_hand.chain import HandModel
+from stages.fit_hand.empirical_bayes import FAMILIES
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.normal_equations import (
     Frames,
@@ -30,7 +32,7 @@ from stages.fit_hand.normal_equations import (
     weighted_jacobian,
 )
 from stages.fit_hand.posing import first_guess, pose
-from stages.fit_hand.recordings import joined
+from stages.fit_hand.recordings import Convention, joined
 from stages.fit_hand.solving import NEARLY, solve
 
 Index = npt.NDArray[np.int64]
@@ -44,25 +46,35 @@ MOMENTS = 40
 SHORTEST = 2
 """Intervals between moments that a receiver must have sat in its first and in its second place."""
 
-NORMAL_CHANGE = (0.75, float(np.radians(1.5)))
-"""mm and rad; half a recording may differ so much from the other half without anything being loose, because
-its postures are others and skin does not follow its law."""
+NORMAL_CHANGE_SD = (2.5, 3.0)
+LEAST_NORMAL_CHANGE = (0.5, float(np.radians(1.5)))
+"""In units of the sd of a receiver's momentary residuals, and at least so many mm and rad: half a recording
+may differ so much from the other half without anything being loose, as skin does not quite follow its law and
+the postures are others."""
 
 CHANGE_SD = (6.0, float(np.radians(10.0)))
 """mm and rad per component, of a receiver that came loose."""
 
-LEAST_GAIN = 6.0
-"""Log likelihood that a loose receiver must explain beyond a normal change; 4.9 is the most in 80 simulated
+LEAST_GAIN = 7.0
+"""Log likelihood that a loose receiver must explain beyond a normal change; 6.0 is the most in 40 simulated
 hands with nothing loose, half of them with twice the usual skin artefact."""
 
 MOST_CHANGES = 8
 MOST_RIVALS, RIVAL_SHARE = 3, 0.4
 """Receivers of which one is loose, by what their changes explain to first order."""
 
+SWALLOWED_SD = 4.5
+"""An unknown so far from what is published is no hand's: 3.4 is the most with twice the usual skin artefact,
+8.9 the least where the skin of the fit made up for a receiver that had come loose."""
+
+SKIN, STIFF = ("slide", "tilt", "joint slide"), 100.0
+"""Families of unknowns that could, and the precision at which they cannot."""
+
 _DENSE_FRAMES = 200
+_BARE_STEPS = 10
 _POSING_STEPS = 4
 _SOLVING_STEPS = 10
-_REFINEMENTS = 2
+_REFINEMENTS = 3
 _PRIOR = np.diag(np.repeat(CHANGE_SD, 3) ** -2.0)
 _SAME_MOMENT = 3
 _UNSURE_FRAMES = 2
@@ -101,20 +113,27 @@ def loose_receivers(fit: HandFit, recordings: Sequence[Poses]) -> list[LooseRece
 
     recordings : those given to `fit_hand`, in the order in which they were made. A receiver that was put back
     elsewhere between two of them is found too, at the first frame of the second. What slides slowly is found
-    as one or more steps.
+    as one or more steps. Only receivers on bones of known anatomy are asked: elsewhere the model has no skin,
+    and what skin does would be called loose.
     """
     every = _Rows.of(recordings)
     rows = np.unique(np.linspace(0, len(every.row) - 1, min(EVEN_FRAMES, len(every.row))).round().astype(int))
-    problem, point = _posed(fit, every.frames(fit, recordings, rows))
-    changes, x = _needed(problem, *_found(problem, point))
+    problem, point = _posed(fit, every.frames(fit.evidence.convention, rows))
+    model = fit.evidence.model
+    asked = [s for s, name in enumerate(model.receivers) if name in model.mount]
+    begun: list[_Change] = []
+    if np.abs(point.x).max() > SWALLOWED_SD:
+        problem = replace(problem, precision=np.ones(len(problem.precision)))
+        point, begun = _disgorged(problem, point, model, asked)
+    changes, x = _needed(problem, *_found(problem, point, begun, asked))
     loose = []
     for change in changes:
         others = [other for other in changes if other is not change]
-        row = _exact_row(fit, recordings, every, rows, replace(problem, temper=1.0), x, change, others)
+        row = _exact_row(fit, every, rows, replace(problem, temper=1.0), x, change, others)
         poses = recordings[every.recording[row]]
         loose.append(
             LooseReceiver(
-                fit.evidence.model.receivers[change.s],
+                model.receivers[change.s],
                 int(every.recording[row]),
                 int(poses.frame[every.row[row]]),
                 float(poses.time_s[every.row[row]]),
@@ -131,9 +150,10 @@ def without_loose(recordings: Sequence[Poses], found: Sequence[LooseReceiver]) -
     valid = [poses.valid.copy() for poses in recordings]
     for segment in {one.segment for one in found}:
         columns = [
-            own[:, poses.segments.index(segment)] for own, poses in zip(valid, recordings, strict=True)
+            own[:, poses.index(segment)] if segment in poses.segments else np.zeros(len(own), bool)
+            for own, poses in zip(valid, recordings, strict=True)
         ]
-        cuts = sorted(every.at(recordings, one) for one in found if one.segment == segment)
+        cuts = sorted(every.at(one) for one in found if one.segment == segment)
         part = np.searchsorted(cuts, np.arange(len(every.row)), side="right")
         longest = np.argmax(np.bincount(part[np.concatenate(columns)], minlength=1))
         for r, column in enumerate(columns):
@@ -145,6 +165,7 @@ def without_loose(recordings: Sequence[Poses], found: Sequence[LooseReceiver]) -
 class _Rows:
     """All frames of several recordings one after the other: recording (T,) and row in it (T,)."""
 
+    recordings: Sequence[Poses]
     recording: Index
     row: Index
 
@@ -152,20 +173,19 @@ class _Rows:
     def of(cls, recordings: Sequence[Poses]) -> _Rows:
         lengths = [len(poses.frame) for poses in recordings]
         recording = np.repeat(np.arange(len(lengths)), lengths)
-        return cls(recording, np.concatenate([np.arange(length) for length in lengths]))
+        return cls(recordings, recording, np.concatenate([np.arange(length) for length in lengths]))
 
-    def frames(self, fit: HandFit, recordings: Sequence[Poses], rows: Index) -> Frames:
+    def frames(self, convention: Convention, rows: Index) -> Frames:
         """Some of all frames, as they are fitted."""
-        convention = fit.evidence.convention
         parts = [
             convention.frames(poses.take(self.row[rows[self.recording[rows] == r]]))
-            for r, poses in enumerate(recordings)
+            for r, poses in enumerate(self.recordings)
         ]
         return joined(parts)
 
-    def at(self, recordings: Sequence[Poses], one: LooseReceiver) -> int:
+    def at(self, one: LooseReceiver) -> int:
         """Index among all frames of the moment when a receiver came loose."""
-        row = int(np.flatnonzero(recordings[one.recording].frame == one.frame)[0])
+        row = int(np.flatnonzero(self.recordings[one.recording].frame == one.frame)[0])
         return int(np.flatnonzero(self.recording == one.recording)[0]) + row
 
 
@@ -198,12 +218,35 @@ def _momentary_sd(problem: Problem, found: Residuals) -> Array:
     return sd
 
 
-def _found(problem: Problem, point: Point) -> tuple[Point, list[_Change]]:
-    """All changes, each looked for with the receivers put back that were found before it."""
-    changes: list[_Change] = []
-    here = problem
+def _disgorged(
+    problem: Problem, point: Point, model: HandModel, asked: Sequence[int]
+) -> tuple[Point, list[_Change]]:
+    """Where to begin and what is loose there, if that is likelier than nothing being loose.
+
+    A fit can swallow a loose receiver: joint angles jump with it, as far as they must for skin in proportion
+    to them to make up for it, and no residual is left to see. That takes a skin that nobody has.
+    """
+    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
+    bare = replace(problem, precision=np.where(skin, STIFF, problem.precision))
+    start = pose(bare, first_guess(bare, model, np.zeros(len(point.x))), _POSING_STEPS)
+    start = solve(bare, start, _BARE_STEPS, NEARLY).point
+    rivals = _Changes.of(bare, start, asked).rivals()
+    if not rivals:
+        return point, []
+    as_it_was = _refined(problem, point, [], rivals)
+    tried = [_refined(problem, start, [rival], rivals) for rival in rivals]
+    _, point, changes = min((as_it_was, *tried), key=_cost)
+    return point, changes
+
+
+def _found(
+    problem: Problem, point: Point, begun: list[_Change], asked: Sequence[int]
+) -> tuple[Point, list[_Change]]:
+    """All changes of the receivers asked, each looked for with those put back that were found before it."""
+    changes = begun
+    here = replace(problem, frames=_sure(_put_back(problem.frames, changes), changes))
     for _ in range(MOST_CHANGES):
-        rivals = _Changes.of(here, point).rivals()
+        rivals = _Changes.of(here, point, asked).rivals()
         if not rivals:
             break
         tried = [_refined(problem, point, _with(changes, rival), rivals) for rival in rivals]
@@ -222,7 +265,7 @@ def _needed(problem: Problem, point: Point, changes: list[_Change]) -> tuple[lis
     for change in changes if len(changes) > 1 else ():
         others = [other for other in changes if other is not change]
         here, start, refined = _refined(problem, point, others)
-        if _Changes.of(here, start).likeliest(change.s) is None:
+        if _Changes.of(here, start, [change.s]).likeliest(change.s) is None:
             return _needed(problem, start, refined)
     return changes, point.x
 
@@ -239,7 +282,7 @@ def _refined(
         here = replace(problem, frames=_sure(_put_back(problem.frames, refined), [*refined, *rivals]))
         point = solve(here, point, _SOLVING_STEPS, NEARLY).point
         if not last:
-            slopes = _Changes.of(here, point)
+            slopes = _Changes.of(here, point, [one.s for one in refined])
             refined = [slopes.farther(one) for one in refined]
     return here, point, refined
 
@@ -248,7 +291,7 @@ def _refined(
 class _Changes:
     """Slope (S, K, 6) and curvature (S, K, 6, 6) of the cost by a change of receiver s from `at` (K,) on.
 
-    gain : (S, K) log posterior that the best change, step (S, K, 6), adds.
+    gain : (S, K) log posterior that the best change, step (S, K, 6), adds. radii : (S, 6) of a normal one.
     """
 
     at: Index
@@ -256,22 +299,28 @@ class _Changes:
     curvature: Array
     step: Array
     gain: Array
+    radii: Array
 
     @classmethod
-    def of(cls, problem: Problem, point: Point) -> _Changes:
+    def of(cls, problem: Problem, point: Point, asked: Sequence[int]) -> _Changes:
+        """Ask some of the receivers; the others gain nothing."""
         found = residuals(problem, point)
         reduced = reduce(problem, point, found, np.zeros(len(point.y)))
         cuts = np.unique(np.linspace(0, len(point.y), MOMENTS + 1).round().astype(int))[:-1]
         slope = np.zeros((len(problem.sd), len(cuts) - 1, 6))
         curvature = np.zeros((*slope.shape, 6))
         for index, receivers in enumerate(problem.receivers):
+            own = [(i, s) for i, (_, s) in enumerate(receivers) if s in asked]
+            if not own:
+                continue
             projected = _Projected.of(problem, index, point, found, reduced)
-            for i, (_, s) in enumerate(receivers):
+            for i, s in own:
                 slope[s], curvature[s] = projected.of_changes(problem, i, s, cuts, reduced)
         long = slice(SHORTEST - 1, len(cuts) - SHORTEST)
         slope, curvature = slope[:, long], curvature[:, long]
-        step = -np.linalg.solve(curvature + _PRIOR, slope[..., None])[..., 0]
-        return cls(cuts[1:][long], slope, curvature, step, -(slope * step).sum(-1) / 2)
+        radii = np.maximum(NORMAL_CHANGE_SD * problem.sd, LEAST_NORMAL_CHANGE).repeat(3, axis=1)
+        step = np.asarray(-np.linalg.solve(curvature + _PRIOR, slope[..., None])[..., 0], float)
+        return cls(cuts[1:][long], slope, curvature, step, -(slope * step).sum(-1) / 2, radii)
 
     def likeliest(self, s: int | None = None) -> _Change | None:
         """The change (of receiver s alone, where given) that is most abnormal; None where none is.
@@ -281,8 +330,8 @@ class _Changes:
         """
         moments = np.arange(len(self.at))
         best = np.argmax(self.gain, axis=0) if s is None else np.full(len(self.at), s)
-        abnormal = self.gain[best, moments] - _most_by_a_normal_change(
-            self.slope[best, moments], self.curvature[best, moments]
+        abnormal = self.gain[best, moments] - _most_within(
+            self.radii[best], self.slope[best, moments], self.curvature[best, moments]
         )
         if not len(moments) or abnormal.max() <= LEAST_GAIN:
             return None
@@ -366,10 +415,9 @@ def _from_each(cuts: Index, of_frames: Array) -> Array:
     return np.asarray(np.cumsum(np.add.reduceat(of_frames, cuts, axis=0)[::-1], 0)[::-1][1:])
 
 
-def _most_by_a_normal_change(slope: Array, curvature: Array) -> Array:
-    """Most (K,) that a change within the ellipsoid NORMAL_CHANGE gains: a trust region, solved by bisection."""
-    radii = np.repeat(NORMAL_CHANGE, 3)
-    values, vectors = np.linalg.eigh(radii[:, None] * curvature * radii)
+def _most_within(radii: Array, slope: Array, curvature: Array) -> Array:
+    """Most (K,) that a change within an ellipsoid of these radii (K, 6) gains; trust region, by bisection."""
+    values, vectors = np.linalg.eigh(radii[:, :, None] * curvature * radii[:, None])
     values = np.maximum(values, 0.0)
     b = (vectors.swapaxes(-1, -2) @ (radii * slope)[..., None])[..., 0]
     low, high = np.zeros(len(b)), np.linalg.norm(b, axis=-1) + 1e-9
@@ -409,7 +457,6 @@ def _sure(frames: Frames, changes: Sequence[_Change]) -> Frames:
 
 def _exact_row(
     fit: HandFit,
-    recordings: Sequence[Poses],
     every: _Rows,
     rows: Index,
     problem: Problem,
@@ -417,10 +464,10 @@ def _exact_row(
     change: _Change,
     others: Sequence[_Change],
 ) -> int:
-    """The first of all frames at which the receiver is rather displaced than not, x and other changes given."""
+    """The first of all frames at which the receiver is rather displaced than not, all else being known."""
     first, last = rows[max(0, change.at - _SAME_MOMENT)], rows[min(len(rows) - 1, change.at + _SAME_MOMENT)]
     near = np.unique(np.linspace(first, last, min(_DENSE_FRAMES, int(last - first) + 1)).round().astype(int))
-    frames = every.frames(fit, recordings, near)
+    frames = every.frames(fit.evidence.convention, near)
     begun = [replace(o, at=int(np.searchsorted(near, rows[o.at]))) for o in others]
     costs = []
     for changes in (begun, [*begun, replace(change, at=0)]):

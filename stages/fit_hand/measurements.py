@@ -16,8 +16,8 @@ from stages.fit_hand.normal_equations import Frames, Observations
 from stages.fit_hand.recordings import Convention
 
 PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
-"""Of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned, which
-counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
+"""Of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
+which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
 
 _TURNS = 0.1
 """Share of the largest singular value below which a hinge's axis is not found by what it turned about it."""

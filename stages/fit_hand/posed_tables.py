@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.joint_angles import angles_of_hand
-from kinematics.rotations import Array
+from kinematics.joint_angles import angles_of_hand, mirrored
+from kinematics.rotations import Array, from_matrix, multiply
+from schemas.layout import Layout
 from schemas.poses import Poses, RecordingName, pose_blocks, recording_name
-from stages.fit_hand.chain import rest_rotations
+from stages.fit_hand.building import KINDS
+from stages.fit_hand.chain import known_digits, rest_rotations
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.replaying import PosedHand, pose_hand
@@ -64,7 +66,7 @@ def _block(
         "model": model,
     }
     return PosedBlock(
-        _angle_columns(words, fit, posed, poses),
+        angle_columns(words, fit, posed, poses),
         _bone_columns(words, posed, poses),
         _tip_columns(words, tips, posed, poses, tried),
     )
@@ -83,11 +85,13 @@ def _stacked(values: Array) -> Array:
     return np.swapaxes(values, 0, 1).reshape(-1, *values.shape[2:])
 
 
-def _angle_columns(words: dict[str, str], fit: HandFit, posed: PosedHand, poses: Poses) -> Columns:
+def angle_columns(words: dict[str, str], fit: HandFit, posed: PosedHand, poses: Poses) -> Columns:
+    """Columns of joint_angles for the frames of poses, joint after joint; words : the other key columns."""
     evidence = fit.evidence
     hand = "left" if evidence.convention.left else "right"
-    base, rests = posed.bone_quaternion[:, 0], rest_rotations(evidence.layout, hand)
-    angles = angles_of_hand(posed.bones, posed.bone_quaternion, base, evidence.layout, hand, rests)
+    bones, rests = _facing_nails(fit, posed, hand)
+    angles = _turns(posed, evidence.layout)
+    angles |= angles_of_hand(posed.bones, bones, bones[:, 0], evidence.layout, hand, rests)
     joints = tuple(angles)
     n_frames = len(poses.frame)
     stacked = np.concatenate([angles[joint] for joint in joints]) if joints else np.empty((0, 3))
@@ -96,6 +100,34 @@ def _angle_columns(words: dict[str, str], fit: HandFit, posed: PosedHand, poses:
     for index, part in enumerate(("flexion", "abduction", "rotation")):
         columns[f"{part}_deg"] = stacked[:, index]
     return columns
+
+
+def _turns(posed: PosedHand, layout: Layout) -> dict[str, Array]:
+    """Turns (T, 3) in degrees about the three axes of each joint of which no anatomy is known.
+
+    An axis that the joint lacks gives NaN.
+    """
+    known = {joint for digit in known_digits(layout) for joint in digit.joints}
+    turns: dict[str, Array] = {}
+    for index, (joint, kind) in enumerate(posed.angle_names):
+        if joint not in known:
+            own = turns.setdefault(joint, np.full((len(posed.posed), 3), np.nan))
+            own[:, KINDS.index(kind)] = np.degrees(posed.angles_rad[:, index])
+    return turns
+
+
+def _facing_nails(fit: HandFit, posed: PosedHand, hand: str) -> tuple[Array, dict[str, Array]]:
+    """Bones' postures (T, B, 4) and rests with the thumb's metacarpal facing as its phalanges do.
+
+    So that its angles bear the right names, whichever way its receiver faces.
+    """
+    layout, own, bones = fit.evidence.layout, fit.evidence.model.anatomy, posed.bone_quaternion.copy()
+    nails = {name: replace(digit, faces_nail=digit.second_axis is not None) for name, digit in own.items()}
+    for digit in known_digits(layout):
+        turn = from_matrix(own[digit.name].frames()[0].T @ nails[digit.name].frames()[0])
+        index = posed.bones.index(digit.segments[0])
+        bones[:, index] = multiply(bones[:, index], mirrored(turn) if hand == "left" else turn)
+    return bones, rest_rotations(layout, hand, nails)
 
 
 def _bone_columns(words: dict[str, str], posed: PosedHand, poses: Poses) -> Columns:

@@ -14,6 +14,7 @@ import numpy as np
 
 from kinematics.rotations import Array
 from schemas.layout import Joint, Layout
+from stages.fit_hand import anatomy_priors as prior
 from stages.fit_hand.building import KINDS, Amount, axis_frame, receiver
 from stages.fit_hand.chain import HandModel
 from stages.fit_hand.normal_equations import Point, Problem, Reduced, states_by_unknowns
@@ -233,6 +234,8 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
     }
     seen = places[receiver(joint.parent_receiver)].sees_axis(axis, axis_at.turned)[1]
     covariance = by_x @ posterior.covariance @ by_x.T
+    for half, segment in ((slice(0, 3), joint.parent_receiver), (slice(3, 6), joint.child)):
+        covariance[half, half] += bent_skin_mm2(segment, evidence)
     axis_sd = float(np.degrees(np.sqrt(np.trace(seen @ posterior.covariance @ seen.T))))
     flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
     range_deg = float(np.degrees(np.ptp(flexion)))
@@ -255,6 +258,22 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         status="weak" if reasons else "ok",
         message="; ".join(reasons),
     )
+
+
+def bent_skin_mm2(segment: str, evidence: Evidence) -> Array:
+    """Covariance (3, 3) that a centre gains in a receiver's own frame as skin is not linear in the angles.
+
+    A receiver that slides by c mm per rad moves the centres in its frame by c mm and leaves no gap. The fit
+    has the linear slides of both adjacent joints; of the rest, which nothing shows, it knows only the size.
+    """
+    slides = [i for i, group in enumerate(evidence.model.unknowns.groups) if group == "slide x"]
+    own = [i for i in slides if evidence.model.unknowns.names[i].startswith(f"{segment} ")]
+    if not own:
+        return np.zeros((3, 3))
+    scale = evidence.problem.precision[own[0]] ** -0.5
+    bent = prior.SKIN_BENT * scale * len(own) ** 0.5 * np.array(prior.SLIDE_SD_MM)
+    turn = evidence.convention.point_matrix(segment)
+    return np.asarray(turn @ np.diag(bent**2) @ turn.T)
 
 
 def _fixed(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> FixedCentre:

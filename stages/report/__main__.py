@@ -27,7 +27,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--print",
         action="store_true",
         dest="to_terminal",
-        help="print the tables of the models that reproduce one of the paper's, and name the page",
+        help="print the tables of the models that reproduce one of the paper's and the skeletons' scores",
     )
     return parser
 

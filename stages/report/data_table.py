@@ -26,6 +26,14 @@ class DataTable:
     text_columns: frozenset[int] = frozenset({0})
 
 
+@dataclass(frozen=True)
+class Folded:
+    """A table that is folded away under a summary line."""
+
+    summary: str
+    table: DataTable
+
+
 def number(value: float | None, decimals: int = 2) -> str:
     """The number with so many decimals; a dash where there is none."""
     if value is None or value != value:

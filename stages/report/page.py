@@ -11,10 +11,12 @@ import jinja2
 from schemas import VERSION
 from schemas.catalogue import TIPS
 from stages.report import provenance
-from stages.report.data_table import DataTable
+from stages.report.data_table import DataTable, Folded
 from stages.report.figures import FigureRow, error_charts, skeleton_pictures
 from stages.report.finding import finding, used_in_words
-from stages.report.skeleton_tables import Folded, bone_table, joint_tables
+from stages.report.next_recording import NextRecording, next_recording
+from stages.report.score_tables import digit_tables, score_table
+from stages.report.skeleton_tables import bone_table, joint_tables, receiver_tables
 from stages.report.study_results import StudyResults, Trial
 from stages.report.tables_1_to_4 import (
     SLIPS,
@@ -25,6 +27,7 @@ from stages.report.tables_1_to_4 import (
     table_title,
 )
 from stages.report.tip_traces import Trace, read_traces
+from stages.report.truth_tables import joint_error_tables, truth_table
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,11 @@ class TablePair:
 
 @dataclass(frozen=True)
 class TrialPart:
-    """One evaluated task: its tables and its charts."""
+    """One evaluated task: its tables and its charts; scores is None where nothing was scored."""
 
     title: str
+    scores: DataTable | None
+    digits: list[Folded]
     pairs: list[TablePair]
     least_squares: DataTable
     charts: list[FigureRow]
@@ -48,13 +53,17 @@ class TrialPart:
 
 @dataclass(frozen=True)
 class SubjectPart:
-    """Everything about one subject."""
+    """Everything about one subject; truth is None where there is none to compare with."""
 
     name: str
+    truth: DataTable | None
+    joint_errors: list[Folded]
+    next_recording: list[NextRecording]
     trials: list[TrialPart]
     skeletons: list[FigureRow]
     joints: list[Folded]
     bones: list[DataTable]
+    receivers: list[Folded]
 
 
 def render_page(results: StudyResults) -> str:
@@ -72,6 +81,8 @@ def render_page(results: StudyResults) -> str:
             problems=provenance.problems_table(results),
             exports=results.study.exports,
             subjects=subjects,
+            fitted=results.fitted,
+            simulated=results.study.simulation is not None,
             slips=SLIPS,
             recordings=provenance.recordings_table(results),
             models=provenance.models_table(results),
@@ -103,10 +114,14 @@ def _subject_part(results: StudyResults, subject: str, traces: dict[tuple[str, .
     hands = results.hands(subject)
     return SubjectPart(
         subject,
+        truth_table(results, subject),
+        joint_error_tables(results, subject),
+        [next_recording(results, hand) for hand in hands],
         [_trial_part(results, trial, traces) for trial in results.trials(subject)],
         skeleton_pictures(results, subject),
         [folded for hand in hands for folded in joint_tables(results, hand)],
         [bone_table(results, hand) for hand in hands],
+        [folded for hand in hands for folded in receiver_tables(results, hand)],
     )
 
 
@@ -122,6 +137,8 @@ def _trial_part(results: StudyResults, trial: Trial, traces: dict[tuple[str, ...
     ]
     return TrialPart(
         trial.title,
+        score_table(results, trial),
+        digit_tables(results, trial),
         pairs,
         least_squares_table(results, trial),
         error_charts(results, traces, trial),

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 
 from schemas.study import Hand
-from stages.report.data_table import DASH, Block, DataTable, counted, number
+from stages.report.data_table import DASH, Block, DataTable, Folded, counted, number
 from stages.report.study_results import Row, StudyResults
 
 STATUS_MARKS = {"ok": "ok", "weak": "◆ weak", "failed": "✕ failed"}
@@ -23,13 +22,17 @@ _JOINT_HEADER = (
     "Message",
 )
 
-
-@dataclass(frozen=True)
-class Folded:
-    """A table that is folded away under a summary line."""
-
-    summary: str
-    table: DataTable
+_RECEIVER_HEADER = (
+    "Receiver",
+    "Status",
+    "Along the bone [mm]",
+    "To the thumb's side [mm]",
+    "Over the bone [mm]",
+    "Residual [mm]",
+    "Residual [deg]",
+    "Came loose",
+    "Message",
+)
 
 
 def joint_tables(results: StudyResults, hand: Hand) -> list[Folded]:
@@ -65,6 +68,57 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     )
 
 
+def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
+    """Where the receivers of a hand sit on their bones: one table for each model that fits the whole hand."""
+    folded = []
+    for model in results.fitted:
+        rows = results.receivers_of.get((hand, model), [])
+        table = DataTable(
+            f"Receivers of subject {hand.subject}, {hand.hand} hand, model {model}, with 1-sigma errors.",
+            (Block(_RECEIVER_HEADER, tuple(_receiver_cells(row) for row in rows)),),
+            () if rows else ("No hand was fitted; the reason is under “What went wrong”.",),
+            frozenset({0, 1, 7, 8}),
+        )
+        folded.append(Folded(f"{hand.hand.capitalize()} hand, {model}: {_receiver_counts(rows)}", table))
+    return folded
+
+
+def _receiver_cells(row: Row) -> tuple[str, ...]:
+    return (
+        row["segment"],
+        STATUS_MARKS.get(str(row["status"]), str(row["status"])),
+        *(_with_error(row[f"{name}_mm"], row[f"{name}_sd_mm"]) for name in ("along", "lateral", "height")),
+        number(row["residual_mm"]),
+        number(row["residual_deg"]),
+        _loose(row),
+        row["message"],
+    )
+
+
+def _loose(row: Row) -> str:
+    if row["loose_from_frame"] is None:
+        return ""
+    where = f" of {row['loose_task']}" if row["loose_task"] else ""
+    return (
+        f"◆ from frame {row['loose_from_frame']}{where}: moved {number(row['loose_shift_mm'], 1)} mm, "
+        f"turned {number(row['loose_turn_deg'], 1)} deg"
+    )
+
+
+def _receiver_counts(rows: list[Row]) -> str:
+    if not rows:
+        return "no hand was fitted"
+    loose = sum(row["loose_from_frame"] is not None for row in rows)
+    doubts = Counter(row["status"] for row in rows)
+    told = [f"{doubts[word]} {word}" for word in ("weak", "failed") if doubts[word]]
+    told += [f"{loose} came loose"] if loose else []
+    return ", ".join([counted(len(rows), "receiver"), *(told or ["all ok"])])
+
+
+def _with_error(value: float | None, sd: float | None) -> str:
+    return number(value) + (f" ± {number(sd)}" if value is not None and sd is not None else "")
+
+
 def _joint_cells(row: Row) -> tuple[str, ...]:
     return (
         row["joint"],
@@ -90,9 +144,10 @@ def _counts(rows: list[Row]) -> str:
 def _length(row: Row | None) -> str:
     if row is None or row["length_mm"] is None:
         return DASH
-    error = "" if row["sd_mm"] is None else f" ± {number(row['sd_mm'])}"
     varies = row["sd_over_frames_mm"]
-    return number(row["length_mm"]) + error + ("" if varies is None else f" (varies {number(varies)})")
+    return _with_error(row["length_mm"], row["sd_mm"]) + (
+        "" if varies is None else f" (varies {number(varies)})"
+    )
 
 
 def _bone_notes(by_bone: dict[str, dict[str, Row]]) -> tuple[str, ...]:

@@ -9,7 +9,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, PROBLEMS, RECORDINGS, TIP_ERRORS
+from schemas.catalogue import (
+    BONE_LENGTHS,
+    CALIBRATION_ADVICE,
+    GAINS,
+    JOINT_CENTRES,
+    JOINT_ERRORS,
+    PROBLEMS,
+    RECEIVERS,
+    RECORDINGS,
+    SKELETON_SCORES,
+    TIP_ERRORS,
+)
 from schemas.errors import InputError
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
@@ -52,6 +63,11 @@ class StudyResults:
     joints: list[Row]
     bones: list[Row]
     tip_errors: list[Row]
+    scores: list[Row]
+    joint_errors: list[Row]
+    advice: list[Row]
+    receivers: list[Row]
+    gains: list[Row]
 
     @cached_property
     def joints_of(self) -> dict[HandModel, list[Row]]:
@@ -62,6 +78,21 @@ class StudyResults:
     def bones_of(self) -> dict[HandModel, list[Row]]:
         """Bone rows by hand and model, in the table's order."""
         return _by_hand_and_model(self.bones)
+
+    @cached_property
+    def receivers_of(self) -> dict[HandModel, list[Row]]:
+        """Receiver rows by hand and model, in the table's order."""
+        return _by_hand_and_model(self.receivers)
+
+    @cached_property
+    def gains_of(self) -> dict[HandModel, list[Row]]:
+        """Rows of gains by hand and model, best first."""
+        return _by_hand_and_model(self.gains)
+
+    @property
+    def fitted(self) -> list[str]:
+        """The models that fit the whole hand, in the study's order."""
+        return [name for name, model in self.models.items() if model.fitting is not None]
 
     @cached_property
     def tip_error_of(self) -> dict[tuple[str, ...], Row]:
@@ -101,6 +132,12 @@ class StudyResults:
             ordered: dict[str, Recording] = {h: by_hand[h] for h in HANDS if h in by_hand}
             yield Trial(subject, task, trial, ordered)
 
+    def scores_in(self, trial: Trial) -> list[Row]:
+        """The rows of skeleton_scores of a subject's task, in the table's order, right hand first."""
+        wanted = (trial.subject, trial.task, trial.trial)
+        rows = [row for row in self.scores if (row["subject"], row["task"], row["trial"]) == wanted]
+        return sorted(rows, key=lambda row: bool(row["hand"] != "right"))
+
     def hands(self, subject: str) -> list[Hand]:
         """The subject's hands, right first."""
         mine = [hand for hand in self.study.hands if hand.subject == subject]
@@ -120,20 +157,26 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     """
     paths = Results(folder)
     failures: list[Row] = []
-    recordings, problems, joints, bones, tip_errors = (
-        _read_rows(paths.study_table(table.name), table, failures)
-        for table in (RECORDINGS, PROBLEMS, JOINT_CENTRES, BONE_LENGTHS, TIP_ERRORS)
-    )
+
+    def rows(table: Table) -> list[Row]:
+        return _read_rows(paths.study_table(table.name), table, failures)
+
+    recordings, problems = rows(RECORDINGS), rows(PROBLEMS)
     return StudyResults(
         study=study,
         paths=paths,
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
         layouts={hand: read_layout(study.layout_of(hand).absolute()) for hand in study.hands},
         recordings=recordings,
-        problems=problems + failures,
-        joints=joints,
-        bones=bones,
-        tip_errors=tip_errors,
+        joints=rows(JOINT_CENTRES),
+        bones=rows(BONE_LENGTHS),
+        tip_errors=rows(TIP_ERRORS),
+        scores=rows(SKELETON_SCORES),
+        joint_errors=rows(JOINT_ERRORS),
+        advice=rows(CALIBRATION_ADVICE),
+        receivers=rows(RECEIVERS),
+        gains=rows(GAINS),
+        problems=problems + failures,  # read last: every table's failure is there by now
     )
 
 

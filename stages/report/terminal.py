@@ -7,19 +7,21 @@ from collections.abc import Iterable
 
 from stages.report.data_table import DataTable
 from stages.report.finding import used_in_words
+from stages.report.score_tables import compact_score_table
 from stages.report.study_results import StudyResults, Trial
 from stages.report.tables_1_to_4 import own_table, table_title
 
 WIDTH = 79
 MOST_PROBLEMS = 10
 _HEADING, _CELL = 25, 8
+"""Narrowest columns: of the headings, of the numbers."""
 
 
 def terminal_tables(results: StudyResults) -> str:
-    """The subjects' tables of the models that reproduce one of the paper's, as text.
+    """The subjects' tables of the models that reproduce one of the paper's, then all scores, as text.
 
-    Of a subject with recordings of role both only these, as the paper scored the recording that it solved
-    its joints from; the others are in the report.
+    Of a subject with recordings of role both only their tables stand in the paper's form, as the paper scored
+    the recording that it solved its joints from; the others are in the report.
     """
     models = sorted(
         (model for model in results.models.values() if model.paper_table is not None),
@@ -34,6 +36,10 @@ def terminal_tables(results: StudyResults) -> str:
             ]
     if len(parts) == 1 + bool(results.problems):
         parts.append("No recording was evaluated with a model of one of the paper's tables.")
+    scores = (
+        compact_score_table(results, t) for subject in results.subjects for t in results.trials(subject)
+    )
+    parts += [table_text(table) for table in scores if table is not None]
     return "\n\n".join(parts) + "\n"
 
 
@@ -54,10 +60,13 @@ def _as_the_paper(trials: Iterable[Trial]) -> list[Trial]:
 def table_text(table: DataTable) -> str:
     """One table as text: its caption, its blocks under each other, its notes."""
     lines = [_wrapped(table.caption)]
+    every = [row for block in table.blocks for row in (block.header, *block.rows)]
+    heading = max(_HEADING, *(len(row[0]) + 1 for row in every))
+    cell_width = max(_CELL, *(len(cell) + 1 for row in every for cell in row[1:]))
     for block in table.blocks:
         lines.append("")
         lines += [
-            f"{row[0]:<{_HEADING}}" + "".join(f"{cell:>{_CELL}}" for cell in row[1:])
+            f"{row[0]:<{heading}}" + "".join(f"{cell:>{cell_width}}" for cell in row[1:])
             for row in (block.header, *block.rows)
         ]
     if table.notes:

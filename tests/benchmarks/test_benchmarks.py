@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import accuracy, demo_study, joint_solve, simulated_hand, solve_hand, start_up
+from benchmarks import demo_study, joint_solve, paper_accuracy, simulated_hand, solve_hand, start_up
 from benchmarks.__main__ import BENCHMARKS, main
 from benchmarks.interleaved import compare
 from benchmarks.text_table import Cell, TextTable
@@ -78,19 +78,19 @@ def test_a_tiny_study_names_every_stage(tmp_path: Path) -> None:
     assert sorted(job.stage for job in start_up.tiny(tmp_path)) == start_up.stages()
 
 
-def test_accuracy_has_a_row_per_joint_type_and_finds_what_is_there() -> None:
+def test_the_papers_accuracy_has_a_row_per_joint_type_and_finds_what_is_there() -> None:
     found = simulated_hand.hand_errors(0, "right", 480)
     for task in simulated_hand.TASKS:
         joints = [joint for joint in found.joints if joint.calibration == task]
         assert len(joints) == 15
-        table = accuracy.centres(joints, "one hand")
-        assert column(table, "joints") == [*accuracy.JOINT_TYPES, accuracy.ALL]
+        table = paper_accuracy.centres(joints, "one hand")
+        assert column(table, "joints") == [*paper_accuracy.JOINT_TYPES, paper_accuracy.ALL]
         assert column(table, "n") == [1, 1, 1, 2, 2, 4, 4, 15]
         for joint in joints:
             assert math.isclose(math.hypot(joint.along_mm, joint.across_mm), joint.child_mm, rel_tol=1e-9)
             assert joint.worse_mm >= joint.child_mm
-    assert len(accuracy.statuses(found.joints, "one hand").rows) == 8
-    tips = accuracy.tips(found.tips, "one hand")
+    assert len(paper_accuracy.statuses(found.joints, "one hand").rows) == 8
+    tips = paper_accuracy.tips(found.tips, "one hand")
     assert column(tips, "skeleton") == [simulated_hand.ESTIMATED, simulated_hand.TRUE] * 4
     assert column(tips, "held out") == ["no", "no", "yes", "yes"] * 2
     assert all(isinstance(cell, float) for row in tips.rows for cell in row[4:])
@@ -99,7 +99,7 @@ def test_accuracy_has_a_row_per_joint_type_and_finds_what_is_there() -> None:
 def test_a_failed_joint_is_counted_and_not_averaged() -> None:
     nothing = [float("nan")] * 5
     failed = simulated_hand.JointError("rom", "thumb_ip", "failed", *nothing)
-    table = accuracy.centres([failed], "nobody")
+    table = paper_accuracy.centres([failed], "nobody")
     assert table.rows[2] == ("thumb IP", 1, 1, *[None] * 9)
 
 
@@ -133,3 +133,14 @@ def test_command_line_lists_the_benchmarks(capsys: pytest.CaptureFixture[str]) -
         main(["no_such"])
     assert stopped.value.code == 2
     assert "is no benchmark" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [("--hands 7", "even"), ("--hands none", "even"), ("--seeds 9-3", "5000-5009"), ("--seeds a", "range")],
+)
+def test_wrong_options_are_refused(words: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["accuracy", *words.split()])
+    assert stopped.value.code == 2
+    assert told in capsys.readouterr().err

@@ -1,7 +1,8 @@
 """A made-up study with its results, written as the stages before the report write theirs.
 
 Two subjects, one with a hostile name; two hands; one task. The second subject's left recording failed. On
-the first subject's left hand the little DIP joint is weak and 300 mm off, the ring DIP joint failed.
+the first subject's left hand the little DIP joint is weak and 300 mm off, the ring DIP joint failed. A
+simulated study has a second task, rom, that calibrates only, and a truth.
 """
 
 from __future__ import annotations
@@ -12,12 +13,25 @@ from typing import Any
 
 import numpy as np
 
+from report_samples.made_scores import (
+    advice_rows,
+    gain_rows,
+    joint_error_rows,
+    receiver_rows,
+    score_rows,
+    spoiled,
+)
 from schemas.catalogue import (
     BONE_LENGTHS,
+    CALIBRATION_ADVICE,
+    GAINS,
     JOINT_CENTRES,
+    JOINT_ERRORS,
     POSES,
     PROBLEMS,
+    RECEIVERS,
     RECORDINGS,
+    SKELETON_SCORES,
     TIP_ERRORS,
     TIPS,
 )
@@ -27,6 +41,7 @@ from schemas.study import path_token
 from schemas.tables import Provenance, Table, columns_from_rows, write_table
 
 HOSTILE = 'A & <b>"x"'
+FITTED_MODELS = ("paper-fig4", "whole-hand")
 MODELS = ("paper-fig3-rest", "paper-fig3", "paper-fig4", "paper-fig4-corrected", "rigid")
 NO_SOURCE = Provenance((("recording.csv", "0" * 64),), {})
 
@@ -50,10 +65,20 @@ class MadeRows:
     tip_errors: list[dict[str, Any]] = field(default_factory=list)
     bones: list[dict[str, Any]] = field(default_factory=list)
     problems: list[dict[str, Any]] = field(default_factory=list)
+    scores: list[dict[str, Any]] = field(default_factory=list)
+    joint_errors: list[dict[str, Any]] = field(default_factory=list)
+    advice: list[dict[str, Any]] = field(default_factory=list)
+    receivers: list[dict[str, Any]] = field(default_factory=list)
+    gains: list[dict[str, Any]] = field(default_factory=list)
 
 
 def make_study(
-    folder: Path, *, n_frames: int = 300, models: tuple[str, ...] = MODELS, subjects: tuple[str, ...] = ()
+    folder: Path,
+    *,
+    n_frames: int = 300,
+    models: tuple[str, ...] = MODELS,
+    subjects: tuple[str, ...] = (),
+    simulated: bool = False,
 ) -> tuple[Path, Path]:
     """Write a study file, its sheet and its results; give the study file and the results folder."""
     subjects = subjects or ("S01", HOSTILE)
@@ -68,11 +93,15 @@ def make_study(
             key = {"subject": subject, "hand": hand, "task": "opposition", "trial": ""}
             if subject == subjects[-1] and hand == "left" and len(subjects) > 1:
                 _add_failed(rows, key, file)
-            else:
-                _add_hand(rows, results, key, file, n_frames, models, rng)
+                continue
+            _add_hand(rows, results, key, file, n_frames, models, rng)
+            _add_judgement(rows, key, models, simulated=simulated)
+            if simulated:
+                sheet.append(f"{subject}\t{hand}\trom\tcalibration\trom-{file}")
+                rows.recordings.append({**rows.recordings[-1], "task": "rom", "role": "calibration"})
     study.write_text(
         f"study: made\nrecordings: sheet.tsv\nlayout: liberty16\nmodels: [{', '.join(models)}]\n"
-        "exports: [bvh]\n",
+        "exports: [bvh]\n" + ("simulation: {folder: ., seed: 1}\n" if simulated else ""),
         "utf-8",
     )
     (folder / "sheet.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
@@ -89,6 +118,11 @@ def write_rows(results: Path, rows: MadeRows) -> None:
         (TIP_ERRORS, rows.tip_errors),
         (BONE_LENGTHS, rows.bones),
         (PROBLEMS, rows.problems),
+        (SKELETON_SCORES, rows.scores),
+        (JOINT_ERRORS, rows.joint_errors),
+        (CALIBRATION_ADVICE, rows.advice),
+        (RECEIVERS, rows.receivers),
+        (GAINS, rows.gains),
     ):
         write(results / f"{table.name}.parquet", table, own)
 
@@ -138,6 +172,18 @@ def _add_hand(
         rows.bones += _bone_rows(layout, model, key, centres)
         for digit in layout.digits:
             _add_digit(rows, key, model, digit, n_frames, rng)
+
+
+def _add_judgement(rows: MadeRows, key: dict[str, str], models: tuple[str, ...], *, simulated: bool) -> None:
+    """What the stages that judge and advise say of a hand."""
+    layout, read = read_layout("liberty16"), [read_model(name) for name in models]
+    rows.scores += score_rows(key, layout, read, simulated=simulated)
+    rows.joint_errors += joint_error_rows(key, layout, read) if simulated else []
+    rows.advice += advice_rows(key, layout)
+    for model in read:
+        if model.fitting is not None:
+            rows.receivers += receiver_rows(key, layout, model.name)
+            rows.gains += gain_rows(key, model.name)
 
 
 def hand_points(hand: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -196,10 +242,10 @@ def _joint_rows(
     receivers: dict[str, np.ndarray],
 ) -> list[dict[str, Any]]:
     rows = []
-    for name, centre in centres.items():
+    bases = {name: 0.2 * centres[name.replace("cmc", "mcp")] for name in model.own_cmc if name not in centres}
+    for name, centre in (centres | bases).items():
         joint = layout.joints[name]
-        spoiled = key["subject"] == "S01" and key["hand"] == "left"
-        failed, weak = spoiled and name == "ring_dip", spoiled and name == "little_dip"
+        failed, weak = spoiled(key) and name == "ring_dip", spoiled(key) and name == "little_dip"
         status = "failed" if failed else "weak" if weak else "ok"
         message = "axis is 4 deg from the plane" if weak else "too few frames (3)" if failed else ""
         moved = centre + (np.array([40.0, -300.0, 60.0]) if weak and not model.corrections else 0.0)
@@ -215,7 +261,7 @@ def _joint_rows(
             "status": status,
             "message": message,
         }
-        if not failed:
+        if not failed and joint.child in receivers:
             child = moved - receivers[joint.child]
             row |= {f"child_{axis}_mm": value for axis, value in zip("xyz", child, strict=True)}
             row |= {"range_deg": 41.23, "gap_rms_mm": 0.715, "sd_mm": 1.234, "axis_plane_deg": 78.9}
@@ -259,9 +305,8 @@ def _add_digit(
     rng: np.random.Generator,
 ) -> None:
     """Tip errors of one digit: smooth, a few mm, gross where the little DIP joint is off."""
-    spoiled = key["subject"] == "S01" and key["hand"] == "left"
     who = {**key, "model": model.name, "digit": digit}
-    if spoiled and digit == "ring":
+    if spoiled(key) and digit == "ring":
         for binding in ("first-frame", "least-squares"):
             rows.tip_errors.append(
                 {
@@ -275,7 +320,7 @@ def _add_digit(
             )
         return
     level = {"thumb": 3.0, "index": 5.0, "middle": 6.5, "ring": 6.8, "little": 9.0}[digit]
-    level *= 15.0 if spoiled and digit == "little" and not model.corrections else 1.0
+    level *= 15.0 if spoiled(key) and digit == "little" and not model.corrections else 1.0
     level *= 20.0 if model.unmeasured == "rest" and digit != "thumb" else 1.0
     time_s = np.arange(n_frames) / 240
     noise = rng.normal(0, 0.03, n_frames)

@@ -354,6 +354,25 @@ def test_a_recording_that_cannot_be_read_costs_its_own_numbers(made: MadeHand, t
     assert set(of(scores, "true-skeleton", "rom")) == set(DIGITS)
 
 
+def test_one_receiver_that_cannot_be_read_costs_its_recording(made: MadeHand, tmp_path: Path) -> None:
+    """The tables of the skeletons were made before; what needs poses is null."""
+    copy = made.copied(tmp_path)
+    path = copy.poses("opposition")
+    metadata, data = read_metadata(path), read_table(path, POSES)
+    columns = {name: data.column(name) for name in data.column_names}
+    shifted = np.array(data.column("segment").to_pylist()) == "index_middle"
+    columns["frame"] = data.column("frame").to_numpy() + shifted
+    write_table(path, POSES, columns, Provenance((), metadata["parameters"]), row_group_rows=N_FRAMES)
+    assert copy.run() == 0
+    scores, _ = copy.rows()
+    for row in of(scores, "distal-receiver").values():
+        assert "index_middle does not have the frames of the others" in row["message"]
+        assert row["replay_mean_mm"] is None
+    for row in of(scores, "paper-fig4").values():
+        assert row["replay_mean_mm"] is not None
+        assert row["wrist_mcp_sd_mm"] is None
+
+
 def test_frames_may_be_counted_from_another_number(
     made: MadeHand, results: tuple[list[Row], list[Row]], tmp_path: Path
 ) -> None:

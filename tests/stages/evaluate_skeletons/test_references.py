@@ -116,7 +116,8 @@ def test_some_frames_are_evenly_spaced(tmp_path: Path) -> None:
     """200 frames: every third makes 67, and the numbers are those of the recording, whatever the blocks."""
     path = recorded(tmp_path, Realism.full()).path
     whole = read_poses(path, LAYOUT.measured)
-    some = some_frames(path, LAYOUT, 80)
-    np.testing.assert_array_equal(some.frame, whole.frame[::3])
-    np.testing.assert_array_equal(some.quaternion, whole.quaternion[::3])
+    for block_frames in (200, 64, 2):
+        some = some_frames(path, LAYOUT, 80, block_frames)
+        np.testing.assert_array_equal(some.frame, whole.frame[::3])
+        np.testing.assert_array_equal(some.quaternion, whole.quaternion[::3])
     np.testing.assert_array_equal(some_frames(path, LAYOUT, 200).frame, whole.frame)

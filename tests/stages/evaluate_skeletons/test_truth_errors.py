@@ -8,7 +8,8 @@ import pytest
 
 from schemas.layout import read_layout
 from schemas.poses import RecordingName
-from stages.evaluate_skeletons.skeleton_folder import Stated
+from stages.evaluate_skeletons.evaluation import joint_rows
+from stages.evaluate_skeletons.skeleton_folder import SkeletonFolder, Stated
 from stages.evaluate_skeletons.truth_errors import centre_errors, joint_errors, truth_for
 from stages.evaluate_skeletons.truth_folder import TruthFolder
 
@@ -106,3 +107,19 @@ def test_the_truth_of_the_first_calibration_task() -> None:
     assert truth_for(["opposition", "grasp", "rom"], [rom, grasp]) is grasp
     assert truth_for(["opposition"], [rom, grasp]) is rom
     assert truth_for(["rom"], []) is None
+
+
+def test_every_skeleton_is_held_against_its_own_calibration() -> None:
+    """Without a word on it, against the hand's; the joint is 1 mm from one truth and 3 mm from the other."""
+    truths = [
+        truth_of(task, centre("index_pip", (0, 0, z), (0, 0, 0))) for task, z in (("rom", 0), ("grasp", 4))
+    ]
+    stated = Stated({"index_pip": centre("index_pip", (0, 0, 1), (0, 0, 0))}, {})
+    folders = [
+        SkeletonFolder(Path(), "m", calibrated_on, "", False, stated, {}, "")
+        for calibrated_on in (("rom",), ("grasp, 2", "rom"), None)
+    ]
+    calibration = [RecordingName("01", "right", "grasp")]
+    rows = list(joint_rows(calibration, LAYOUT, folders, truths, None))
+    assert [row["error_mm"] for row in rows] == [1.0, 3.0, 3.0]
+    assert [row["calibrated_on"] for row in rows] == ["rom", "grasp, 2;rom", ""]

@@ -14,6 +14,7 @@ from schemas.layout import read_layout
 from stages.fit_hand.anatomy_priors import DIGITS, DigitAnatomy
 from stages.fit_hand.chain import rest_rotations
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
+from stages.fit_hand.posed_tables import angle_columns
 from stages.fit_hand.recordings import MIRROR
 from stages.fit_hand.replaying import pose_hand
 from stages.simulate.anatomy import BONES, JOINTS
@@ -103,12 +104,20 @@ def test_the_transmitter_and_the_side_do_not_matter() -> None:
 
 
 def test_receivers_never_seen_together_keep_the_usual_facing() -> None:
+    """Seen from where the metacarpal lies straight, so that a pose that is none would face as it does."""
     poses = poses_of(fitted(4, "right", nail=True)[0])
+    turn = conjugate(poses.quaternion[0, poses.index(OWN)])
     valid = poses.valid.copy()
     half = len(valid) // 2
     valid[:half, poses.index("thumb_proximal")] = False
     valid[half:, poses.index(OWN)] = False
-    assert not faces_nail(fit_hand([replace(poses, valid=valid)], LAYOUT, "right", settings=QUICK))
+    seen = replace(
+        poses,
+        valid=valid,
+        position_mm=rotate(turn, poses.position_mm),
+        quaternion=multiply(turn, poses.quaternion),
+    )
+    assert not faces_nail(fit_hand([seen], LAYOUT, "right", settings=QUICK))
 
 
 @SIDES
@@ -150,6 +159,22 @@ def test_a_thumb_facing_the_nail_moves_by_its_names(side: str) -> None:
     assert abs(sweep[1]) < 5.0
     assert leaving[1] < -17.0
     assert abs(leaving[0]) < 5.0
+
+
+@SIDES
+def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> None:
+    """Angles of the same motion, seen by a receiver on the back of the hand's side and on the nail's."""
+    tables = []
+    for nail in (False, True):
+        made, fit = fitted(4, side, nail=nail)
+        poses = poses_of(made).take(np.arange(0, len(made.frame), 24))
+        tables.append(angle_columns({}, fit, pose_hand(fit, poses), poses))
+    back, front = tables
+    own = np.isin(back["joint"], ["thumb_cmc", "thumb_mcp"])
+    for part in ("flexion_deg", "abduction_deg", "rotation_deg"):
+        assert np.abs(back[part] - front[part])[own].mean() < 8.0, part
+    sweep = back["flexion_deg"][np.array(back["joint"]) == "thumb_cmc"]
+    assert np.ptp(sweep) > 15.0
 
 
 @pytest.mark.parametrize("anatomy", [DIGITS, NAIL])

@@ -10,7 +10,10 @@ from chains import as_poses, chain_layout, gap_rms_mm, moments_of, random_chain
 from scipy.spatial.transform import Rotation
 from thumb_receiver import facing_the_nail, poses_of
 
-from benchmarks.anatomical_trial import hand_errors
+from benchmarks.accuracy import estimators
+from benchmarks.accuracy.errors import RADIUS_SD, score
+from benchmarks.accuracy.scenarios import STIFF, Scenario
+from benchmarks.accuracy.trials import record
 from kinematics.rotations import Array
 from schemas.layout import Layout, read_layout
 from schemas.model import read_model
@@ -210,9 +213,13 @@ def test_without_motion_only_the_prior_speaks(hand: Poses) -> None:
 
 def test_a_stiff_fingertip_is_no_gross_failure() -> None:
     """Opposition, where DIP joints move some degrees while the PIP moves far: no DIP beyond 6 mm."""
-    errors = [e for e in hand_errors(11, "left", "opposition", 1.0) if e.joint.endswith("_dip")]
-    assert max(e.child_mm for e in errors if e.estimator == "anatomical") < 6
-    assert max(e.child_mm for e in errors if e.estimator == "paper") > 6
+    trial = record(11, "left", STIFF, 3774)
+    for found, gross in (
+        (estimators.anatomical(trial), False),
+        (estimators.joint_by_joint(trial, estimators.PAPER), True),
+    ):
+        joints = score("", trial, found).joints
+        assert (max(one.child_mm for one in joints if one.joint.endswith("_dip")) > 6) == gross
 
 
 def test_a_chain_that_anatomy_does_not_know() -> None:
@@ -247,16 +254,19 @@ def test_an_arm_runs(real_data: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("artefact", [0.5, 1.0, 2.0])
 def test_the_stated_sd_is_honest(artefact: float) -> None:
     """Of 180 centres 90 to 100 % lie within their stated 95 % radius, whatever the skin; most near it."""
-    errors = [
-        e
-        for seed in range(300, 306)
-        for side in ("right", "left")
-        for e in hand_errors(seed, side, "rom", artefact)
-        if e.estimator == "anatomical"
-    ]
-    within = np.mean([e.worse_mm <= 1.614 * e.sd_mm for e in errors])
-    assert within >= 0.90
-    assert np.median([e.worse_mm / e.sd_mm for e in errors]) > 0.6
+    shares = []
+    for seed, side in [(seed, side) for seed in range(300, 306) for side in ("right", "left")]:
+        trial = record(seed, side, Scenario("skin", artefact=artefact), 7200)
+        for name, one in estimators.anatomical(trial).centres.items():
+            true = trial.truth.joints[name]
+            worse = max(
+                np.linalg.norm(one.child_mm - true.child_mm), np.linalg.norm(one.parent_mm - true.parent_mm)
+            )
+            assert one.covariance_mm2 is not None
+            variance = np.diag(one.covariance_mm2)
+            shares.append(worse / np.sqrt(max(variance[:3].sum(), variance[3:].sum())))
+    assert np.mean(np.array(shares) <= RADIUS_SD) >= 0.90
+    assert np.median(shares) > 0.6
 
 
 def test_the_gap_of_a_centre_is_that_of_every_frame() -> None:

@@ -64,7 +64,7 @@ def centres(joints: Sequence[JointError], whose: str) -> TextTable:
     }
     rows = [_centre_row(name, group) for name, group in [*groups.items(), (ALL, joints)]]
     return TextTable(
-        f"accuracy: joint centres solved from {whose}",
+        f"paper_accuracy: joint centres solved from {whose}",
         (
             ("joints", ""),
             ("n", "d"),
@@ -125,7 +125,7 @@ def statuses(joints: Sequence[JointError], whose: str) -> TextTable:
                     numbers = [float(p50), float(p90), 100 * float(np.mean(child > 5)), float(child.max())]
                 rows.append((task, name, status, len(child), *numbers))
     return TextTable(
-        f"accuracy: what the status of a joint is worth, {whose}",
+        f"paper_accuracy: what the status of a joint is worth, {whose}",
         (
             ("solved from", ""),
             ("joints", ""),
@@ -159,7 +159,7 @@ def tips(found: Iterable[TipError], whose: str) -> TextTable:
                 rows.append((task, replayed, "yes" if held_out else "no", skeleton, *numbers))
     heads = [(f"{binding} {what}", ".1f") for binding in BINDINGS for what in ("median mm", "p90 mm")]
     return TextTable(
-        f"accuracy: tip error, {whose}",
+        f"paper_accuracy: tip error, {whose}",
         (("solved from", ""), ("replayed in", ""), ("held out", ""), ("skeleton", ""), *heads),
         rows,
         "Mean distance over a recording of the replayed tip to the distal receiver, median and p90 over "

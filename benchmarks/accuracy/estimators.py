@@ -1,0 +1,203 @@
+"""Every way to estimate a hand that is compared: ours, one joint at a time or the hand as a whole."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from benchmarks.accuracy.errors import PHALANGES, Centre, Estimate, phalanges_mm
+from benchmarks.accuracy.trials import Trial
+from benchmarks.solve_hand import moments, solved_joints
+from kinematics.rotations import Array, rotate
+from schemas.layout import Joint, read_layout
+from schemas.poses import Poses
+from stages.fit_hand.building import Parts
+from stages.fit_hand.fit import HandFit, Settings, fit_hand
+from stages.fit_hand.measurements import Measurement
+from stages.fit_hand.replaying import pose_hand
+from stages.fit_hand.sharing import share_lengths
+from stages.project_planes.plane import project
+from stages.simulate.anatomy import BONES
+from stages.simulate.simulation import LAYOUT
+from stages.solve_joints.anatomical import HandSample, solve_hand
+from stages.solve_joints.closed import JointSolution, solve_closed
+from stages.solve_joints.moments import JointMoments
+from stages.solve_joints.solve import add_block
+
+PRIOR = "prior only"
+PAPER, SCORE, SARA = "paper-fig4", "SCoRE", "SARA"
+ANATOMICAL = "anatomical"
+WHOLE = "whole-hand"
+BOTH = "whole-hand, both hands"
+LENGTHS = "whole-hand + lengths"
+MEASURED = "whole-hand + lengths, mounts"
+OURS = (PRIOR, PAPER, SCORE, SARA, ANATOMICAL, WHOLE, BOTH, LENGTHS, MEASURED)
+
+ABLATIONS: Mapping[str, Settings] = {
+    "without skin states": Settings(parts=Parts(skin=False)),
+    "without palm states": Settings(parts=Parts(palm=False)),
+    "without thumb pivot": Settings(parts=Parts(pivot=False)),
+    "without joint translation": Settings(parts=Parts(joint_slide=False)),
+    "scales as published": Settings(rounds=0),
+}
+"""The whole-hand fit with parts left out."""
+
+MEASURED_SD_MM = 0.4
+POSED_EVERY = 20
+PALM = ("ring_metacarpal", "little_metacarpal")
+
+
+def joint_by_joint(trial: Trial, kind: str) -> Estimate:
+    """Each joint alone, in closed form: on its plane (the paper), with six unknowns, or five and an axis."""
+    poses = trial.poses
+    joints = solved_joints(read_layout(LAYOUT), poses)
+    started = time.process_time()
+    made = moments(poses, joints)
+    solutions = [solve_closed(made, i, 6 if kind == SCORE else 5) for i in range(len(joints))]
+    if kind == PAPER:
+        centres = [_on_plane(joint, found) for joint, found in zip(joints, solutions, strict=True)]
+    else:
+        centres = [
+            Centre(one.p_mm, one.q_mm, one.covariance_mm2 if kind == SCORE else None, one.null_child)
+            for one in solutions
+        ]
+    seconds = time.process_time() - started
+    named = {joint.name: centre for joint, centre in zip(joints, centres, strict=True)}
+    return Estimate(named, seconds, phalanges_mm(named))
+
+
+def _on_plane(joint: Joint, found: JointSolution) -> Centre:
+    placed = project(
+        found.p_mm,
+        found.q_mm,
+        found.null_parent,
+        found.null_child,
+        found.covariance_mm2,
+        float(np.radians(found.axis_sd_deg)),
+        plane_point_mm=np.array(joint.plane.point_mm),
+        plane_normal=np.array(joint.plane.normal),
+        plane_in_parent=joint.plane.frame == "parent",
+    )
+    if placed is None:  # an axis in the plane itself: the point that the singular values give
+        return Centre(found.p_mm, found.q_mm, None, found.null_child)
+    return Centre(placed.p_mm, placed.q_mm, placed.covariance_mm2, found.null_child)
+
+
+def anatomical(trial: Trial) -> Estimate:
+    """The hand's joints weighed against anatomy, as the model `anatomical` does."""
+    layout = read_layout(LAYOUT)
+    joints = solved_joints(layout, trial.poses)
+    started = time.process_time()
+    made, sample = JointMoments(len(joints)), HandSample(joints)
+    sample.add(add_block(made, trial.poses, joints))
+    found = solve_hand(sample, made, layout, trial.hand, trial.hand_length_mm)
+    seconds = time.process_time() - started
+    centres = {
+        name: Centre(one.p_mm, one.q_mm, one.covariance_mm2, one.null_child) for name, one in found.items()
+    }
+    return Estimate(centres, seconds, phalanges_mm(centres))
+
+
+Fits = dict[str, list[tuple[HandFit, float]]]
+"""By estimator, for each trial its fit and the processor's seconds."""
+
+
+def whole_hands(trials: Sequence[Trial], wanted: Sequence[str]) -> Fits:
+    """Fit both hands of a person as a whole, in every way that is wanted."""
+    ways: dict[str, Callable[[Trial], tuple[HandFit, float]]] = {
+        PRIOR: lambda trial: _fit(trial, [], Settings(most_steps=0, rounds=0)),
+        WHOLE: lambda trial: _fit(trial, []),
+        LENGTHS: lambda trial: _fit(trial, measured(trial, mounts=False)),
+        MEASURED: lambda trial: _fit(trial, measured(trial, mounts=True)),
+    }
+    ways |= {name: partial(_fit, measurements=[], settings=left) for name, left in ABLATIONS.items()}
+    fits = {name: [way(trial) for trial in trials] for name, way in ways.items() if name in wanted}
+    if BOTH in wanted and len(trials) == 2:
+        (one, one_s), (other, other_s) = fits[WHOLE]
+        started = time.process_time()
+        shared = share_lengths(one, other)
+        sharing_s = (time.process_time() - started) / 2
+        fits[BOTH] = [(shared[0], one_s + sharing_s), (shared[1], other_s + sharing_s)]
+    return fits
+
+
+def _fit(
+    trial: Trial, measurements: list[Measurement], settings: Settings | None = None
+) -> tuple[HandFit, float]:
+    started = time.process_time()
+    fit = fit_hand(
+        [trial.poses],
+        read_layout(LAYOUT),
+        trial.hand,
+        hand_length_mm=trial.hand_length_mm,
+        measurements=measurements,
+        settings=settings,
+    )
+    return fit, time.process_time() - started
+
+
+def of_fit(name: str, trial: Trial, fit: HandFit, seconds: float) -> Estimate:
+    """The estimate that a fit is; nothing was weighed for the prior alone, so that states nothing."""
+    centres = {
+        joint.name: Centre(
+            joint.parent_mm,
+            joint.child_mm,
+            None if name == PRIOR else joint.covariance_mm2,
+            joint.axis_child,
+        )
+        for joint in fit.joints.values()
+    }
+    lengths = {bone: fit.bones[bone].length_mm for bone in PHALANGES}
+    return Estimate(centres, seconds, lengths, palm_deg(trial, fit))
+
+
+def palm_deg(trial: Trial, fit: HandFit) -> dict[str, float]:
+    """Mean angle over the recording between the true and the fitted direction of the palm's bones."""
+    posed = pose_hand(fit, part(trial.poses, slice(None, None, POSED_EVERY)))
+    distal = np.array([1.0, 0.0, 0.0])
+    angles = {}
+    for bone in PALM:
+        true = rotate(trial.truth.bone_quaternion[::POSED_EVERY, BONES.index(bone)], distal)
+        found = rotate(posed.bone_quaternion[:, posed.bones.index(bone)], distal)
+        angles[bone] = float(np.nanmean(_between_deg(true, found)))
+    return angles
+
+
+def _between_deg(one: Array, other: Array) -> Array:
+    """Angles (T,) between unit vectors (T, 3)."""
+    sine = np.linalg.norm(np.cross(one, other), axis=-1)
+    return np.asarray(np.degrees(np.arctan2(sine, (one * other).sum(-1))))
+
+
+def part(poses: Poses, some: slice) -> Poses:
+    """Some frames of a recording."""
+    return replace(
+        poses,
+        frame=poses.frame[some],
+        time_s=poses.time_s[some],
+        position_mm=poses.position_mm[some],
+        quaternion=poses.quaternion[some],
+        valid=poses.valid[some],
+    )
+
+
+def measured(trial: Trial, *, mounts: bool, sd_mm: float = MEASURED_SD_MM) -> list[Measurement]:
+    """Measure the hand as a lab would: every phalanx, `mounts` every receiver's place too, with an error."""
+    rng = np.random.default_rng([trial.seed, trial.hand == "left"])
+    truth = trial.truth
+    lateral = -1.0 if trial.hand == "left" else 1.0
+    taken = []
+    for index, segment in enumerate(truth.mounts.segments):
+        if BONES[truth.mounts.bone[index]] == "hand":
+            continue
+        true = {segment: truth.hand.length_mm[truth.mounts.bone[index]]}
+        if mounts:
+            x, y, z = truth.mounts.position_mm[index]
+            true |= {f"{segment}.along": x, f"{segment}.lateral": lateral * y, f"{segment}.height": z}
+        for quantity, value in true.items():
+            taken.append(Measurement(quantity, float(value + sd_mm * rng.normal()), sd_mm))
+    return taken

@@ -1,0 +1,89 @@
+"""Before the next recording: which joints should move more, and what one more measurement would gain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.study import Hand
+from stages.fit_hand.gains import Gain, advice
+from stages.report.data_table import Block, DataTable, Folded, counted, number
+from stages.report.study_results import Row, StudyResults
+
+MOST_GAINS = 5
+
+_HEADER = ("Joint", "Range of motion [deg]", "SD now [mm]", "SD if it moved so [mm]", "What to do")
+
+
+@dataclass(frozen=True)
+class ModelGains:
+    """What measuring would gain with one fitted model: a remark, and sentences, best first."""
+
+    remark: str
+    sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class NextRecording:
+    """One hand: joints that should move more (None where none should), all joints folded, measurements."""
+
+    hand: str
+    remark: str
+    to_move: DataTable | None
+    every_joint: Folded | None
+    measure: tuple[ModelGains, ...]
+
+
+def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
+    """What would make a hand's skeleton better."""
+    rows = [row for row in results.advice if (row["subject"], row["hand"]) == (hand.subject, hand.hand)]
+    lacking = [row for row in rows if not row["advice"].startswith("enough")]
+    whose = f"subject {hand.subject}, {hand.hand} hand"
+    if not rows:
+        remark = (
+            "Whether its joints move enough could not be computed; the reason is under “What went wrong”."
+        )
+    elif lacking:
+        remark = f"{len(lacking)} of {counted(len(rows), 'joint')} should move more."
+    else:
+        remark = f"All {counted(len(rows), 'joint')} move enough in the calibration recordings."
+    return NextRecording(
+        f"{hand.hand.capitalize()} hand",
+        remark,
+        _table(f"Joints that should move more: {whose}.", lacking) if lacking else None,
+        Folded(f"All {counted(len(rows), 'joint')}", _table(f"Motion of every joint: {whose}.", rows))
+        if rows
+        else None,
+        tuple(_gains(model, results.gains_of.get((hand, model), [])) for model in results.fitted),
+    )
+
+
+def _table(caption: str, rows: list[Row]) -> DataTable:
+    cells = tuple(
+        (
+            row["joint"],
+            number(row["range_deg"], 0),
+            number(row["sd_now_mm"]),
+            number(row["sd_moved_mm"]),
+            row["advice"],
+        )
+        for row in rows
+    )
+    return DataTable(caption, (Block(_HEADER, cells),), (), frozenset({0, 4}))
+
+
+def _gains(model: str, rows: list[Row]) -> ModelGains:
+    if not rows:
+        return ModelGains(f"What one more measurement on the hand would gain with {model} is not known.", ())
+    best = rows[:MOST_GAINS]
+    remark = (
+        f"What one more measurement on the hand would gain with {model}, the best {len(best)} of {len(rows)}:"
+    )
+    return ModelGains(remark, tuple(_sentence(row) for row in best))
+
+
+def _sentence(row: Row) -> str:
+    """One gain in the fit's own words, and what it does to all joints together."""
+    gain = Gain(**{name: row[name] for name in Gain.__dataclass_fields__})
+    words = advice([gain])
+    before, after = number(gain.mean_sd_before_mm), number(gain.mean_sd_after_mm)
+    return f"{words[0].upper()}{words[1:]} (the mean of all joints from {before} to {after} mm)."

@@ -1,0 +1,300 @@
+"""What the skeletons are worth, what would make them better, and where the receivers sit."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from report_samples.made_study import FITTED_MODELS, make_study
+from report_samples.read_page import ReadTable, read_page, table_called
+
+from schemas.catalogue import CALIBRATION_ADVICE, GAINS, JOINT_ERRORS, RECEIVERS, SKELETON_SCORES
+from schemas.model import read_model
+from schemas.study import read_study
+from schemas.tables import Provenance, write_failure
+from stages.report.finding import finding
+from stages.report.page import render_page
+from stages.report.score_tables import OF_A_DIGIT, score_table
+from stages.report.study_results import StudyResults, read_results
+from stages.report.terminal import WIDTH, terminal_tables
+
+SCORES = "Mean over digits and hands: subject S01, opposition."
+TRUTH = "Distance of the joints from the true ones, both hands: subject S01."
+COMPACT = ["replay", "posed", "left", "out", "wr-MCP", "metac.", "true", "tip"]
+EMPTY = {"scores": [], "joint_errors": [], "advice": [], "receivers": [], "gains": []}
+
+
+def _text(page: str) -> str:
+    return " ".join(" ".join(read_page(page).text).split())
+
+
+def _of(rows: list[dict[str, Any]], **wanted: object) -> list[dict[str, Any]]:
+    return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
+
+
+def _mean(rows: list[dict[str, Any]], name: str) -> str:
+    known = [row[name] for row in rows if row[name] is not None]
+    return f"{np.mean(known):.2f}" if known else "–"
+
+
+def _truth_table(page: str) -> ReadTable:
+    (found,) = [table for table in read_page(page).tables if table.caption.startswith(TRUTH)]
+    return found
+
+
+def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -> None:
+    """Held-out rows, in-sample rows, references; every cell the mean over both hands' digits."""
+    table = table_called(fitted_page, SCORES)
+    assert [row[:3] for row in table.rows] == [
+        ["Skeleton", "Made from", "Held out"],
+        ["paper-fig4", "rom", "yes"],
+        ["whole-hand", "rom", "yes"],
+        ["paper-fig4", "opposition", "○ no"],
+        ["whole-hand", "opposition", "○ no"],
+        ["Reference", "Made from", "Held out"],
+        ["prior-only", "–", "–"],
+        ["distal-receiver", "–", "–"],
+        ["true-skeleton", "–", "–"],
+    ]
+    names = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg")
+    for cells in (row for row in table.rows if row[1] != "Made from"):
+        made_from = "" if cells[1] == "–" else cells[1]
+        rows = _of(fitted.scores, model=cells[0], calibrated_on=made_from)
+        expected = [_mean(rows, name) for name in (*names, "true_tip_mean_mm")]
+        if cells[0] in ("paper-fig4", "true-skeleton"):  # never posed: its replay stands there again
+            expected[2] = f"({expected[2]})"
+        assert cells[3:] == expected
+
+
+def test_means_over_fewer_digits_say_so(fitted: StudyResults, fitted_page: str) -> None:
+    """The left ring finger has no number under any model; the references have all ten digits."""
+    assert "All models: 9 of 10 digits; joint ring_dip failed." in _text(fitted_page)
+    trial = next(fitted.trials("S01"))
+    right = _of(fitted.scores, hand="right")
+    table = score_table(replace(fitted, scores=right), trial)
+    assert table is not None
+    assert table.notes == ("All rows: 5 of 10 digits.",)
+    posed = [{**row, "posed_mean_mm": None} if row["digit"] == "index" else row for row in fitted.scores]
+    fewer = [row for row in posed if row["reference"] or row["hand"] == "right"]
+    table = score_table(replace(fitted, scores=fewer), trial)
+    assert table is not None
+    assert table.notes == (
+        "paper-fig4 (from rom); paper-fig4 (from opposition): 5 of 10 digits.",
+        "whole-hand (from rom); whole-hand (from opposition): 4 of 10 digits.",
+        "prior-only: 8 of 10 digits.",
+    )
+    nothing = {score.name: None for score in OF_A_DIGIT} | {"message": "no skeleton."}
+    gone = [row | nothing if row["model"] == "prior-only" else row for row in right]
+    table = score_table(replace(fitted, scores=gone), trial)
+    assert table is not None
+    assert "prior-only: 0 of 10 digits; no skeleton." in table.notes
+
+
+def test_scores_digit_by_digit(fitted: StudyResults, fitted_page: str) -> None:
+    """Each row of skeleton_scores stands under its digit with its percentiles, frames and message."""
+    caption = "Digit by digit: subject S01, left hand, opposition; p95: 95th percentile."
+    table = table_called(fitted_page, caption)
+    heads = [i for i, row in enumerate(table.rows) if row[1] == "Made from"]
+    assert [table.rows[i][0] for i in heads] == ["Thumb", "Index", "Middle", "Ring", "Little"]
+    rows = _of(fitted.scores, hand="left", digit="ring")
+    block = table.rows[heads[3] + 1 : heads[4]]
+    assert len(block) == len(rows) == 7
+    for row in rows:
+        seen = "–" if row["reference"] else "yes" if row["held_out"] else "○ no"
+        (cells,) = [cells for cells in block if (cells[0], cells[2]) == (row["model"], seen)]
+        numbers = [row[score.name] for score in OF_A_DIGIT]
+        assert [cell.strip("()") for cell in cells[3:-2]] == [
+            "–" if n is None else f"{n:.2f}" for n in numbers
+        ]
+        assert cells[-2:] == [str(row["n_frames"]), row["message"]]
+    right = table_called(fitted_page, caption.replace("left", "right"))
+    assert right.rows[0][-1] == "Frames"  # no message, no column for it
+    assert {len(row) for row in right.rows} == {len(table.rows[0]) - 1}
+
+
+def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> None:
+    """Median, 90th percentile, worst, share far off, parts, axis, bones and coverage, a row a skeleton."""
+    table = _truth_table(fitted_page)
+    assert [row[0] for row in table.rows[1:]] == ["paper-fig4"] * 2 + ["whole-hand"] * 2 + [
+        "Reference",
+        "prior-only",
+    ]
+    for cells in (row for row in table.rows[1:] if row[0] != "Reference"):
+        made_from = "" if cells[1] == "–" else cells[1]
+        rows = _of(fitted.joint_errors, model=cells[0], calibrated_on=made_from)
+        error = np.array([row["error_mm"] for row in rows if row["error_mm"] is not None])
+        assert len(error) == 29
+        axes = [row["axis_deg"] for row in rows if row["axis_deg"] is not None]
+        within = [row["within_95"] for row in rows if row["within_95"] is not None]
+        expected = [np.median(error), np.quantile(error, 0.9), error.max()]
+        medians = [0.8 * np.median(error), 0.6 * np.median(error), np.median(axes), np.median(error)]
+        assert cells[2:] == [
+            "29 of 30",
+            *(f"{value:.2f}" for value in expected),
+            f"{100 * np.mean(error > 5):.0f}",
+            *(f"{value:.2f}" for value in medians),
+            f"{100 * np.mean(within):.0f}" if within else "–",
+        ]
+
+
+def test_joint_by_joint(fitted: StudyResults, fitted_page: str) -> None:
+    """Every joint's error under every skeleton, a dash where it has none."""
+    table = table_called(
+        fitted_page, "Distance of each joint from the true one, in mm: subject S01, left hand."
+    )
+    assert len(table.rows) == 16
+    for row in _of(fitted.joint_errors, hand="left"):
+        title = f"{row['model']}, from {row['calibrated_on']}" if row["calibrated_on"] else row["model"]
+        (cells,) = [cells for cells in table.rows if cells[0] == row["joint"]]
+        cell = cells[table.rows[0].index(title)]
+        assert cell == ("–" if row["error_mm"] is None else f"{row['error_mm']:.2f}")
+
+
+def test_without_a_truth_nothing_is_said_of_it(page: str) -> None:
+    """A real study has neither the truth's columns nor a word about its absence."""
+    table = table_called(page, SCORES)
+    assert not [cell for cell in table.rows[0] if cell.startswith(("Metacarpal", "True"))]
+    assert not [table for table in read_page(page).tables if "true one" in table.caption]
+    assert "compared with its truth" not in _text(page)
+
+
+def test_advice_names_what_should_move(fitted_page: str) -> None:
+    """Only joints that lack motion stand open; all of them, also the nearly enough, are folded away."""
+    lacking = table_called(fitted_page, "Joints that should move more: subject S01, left hand.")
+    advice = "bend the little finger's fingertip joint by 40 deg or more (now 8)"
+    assert lacking.rows[1:] == [["little_dip", "8", "4.50", "2.00", advice]]
+    every = table_called(fitted_page, "Motion of every joint: subject S01, left hand.")
+    assert len(every.rows) == 16
+    text = _text(fitted_page)
+    assert "1 of 15 joints should move more." in text
+    assert "All 15 joints move enough in the calibration recordings." in text
+
+
+def test_the_best_five_gains_are_told_in_words(fitted_page: str) -> None:
+    """What to measure, how well, and what that does; the table's sixth row is left to the table."""
+    text = _text(fitted_page)
+    first = (
+        "Measuring how far to the side of the middle finger's proximal phalanx its receiver sits to 0.4 mm "
+        "would take its MCP from 1.9 to 1.0 mm (the mean of all joints from 1.26 to 1.21 mm)."
+    )
+    assert text.count(first) == 2
+    assert text.count("would take its") == 10
+    assert "What one more measurement on the hand would gain with whole-hand, the best 5 of 6:" in text
+
+
+def test_receivers(fitted: StudyResults, fitted_page: str) -> None:
+    """Place with its error, residuals, and the one that came loose, marked and counted."""
+    caption = "Receivers of subject S01, left hand, model whole-hand, with 1-sigma errors."
+    table = table_called(fitted_page, caption)
+    assert len(table.rows) == len(_of(fitted.receivers, hand="left")) + 1
+    place = ["12.34 ± 0.56"] * 3 + ["0.30", "0.40"]
+    (loose,) = [row for row in table.rows if row[0] == "ring_middle"]
+    moved = "◆ from frame 123 of opposition: moved 3.2 mm, turned 4.3 deg"
+    assert loose[1:] == ["◆ weak", *place, moved, "it came loose"]
+    (other,) = [row for row in table.rows if row[0] == "ring_distal"]
+    assert other[1:] == ["ok", *place, "", ""]
+    assert "Left hand, whole-hand: 17 receivers, 1 weak, 1 came loose" in _text(fitted_page)
+
+
+def test_empty_tables_are_told_or_left_out(fitted: StudyResults, results: StudyResults) -> None:
+    """Each section says in a sentence that it has nothing; receivers only where a model fits the hand."""
+    text = _text(render_page(replace(fitted, **EMPTY)))
+    assert "No skeleton was scored in this task." in text
+    assert "The recordings are simulated, but no joint was compared with its truth." in text
+    assert text.count("Whether its joints move enough could not be computed") == 2
+    assert text.count("would gain with whole-hand is not known.") == 2
+    assert text.count("whole-hand: no hand was fitted") == 2
+    page = render_page(replace(results, **EMPTY))
+    assert "No model of this study fits the whole hand, so what measuring would gain is not known." in _text(
+        page
+    )
+    assert "receivers" not in [attributes.get("id") for _, attributes in read_page(page).tags]
+
+
+def test_failed_tables_join_the_problems(tmp_path: Path) -> None:
+    """A table whose making failed counts as empty, and its reason stands under what went wrong."""
+    study, folder = make_study(tmp_path, n_frames=2, models=FITTED_MODELS, subjects=("A",), simulated=True)
+    tables = (SKELETON_SCORES, JOINT_ERRORS, CALIBRATION_ADVICE, RECEIVERS, GAINS)
+    for table in tables:
+        write_failure(folder / f"{table.name}.parquet", table, f"no {table.name}", Provenance())
+    results = read_results(read_study(study), folder)
+    problems = table_called(render_page(results), "Everything that did not go as the study asked.")
+    told = [[f"{table.name}.parquet", "report", f"no {table.name}"] for table in tables]
+    assert problems.rows[1:] == told
+    assert "Skeletons, mean" not in terminal_tables(results)
+
+
+def test_finding_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
+    """Four sentences: recordings, held-out error, joints beside the paper's, doubts."""
+    mine = _of(fitted.scores, model="whole-hand", held_out=True)
+    joints = [
+        [row["error_mm"] for row in _of(fitted.joint_errors, model=model, calibrated_on="rom")]
+        for model in ("whole-hand", "paper-fig4")
+    ]
+    ours, theirs = ([error for error in errors if error is not None] for errors in joints)
+    far = sum(error > 5 for error in theirs)
+    assert far
+    assert finding(fitted) == (
+        "4 of 4 recordings were used; they are simulated, so no person's hand is behind these numbers. "
+        "On recordings that it was not made from, whole-hand misses the distal receivers, whose positions it "
+        f"was not told, by {_mean(mine, 'left_out_mean_mm')} mm on average (anatomy alone, without data: "
+        f"6.72 mm). Made from rom, its joints are {np.median(ours):.1f} mm from the true ones in the median "
+        f"and 0 of 29 are more than 5 mm off; those of paper-fig4 {np.median(theirs):.1f} mm and {far} of 29."
+        " Doubtful: 1 weak and 1 failed of 40 joints (whole-hand); see “Joints” for the reasons."
+    )
+
+
+def test_finding_without_truth_or_held_out_rows(fitted: StudyResults) -> None:
+    """A fitted hand that is scored on its own recordings says so; without scores the replays are told."""
+    seen = [row for row in fitted.scores if row["reference"] or not row["held_out"]]
+    text = finding(replace(fitted, scores=seen, joint_errors=[]))
+    assert "On the recordings that it was made from (nothing is held out), whole-hand misses" in text
+    assert "from the true ones" not in text
+    without_prior = [row for row in fitted.scores if row["model"] != "prior-only"]  # an arm has none
+    text = finding(replace(fitted, scores=without_prior))
+    assert re.search(r"by \d\.\d\d mm on average\. Made from rom", text)
+    text = finding(replace(fitted, **EMPTY))
+    assert re.search(r"misses its receiver by \d+\.\d\d mm \([a-z0-9-]+\) and ", text)
+    assert "how well the joints close and not where they are" in text
+
+
+def test_finding_says_what_the_papers_joints_were_made_from(fitted: StudyResults) -> None:
+    """Joints that were made from other tasks than the fitted hand's are told apart."""
+    kept = [row for row in fitted.scores if (row["model"], row["held_out"]) != ("paper-fig4", True)]
+    assert "those of paper-fig4 (made from opposition)" in finding(replace(fitted, scores=kept))
+
+
+def test_finding_stands_beside_joints_that_nobody_corrected(fitted: StudyResults) -> None:
+    """Of the paper's models the one of the highest table that took no corrections by hand."""
+    more = {name: read_model(name) for name in ("paper-fig4-corrected", "paper-fig3")}
+    assert "those of paper-fig4 " in finding(replace(fitted, models=more | fitted.models))
+
+
+def test_terminal_has_the_scores_after_the_papers_tables(fitted: StudyResults) -> None:
+    """Held-out skeletons, in-sample ones, references; what each column is and what rows were made from."""
+    text = terminal_tables(fitted)
+    assert max(map(len, text.splitlines())) <= WIDTH
+    start = text.index("Skeletons, mean over digits and hands: subject S01, opposition.")
+    assert text.index("Table 3.") < start
+    lines = [line.split() for line in text[start:].splitlines()]
+    heads = [line[0] for line in lines if line[-8:] == COMPACT]
+    assert heads == ["Held", "In-sample", "Reference"]
+    mine = _of(fitted.scores, model="whole-hand", held_out=True)
+    held_out = lines[lines.index(["Held", "out", *COMPACT]) + 2]
+    assert held_out[:2] == ["whole-hand", _mean(mine, "replay_mean_mm")]
+    assert held_out[3] == _mean(mine, "left_out_mean_mm")
+    assert "Held out, made from rom: paper-fig4, whole-hand." in text
+
+
+@pytest.mark.parametrize("name", ["page", "fitted_page"])
+def test_every_link_of_the_new_sections_has_its_place(name: str, request: pytest.FixtureRequest) -> None:
+    """The contents name receivers only where there are some."""
+    tags = read_page(request.getfixturevalue(name)).tags
+    links = {attributes["href"] for tag, attributes in tags if tag == "a"}
+    ids = {f"#{attributes['id']}" for _, attributes in tags if "id" in attributes}
+    assert {"#worth", "#next"} <= links <= ids
+    assert ("#receivers" in links) == (name == "fitted_page")
