@@ -293,7 +293,7 @@ BONE_LENGTHS = Table(
 CALIBRATION_ADVICE = Table(
     "calibration_advice",
     1,
-    "subject, hand, joint: whether the calibration recordings move the joint enough, and what more would gain",
+    "subject, hand, joint: whether the calibration moves the joint enough, and what more would gain",
     (
         SUBJECT,
         HAND,

@@ -1,4 +1,4 @@
-"""Fingertips in a recording that the hand was not calibrated on: bones' and digits' ends against the truth."""
+"""Fingertips in a recording that the hand was not calibrated on: bones and digits against the truth."""
 
 from __future__ import annotations
 

@@ -18,6 +18,7 @@ from schemas.model import HandFitting
 from schemas.poses import Poses, RecordingName, pose_blocks, recording_name, usable_poses
 from schemas.study import read_measurements, read_touches
 from schemas.tables import open_table
+from stages.fit_hand.chain import known_digits
 from stages.fit_hand.contacts import find_contacts
 from stages.fit_hand.fingertips import Fingertips, fingertips
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
@@ -96,7 +97,8 @@ def fit_calibration(paths: Sequence[Path], asked: Asked, subject: str, hand: str
     recordings = [read_thinned(path, asked.layout) for path in usable]
     measurements = measurements_of(asked, subject, hand)
     fit = _fit(recordings, asked, hand, measurements)
-    loose = loose_receivers(fit, recordings) if asked.fitting.steps else []
+    watched = asked.fitting.steps and known_digits(asked.layout)
+    loose = loose_receivers(fit, recordings) if watched else []  # what is usual of an arm's skin, nobody says
     if loose:
         recordings = without_loose(recordings, loose)
         fit = _fit(recordings, asked, hand, measurements)

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 from studies.running import Row, StudyRun, write_study
 
-from schemas.catalogue import JOINT_SOLUTIONS
+from schemas.catalogue import JOINT_ANGLES, JOINT_SOLUTIONS
 from schemas.study import Hand
 from schemas.tables import read_table, rows_of
 
 pytestmark = pytest.mark.slow
 
 SIDES = ("right", "left")
-MODELS = ("paper-fig4", "rigid")
+MODELS = ("paper-fig4", "rigid", "anatomical", "whole-hand")
 FREE_GAP_MM = {"shoulder": (16, 26), "elbow": (6, 8), "wrist": (4.5, 7)}
 
 
@@ -65,6 +65,25 @@ def test_the_arm_is_replayed_in_both_bindings(study: StudyRun, side: str, model:
         ("arm", "least-squares"),
     }
     assert all(row["n_frames"] > 350 and row["mean_mm"] > 0 for row in errors)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_the_whole_arm_is_fitted_and_posed(study: StudyRun, side: str) -> None:
+    """Nothing is known of its bones: joints lie where the gap is hardly more than the free fit's, every joint
+    has its turns, and the hand is where the rest of the arm says, to some millimetres.
+    """
+    joints = _joints(study, side, "whole-hand")
+    assert set(joints) == set(FREE_GAP_MM)
+    for row in joints.values():
+        assert row["gap_rms_mm"] < 1.35 * row["gap_rms_free_mm"]
+        assert "converge" not in row["message"]
+    folder = study.results.skeleton("whole-hand", Hand("01", side))
+    angles = list(rows_of(read_table(folder / "joint_angles.parquet", JOINT_ANGLES)))
+    assert {row["joint"] for row in angles} == set(FREE_GAP_MM)
+    elbow = [row["flexion_deg"] for row in angles if row["joint"] == "elbow" and row["flexion_deg"]]
+    assert max(elbow) - min(elbow) > 40
+    (score,) = study.rows_where("skeleton_scores", hand=side, model="whole-hand")
+    assert score["left_out_mean_mm"] < 12.0
 
 
 def test_the_report_shows_the_arm(study: StudyRun) -> None:
