@@ -55,6 +55,9 @@ def check(arguments: argparse.Namespace) -> None:
     subject, hand = one_hand(arguments.poses, arguments.subject, arguments.hand)
     sample = HandSample(layout.solvable)
     usable, reasons = usable_poses(arguments.poses)
+    if not usable and arguments.record_failure and arguments.out is not None:
+        _write(arguments, [])  # what became of the recordings stands with them
+        return
     if not usable:
         raise InputError(f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
     moments, _ = stream(usable, layout, sample)

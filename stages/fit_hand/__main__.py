@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stages import command_line
+from stages.fit_hand import NO_CALIBRATION
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -144,13 +145,38 @@ def _calibrated(
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write every table without rows and the reason."""
+    """Write joints that failed and why, the reason where the study looks for it, and nothing posed.
+
+    The stages after this one go on then, and say of every digit why it has no numbers. A hand that nothing
+    calibrates is no problem of this stage: what became of its recordings stands with them.
+    """
     from schemas.catalogue import TABLES
-    from schemas.tables import Provenance, write_failure
+    from schemas.tables import Provenance, columns_from_rows, write_failure, write_table
 
     provenance = Provenance.of([arguments.joints])
+    joints = _failed_joints(arguments, message)
+    gathered = () if message.startswith(NO_CALIBRATION) else ("out_receivers", "out_gains")
     for name, (table, _) in OUTPUTS.items():
-        write_failure(getattr(arguments, name), TABLES[table], message, provenance)
+        path, rows = getattr(arguments, name), joints if name == "out" else []
+        if joints is None or name in gathered:
+            write_failure(path, TABLES[table], message, provenance)
+        else:
+            write_table(path, TABLES[table], columns_from_rows(TABLES[table], rows or []), provenance)
+
+
+def _failed_joints(arguments: argparse.Namespace, message: str) -> list[dict[str, Any]] | None:
+    """The hand's joints without numbers; None where not even their names can be read."""
+    from schemas.catalogue import JOINT_CENTRES
+    from schemas.errors import InputError
+    from schemas.tables import read_table, rows_of
+
+    kept = ("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames")
+    try:
+        rows = list(rows_of(read_table(arguments.joints, JOINT_CENTRES)))
+    except InputError:
+        return None
+    failed = {"source": "fit of the whole hand", "status": "failed", "message": message}
+    return [{name: row[name] for name in kept} | failed for row in rows]
 
 
 def main(words: list[str] | None = None) -> int:

@@ -18,6 +18,7 @@ from schemas.model import HandFitting
 from schemas.poses import Poses, RecordingName, pose_blocks, recording_name, usable_poses
 from schemas.study import read_measurements, read_touches
 from schemas.tables import open_table
+from stages.fit_hand import NO_CALIBRATION
 from stages.fit_hand.chain import known_digits
 from stages.fit_hand.contacts import find_contacts
 from stages.fit_hand.fingertips import Fingertips, fingertips
@@ -90,7 +91,7 @@ def fit_calibration(paths: Sequence[Path], asked: Asked, subject: str, hand: str
     """
     usable, reasons = usable_poses(paths)
     if not usable:
-        raise InputError(f"no calibration recording: {'; '.join(reasons) or 'the study names none'}")
+        raise InputError(f"{NO_CALIBRATION}: {'; '.join(reasons) or 'the study names none'}")
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
     names = [recording_name(path) for path in usable]

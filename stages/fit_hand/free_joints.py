@@ -3,10 +3,10 @@
 The receivers are the bones here, since nothing says how they sit on them. A joint's centre may be anywhere
 within reach; what axes it turns about, and its mean posture, are read off the recording beforehand.
 
-Where on its axis a hinge has its centre, its motion does not say. What turns off the axis is skin, which turns
-a receiver where it sits; were it a turn of the joint, a degree of skin would seem to fix the centre to 8 mm,
-which is 23 mm off (simulated). So the sd along the axis is that of the layout's plane (`measurements.planes`),
-or of the reach where it gives none.
+Where on its axis a hinge has its centre, its motion does not say. What turns off the axis is skin, which
+turns a receiver where it sits; were it a turn of the joint, a degree of skin would seem to fix the centre to
+8 mm, which is 23 mm off (simulated). So the sd along the axis is that of the layout's plane
+(`measurements.planes`), or of the reach where it gives none.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ AXIS_SD_RAD = float(np.radians(30.0))
 """Of a joint's axes about those that the recording shows at first sight."""
 
 ANGLE_SD_DEG = ((60.0, 4.0, 4.0), (60.0, 60.0, 5.0), (60.0, 60.0, 60.0))
-"""Of rotation about the first, second, third axis of a joint with one, two, three degrees of freedom. The second
-and third of a hinge are skin's, about the receiver on the far side."""
+"""Of rotation about the first, second, third axis of a joint with one, two, three degrees of freedom. The
+second and third of a hinge are skin's, about the receiver on the far side."""
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ MOST_RIVALS, RIVAL_SHARE = 3, 0.4
 """Receivers of which one is loose, by what their changes explain to first order."""
 
 SWALLOWED_SD = 4.5
-"""An unknown so far from what is published is no hand's: 3.4 is the most with twice the usual skin artefact,
+"""A skin so far from what is published is no hand's: 3.4 is the most with twice the usual skin artefact,
 8.9 the least where the skin of the fit made up for a receiver that had come loose."""
 
 SKIN, STIFF = ("slide", "tilt", "joint slide"), 100.0
@@ -122,9 +122,11 @@ def loose_receivers(fit: HandFit, recordings: Sequence[Poses]) -> list[LooseRece
     model = fit.evidence.model
     asked = [s for s, name in enumerate(model.receivers) if name in model.mount]
     begun: list[_Change] = []
-    if np.abs(point.x).max() > SWALLOWED_SD:
+    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
+    if np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD:
         problem = replace(problem, precision=np.ones(len(problem.precision)))
-        point, begun = _disgorged(problem, point, model, asked)
+        bare = replace(problem, precision=np.where(skin, STIFF, 1.0))
+        point, begun = _disgorged(problem, bare, point, model, asked)
     changes, x = _needed(problem, *_found(problem, point, begun, asked))
     loose = []
     for change in changes:
@@ -219,15 +221,15 @@ def _momentary_sd(problem: Problem, found: Residuals) -> Array:
 
 
 def _disgorged(
-    problem: Problem, point: Point, model: HandModel, asked: Sequence[int]
+    problem: Problem, bare: Problem, point: Point, model: HandModel, asked: Sequence[int]
 ) -> tuple[Point, list[_Change]]:
     """Where to begin and what is loose there, if that is likelier than nothing being loose.
+
+    bare : the problem without skin, in which it is looked for.
 
     A fit can swallow a loose receiver: joint angles jump with it, as far as they must for skin in proportion
     to them to make up for it, and no residual is left to see. That takes a skin that nobody has.
     """
-    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
-    bare = replace(problem, precision=np.where(skin, STIFF, problem.precision))
     start = pose(bare, first_guess(bare, model, np.zeros(len(point.x))), _POSING_STEPS)
     start = solve(bare, start, _BARE_STEPS, NEARLY).point
     rivals = _Changes.of(bare, start, asked).rivals()

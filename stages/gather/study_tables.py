@@ -126,7 +126,10 @@ def _write_whole(
 
 
 def _receiver_problems(receivers: pa.Table) -> list[dict[str, Any]]:
-    """Receivers that came loose, and touches that were refused, once however many models say so."""
+    """Receivers that came loose, and touches that were refused, once however many models say so.
+
+    A receiver without a valid pose is named with its recording.
+    """
     return [
         {
             "where": f"subject {row['subject']}, {row['hand']} hand, {row['segment']}",
@@ -134,7 +137,7 @@ def _receiver_problems(receivers: pa.Table) -> list[dict[str, Any]]:
             "message": row["message"],
         }
         for row in rows_of(receivers)
-        if row["message"]
+        if row["message"] and row["status"] != "failed"
     ]
 
 

@@ -12,7 +12,7 @@ from report_samples.read_page import read_page
 from studies.running import StudyRun, leftovers, record, write_study
 
 from schemas.catalogue import TABLES
-from schemas.results import HAND_TABLES, STUDY_TABLES
+from schemas.results import FIT_TABLES, HAND_TABLES, STUDY_TABLES
 from schemas.tables import read_table
 
 pytestmark = pytest.mark.slow
@@ -22,7 +22,7 @@ JAPANESE = "山田 花子"
 SLASHED = "a/b c"
 DEAD = "index_middle"
 REASON = "the <b>receiver</b> slipped & fell"
-MODEL = "paper-fig4-corrected"
+MODEL, WHOLE = "paper-fig4-corrected", "whole-hand"
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
 GOOD = [
@@ -108,8 +108,15 @@ def good_alone(folder: Path) -> StudyRun:
     return _run(folder, "untroubled", GOOD)
 
 
-def _run(folder: Path, name: str, rows: list[str]) -> StudyRun:
-    study = write_study(folder, name, rows, [MODEL], corrections="corrections.tsv")
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> StudyRun:
+    """Whole hands of the good subject, of one with a dead receiver and of one with half of the hands, run."""
+    wanted = ("dead\tright", "truncated\tright", f"{HOSTILE}\t")
+    return _run(folder, "whole", GOOD + [row for row in BAD if row.startswith(wanted)], WHOLE)
+
+
+def _run(folder: Path, name: str, rows: list[str], model: str = MODEL) -> StudyRun:
+    study = write_study(folder, name, rows, [model], corrections="corrections.tsv")
     study.run()
     return study
 
@@ -125,7 +132,8 @@ def _empty_one_receiver(sound: Path, dead: Path) -> None:
 
 @pytest.mark.parametrize("table", STUDY_TABLES)
 def test_every_table_is_there_and_as_the_contract_says(study: StudyRun, table: str) -> None:
-    assert study.rows(table)
+    """No model of it fits the whole hand, and no truth is known of these recordings."""
+    assert bool(study.rows(table)) == (table not in {*FIT_TABLES, "joint_errors"})
 
 
 @pytest.mark.parametrize("table", HAND_TABLES)
@@ -268,6 +276,30 @@ def test_every_job_has_its_log_at_a_predictable_path(study: StudyRun) -> None:
 def test_the_log_of_a_job_that_failed_says_why(study: StudyRun) -> None:
     log = study.results.folder / "logs" / "capture" / "sub-missing/right/rom.log"
     assert log.read_text() == "error: nowhere.parquet: no such file; expected a recording\n"
+
+
+def test_a_whole_hand_with_a_dead_receiver_is_fitted_and_says_so(whole: StudyRun) -> None:
+    joints = {row["joint"]: row for row in whole.rows_where("joint_centres", subject="dead")}
+    assert {row["status"] for row in joints.values()} <= {"ok", "weak"}
+    for name in ("index_pip", "index_dip"):
+        assert joints[name]["status"] == "weak"
+        assert f"no valid pose of {DEAD}" in joints[name]["message"]
+    receivers = {row["segment"]: row for row in whole.rows_where("receivers", subject="dead")}
+    assert receivers[DEAD]["status"] == "failed"
+
+
+def test_a_whole_hand_without_calibration_fails_and_the_other_hand_does_not(whole: StudyRun) -> None:
+    lost = whole.rows_where("joint_centres", subject=HOSTILE, hand="left")
+    assert len(lost) == 16
+    assert {row["status"] for row in lost if row["joint"] != "wrist"} == {"failed"}
+    kept = whole.rows_where("joint_centres", subject=HOSTILE, hand="right")
+    assert len(kept) == 20
+    assert {row["status"] for row in kept} <= {"ok", "weak"}
+    errors = whole.rows_where("tip_errors", subject="truncated")
+    assert len(errors) == 10
+    assert all(row["mean_mm"] is None and row["message"] for row in errors)
+    stages = {row["stage"] for row in whole.rows("problems") if row["where"] != "corrections.tsv"}
+    assert stages == {"capture"}, "each named once, where it went wrong"
 
 
 def test_no_temporary_file_is_left(study: StudyRun) -> None:

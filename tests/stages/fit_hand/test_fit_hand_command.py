@@ -13,6 +13,7 @@ from pipeline import Row, import_recording
 
 from kinematics.rotations import multiply, rotate
 from schemas.catalogue import TABLES
+from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.tables import column_array, read_table, rows_of
 from stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
@@ -259,11 +260,28 @@ def test_it_refuses(study: Study, capsys: pytest.CaptureFixture[str], tmp_path: 
     assert not list((tmp_path / "out").iterdir())
 
 
-def test_a_failure_is_recorded_in_every_table(study: Study, tmp_path: Path) -> None:
-    assert study.fit(tmp_path / "out", "--hand-length-mm=18", "--record-failure") == 0
+def test_a_failure_is_recorded(study: Study, tmp_path: Path) -> None:
+    """Joints that failed and why, the reason for the study's problems, and empty tables for who comes after."""
+    out = tmp_path / "out"
+    assert study.fit(out, "--hand-length-mm=18", "--record-failure") == 0
+    joints = rows(out, "joint_centres")
+    assert len(joints) == 15
+    assert {row["status"] for row in joints} == {"failed"}
+    assert all(row["message"].startswith("--hand-length-mm: is 18") for row in joints)
+    assert all(row["child_x_mm"] is None for row in joints)
+    for table in ("receivers", "gains"):
+        with pytest.raises(InputError, match="hand-length-mm: is 18"):
+            rows(out, table)
+    for table in ("bone_lengths", "joint_angles", "bone_poses", "posed_tips"):
+        assert rows(out, table) == []
+
+
+def test_a_failure_without_joints_is_recorded_in_every_table(study: Study, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert study.fit(out, f"--joints={tmp_path / 'none.parquet'}", "--record-failure") == 0
     for table, _ in OUTPUTS.values():
-        with pytest.raises(Exception, match="hand-length-mm: is 18"):
-            rows(tmp_path / "out", table)
+        with pytest.raises(InputError, match=r"none\.parquet: no such file"):
+            rows(out, table)
 
 
 def test_a_loose_receiver_is_named(study: Study, tmp_path: Path) -> None:
