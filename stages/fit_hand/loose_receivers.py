@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from kinematics.rotations import Array
 from schemas.poses import Poses
+from stages.fit_hand.chain import HandModel
 from stages.fit_hand.empirical_bayes import FAMILIES
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.normal_equations import (
@@ -117,20 +118,7 @@ def loose_receivers(fit: HandFit, recordings: Sequence[Poses]) -> list[LooseRece
     every = _Rows.of(recordings)
     rows = np.unique(np.linspace(0, len(every.row) - 1, min(EVEN_FRAMES, len(every.row))).round().astype(int))
     problem, point = _posed(fit, every.frames(fit.evidence.convention, rows))
-    model = fit.evidence.model
-    asked = [s for s, name in enumerate(model.receivers) if name in model.mount]
-    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
-    swallowed = np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD
-    if not swallowed and _Changes.of(problem, point, asked).likeliest() is None:
-        return []
-    bare = replace(problem, precision=np.where(skin, STIFF, 1.0))
-    start = pose(bare, first_guess(bare, model, np.zeros(len(point.x))), _POSING_STEPS)
-    start = solve(bare, start, _SOLVING_STEPS, NEARLY).point
-    begun: list[_Change] = []
-    if swallowed:
-        problem = replace(problem, precision=np.ones(len(problem.precision)))
-        point, begun = _disgorged(problem, bare, point, start, asked)
-    changes, x = _needed(problem, *_found(problem, point, start, begun, asked))
+    changes, x = _all_changes(problem, point, fit.evidence.model)
     loose = []
     for change in changes:
         others = [other for other in changes if other is not change]
@@ -138,7 +126,7 @@ def loose_receivers(fit: HandFit, recordings: Sequence[Poses]) -> list[LooseRece
         poses = recordings[every.recording[row]]
         loose.append(
             LooseReceiver(
-                model.receivers[change.s],
+                fit.evidence.model.receivers[change.s],
                 int(every.recording[row]),
                 int(poses.frame[every.row[row]]),
                 float(poses.time_s[every.row[row]]),
@@ -223,14 +211,31 @@ def _momentary_sd(problem: Problem, found: Residuals) -> Array:
     return sd
 
 
+def _all_changes(problem: Problem, point: Point, model: HandModel) -> tuple[list[_Change], Array]:
+    """All changes, and the hand's unknowns with the receivers put back; quickly where there is none."""
+    asked = [s for s, name in enumerate(model.receivers) if name in model.mount]
+    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
+    swallowed = np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD
+    if not swallowed and _Changes.of(problem, point, asked).likeliest() is None:
+        return [], point.x
+    bare = replace(problem, precision=np.where(skin, STIFF, 1.0))
+    start = pose(bare, first_guess(bare, model, np.zeros(len(point.x))), _POSING_STEPS)
+    start = solve(bare, start, _SOLVING_STEPS, NEARLY).point
+    begun: list[_Change] = []
+    if swallowed:
+        problem = replace(problem, precision=np.ones(len(problem.precision)))
+        point, begun = _disgorged(problem, bare, point, start, asked)
+    return _needed(problem, *_found(problem, point, start, begun, asked))
+
+
 def _disgorged(
     problem: Problem, bare: Problem, point: Point, start: Point, asked: Sequence[int]
 ) -> tuple[Point, list[_Change]]:
-    """What is loose where skin cannot make up for it, if that is likelier than such a skin; and the hand then.
+    """What is loose where skin cannot make up for it, if that is likelier than such skin; and the hand then.
 
     bare, start : the problem without skin and its solution. A fit can swallow a loose receiver: joint angles
-    jump with it, as far as they must for skin in proportion to them to make up for it, and no residual is left
-    to see. That takes a skin that nobody has.
+    jump with it, as far as they must for skin in proportion to them to make up for it, and no residual is
+    left to see. That takes a skin that nobody has.
     """
     rivals = _Changes.of(bare, start, asked).rivals()
     if not rivals:
