@@ -55,9 +55,9 @@ the postures are others."""
 CHANGE_SD = (6.0, float(np.radians(10.0)))
 """mm and rad per component, of a receiver that came loose."""
 
-LEAST_GAIN = 9.0
+LEAST_GAIN = 7.0
 """Log likelihood that a loose receiver must explain beyond a normal change; 6.0 is the most in 40 simulated
-hands with nothing loose, half of them with twice the usual skin artefact, and 8 where another receiver is."""
+hands with nothing loose, half of them with twice the usual skin artefact."""
 
 MOST_CHANGES = 8
 MOST_RIVALS, RIVAL_SHARE = 3, 0.4
@@ -71,6 +71,7 @@ SKIN, STIFF = ("slide", "tilt", "joint slide"), 100.0
 """Families of unknowns that could, and the precision at which they cannot."""
 
 _DENSE_FRAMES = 200
+_BARE_STEPS = 10
 _POSING_STEPS = 4
 _SOLVING_STEPS = 10
 _REFINEMENTS = 3
@@ -118,7 +119,15 @@ def loose_receivers(fit: HandFit, recordings: Sequence[Poses]) -> list[LooseRece
     every = _Rows.of(recordings)
     rows = np.unique(np.linspace(0, len(every.row) - 1, min(EVEN_FRAMES, len(every.row))).round().astype(int))
     problem, point = _posed(fit, every.frames(fit.evidence.convention, rows))
-    changes, x = _all_changes(problem, point, fit.evidence.model)
+    model = fit.evidence.model
+    asked = [s for s, name in enumerate(model.receivers) if name in model.mount]
+    begun: list[_Change] = []
+    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
+    if np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD:
+        problem = replace(problem, precision=np.ones(len(problem.precision)))
+        bare = replace(problem, precision=np.where(skin, STIFF, 1.0))
+        point, begun = _disgorged(problem, bare, point, model, asked)
+    changes, x = _needed(problem, *_found(problem, point, begun, asked))
     loose = []
     for change in changes:
         others = [other for other in changes if other is not change]
@@ -126,7 +135,7 @@ def loose_receivers(fit: HandFit, recordings: Sequence[Poses]) -> list[LooseRece
         poses = recordings[every.recording[row]]
         loose.append(
             LooseReceiver(
-                fit.evidence.model.receivers[change.s],
+                model.receivers[change.s],
                 int(every.recording[row]),
                 int(poses.frame[every.row[row]]),
                 float(poses.time_s[every.row[row]]),
@@ -211,32 +220,18 @@ def _momentary_sd(problem: Problem, found: Residuals) -> Array:
     return sd
 
 
-def _all_changes(problem: Problem, point: Point, model: HandModel) -> tuple[list[_Change], Array]:
-    """All changes, and the hand's unknowns with the receivers put back; quickly where there is none."""
-    asked = [s for s, name in enumerate(model.receivers) if name in model.mount]
-    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
-    swallowed = np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD
-    if not swallowed and _Changes.of(problem, point, asked).likeliest() is None:
-        return [], point.x
-    bare = replace(problem, precision=np.where(skin, STIFF, 1.0))
-    start = pose(bare, first_guess(bare, model, np.zeros(len(point.x))), _POSING_STEPS)
-    start = solve(bare, start, _SOLVING_STEPS, NEARLY).point
-    begun: list[_Change] = []
-    if swallowed:
-        problem = replace(problem, precision=np.ones(len(problem.precision)))
-        point, begun = _disgorged(problem, bare, point, start, asked)
-    return _needed(problem, *_found(problem, point, start, begun, asked))
-
-
 def _disgorged(
-    problem: Problem, bare: Problem, point: Point, start: Point, asked: Sequence[int]
+    problem: Problem, bare: Problem, point: Point, model: HandModel, asked: Sequence[int]
 ) -> tuple[Point, list[_Change]]:
-    """What is loose where skin cannot make up for it, if that is likelier than such skin; and the hand then.
+    """Where to begin and what is loose there, if that is likelier than nothing being loose.
 
-    bare, start : the problem without skin and its solution. A fit can swallow a loose receiver: joint angles
-    jump with it, as far as they must for skin in proportion to them to make up for it, and no residual is
-    left to see. That takes a skin that nobody has.
+    bare : the problem without skin, in which it is looked for.
+
+    A fit can swallow a loose receiver: joint angles jump with it, as far as they must for skin in proportion
+    to them to make up for it, and no residual is left to see. That takes a skin that nobody has.
     """
+    start = pose(bare, first_guess(bare, model, np.zeros(len(point.x))), _POSING_STEPS)
+    start = solve(bare, start, _BARE_STEPS, NEARLY).point
     rivals = _Changes.of(bare, start, asked).rivals()
     if not rivals:
         return point, []
@@ -247,23 +242,16 @@ def _disgorged(
 
 
 def _found(
-    problem: Problem, point: Point, start: Point, begun: list[_Change], asked: Sequence[int]
+    problem: Problem, point: Point, begun: list[_Change], asked: Sequence[int]
 ) -> tuple[Point, list[_Change]]:
-    """All changes of the receivers asked, each looked for with those put back that were found before it.
-
-    Solved from the fit and from a hand without skin: a fit that is bent to a change finds back but slowly.
-    """
+    """All changes of the receivers asked, each looked for with those put back that were found before it."""
     changes = begun
     here = replace(problem, frames=_sure(_put_back(problem.frames, changes), changes))
     for _ in range(MOST_CHANGES):
         rivals = _Changes.of(here, point, asked).rivals()
         if not rivals:
             break
-        tried = [
-            _refined(problem, begin, _with(changes, rival), rivals)
-            for rival in rivals
-            for begin in (point, start)
-        ]
+        tried = [_refined(problem, point, _with(changes, rival), rivals) for rival in rivals]
         here, point, changes = min(tried, key=_cost)
     return point, changes
 

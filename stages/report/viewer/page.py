@@ -1,0 +1,121 @@
+"""What the template needs to show a moving hand, and a page of its own to try it on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from schemas import VERSION
+from stages.report.hand_picture import hand_picture, window_of
+from stages.report.posed_skeleton import Chain, Point
+from stages.report.viewer.motion import Array, HandMotion, SkeletonMotion, seen
+from stages.report.viewer.motion_data import NOMINAL_HZ, motion_text
+
+_REPORT = Path(__file__).parent.parent
+
+
+@dataclass(frozen=True)
+class View:
+    """One moving hand as `viewer.html.j2` shows it.
+
+    title : what it shows, for who cannot see it. errors : each model and what its tip error is. still : the
+    picture that stands in where nothing moves, and still_caption what that is. data : what `viewer.js`
+    reads. remark : what else to know, or empty.
+    """
+
+    title: str
+    digits: tuple[str, ...]
+    models: tuple[str, ...]
+    errors: tuple[tuple[str, str], ...]
+    still: Markup
+    still_caption: str
+    data: Markup
+    remark: str
+
+
+def view_of(title: str, motion: HandMotion) -> View:
+    """Pack a hand's motion for the template."""
+    frame = still_frame(motion)
+    models = tuple(skeleton.model for skeleton in motion.skeletons)
+    return View(
+        title=title,
+        digits=motion.digits,
+        models=models,
+        errors=tuple((skeleton.model, skeleton.error_is) for skeleton in motion.skeletons),
+        still=_still(title, motion, frame),
+        still_caption=f"{models[0]}, frame {motion.frame[frame]}",
+        data=Markup(motion_text(motion)),
+        remark=_remark(motion),
+    )
+
+
+def page_of_viewer(title: str, motion: HandMotion) -> str:
+    """A page that shows one moving hand and asks nothing of any other computer."""
+    template = _environment().get_template("viewer/page.html.j2")
+    return template.render(view=view_of(title, motion), version=VERSION) + "\n"
+
+
+def still_frame(motion: HandMotion) -> int:
+    """Index of the frame with most valid receivers, the base among them; of these the middlemost."""
+    valid = np.asarray(np.isfinite(motion.receiver_mm).all(-1))
+    counts = np.where(valid[:, motion.base], valid.sum(1), 0)
+    best = np.flatnonzero(counts == counts.max())
+    return int(best[np.argmin(np.abs(best - (len(counts) - 1) / 2))])
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(_REPORT),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _still(title: str, motion: HandMotion, frame: int) -> Markup:
+    receivers = _at(motion, frame, motion.receiver_mm)
+    receivers = receivers[np.isfinite(receivers).all(-1)]
+    chains = _chains(motion, motion.skeletons[0], frame, receivers)
+    window = window_of(receivers, chains)
+    return hand_picture(title, motion.hand, chains, receivers, window, window.scale)
+
+
+def _chains(motion: HandMotion, skeleton: SkeletonMotion, frame: int, receivers_mm: Array) -> list[Chain]:
+    """Each digit's points at one frame in the view's axes, from its first bone outward."""
+    places = _at(motion, frame, skeleton.position_mm)
+
+    def point(index: int) -> Point | None:
+        if not np.isfinite(places[index]).all():
+            return None
+        reach = np.linalg.norm(receivers_mm - places[index], axis=-1).min()
+        return Point(skeleton.points[index], places[index], skeleton.status[index], float(reach))
+
+    chains = []
+    for digit, name in enumerate(motion.digits):
+        bones = [bone for bone in skeleton.bones if bone.digit == digit]
+        ends = [bones[0].start, *(bone.end for bone in bones)]
+        chains.append(Chain(name, tuple(skeleton.points[i] for i in ends), tuple(map(point, ends))))
+    return chains
+
+
+def _at(motion: HandMotion, frame: int, world_mm: Array) -> Array:
+    """Points (T, n, 3) at one frame in the view's axes, (n, 3)."""
+    return np.asarray(seen(motion, np.array([frame]), world_mm[frame : frame + 1])[0])
+
+
+def _remark(motion: HandMotion) -> str:
+    parts = []
+    if motion.every > 1:
+        parts.append(f"Of the recording one frame in {motion.every} is here.")
+    if not np.isfinite(motion.time_s).any():
+        parts.append(
+            f"The recording has no device time; it is shown as if it had {NOMINAL_HZ:g} frames a second."
+        )
+    return " ".join(parts)

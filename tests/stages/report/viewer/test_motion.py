@@ -1,0 +1,152 @@
+"""What is drawn is where the hand is: against simulated hands, whose every joint is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from schemas.catalogue import TIPS
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.model import read_model
+from schemas.poses import read_poses
+from schemas.tables import read_table
+from stages.report.viewer.motion import hand_motion, ridden_skeleton, seen, thinned
+from stages.simulate.anatomy import BONES, DIGITS
+
+LAYOUT = read_layout("liberty16")
+
+
+def points_of(motion: Any, name: str) -> np.ndarray:
+    """Positions (T, 3) of a point of the motion's only skeleton."""
+    skeleton = motion.skeletons[0]
+    return np.asarray(skeleton.position_mm[:, skeleton.points.index(name)])
+
+
+@pytest.mark.parametrize("segment", ["hand", "thumb_metacarpal", "index_proximal", "little_distal"])
+def test_joints_of_a_replayed_skeleton_are_the_true_ones(known: Any, segment: str) -> None:
+    joint = (
+        "wrist" if segment == "hand" else next(j.name for j in LAYOUT.joints.values() if j.child == segment)
+    )
+    true = known.made.truth.bone_position_mm[:, BONES.index(segment)]
+    np.testing.assert_allclose(points_of(known.motion("paper-fig4"), joint), true, atol=1e-6)
+
+
+def test_a_replayed_digit_ends_at_its_distal_receiver(known: Any) -> None:
+    receiver = known.made.position_mm[:, known.made.segments.index("ring_distal")]
+    np.testing.assert_allclose(points_of(known.motion("paper-fig4"), "ring tip"), receiver, atol=1e-9)
+
+
+def test_frames_without_a_valid_receiver_stay_gaps(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    for point in ("index tip", "index_dip"):
+        gap = np.isnan(points_of(motion, point)).all(-1)
+        assert np.flatnonzero(gap).tolist() == list(range(50, 60)), point
+    assert np.isfinite(points_of(motion, "index_pip")).all()
+
+
+def test_a_fitted_hand_moves_as_its_bones_were_posed(known: Any) -> None:
+    motion, truth = known.motion("whole-hand"), known.made.truth
+    for joint in ("thumb_mcp", "ring_cmc", "little_dip"):
+        bone = BONES.index(LAYOUT.joints[joint].child)
+        np.testing.assert_allclose(points_of(motion, joint), truth.bone_position_mm[:, bone], atol=1e-9)
+    np.testing.assert_allclose(points_of(motion, "middle tip"), truth.tip_mm[:, 2], atol=1e-9)
+    assert np.flatnonzero(np.isnan(points_of(motion, "index_pip")[:, 0])).tolist() == list(range(50, 60))
+
+
+def test_tip_errors_are_those_of_the_skeleton_that_is_drawn(right: Any) -> None:
+    replayed, fitted = right.motion("paper-fig4", "whole-hand").skeletons
+    distal = right.made.written().distal_mm
+    np.testing.assert_allclose(
+        replayed.tip_error_mm, np.linalg.norm(right.made.truth.tip_mm - distal, axis=-1), atol=1e-9
+    )
+    expected = np.arange(5) + np.arange(120)[:, None] / 100
+    np.testing.assert_allclose(fitted.tip_error_mm, expected)
+
+
+def test_stated_errors_go_with_their_points(right: Any) -> None:
+    replayed, fitted = right.motion("paper-fig4", "whole-hand").skeletons
+    sd = dict(zip(fitted.points, fitted.sd_mm, strict=True))
+    assert sd["index_pip"] == 1.5
+    assert sd["index tip"] == 2.5
+    assert np.isnan(dict(zip(replayed.points, replayed.sd_mm, strict=True))["index tip"])
+
+
+def test_digits_start_where_the_model_says(right: Any) -> None:
+    replayed, fitted = right.motion("paper-fig4", "whole-hand").skeletons
+    starts = [replayed.points[bone.start] for bone in replayed.bones if bone.level == 0]
+    assert starts == ["thumb_cmc", "wrist", "wrist", "wrist", "wrist"]
+    assert [bone.shared for bone in replayed.bones if bone.level == 0] == [False, True, True, True, True]
+    links = [(fitted.points[b.start], fitted.points[b.end]) for b in fitted.bones if b.level < 0]
+    assert links == [("wrist", f"{digit}_cmc") for digit in DIGITS]
+
+
+def test_only_a_model_that_cuts_axes_has_planes(right: Any) -> None:
+    replayed, fitted = right.motion("paper-fig4", "whole-hand").skeletons
+    planes = {replayed.points[axis.point]: axis.plane_segment for axis in replayed.axes}
+    assert planes["index_pip"] == "index_middle"
+    assert {axis.plane_segment for axis in fitted.axes} == {""}
+
+
+def test_a_failed_joint_has_no_place(right: Any) -> None:
+    poses = read_poses(right.paths.poses(right.recording), LAYOUT.measured)
+    model = read_model("paper-fig4")
+    tips = read_table(right.paths.hand_table("paper-fig4", right.recording.hand, "tips"), TIPS)
+    row = {"status": "failed", "child_segment": "", "parent_segment": "", "axis_child_x": None, "sd_mm": None}
+    skeleton = ridden_skeleton(LAYOUT, model, {"ring_pip": row}, tips, poses)
+    assert np.isnan(skeleton.position_mm[:, skeleton.points.index("ring_pip")]).all()
+    assert skeleton.status[skeleton.points.index("ring_pip")] == "failed"
+    assert np.isfinite(skeleton.position_mm[:, skeleton.points.index("ring tip")]).all()
+
+
+def test_a_digits_own_base_rides_on_its_parent_and_other_joints_on_their_children(right: Any) -> None:
+    poses = read_poses(right.paths.poses(right.recording), LAYOUT.measured)
+    tips = read_table(right.paths.hand_table("paper-fig4", right.recording.hand, "tips"), TIPS)
+    halves = {"parent_segment": "hand", "child_segment": "thumb_proximal", "status": "ok"}
+    halves |= {"axis_child_x": None, "sd_mm": None}
+    halves |= {f"{side}_{axis}_mm": 0.0 for side in ("parent", "child") for axis in "xyz"}
+    rows = {"thumb_cmc": halves, "thumb_mcp": halves}
+    skeleton = ridden_skeleton(LAYOUT, read_model("paper-fig4"), rows, tips, poses)
+    for joint, segment in (("thumb_cmc", "hand"), ("thumb_mcp", "thumb_proximal")):
+        receiver = poses.position_mm[:, poses.index(segment)]
+        np.testing.assert_allclose(skeleton.position_mm[:, skeleton.points.index(joint)], receiver)
+
+
+def test_the_view_is_upright_and_not_mirrored(known: Any) -> None:
+    motion = known.motion("whole-hand")
+    skeleton, frames = motion.skeletons[0], np.arange(len(motion.frame))
+    places = np.nanmean(seen(motion, frames, skeleton.position_mm), axis=0)
+    at = dict(zip(skeleton.points, places, strict=True))
+    assert at["middle_pip"][1] > at["middle_mcp"][1] + 20 > at["wrist"][1] + 60
+    to_the_right = at["thumb_mcp"][0] - at["little_mcp"][0]
+    assert to_the_right < -30 if known.recording.hand.hand == "right" else to_the_right > 30
+    receivers = seen(motion, frames, motion.receiver_mm)[:, motion.receivers.index("middle_proximal")]
+    assert (receivers[:, 2] > at["middle_mcp"][2] - 30).all()
+
+
+def test_without_its_base_a_hand_is_refused(right: Any) -> None:
+    poses = read_poses(right.paths.poses(right.recording), LAYOUT.measured)
+    valid = poses.valid.copy()
+    valid[:, poses.index("hand")] = False
+    with pytest.raises(InputError, match="the receiver of hand has no valid pose"):
+        hand_motion("right", LAYOUT, replace(poses, valid=valid), [])
+
+
+def test_receivers_that_were_not_worn_are_left_out(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    assert "forearm" in LAYOUT.measured
+    assert motion.receivers == tuple(name for name in LAYOUT.measured if name != "forearm")
+    assert motion.receivers[motion.base] == "hand"
+
+
+def test_a_long_recording_is_thinned_and_keeps_its_frame_numbers(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    thin = thinned(motion, 50)
+    assert (thin.every, len(thin.frame)) == (3, 40)
+    assert thin.frame[:3].tolist() == [1, 4, 7]
+    np.testing.assert_array_equal(thin.skeletons[0].position_mm, motion.skeletons[0].position_mm[::3])
+    np.testing.assert_array_equal(thin.receiver_mm, motion.receiver_mm[::3])
+    assert thinned(motion, 120) is motion

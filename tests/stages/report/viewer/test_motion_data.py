@@ -1,0 +1,156 @@
+"""What a page holds of a motion is the motion, to the stated error, gaps and all."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from stages.report.viewer.motion_data import (
+    ERROR_STEP_MM,
+    FARTHEST_MM,
+    NOMINAL_HZ,
+    POSITION_STEP_MM,
+    ROTATION_STEP,
+    Block,
+    described,
+    motion_text,
+    packed,
+    playing_times_s,
+    unpacked,
+)
+
+NUMBERS = st.one_of(st.floats(-FARTHEST_MM, FARTHEST_MM), st.just(np.nan))
+VALUES = arrays(float, array_shapes(min_dims=3, max_dims=3, max_side=12), elements=NUMBERS)
+
+
+def header_of(motion: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The header that a page holds, and its blocks as `viewer.js` reads them."""
+    header = json.loads(motion_text(motion))
+    return header, unpacked(base64.b64decode(header["data"]), header["blocks"])
+
+
+@given(VALUES, st.sampled_from([0.01, 0.05, 0.25]))
+def test_a_block_comes_back_to_half_a_step_with_its_gaps(values: np.ndarray, step: float) -> None:
+    block = Block("some", step, values)
+    found = unpacked(packed([block]), [described(block)])["some"]
+    gaps = np.isnan(values).any(-1)
+    np.testing.assert_array_equal(np.isnan(found).all(-1), gaps)
+    assert (np.abs(found - values)[~gaps] <= step / 2 + 1e-9).all()
+
+
+def test_a_motion_comes_back_to_the_stated_errors(known: Any) -> None:
+    motion = known.motion("paper-fig4", "whole-hand")
+    _, found = header_of(motion)
+    for index, skeleton in enumerate(motion.skeletons):
+        off = np.linalg.norm(found[f"points{index}"] - skeleton.position_mm, axis=-1)
+        assert np.nanmax(off) <= np.sqrt(3) / 2 * POSITION_STEP_MM + 1e-9 <= 0.05
+        np.testing.assert_array_equal(np.isnan(off), np.isnan(skeleton.position_mm[..., 0]))
+        assert np.nanmax(np.abs(found[f"errors{index}"][..., 0] - skeleton.tip_error_mm)) <= (
+            ERROR_STEP_MM / 2 + 1e-9
+        )
+    same = np.abs((found["rotations"] * motion.receiver_quaternion).sum(-1))
+    length = np.linalg.norm(found["rotations"], axis=-1)
+    assert np.nanmax(np.degrees(2 * np.arccos(np.clip(same / length, -1, 1)))) < 0.02
+    np.testing.assert_array_equal(found["frame"][:, 0, 0], motion.frame)
+
+
+def test_a_quaternion_and_its_negative_are_packed_alike(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    signs = np.random.default_rng(3).choice([-1.0, 1.0], motion.receiver_quaternion.shape[:2])
+    flipped = replace(motion, receiver_quaternion=motion.receiver_quaternion * signs[..., None])
+    _, plain = header_of(motion)
+    _, found = header_of(flipped)
+    steps = np.abs(np.diff(found["rotations"], axis=0))
+    assert np.nanmax(steps) < 0.2
+    same = np.abs(found["rotations"]) - np.abs(plain["rotations"])
+    assert np.nanmax(np.abs(same)) <= ROTATION_STEP
+
+
+def test_what_is_out_of_all_reach_becomes_a_gap(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    skeleton = motion.skeletons[0]
+    position = skeleton.position_mm.copy()
+    position[5, 2] = (0.0, 2 * FARTHEST_MM, 0.0)
+    moved = replace(motion, skeletons=(replace(skeleton, position_mm=position),))
+    _, found = header_of(moved)
+    assert np.isnan(found["points0"][5, 2]).all()
+    assert np.isfinite(found["points0"][4, 2]).all()
+
+
+def test_one_frame_is_a_motion(right: Any) -> None:
+    motion = right.motion("whole-hand")
+    one = replace(
+        motion,
+        frame=motion.frame[:1],
+        time_s=motion.time_s[:1],
+        receiver_mm=motion.receiver_mm[:1],
+        receiver_quaternion=motion.receiver_quaternion[:1],
+        skeletons=tuple(
+            replace(s, position_mm=s.position_mm[:1], tip_error_mm=s.tip_error_mm[:1])
+            for s in motion.skeletons
+        ),
+    )
+    header, found = header_of(one)
+    assert found["points0"].shape == (1, 25, 3)
+    assert all(np.isfinite(header["middle"] + header["half"]))
+
+
+def test_the_view_holds_the_hand_and_not_what_is_far_off(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    header, _ = header_of(motion)
+    skeleton = motion.skeletons[0]
+    position = skeleton.position_mm.copy()
+    position[:, skeleton.points.index("little_dip")] += 3000.0
+    spoiled, _ = header_of(replace(motion, skeletons=(replace(skeleton, position_mm=position),)))
+    assert 60 < header["half"][1] < 150
+    assert max(spoiled["half"]) < 300
+
+
+def test_the_first_frame_with_a_base_is_named(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    receiver_mm = motion.receiver_mm.copy()
+    receiver_mm[:7, motion.base] = np.nan
+    assert header_of(motion)[0]["firstBase"] == 0
+    assert header_of(replace(motion, receiver_mm=receiver_mm))[0]["firstBase"] == 7
+
+
+def test_a_name_cannot_end_the_script_element(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    hostile = replace(motion.skeletons[0], model="</script><b>")
+    text = motion_text(replace(motion, skeletons=(hostile,)))
+    assert "<" not in text
+    assert json.loads(text)["skeletons"][0]["model"] == "</script><b>"
+
+
+def test_a_recording_as_long_as_the_papers_is_small(long_hand: Any) -> None:
+    one = len(motion_text(long_hand.motion("whole-hand")))
+    both = len(motion_text(long_hand.motion("paper-fig4", "whole-hand")))
+    assert one < 1_000_000
+    assert both < 1_500_000
+
+
+def test_device_times_are_kept_as_they_are() -> None:
+    times = np.array([5.0, 5.004, 5.1, 5.1042])
+    np.testing.assert_allclose(playing_times_s(times), times - 5.0)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "shown"),
+    [
+        ([np.nan, 1.0, np.nan, 3.0, np.nan], [0.0, 0.0, 1.0, 2.0, 2.0]),
+        ([1.0, 3.0, 2.0, 4.0], [0.0, 2.0, 2.0, 3.0]),
+        ([np.nan, np.nan, np.nan], [0.0, 1 / NOMINAL_HZ, 2 / NOMINAL_HZ]),
+    ],
+)
+def test_time_never_runs_backwards_and_gaps_lie_between_neighbours(
+    time_s: list[float], shown: list[float]
+) -> None:
+    np.testing.assert_allclose(playing_times_s(np.array(time_s)), shown)

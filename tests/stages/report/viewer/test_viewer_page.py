@@ -1,0 +1,76 @@
+"""The page that shows a moving hand: all in one file, and something to see where nothing moves."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stages.report.viewer import page as viewer_page
+from stages.report.viewer.page import page_of_viewer, still_frame, view_of
+
+FOLDER = Path(viewer_page.__file__).parent
+
+
+def test_the_page_asks_for_nothing_from_elsewhere(right: Any) -> None:
+    page = page_of_viewer("Right hand", right.motion("paper-fig4"))
+    links = re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?([^"')\s>]+)""", page)
+    assert links == ["data:,"]
+    assert not re.search(r"https?://|fetch\(|XMLHttpRequest|import\(|@import", page)
+
+
+def test_the_data_stand_in_the_page_once(right: Any) -> None:
+    motion = right.motion("paper-fig4", "whole-hand")
+    page = page_of_viewer("Right hand", motion)
+    (data,) = re.findall(r'<script type="application/json">(.*?)</script>', page, re.DOTALL)
+    header = json.loads(data)
+    assert [skeleton["model"] for skeleton in header["skeletons"]] == ["paper-fig4", "whole-hand"]
+    assert len(page) < len(data) + 70_000
+
+
+def test_a_still_picture_stands_in_until_the_hand_moves(right: Any) -> None:
+    page = page_of_viewer("Right hand", right.motion("whole-hand"))
+    still, live = page.split('<form class="viewer-live"')
+    assert "<svg" in still
+    assert still.count('class="bone digit') == 2 * (5 + 19)
+    assert live.split(">")[0].endswith(" hidden")
+
+
+def test_a_title_is_text_and_no_markup(right: Any) -> None:
+    page = page_of_viewer('<b>"x"', right.motion("paper-fig4"))
+    assert "<b>" not in page.split("<script")[0].replace('<b data-part="error', "")
+    assert "&lt;b&gt;" in page
+
+
+def test_one_skeleton_is_not_offered_beside_another(right: Any) -> None:
+    assert 'data-part="shown"' not in page_of_viewer("x", right.motion("paper-fig4"))
+    assert 'data-part="shown"' in page_of_viewer("x", right.motion("paper-fig4", "whole-hand"))
+
+
+def test_remarks_say_what_is_not_as_recorded(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    assert view_of("x", motion).remark == ""
+    assert "no device time" in view_of("x", replace(motion, time_s=np.full(120, np.nan))).remark
+    assert "one frame in 4" in view_of("x", replace(motion, every=4)).remark
+
+
+def test_the_still_picture_is_of_the_middlemost_whole_frame(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    assert 45 <= still_frame(motion) < 50 or 60 <= still_frame(motion) < 65
+    receiver_mm = motion.receiver_mm.copy()
+    receiver_mm[30:, motion.base] = np.nan
+    assert still_frame(replace(motion, receiver_mm=receiver_mm)) == 29
+
+
+def test_the_script_stays_small() -> None:
+    assert (FOLDER / "viewer.js").stat().st_size <= 25_000
+
+
+@pytest.mark.parametrize("name", ["viewer.js", "viewer.css"])
+def test_the_template_language_reads_nothing_into_code(name: str) -> None:
+    assert not re.search(r"\{[{%#]|</script", (FOLDER / name).read_text("utf-8"))
