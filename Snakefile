@@ -23,6 +23,10 @@ of_recording = "sub-{subject}/{hand}/{recording}"
 of_hand = "models/{model}/sub-{subject}/{hand}{without}"
 stage = f"{quote(sys.executable)} -m stages."
 
+
+report: "captions/workflow.rst"  # the first page of `snakemake --report`
+
+
 shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} OMP_NUM_THREADS=1; ")
 
 
@@ -38,6 +42,8 @@ wildcard_constraints:
 rule all:
     input:
         f"{results}/report.html",
+        study.subject_pages,
+        study.figures,
 
 
 rule simulate:  # only what a study with `simulation` asks for: recordings, and the truth beside them
@@ -267,7 +273,12 @@ rule report:
         list(study.models.values()),
         configuration=study.configuration,
     output:
-        f"{results}/report.html",
+        report(
+            f"{results}/report.html",
+            caption="captions/report.rst",
+            category="Study",
+            labels={"page": study.study.name},
+        ),
     log:
         f"{results}/logs/report.log",
     params:
@@ -277,3 +288,55 @@ rule report:
     shell:
         stage
         + "report --study {params.study:q} --results {params.results:q} --out {output:q} 2> {log:q}"
+
+
+rule subject_pages:  # the report's pages of a subject and of each of its recordings
+    input:
+        study.of_subject,
+        list(study.models.values()),
+    output:
+        directory(f"{results}/report/sub-{{subject}}"),
+    log:
+        f"{results}/logs/subject_pages/sub-{{subject}}.log",
+    params:
+        code=code_digest("report"),
+        study=study.file,
+        results=results,
+        subject=study.subject,
+        rows=study.rows_of_subject,
+    shell:
+        stage
+        + "report.subject --record-failure --study {params.study:q} --results {params.results:q}"
+        " {params.subject} --out {output:q} 2> {log:q}"
+
+
+rule draw_figures:  # the study's figures for print; each is written, if only to say what it lacks
+    input:
+        [f"{results}/{table}.parquet" for table in study.study_tables],
+        list(study.models.values()),
+        configuration=study.configuration,
+    output:
+        [
+            report(
+                f"{results}/figures/{name}.svg",
+                caption=f"captions/{name}.rst",
+                category="Figures",
+                labels={"figure": name},
+            )
+            for name in study.figure_names
+        ],
+        [
+            f"{results}/figures/{name}.{kind}"
+            for name in study.figure_names
+            for kind in ("pdf", "txt")
+        ],
+    log:
+        f"{results}/logs/draw_figures.log",
+    params:
+        code=code_digest("draw_figures"),
+        study=study.file,
+        results=results,
+    shell:
+        stage
+        + "draw_figures --record-failure --study {params.study:q} --results {params.results:q}"
+        " --out {params.results:q}/figures 2> {log:q}"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from schemas.study import Hand, Recording
+from schemas.study import Hand, Recording, path_token
 
 HAND_TABLES = {
     "joint_centres": "estimate_metacarpals",
@@ -19,6 +20,9 @@ HAND_TABLES = {
 FIT_TABLES = {"receivers": "fit_hand", "gains": "fit_hand"}
 """The same for models that fit the whole hand."""
 
+MOTION_TABLES = ("bone_poses", "posed_tips", "joint_angles")
+"""Tables of a hand as posed with a model that fits the whole hand; they stay with the hand."""
+
 SCORE_TABLES = {
     "skeleton_scores": "evaluate_skeletons",
     "joint_errors": "evaluate_skeletons",
@@ -27,6 +31,15 @@ SCORE_TABLES = {
 """Tables of a hand under all models together, or under none, and the stage that writes each."""
 
 STUDY_TABLES = (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES, "recordings", "problems")
+
+
+@dataclass(frozen=True)
+class Part:
+    """One hand's share of a study's table: whose it is, in words, the stage that writes it, and its file."""
+
+    whose: str
+    stage: str
+    path: Path
 
 
 @dataclass(frozen=True)
@@ -44,6 +57,23 @@ class Results:
     def report(self) -> Path:
         """The study's report."""
         return self.folder / "report.html"
+
+    @property
+    def figures(self) -> Path:
+        """Folder of the study's figures for print."""
+        return self.folder / "figures"
+
+    def subject_pages(self, subject: str) -> Path:
+        """Folder of the report's pages of one subject."""
+        return self.folder / "report" / f"sub-{path_token(subject)}"
+
+    def subject_page(self, subject: str) -> Path:
+        """The report's page of one subject."""
+        return self.subject_pages(subject) / "subject.html"
+
+    def recording_page(self, recording: Recording) -> Path:
+        """The report's page of one recording."""
+        return self.folder / "report" / recording.hand.folder / f"{recording.name}.html"
 
     @property
     def resolved(self) -> Path:
@@ -70,3 +100,26 @@ class Results:
     def study_table(self, table: str) -> Path:
         """A table over the whole study."""
         return self.folder / f"{table}.parquet"
+
+    def parts(
+        self, table: str, hands: Iterable[Hand], models: Iterable[str], fitted: Collection[str]
+    ) -> list[Part]:
+        """What a study's table is put together from, model by model.
+
+        fitted : those of the models that fit the whole hand; only they have FIT_TABLES.
+        """
+        hands = list(hands)
+        if table in SCORE_TABLES:
+            stage = SCORE_TABLES[table]
+            return [Part(_whose(hand), stage, self.score_table(hand, table)) for hand in hands]
+        stage = {**HAND_TABLES, **FIT_TABLES}[table]
+        return [
+            Part(f"{_whose(hand)}, model {model}", stage, self.hand_table(model, hand, table))
+            for model in models
+            for hand in hands
+            if table in HAND_TABLES or model in fitted
+        ]
+
+
+def _whose(hand: Hand) -> str:
+    return f"subject {hand.subject}, {hand.hand} hand"

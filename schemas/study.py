@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -85,9 +85,31 @@ class Study:
         """Every hand of the study, in the sheet's order."""
         return tuple(dict.fromkeys(recording.hand for recording in self.recordings))
 
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """Every subject of the study, in the sheet's order."""
+        return tuple(dict.fromkeys(recording.hand.subject for recording in self.recordings))
+
+    def of_subject(self, subject: str) -> Study:
+        """The same study with that subject's recordings alone.
+
+        Raises InputError where the study has no such subject.
+        """
+        recordings = tuple(r for r in self.recordings if r.hand.subject == subject)
+        if not recordings:
+            raise InputError(
+                f"study {self.name}: has no subject {subject!r}; expected one of {', '.join(self.subjects)}"
+            )
+        return replace(self, recordings=recordings)
+
     def of(self, hand: Hand, roles: Iterable[str]) -> list[Recording]:
         """The hand's recordings in those roles that are not excluded."""
         return [r for r in self.recordings if r.hand == hand and r.role in set(roles) and not r.exclude]
+
+    @property
+    def shown(self) -> tuple[Recording, ...]:
+        """Every recording that tips are evaluated on, and so has a page in the report."""
+        return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
 
     def evaluated(self, hand: Hand) -> list[Recording]:
         """The recordings that the hand's tips are evaluated on."""

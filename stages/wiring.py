@@ -11,8 +11,9 @@ from typing import Any
 from schemas.config_files import read_config
 from schemas.errors import InputError
 from schemas.model import SkeletonModel, read_model
-from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, STUDY_TABLES, Results
+from schemas.results import FIT_TABLES, HAND_TABLES, MOTION_TABLES, SCORE_TABLES, STUDY_TABLES, Results
 from schemas.study import Hand, Recording, Study, path_token, read_participants, read_study
+from stages.draw_figures.names import KINDS, STUDY_FIGURES
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject, hand, recording, model, as they stand in paths."""
@@ -33,6 +34,7 @@ class Wiring:
         self._skeleton_models = {
             name: read_model(Path(path).absolute()) for name, path in self.models.items()
         }
+        self._fitted = [name for name, model in self._skeleton_models.items() if model.fitting is not None]
         self._hands = {(path_token(h.subject), h.hand): h for h in self.study.hands}
         self._recordings = {
             (path_token(r.hand.subject), r.hand.hand, r.name): r for r in self.study.recordings
@@ -193,6 +195,12 @@ class Wiring:
     # --- the study --------------------------------------------------------------------------------------
 
     study_tables = STUDY_TABLES
+    figure_names = STUDY_FIGURES
+
+    @property
+    def figures(self) -> list[str]:
+        """The study's figures for print, and their captions."""
+        return [str(self.results.figures / f"{name}.{kind}") for name in STUDY_FIGURES for kind in KINDS]
 
     @property
     def poses(self) -> list[str]:
@@ -202,15 +210,43 @@ class Wiring:
     @property
     def every_table(self) -> list[str]:
         """Every table that the study's are gathered from."""
-        of_models = [
+        return [
+            str(part.path)
+            for table in (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES)
+            for part in self.results.parts(table, self.study.hands, self.models, self._fitted)
+        ]
+
+    def of_subject(self, wildcards: Wildcards) -> list[str]:
+        """Everything that a subject's pages of the report show: its poses, and its hands' tables."""
+        own = self.study.of_subject(self._subject(wildcards))
+        parts = [
+            str(part.path)
+            for table in (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES)
+            for part in self.results.parts(table, own.hands, self.models, self._fitted)
+        ]
+        behind = [
             str(self.results.hand_table(model, hand, table))
+            for hand in own.hands
             for model in self.models
-            for hand in self.study.hands
-            for table in (*HAND_TABLES, *(FIT_TABLES if self._model(model).fitting else ()))
+            for table in ("joint_solutions", *(MOTION_TABLES if model in self._fitted else ()))
         ]
-        return of_models + [
-            str(self.results.score_table(hand, table)) for hand in self.study.hands for table in SCORE_TABLES
+        return [*self._poses(r for r in own.recordings if not r.exclude), *parts, *behind]
+
+    def subject(self, wildcards: Wildcards) -> str:
+        """Words that say whose pages they are."""
+        return shlex.join([f"--subject={self._subject(wildcards)}"])
+
+    def rows_of_subject(self, wildcards: Wildcards) -> list[str]:
+        """What a subject's pages show of the recordings sheet; the rest of it may change without them."""
+        return [
+            "\t".join((r.hand.hand, r.task, r.trial, r.role, r.file_as_written, r.exclude))
+            for r in self.study.of_subject(self._subject(wildcards)).recordings
         ]
+
+    @property
+    def subject_pages(self) -> list[str]:
+        """Folders of the subjects' pages of the report."""
+        return [str(self.results.subject_pages(subject)) for subject in self.study.subjects]
 
     @property
     def configuration(self) -> list[str]:
@@ -219,6 +255,9 @@ class Wiring:
 
     def _hand(self, wildcards: Wildcards) -> Hand:
         return self._hands[wildcards.subject, wildcards.hand]
+
+    def _subject(self, wildcards: Wildcards) -> str:
+        return next(s for s in self.study.subjects if path_token(s) == wildcards.subject)
 
     def _model(self, name: str) -> SkeletonModel:
         return self._skeleton_models[name]

@@ -6,44 +6,34 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import yaml
 
 from schemas import PROGRAM, VERSION
-from schemas.catalogue import POSES, PROBLEMS, RECEIVERS, RECORDINGS, TABLES
+from schemas.catalogue import PROBLEMS, RECEIVERS, RECORDINGS, TABLES
 from schemas.config_files import read_config
-from schemas.errors import InputError
 from schemas.files import file_sha256, write_text
 from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Results
-from schemas.study import Hand, Recording, Study, correction_problems, read_corrections
-from schemas.tables import (
-    Provenance,
-    columns_from_rows,
-    read_metadata,
-    read_table,
-    rows_of,
-    write_table,
-)
+from schemas.study import Study, correction_problems, read_corrections
+from schemas.tables import Provenance, columns_from_rows, write_table
+from stages.gather.parts import receiver_problems, recording_row, whole_table
 
 
 def gather_study(study: Study, results: Results) -> None:
     """Write the study-wide tables into its results folder."""
     problems: list[dict[str, Any]] = []
-    recordings = [_recording_row(recording, results, problems) for recording in study.recordings]
+    recordings = [recording_row(recording, results, problems) for recording in study.recordings]
     models = {name: read_model(path.absolute()) for name, path in study.models.items()}
     fitted = [name for name, model in models.items() if model.fitting is not None]
-    for name, stage in HAND_TABLES.items():
-        _write_whole(results, name, _parts(study, results, name, list(models)), stage, problems)
-    for name, stage in FIT_TABLES.items():
-        whole = _write_whole(results, name, _parts(study, results, name, fitted), stage, problems)
+    for name in (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES):
+        parts = results.parts(name, study.hands, models, fitted)
+        whole, lacking = whole_table(TABLES[name], parts)
+        problems += lacking
         if name == RECEIVERS.name:
-            problems += _receiver_problems(whole)
-    for name, stage in SCORE_TABLES.items():
-        scored = [(_whose(hand), results.score_table(hand, name)) for hand in study.hands]
-        _write_whole(results, name, scored, stage, problems)
+            problems += receiver_problems(whole)
+        _write_whole(results, name, whole, [part.path for part in parts])
     problems += _uncalibrated(study) + _correction_problems(study)
     _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
@@ -86,111 +76,9 @@ def _correction_problems(study: Study) -> list[dict[str, Any]]:
     return [{"where": path.name, "stage": "project_planes", "message": message} for message in messages]
 
 
-def _whose(hand: Hand, model: str = "") -> str:
-    whose = f"subject {hand.subject}, {hand.hand} hand"
-    return f"{whose}, model {model}" if model else whose
-
-
-def _parts(study: Study, results: Results, name: str, models: Sequence[str]) -> list[tuple[str, Path]]:
-    """Whose a table of a hand under a model is, and its file."""
-    return [
-        (_whose(hand, model), results.hand_table(model, hand, name))
-        for model in models
-        for hand in study.hands
-    ]
-
-
-def _write_whole(
-    results: Results,
-    name: str,
-    sources: Sequence[tuple[str, Path]],
-    stage: str,
-    problems: list[dict[str, Any]],
-) -> pa.Table:
-    """Concatenate one table over hands and models; a part that failed becomes a problem."""
-    table, parts = TABLES[name], []
-    files = [path for _, path in sources]
-    for where, path in sources:
-        try:
-            parts.append(read_table(path, table).replace_schema_metadata(None))
-        except InputError as error:
-            problems.append({"where": where, "stage": stage, "message": str(error)})
-    bare = table.arrow_schema({}).remove_metadata()
-    whole = pa.concat_tables([part.cast(bare) for part in parts]) if parts else bare.empty_table()
-    columns = {column.name: whole.column(column.name) for column in table.columns}
+def _write_whole(results: Results, name: str, whole: pa.Table, files: Sequence[Path]) -> None:
+    columns = {column.name: whole.column(column.name) for column in TABLES[name].columns}
     hashed = [
         (path.relative_to(results.folder).as_posix(), file_sha256(path)) for path in files if path.is_file()
     ]
-    write_table(results.study_table(name), table, columns, Provenance(tuple(hashed)))
-    return whole
-
-
-def _receiver_problems(receivers: pa.Table) -> list[dict[str, Any]]:
-    """Receivers that came loose, and touches that were refused, once however many models say so.
-
-    A receiver without a valid pose is named with its recording.
-    """
-    return [
-        {
-            "where": f"subject {row['subject']}, {row['hand']} hand, {row['segment']}",
-            "stage": FIT_TABLES[RECEIVERS.name],
-            "message": row["message"],
-        }
-        for row in rows_of(receivers)
-        if row["message"] and row["status"] != "failed"
-    ]
-
-
-def _recording_row(recording: Recording, results: Results, problems: list[dict[str, Any]]) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "subject": recording.hand.subject,
-        "hand": recording.hand.hand,
-        "task": recording.task,
-        "trial": recording.trial,
-        "role": recording.role,
-        "file": recording.file_as_written,
-        "status": "used",
-        "n_frames": 0,
-        "message": "",
-    }
-    if recording.exclude:
-        return row | {"status": "excluded", "message": recording.exclude}
-    names = (recording.hand.subject, recording.hand.hand, recording.task, recording.trial)
-    problem = {"where": ", ".join(filter(None, names)), "stage": "capture"}
-    path = results.poses(recording)
-    try:
-        table = read_table(path, POSES, ["segment", "frame", "time_s", "valid"])
-        parameters = read_metadata(path)["parameters"]
-    except InputError as error:
-        problems.append(problem | {"message": str(error)})
-        return row | {"status": "failed", "message": str(error)}
-    absent = parameters.get("absent", [])
-    dead = _dead(table, absent)
-    doubts = [f"no usable pose of {', '.join(dead)}; check that receiver"] if dead else []
-    doubts += [parameters["doubt"]] if parameters.get("doubt") else []
-    doubts += parameters.get("losses", [])
-    problems += [problem | {"message": doubt} for doubt in doubts]
-    said = "; ".join(dict.fromkeys([*doubts, *parameters.get("notes", [])]))
-    return row | _counts(table, absent, parameters.get("missing_frames", 0)) | {"message": said}
-
-
-def _dead(table: pa.Table, absent: Sequence[str]) -> list[str]:
-    """Segments of which no pose may be used, those that the recording lacks among them."""
-    ever = table.group_by("segment", use_threads=False).aggregate([("valid", "any")])
-    never = [row["segment"] for row in rows_of(ever) if not row["valid_any"]]
-    return list(dict.fromkeys([*absent, *never]))
-
-
-def _counts(table: pa.Table, absent: Sequence[str], missing_frames: int) -> dict[str, Any]:
-    segments = table.column("segment").unique().to_pylist()
-    n_segments = len(segments)
-    n_frames = table.num_rows // max(n_segments, 1)
-    time_s = table.column("time_s").to_numpy()
-    known = time_s[np.isfinite(time_s)]
-    n_valid = int(np.sum(table.column("valid").to_numpy()))
-    expected = (n_frames + missing_frames) * len({*segments, *absent})
-    return {
-        "n_frames": n_frames,
-        "duration_s": float(np.ptp(known)) if len(known) else None,
-        "valid_percent": 100.0 * n_valid / expected if expected else None,
-    }
+    write_table(results.study_table(name), TABLES[name], columns, Provenance(tuple(hashed)))

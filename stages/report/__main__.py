@@ -1,4 +1,4 @@
-"""Command line of the report stage: write the page, or print the study's tables to the terminal."""
+"""Command line of the report stage: write the study's page, or print its tables to the terminal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
         "stages.report",
-        "Write a study's results as one HTML page that opens offline, or print its tables (cm).",
+        "Write the page of a study's results, which opens offline, or print its tables (cm). "
+        "The pages that it links to are written by stages.report.subject.",
         "python -m stages.report --study config/demo.yaml --results results/demo "
         "--out results/demo/report.html",
     )
@@ -43,9 +44,9 @@ def report(arguments: argparse.Namespace) -> None:
     results = read_results(read_study(arguments.study), arguments.results)
     if arguments.out is not None:
         from schemas.files import write_text
-        from stages.report.page import render_page
+        from stages.report.study_page import render_study
 
-        write_text(arguments.out, render_page(results))
+        write_text(arguments.out, render_study(results))
     if arguments.to_terminal:
         from stages.report.terminal import terminal_tables
 
@@ -59,7 +60,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
         print(f"error: {message}", file=sys.stderr)
         return
     from schemas.files import write_text
-    from stages.report.page import render_failure
+    from stages.report.study_page import render_failure
 
     write_text(arguments.out, render_failure(message))
 

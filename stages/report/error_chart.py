@@ -39,7 +39,7 @@ class ErrorScale:
     def ticks(self) -> list[float]:
         """Where a strip has its numbers, mm."""
         if not self.logarithmic:
-            return _round_steps(0.0, self.high_mm, 2)
+            return round_steps(0.0, self.high_mm, 2)
         powers = range(math.floor(math.log10(self.low_mm)), math.ceil(math.log10(self.high_mm)) + 1)
         steps = (1, 3) if self.high_mm / self.low_mm < 30 else (1,)
         ticks = [step * 10.0**power for power in powers for step in steps]
@@ -130,7 +130,7 @@ def _horizontal_axis(
     foot: float, span: tuple[float, float], across: Callable[[float], float], in_seconds: bool
 ) -> list[Markup]:
     marks = [element("path", class_="axis", d=f"M{LEFT} {foot}H{WIDTH - RIGHT}")]
-    for tick in _round_steps(*span, 5):
+    for tick in round_steps(*span, 5):
         marks.append(element("path", class_="axis", d=f"M{across(tick):.1f} {foot}v4"))
         marks.append(element("text", f"{tick:.10g}", x=across(tick), y=foot + 15, class_="tick middle"))
     words = "device time [s]" if in_seconds else "frame"
@@ -138,7 +138,7 @@ def _horizontal_axis(
     return [*marks, element("text", words, x=centre, y=foot + BOTTOM - 5, class_="tick middle")]
 
 
-def _round_steps(low: float, high: float, about: int) -> list[float]:
+def round_steps(low: float, high: float, about: int) -> list[float]:
     """Multiples of 1, 2 or 5 times a power of ten between low and high, some `about` of them."""
     if high <= low:
         return [low]

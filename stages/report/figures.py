@@ -1,7 +1,8 @@
-"""Which pictures the page has: error charts for every evaluated recording, skeletons for every subject."""
+"""Pictures of a subject's skeletons: both hands, posed in one frame."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from markupsafe import Markup
@@ -9,7 +10,6 @@ from markupsafe import Markup
 from schemas.errors import InputError
 from schemas.study import Hand, Recording
 from stages.report.data_table import listed
-from stages.report.error_chart import error_chart, error_scale
 from stages.report.hand_picture import Window, hand_picture, window_of
 from stages.report.posed_skeleton import (
     Array,
@@ -19,8 +19,7 @@ from stages.report.posed_skeleton import (
     receiver_points,
     skeleton_chains,
 )
-from stages.report.study_results import StudyResults, Trial, recording_key
-from stages.report.tip_traces import Trace
+from stages.report.study_results import StudyResults
 
 
 @dataclass(frozen=True)
@@ -56,42 +55,12 @@ class PosedHand:
         return window_of(self.receivers_mm, [chain for chains in self.chains.values() for chain in chains])
 
 
-def error_charts(
-    results: StudyResults, traces: dict[tuple[str, ...], Trace], trial: Trial
+def skeleton_pictures(
+    results: StudyResults, subject: str, models: Collection[str] | None = None
 ) -> list[FigureRow]:
-    """The charts of one subject's task: a row for each hand, a chart for each model."""
-    rows = []
-    for hand, recording in trial.recordings.items():
-        digits = tuple(results.layouts[recording.hand].digits)
-        key = recording_key(recording)
-        found = {
-            model: {digit: traces[*key, model, digit] for digit in digits if (*key, model, digit) in traces}
-            for model in results.models
-        }
-        figures = tuple(
-            Figure(
-                f"{model}, {hand} hand",
-                error_chart(
-                    f"Tip error over time of subject {trial.subject}, {hand} hand, {trial.title}, "
-                    f"model {model}, in mm, one line for each of {listed(digits)}.",
-                    digits,
-                    of_model,
-                    error_scale(of_model.values()),
-                ),
-            )
-            for model, of_model in found.items()
-            if of_model
-        )
-        without = [model for model, of_model in found.items() if not of_model]
-        remarks = (f"No tip error over time: {listed(without)}.",) if without else ()
-        rows.append(FigureRow(f"{hand.capitalize()} hand", figures, remarks))
-    return rows
-
-
-def skeleton_pictures(results: StudyResults, subject: str) -> list[FigureRow]:
     """The subject's posed skeletons: a row for each model (models with equal joints share one).
 
-    The left hand stands on the left.
+    The left hand stands on the left. models : those to draw, all unless given.
     """
     posed, remarks = [], []
     for hand in reversed(results.hands(subject)):
@@ -104,7 +73,7 @@ def skeleton_pictures(results: StudyResults, subject: str) -> list[FigureRow]:
     windows = {item.hand: item.window() for item in posed}
     scale = min(window.scale for window in windows.values())
     drawn: dict[tuple[Figure, ...], list[str]] = {}
-    for model in results.models:
+    for model in results.models if models is None else models:
         figures = tuple(_figure(item, model, windows[item.hand], scale) for item in posed)
         drawn.setdefault(figures, []).append(model)
     return [FigureRow(listed(models), figures, tuple(remarks)) for figures, models in drawn.items()]

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from statistics import median
 
+from schemas.model import the_papers
 from stages.report.data_table import counted, listed, number
 from stages.report.score_tables import mean, tasks_in_words
 from stages.report.study_results import LEAST_SQUARES, Row, StudyResults
@@ -86,23 +87,13 @@ def _against_truth(results: StudyResults, model: str) -> str:
         f"Made from {made_from}, its joints are {number(median(mine), 1)} mm from the true ones in the "
         f"median and {_far(mine)} are more than {FAR_MM:.0f} mm off"
     )
-    paper = _the_papers(results)
+    paper = the_papers(results.models.values())
     theirs = _joint_errors(results, paper) if paper else []
     if not theirs:
         return text + "."
     others = _made_from(results, paper)
     whose = paper if others == made_from else f"{paper} (made from {others})"
     return f"{text}; those of {whose} {number(median(theirs), 1)} mm and {_far(theirs)}."
-
-
-def _the_papers(results: StudyResults) -> str:
-    """The last of the paper's models that nobody corrected by hand; empty where the study has none."""
-    tables = {
-        model.paper_table: name
-        for name, model in results.models.items()
-        if model.paper_table is not None and not model.corrections
-    }
-    return tables[max(tables)] if tables else ""
 
 
 def _judged_skeletons(results: StudyResults, model: str) -> set[tuple[str, str, str]]:

@@ -20,7 +20,7 @@ PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 STATUS_MARKS = {"used": "used", "excluded": "○ excluded", "failed": "✕ failed", "missing": "? missing"}
 
 
-def recordings_table(results: StudyResults) -> DataTable:
+def recordings_table(results: StudyResults, whose: str = "of the study's sheet") -> DataTable:
     """Every recording of the sheet and what became of it."""
     header = (
         "File",
@@ -36,12 +36,10 @@ def recordings_table(results: StudyResults) -> DataTable:
         "Message",
     )
     rows = tuple(_recording_cells(results, recording) for recording in results.study.recordings)
-    return DataTable(
-        "Every recording of the study's sheet.", (Block(header, rows),), (), frozenset({*range(7), 10})
-    )
+    return DataTable(f"Every recording {whose}.", (Block(header, rows),), (), frozenset({*range(7), 10}))
 
 
-def problems_table(results: StudyResults) -> DataTable | None:
+def problems_table(results: StudyResults, whose: str = "as the study asked") -> DataTable | None:
     """Everything that did not go as the study asked; None where all did."""
     rows = [(row["where"], row["stage"], row["message"]) for row in results.problems]
     told = {row["message"] for row in results.problems}
@@ -53,7 +51,7 @@ def problems_table(results: StudyResults) -> DataTable | None:
     if not rows:
         return None
     return DataTable(
-        "Everything that did not go as the study asked.",
+        f"Everything that did not go {whose}.",
         (Block(("Where", "Stage", "What happened"), tuple(rows)),),
         (),
         frozenset({0, 1, 2}),
@@ -76,11 +74,11 @@ def versions_table() -> DataTable:
     )
 
 
-def inputs_table(results: StudyResults) -> DataTable:
+def inputs_table(results: StudyResults, whose: str = "of the study") -> DataTable:
     """SHA-256 of the files that each recording's poses were made from."""
     rows = [row for recording in results.study.recordings for row in _input_rows(results, recording)]
     return DataTable(
-        "Input files and their SHA-256.",
+        f"Input files {whose} and their SHA-256.",
         (Block(("Recording", "Input file", "SHA-256"), tuple(rows)),),
         () if rows else ("No poses table is there to read hashes from.",),
         frozenset({0, 1, 2}),

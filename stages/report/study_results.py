@@ -9,30 +9,34 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from schemas.catalogue import (
-    BONE_LENGTHS,
-    CALIBRATION_ADVICE,
-    GAINS,
-    JOINT_CENTRES,
-    JOINT_ERRORS,
-    PROBLEMS,
-    RECEIVERS,
-    RECORDINGS,
-    SKELETON_SCORES,
-    TIP_ERRORS,
-)
+from schemas.catalogue import RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.results import Results
 from schemas.study import Hand, Recording, Study
 from schemas.tables import Table, read_metadata, read_table, rows_of
+from stages.gather.parts import recording_row, whole_table
 
 Row = dict[str, Any]
 HandModel = tuple[Hand, str]
 
 FIRST_FRAME, LEAST_SQUARES = "first-frame", "least-squares"
 HANDS = ("right", "left")
+
+_READ = {
+    "recordings": "recordings",
+    "problems": "problems",
+    "joint_centres": "joints",
+    "bone_lengths": "bones",
+    "tip_errors": "tip_errors",
+    "skeleton_scores": "scores",
+    "joint_errors": "joint_errors",
+    "calibration_advice": "advice",
+    "receivers": "receivers",
+    "gains": "gains",
+}
+"""The tables that are read, and what StudyResults calls their rows."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,15 @@ class StudyResults:
         """The models that fit the whole hand, in the study's order."""
         return [name for name, model in self.models.items() if model.fitting is not None]
 
+    @property
+    def leading(self) -> str:
+        """The model that pages show first: one that fits the whole hand, else the last that nobody corrected.
+
+        A study of corrected models alone has its last.
+        """
+        uncorrected = [name for name, model in self.models.items() if not model.corrections]
+        return [*self.models, *uncorrected, *self.fitted[:1]][-1]
+
     @cached_property
     def tip_error_of(self) -> dict[tuple[str, ...], Row]:
         """Tip error rows by subject, hand, task, trial, model, digit and binding."""
@@ -107,7 +120,7 @@ class StudyResults:
     @property
     def subjects(self) -> list[str]:
         """Every subject, in the sheet's order."""
-        return list(dict.fromkeys(recording.hand.subject for recording in self.study.recordings))
+        return list(self.study.subjects)
 
     def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> Row | None:
         """The row of tip_errors for one cell group; None where the table has none."""
@@ -157,27 +170,44 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     """
     paths = Results(folder)
     failures: list[Row] = []
+    rows = {name: _read_rows(paths.study_table(name), TABLES[name], failures) for name in _READ}
+    rows["problems"] += failures
+    return _results(study, paths, _models(study), rows)
 
-    def rows(table: Table) -> list[Row]:
-        return _read_rows(paths.study_table(table.name), table, failures)
 
-    recordings, problems = rows(RECORDINGS), rows(PROBLEMS)
+def read_subject(study: Study, folder: Path, subject: str) -> StudyResults:
+    """Read the tables of one subject's hands: the same results for a study of that subject alone.
+
+    A table that is absent, another one or the record of a failure counts as empty, and the reason joins the
+    problems. Raises InputError where the study has no such subject.
+    """
+    own, paths = study.of_subject(subject), Results(folder)
+    models = _models(own)
+    fitted = [name for name, model in models.items() if model.fitting is not None]
+    problems: list[Row] = []
+    rows = {"recordings": [recording_row(recording, paths, problems) for recording in own.recordings]}
+    for name in _READ:
+        if name not in ("recordings", "problems"):
+            whole, lacking = whole_table(TABLES[name], paths.parts(name, own.hands, models, fitted))
+            problems += lacking
+            rows[name] = list(rows_of(whole))
+    return _results(own, paths, models, rows | {"problems": problems})
+
+
+def _results(
+    study: Study, paths: Results, models: dict[str, SkeletonModel], rows: dict[str, list[Row]]
+) -> StudyResults:
     return StudyResults(
         study=study,
         paths=paths,
-        models={name: read_model(path.absolute()) for name, path in study.models.items()},
+        models=models,
         layouts={hand: read_layout(study.layout_of(hand).absolute()) for hand in study.hands},
-        recordings=recordings,
-        joints=rows(JOINT_CENTRES),
-        bones=rows(BONE_LENGTHS),
-        tip_errors=rows(TIP_ERRORS),
-        scores=rows(SKELETON_SCORES),
-        joint_errors=rows(JOINT_ERRORS),
-        advice=rows(CALIBRATION_ADVICE),
-        receivers=rows(RECEIVERS),
-        gains=rows(GAINS),
-        problems=problems + failures,  # read last: every table's failure is there by now
+        **{attribute: rows[name] for name, attribute in _READ.items()},
     )
+
+
+def _models(study: Study) -> dict[str, SkeletonModel]:
+    return {name: read_model(path.absolute()) for name, path in study.models.items()}
 
 
 def _read_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:

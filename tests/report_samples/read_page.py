@@ -51,7 +51,7 @@ class PageReader(HTMLParser):
             self.text.append(data)
         if "caption" in self.open:
             self.tables[-1].caption += data
-        elif self.open and self.open[-1] in ("td", "th"):
+        elif {"td", "th"} & set(self.open) and "button" not in self.open:
             self.tables[-1].rows[-1][-1] += data
 
 

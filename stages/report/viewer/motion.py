@@ -23,7 +23,7 @@ from kinematics.skeleton import ride, starts_at_wrist
 from schemas.catalogue import BONE_POSES, JOINT_CENTRES, POSED_TIPS, RECEIVERS, TIPS
 from schemas.errors import InputError
 from schemas.layout import Digit, Layout, Vector
-from schemas.model import SkeletonModel
+from schemas.model import SkeletonModel, the_papers
 from schemas.poses import Poses, read_poses
 from schemas.results import Results
 from schemas.study import Recording
@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 Rows = Mapping[str, Mapping[str, Any]]
 
 MOST_FRAMES = 15_000
-"""Frames that a view holds at most: a minute at 240 frames a second, some 2 MB with two skeletons."""
+"""Frames that a view holds at most: a minute at 240 frames a second."""
 
 REPLAY_ERROR = "replayed fingertip to the receiver (least-squares binding)"
 FITTED_ERROR = "distal receiver from where the hand posed with all receivers puts it"
@@ -69,10 +69,19 @@ class JointAxis:
 
 
 @dataclass(frozen=True)
+class Seat:
+    """Where a point rides: at local_mm in the frame of the receiver of segment, nowhere if that is empty."""
+
+    segment: str
+    local_mm: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class SkeletonMotion:
     """One skeleton over T frames: P points, B bones, D digits.
 
     points : names of joints, then of tips. position_mm : (T, P, 3) in the transmitter frame, NaN in gaps.
+    seats : where each point rides, if every point is fixed on a receiver; None for a fitted skeleton.
     sd_mm : (P,) 1-sigma error of each point in 3-D, NaN where none is stated. status : (P,) ok, weak or
     failed. tip_error_mm : (T, D), NaN in gaps; error_is : what that is, in words.
     """
@@ -80,6 +89,7 @@ class SkeletonMotion:
     model: str
     points: tuple[str, ...]
     position_mm: Array
+    seats: tuple[Seat, ...] | None
     sd_mm: Array
     status: tuple[str, ...]
     bones: tuple[Bone, ...]
@@ -95,7 +105,7 @@ class HandMotion:
     frame : (T,) as recorded; time_s : (T,) device time, NaN where the recording has none. every : how many
     recorded frames there are to one kept here. receiver_mm : (T, R, 3), receiver_quaternion : (T, R, 4) unit
     (w, x, y, z), receiver to transmitter frame, both NaN where not valid. base : the receiver that the view
-    hangs on; distal, dorsal : unit vectors in its frame.
+    hangs on; distal, dorsal : unit vectors in its frame. paper : the paper's skeleton, if it is among these.
     """
 
     hand: str
@@ -110,6 +120,7 @@ class HandMotion:
     distal: Vector
     dorsal: Vector
     skeletons: tuple[SkeletonMotion, ...]
+    paper: str = ""
 
 
 def read_motion(
@@ -121,7 +132,8 @@ def read_motion(
     """
     poses = read_poses(paths.poses(recording), layout.measured)
     skeletons = [_read_skeleton(paths, recording, layout, model, poses) for model in models]
-    return hand_motion(recording.hand.hand, layout, poses, skeletons)
+    motion = hand_motion(recording.hand.hand, layout, poses, skeletons)
+    return replace(motion, paper=the_papers(models))
 
 
 def _read_skeleton(
@@ -194,6 +206,18 @@ def thinned(motion: HandMotion, most: int) -> HandMotion:
     )
 
 
+def shown_first(motion: HandMotion) -> tuple[int, ...]:
+    """Which skeletons a view shows before any is chosen: the last fitted one that was posed in this
+    recording, else the first; beside it the paper's or else the first of the others, if there are any.
+    """
+    posed = [np.isfinite(skeleton.position_mm).any() for skeleton in motion.skeletons]
+    fitted = [i for i, s in enumerate(motion.skeletons) if s.seats is None and posed[i]]
+    first = fitted[-1] if fitted else 0
+    others = [i for i in range(len(motion.skeletons)) if i != first and posed[i]]
+    others.sort(key=lambda i: motion.skeletons[i].model != motion.paper)
+    return (first, *others[:1])
+
+
 def upright(motion: HandMotion) -> Array:
     """The view's axes as rows (3, 3) in the base receiver's frame: right, up (distal), towards the viewer.
 
@@ -217,17 +241,18 @@ def ridden_skeleton(
 
     joints : rows of joint_centres by joint; tips : this recording's rows of the tips table.
     """
-    places: dict[str, Array] = {}
+    seats: dict[str, Seat] = {}
     chains: list[list[str]] = []
     for digit in layout.digits.values():
-        for name, side in _anchors(digit, layout, model):
-            places.setdefault(name, _ridden(joints.get(name), side, poses))
-        tip = poses.index(digit.tip)
-        places[f"{digit.name} tip"] = np.where(poses.valid[:, tip, None], poses.position_mm[:, tip], np.nan)
-        chains.append([name for name, _ in _anchors(digit, layout, model)] + [f"{digit.name} tip"])
-    tip_error = _by_digit(layout, tips, poses)
+        anchors = _anchors(digit, layout, model)
+        for name, side in anchors:
+            seats.setdefault(name, _seat(joints.get(name), side))
+        seats[f"{digit.name} tip"] = Seat(digit.tip)
+        chains.append([*(name for name, _ in anchors), f"{digit.name} tip"])
+    places = {name: _ridden(seat, poses) for name, seat in seats.items()}
     bones = _bones(list(places), chains, None)
-    return _skeleton(layout, model, places, bones, joints, {}, tip_error)
+    skeleton = _skeleton(layout, model, places, bones, joints, {}, _by_digit(layout, tips, poses))
+    return replace(skeleton, seats=tuple(seats.values()))
 
 
 def fitted_skeleton(
@@ -257,8 +282,7 @@ def fitted_skeleton(
         chains.append([*digit.joints, tip])
         sd_of_tip[tip] = _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
     bones = _bones(list(places), chains, wrist.joint if wrist else None)
-    tip_error = _by_digit(layout, posed_tips, poses)
-    return _skeleton(layout, model, places, bones, joints, sd_of_tip, tip_error)
+    return _skeleton(layout, model, places, bones, joints, sd_of_tip, _by_digit(layout, posed_tips, poses))
 
 
 def _anchors(digit: Digit, layout: Layout, model: SkeletonModel) -> list[tuple[str, str]]:
@@ -271,13 +295,20 @@ def _anchors(digit: Digit, layout: Layout, model: SkeletonModel) -> list[tuple[s
     return list(zip(names, sides, strict=True))
 
 
-def _ridden(row: Mapping[str, Any] | None, side: str, poses: Poses) -> Array:
-    """Positions (T, 3) of a joint on the receiver of that side, NaN where it has no place."""
-    segment = "" if row is None or row["status"] == "failed" else row[f"{side}_segment"]
-    if row is None or not segment:
+def _seat(row: Mapping[str, Any] | None, side: str) -> Seat:
+    """Where that half of a joint rides: nowhere if the joint failed or was not solved."""
+    if row is None or row["status"] == "failed" or not row[f"{side}_segment"]:
+        return Seat("")
+    x, y, z = (float(row[f"{side}_{axis}_mm"]) for axis in "xyz")
+    return Seat(row[f"{side}_segment"], (x, y, z))
+
+
+def _ridden(seat: Seat, poses: Poses) -> Array:
+    """Positions (T, 3) of what rides there, NaN where the receiver has no valid pose."""
+    if not seat.segment:
         return np.full((len(poses.frame), 3), np.nan)
-    local = np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"], float)
-    return np.where(poses.valid[:, poses.index(segment), None], ride(poses, segment, local), np.nan)
+    index = poses.index(seat.segment)
+    return np.where(poses.valid[:, index, None], ride(poses, seat.segment, np.array(seat.local_mm)), np.nan)
 
 
 def _placed(table: pa.Table, key: str, value: str, columns: Sequence[str], poses: Poses) -> Array:
@@ -320,6 +351,7 @@ def _skeleton(
         model=model.name,
         points=points,
         position_mm=np.stack(list(places.values()), 1),
+        seats=None,
         sd_mm=np.array(sd),
         status=tuple(joints[p]["status"] if p in joints else "ok" for p in points),
         bones=bones,

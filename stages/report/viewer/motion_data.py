@@ -11,6 +11,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,8 +22,10 @@ from stages.report.viewer.motion import (
     Array,
     HandMotion,
     JointAxis,
+    Seat,
     SkeletonMotion,
     seen,
+    shown_first,
     upright,
 )
 
@@ -30,10 +33,11 @@ POSITION_STEP_MM = 0.05
 """A point is off by at most sqrt(3) / 2 of it, 0.044 mm."""
 ROTATION_STEP = 1 / 8192
 """Of a unit quaternion's parts: a receiver is off by at most 0.014 degrees."""
-ERROR_STEP_MM = 0.02
+ERROR_STEP_MM = 0.01
 TIME_STEP_S = 1e-5
 FARTHEST_MM = 10_000.0
 """A tracker reaches 2 m: a point farther than this is no place that could be shown, and becomes a gap."""
+_LEVEL = 6  # the highest, 9, takes a quarter longer to win one part in a thousand
 _EXTENT_FRAMES = 200
 _NEAR_MM = 45.0
 NOMINAL_HZ = 240.0
@@ -49,35 +53,47 @@ class Block:
     values: Array
 
 
-def motion_text(motion: HandMotion) -> str:
-    """The motion as one JSON object that may stand inside a script element: a header and base64 data."""
+def motion_text(
+    motion: HandMotion, extra: Sequence[Block] = (), extra_header: Mapping[str, Any] | None = None
+) -> str:
+    """The motion as one JSON object that may stand inside a script element: a header and base64 data.
+
+    extra : further blocks of the motion's T frames, `viewer.blocks[name]` to a script; a name that the
+    viewer uses itself is a ValueError, and so is another number of frames. extra_header : what JSON can
+    hold, `viewer.header.extra`.
+    """
     blocks, header = _blocks(motion), _header(motion)
-    header["blocks"] = [described(block) for block in blocks]
-    header["data"] = base64.b64encode(packed(blocks)).decode("ascii")
-    return json.dumps(header, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    for block in extra:
+        if block.name in {known.name for known in blocks}:
+            raise ValueError(f"two blocks are called {block.name}")
+        if len(block.values) != len(motion.frame):
+            raise ValueError(f"{block.name}: {len(block.values)} frames, the motion has {len(motion.frame)}")
+        blocks.append(block)
+    data, header["blocks"] = packed(blocks)
+    header["extra"] = dict(extra_header or {})
+    header["data"] = base64.b64encode(data).decode("ascii")
+    text = json.dumps(header, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
 
 
-def packed(blocks: list[Block]) -> bytes:
-    """The blocks one after the other, zlib-compressed: of each the gaps (N, T), then the planes (N W, T)."""
-    return zlib.compress(b"".join(_block_bytes(block) for block in blocks), 9)
+def packed(blocks: Sequence[Block]) -> tuple[bytes, list[dict[str, Any]]]:
+    """The blocks one after the other, zlib-compressed, and what a reader must know of each.
+
+    Of each block the gaps (N, T), then the byte planes (N W, T).
+    """
+    raw, parts = [], []
+    for block in blocks:
+        there, code = _codes(block)
+        planes = max(1, -(-int(code.max(initial=0)).bit_length() // 8))
+        raw.append(there.T.astype(np.uint8).tobytes())
+        raw += [(code >> (8 * plane)).astype(np.uint8).tobytes() for plane in range(planes)]
+        shape = dict(zip(("frames", "count", "width"), block.values.shape, strict=True))
+        parts.append({"name": block.name, "step": block.step, **shape, "planes": planes})
+    return zlib.compress(b"".join(raw), _LEVEL), parts
 
 
-def described(block: Block) -> dict[str, Any]:
-    """What a reader must know of a block: its name, step, shape and number of byte planes."""
-    n_frames, count, width = block.values.shape
-    planes = _planes(_codes(block)[1])
-    return {
-        "name": block.name,
-        "step": block.step,
-        "frames": n_frames,
-        "count": count,
-        "width": width,
-        "planes": planes,
-    }
-
-
-def unpacked(data: bytes, parts: list[dict[str, Any]]) -> dict[str, Array]:
-    """What `packed` wrote, by block: (T, N, W), NaN in gaps. parts : each block's `described`."""
+def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+    """What `packed` wrote, by block: (T, N, W), NaN in gaps."""
     raw = np.frombuffer(zlib.decompress(data), np.uint8)
     found, at = {}, 0
     for part in parts:
@@ -116,7 +132,8 @@ def _blocks(motion: HandMotion) -> list[Block]:
         Block("rotations", ROTATION_STEP, _steady_signs(motion.receiver_quaternion)),
     ]
     for index, skeleton in enumerate(motion.skeletons):
-        blocks.append(Block(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
+        if skeleton.seats is None:
+            blocks.append(Block(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
         blocks.append(Block(f"errors{index}", ERROR_STEP_MM, _near(skeleton.tip_error_mm[..., None])))
     return blocks
 
@@ -151,16 +168,6 @@ def _codes(block: Block) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
     return there, code.transpose(1, 2, 0).reshape(-1, len(block.values))
 
 
-def _planes(code: npt.NDArray[np.int64]) -> int:
-    return max(1, -(-int(code.max(initial=0)).bit_length() // 8))
-
-
-def _block_bytes(block: Block) -> bytes:
-    there, code = _codes(block)
-    planes = [((code >> (8 * plane)) & 255).astype(np.uint8).tobytes() for plane in range(_planes(code))]
-    return there.T.astype(np.uint8).tobytes() + b"".join(planes)
-
-
 def _header(motion: HandMotion) -> dict[str, Any]:
     middle, half = _extent(motion)
     based = np.isfinite(motion.receiver_mm[:, motion.base]).all(-1)
@@ -173,6 +180,7 @@ def _header(motion: HandMotion) -> dict[str, Any]:
         "upright": upright(motion).ravel().tolist(),
         "middle": middle.round(1).tolist(),
         "half": half.round(1).tolist(),
+        "shown": shown_first(motion),
         "skeletons": [_skeleton(motion, skeleton) for skeleton in motion.skeletons],
     }
 
@@ -205,7 +213,16 @@ def _skeleton(motion: HandMotion, skeleton: SkeletonMotion) -> dict[str, Any]:
         "status": skeleton.status,
         "bones": [(b.start, b.end, b.digit, b.level, b.shared) for b in skeleton.bones],
         "axes": [_axis(motion, axis) for axis in skeleton.axes if axis.segment in motion.receivers],
+        "errorIs": skeleton.error_is,
+        "seats": None if skeleton.seats is None else [_seat(motion, seat) for seat in skeleton.seats],
     }
+
+
+def _seat(motion: HandMotion, seat: Seat) -> tuple[int, list[float]] | None:
+    """The receiver that a point rides on and where in its frame, mm; nothing for a point without a place."""
+    if seat.segment not in motion.receivers or np.linalg.norm(seat.local_mm) > FARTHEST_MM:
+        return None
+    return motion.receivers.index(seat.segment), [round(part, 3) for part in seat.local_mm]
 
 
 def _axis(motion: HandMotion, axis: JointAxis) -> dict[str, Any]:

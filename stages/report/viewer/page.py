@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -13,8 +15,8 @@ from markupsafe import Markup
 from schemas import VERSION
 from stages.report.hand_picture import hand_picture, window_of
 from stages.report.posed_skeleton import Chain, Point
-from stages.report.viewer.motion import Array, HandMotion, SkeletonMotion, seen
-from stages.report.viewer.motion_data import NOMINAL_HZ, motion_text
+from stages.report.viewer.motion import Array, HandMotion, SkeletonMotion, seen, shown_first
+from stages.report.viewer.motion_data import NOMINAL_HZ, Block, motion_text
 
 _REPORT = Path(__file__).parent.parent
 
@@ -23,33 +25,39 @@ _REPORT = Path(__file__).parent.parent
 class View:
     """One moving hand as `viewer.html.j2` shows it.
 
-    title : what it shows, for who cannot see it. errors : each model and what its tip error is. still : the
-    picture that stands in where nothing moves, and still_caption what that is. data : what `viewer.js`
-    reads. remark : what else to know, or empty.
+    title : what it shows, for who cannot see it. shown : indices of the models in view before any is chosen.
+    still : the picture that stands in where nothing moves, and still_caption what that is. data : what
+    `viewer.js` reads. remark : what else to know, or empty.
     """
 
     title: str
     digits: tuple[str, ...]
     models: tuple[str, ...]
-    errors: tuple[tuple[str, str], ...]
+    shown: tuple[int, ...]
     still: Markup
     still_caption: str
     data: Markup
     remark: str
 
 
-def view_of(title: str, motion: HandMotion) -> View:
-    """Pack a hand's motion for the template."""
-    frame = still_frame(motion)
+def view_of(
+    title: str, motion: HandMotion, extra: Sequence[Block] = (), extra_header: Mapping[str, Any] | None = None
+) -> View:
+    """Pack a hand's motion for the template, and beside it what other scripts of the page need.
+
+    extra : blocks of the motion's T frames (`motion.frame` says which of the recording they are).
+    extra_header : what JSON can hold. A script finds them as `viewer.blocks[name]`, `viewer.header.extra`.
+    """
+    frame, shown = still_frame(motion), shown_first(motion)
     models = tuple(skeleton.model for skeleton in motion.skeletons)
     return View(
         title=title,
         digits=motion.digits,
         models=models,
-        errors=tuple((skeleton.model, skeleton.error_is) for skeleton in motion.skeletons),
-        still=_still(title, motion, frame),
-        still_caption=f"{models[0]}, frame {motion.frame[frame]}",
-        data=Markup(motion_text(motion)),
+        shown=shown,
+        still=_still(title, motion, motion.skeletons[shown[0]], frame),
+        still_caption=f"{models[shown[0]]}, frame {motion.frame[frame]}",
+        data=Markup(motion_text(motion, extra, extra_header)),
         remark=_remark(motion),
     )
 
@@ -79,10 +87,10 @@ def _environment() -> jinja2.Environment:
     )
 
 
-def _still(title: str, motion: HandMotion, frame: int) -> Markup:
+def _still(title: str, motion: HandMotion, skeleton: SkeletonMotion, frame: int) -> Markup:
     receivers = _at(motion, frame, motion.receiver_mm)
     receivers = receivers[np.isfinite(receivers).all(-1)]
-    chains = _chains(motion, motion.skeletons[0], frame, receivers)
+    chains = _chains(motion, skeleton, frame, receivers)
     window = window_of(receivers, chains)
     return hand_picture(title, motion.hand, chains, receivers, window, window.scale)
 

@@ -1,15 +1,20 @@
 "use strict";
 /* The moving hand: reads what motion_data.py packs and draws it with WebGL 2. Lengths are mm, times s.
-   An element with data-hand-viewer gets a property `viewer` and sends "viewerready":
-     viewer.seek(frame) by the recording's own numbers
-     viewer.play(), viewer.pause()
-     viewer.onframe(callback) called with {index, frame, time}; gives a function that ends it */
+   Nothing moves before Play is pressed, so that prefers-reduced-motion has nothing to turn off.
+   An element with data-hand-viewer gets a property `viewer` and sends "viewerready", then "viewershown"
+   whenever other skeletons are chosen; both bubble.
+     viewer.seek(frame) by the recording's own numbers, viewer.goTo(index) by place among those kept
+     viewer.play(), viewer.pause(); viewer.index, viewer.last
+     viewer.onframe(callback) called with {index, frame, time}; gives a function that ends it
+     viewer.shown: places in header.skeletons of those in view; viewer.pictures(): the same by picture
+     viewer.frames, viewer.times: of each index; viewer.header.extra: what the page was given besides
+     viewer.blocks[name]: {values, count, width}, values in the order (index, item, part), NaN in gaps */
 (() => {
 const {floor, min, max, PI} = Math, RIGHT = PI / 2;
 const FIELD = Math.tan(PI / 15); // half of a view 24 degrees high
 const CLASSES_MM = [0.5, 1, 2, 4, 8]; // upper ends; the last class is open
 const FLOATS = 12; // an instance: both ends, both radii, colour
-const SIDES = 12;
+const SIDES = 16;
 
 /* ---- the recording ---- */
 
@@ -113,7 +118,7 @@ const arc = (steps, at, from, to) => Array.from({length: steps + 1}, (_, i) => {
 });
 const SOLIDS = {
   bone: [[0, 0, 1, 1, 0], [.16, 0, .78, .97, .25], [.5, 0, .58, 1, 0], [.84, 0, .76, .97, -.25], [1, 0, 1, 1, 0]],
-  ball: arc(6, 0, -RIGHT, RIGHT),
+  ball: arc(8, 0, -RIGHT, RIGHT),
   rod: [[0, 0, 1, 1, 0], [1, 0, 1, 1, 0]],
   disc: [[0, 0, 0, 0, 1], [0, 0, 1, 0, 1]],
 };
@@ -226,7 +231,7 @@ class HandViewer {
     const {digits, skeletons} = header;
     Object.assign(this, {root, header, digits, skeletons, blocks, index: 0, asleep: true, playing: false, drawn: 0});
     Object.assign(this, {listeners: new Set(), times: blocks.time.values, frames: blocks.frame.values});
-    this.last = this.frames.length - 1;
+    Object.assign(this, {last: this.frames.length - 1, shown: header.shown});
     this.part = {};
     for (const part of root.querySelectorAll("[data-part]")) this.part[part.dataset.part] = part;
     this.canvas = this.part.canvas;
@@ -254,7 +259,16 @@ class HandViewer {
 
   error(skeleton, digit) { return this.vector(`errors${skeleton}`, digit)[0]; }
 
-  seen(block, item, base) { return apply(base.turn, minus(this.vector(block, item), base.origin)); }
+  /* A point in the transmitter frame: it rides on a receiver, or is stored because the skeleton is fitted. */
+  place(s, point, frame = this.index) {
+    const {seats} = this.skeletons[s];
+    if (!seats) return this.vector(`points${s}`, point, frame);
+    if (!seats[point]) return [NaN, NaN, NaN];
+    const [receiver, local] = seats[point], turn = rotation(this.vector("rotations", receiver, frame));
+    return along(this.vector("receivers", receiver, frame), apply(turn, local), 1);
+  }
+
+  seen(place, base) { return apply(base.turn, minus(place, base.origin)); }
 
   /* ---- the camera ---- */
 
@@ -304,8 +318,7 @@ class HandViewer {
 
   /* Which skeletons each picture holds. */
   pictures() {
-    const shown = this.part.shown?.value ?? "0";
-    return {beside: [[0], [1]], over: [[0, 1]]}[shown] ?? [[Number(shown)]];
+    return this.part.over?.checked ? [this.shown] : this.shown.map((s) => [s]);
   }
 
   readColours() {
@@ -330,21 +343,24 @@ class HandViewer {
     const add = (kind, a, b, radii, colour, alpha = 1) => {
       if (!isNaN(a[0] + b[0])) shapes[kind].push(...a, ...b, ...radii, ...colour, alpha);
     };
-    for (const s of skeletons) this.addSkeleton(s, skeletons.length > 1, base, add);
+    for (const s of skeletons) {
+      this.addSkeleton(s, skeletons.length > 1, base, add);
+      this.addAxes(s, base, add);
+    }
     if (this.part.receivers.checked) this.addReceivers(base, add);
-    if (this.part.axes.checked) for (const s of skeletons) this.addAxes(s, base, add);
     return shapes;
   }
 
   addSkeleton(s, together, base, add) {
     const {points, bones, sd, status, tips} = this.skeletons[s], {colours} = this, by = this.part.colour.value;
-    const places = points.map((_, i) => this.seen(`points${s}`, i, base));
+    const places = points.map((_, i) => this.seen(this.place(s, i), base)), slim = by === "sd" ? .55 : 1;
     const errors = this.digits.map((_, d) => this.class(this.error(s, d)));
     const balls = points.map(() => [0, colours.plain]);
     const grow = (i, size, colour) => (balls[i] = [max(balls[i][0], size), colour ?? balls[i][1]]);
     for (const [start, end, digit, level, shared] of bones) {
       const own = {digit: colours.digit[digit % 5], tip: errors[digit]}[by] ?? colours.bone;
-      const colour = together ? colours.model[s] : own, thick = max(2.6, 4.3 - .5 * level), thin = thick - .5;
+      const colour = together ? colours.model[this.shown.indexOf(s)] : own;
+      const thick = slim * max(2.6, 4.3 - .5 * level), thin = thick - .5 * slim;
       if (level < 0) {
         add("rod", places[start], places[end], [1.1, 1.1], colours.plain);
         grow(start, 4.4);
@@ -352,11 +368,13 @@ class HandViewer {
       }
       add("bone", places[start], places[end], [shared ? 2.6 : thick, thin], colour);
       grow(start, shared ? 4.4 : thick * 1.08, shared ? null : colour);
-      grow(end, thin * 1.06, together && by === "tip" && tips.includes(end) ? errors[digit] : colour);
+      grow(end, thin * 1.06, colour);
     }
     places.forEach((place, i) => {
       let [size, colour] = balls[i];
-      if (by === "sd") [size, colour] = [size * 1.12, this.class(sd[i])];
+      // A ball that stands for a number is as large as viewer.html.j2 says in words.
+      const digit = tips.indexOf(i), mm = {sd: sd[i], tip: digit < 0 ? undefined : this.error(s, digit)}[by];
+      if (mm !== undefined) [size, colour] = [3 + min(8, mm || 0), this.class(mm)];
       else colour = by === "digit" && status[i] === "weak" ? colours.weak : colour.map((part) => part * .8 + .2);
       add("ball", place, place, [size, size], colour);
     });
@@ -368,17 +386,18 @@ class HandViewer {
 
   addReceivers(base, add) {
     this.header.receivers.forEach((_, i) => this.colours.axis.forEach((colour, axis) => {
-      const origin = this.seen("receivers", i, base), unit = [0, 1, 2].map((part) => +(part === axis));
+      const origin = this.seen(this.vector("receivers", i), base), unit = [0, 1, 2].map((part) => +(part === axis));
       add("rod", origin, along(origin, this.direction(i, unit, base), 10), [.8, .8], colour);
     }));
   }
 
+  /* Of each joint its rotation axis, and the plane that its digit bends in. */
   addAxes(s, base, add) {
-    const {plain} = this.colours;
+    const {plain} = this.colours, {axes, planes} = this.part;
     for (const {point, receiver, axis, plane, normal} of this.skeletons[s].axes) {
-      const centre = this.seen(`points${s}`, point, base), way = this.direction(receiver, axis, base);
-      add("rod", along(centre, way, -13), along(centre, way, 13), [.7, .7], plain);
-      if (plane === null) continue;
+      const centre = this.seen(this.place(s, point), base), way = this.direction(receiver, axis, base);
+      if (axes.checked) add("rod", along(centre, way, -13), along(centre, way, 13), [.7, .7], plain);
+      if (!planes.checked || plane === null) continue;
       add("disc", centre, along(centre, this.direction(plane, normal, base), 1), [11, 11], plain, .22);
     }
   }
@@ -404,7 +423,7 @@ class HandViewer {
       const picture = floor(i / n), part = parts[picture], s = shown[picture];
       labels[i].hidden = !part || !this.part.names.checked;
       if (labels[i].hidden) continue;
-      const tip = this.seen(`points${s}`, this.skeletons[s].tips[i % n], base), p = apply(turn, minus(tip, centre));
+      const tip = this.seen(this.place(s, this.skeletons[s].tips[i % n]), base), p = apply(turn, minus(tip, centre));
       const pixels = part[3] / (2 * FIELD * (distance - p[2]));
       const x = part[0] + part[2] / 2 + (p[0] - pan[0]) * pixels, y = part[3] / 2 - (p[1] - pan[1]) * pixels;
       labels[i].hidden = !(x > part[0] && x < part[0] + part[2] && y > 0 && y < part[3]);
@@ -506,9 +525,8 @@ class HandViewer {
     this.told = now;
     this.part.play.textContent = this.playing ? "Pause" : "Play";
     this.part.slider.setAttribute("aria-valuetext", this.part.where.textContent);
-    const shown = this.pictures().flat();
     this.digits.forEach((_, d) => {
-      const errors = shown.map((s) => this.error(s, d));
+      const errors = this.shown.map((s) => this.error(s, d));
       this.part[`error${d}`].textContent = errors.map((mm) => (isNaN(mm) ? "–" : mm.toFixed(1))).join(" | ");
     });
     const scale = this.mmPerPixel(), bar = [1, 5, 10, 20, 50, 100].findLast((mm) => mm / scale < 110);
@@ -516,12 +534,35 @@ class HandViewer {
     this.part.scale.textContent = `${bar} mm`;
   }
 
-  /* Names over the pictures; viewer.css shows the legends. */
+  /* The skeletons that the two lists name. One that was the second and becomes the first changes places. */
+  choose() {
+    const {first, second, over} = this.part, before = this.shown;
+    if (!first) return;
+    if (first.value === second.value) second.value = before[0];
+    for (const option of second.options) option.disabled = option.value === first.value;
+    over.disabled = !second.value;
+    this.shown = [first.value, second.value].filter((value) => value).map(Number);
+    if (`${this.shown}` !== `${before}`) this.root.dispatchEvent(new Event("viewershown", {bubbles: true}));
+  }
+
+  /* Names over the pictures, what the numbers are, what can be asked for; viewer.css shows the legends. */
   describe() {
-    const {part, root} = this, colour = part.colour.value, shown = this.pictures();
-    Object.assign(root.dataset, {colour, together: shown[0].length > 1, axes: part.receivers.checked});
-    this.skeletons.forEach((_, s) => (part[`model${s}`].hidden = !shown.flat().includes(s)));
+    this.choose();
+    const {part, root} = this, shown = this.shown.map((s) => this.skeletons[s]);
+    const axes = shown.flatMap((skeleton) => skeleton.axes), colour = part.colour.value;
+    Object.assign(root.dataset, {colour, together: this.pictures()[0].length > 1, axes: part.receivers.checked});
+    for (const i of [0, 1]) {
+      part[`name${i}`].hidden = !shown[i];
+      part[`name${i}`].textContent = part[`key${i}`].textContent = shown[i]?.model;
+    }
+    const same = shown.every(({errorIs}) => errorIs === shown[0].errorIs);
+    const said = shown.map(({model, errorIs}) => (same ? errorIs : `${model}: ${errorIs}`));
+    part.errors.textContent = `mm, ${[...new Set(said)].join("; ")}`;
+    part.axes.disabled = !axes.length;
+    part.planes.disabled = axes.every(({plane}) => plane === null);
+    part.ball.textContent = colour === "tip" ? "fingertip" : "joint";
     part.what.textContent = `${part.colour.selectedOptions[0].text}, mm:`;
+    this.tell();
     this.wake();
   }
 
@@ -602,7 +643,7 @@ async function start(root) {
     root.dispatchEvent(new Event("viewerready", {bubbles: true}));
   } catch (error) {
     live.hidden = true;
-    root.querySelector("p").textContent = `The hand does not move here: ${error.message}.`;
+    root.querySelector(".viewer-lacking").textContent = `The hand does not move here: ${error.message}.`;
   }
 }
 

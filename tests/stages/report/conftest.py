@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 from report_samples.made_study import FITTED_MODELS, make_study
+from report_samples.rendered import subject_page, whole_report
 
 from schemas.study import read_study
-from stages.report.page import render_page
+from stages.report.study_page import render_study
 from stages.report.study_results import StudyResults, read_results
 
 
@@ -26,8 +27,16 @@ def results(made: tuple[Path, Path]) -> StudyResults:
 
 @pytest.fixture(scope="session")
 def page(results: StudyResults) -> str:
-    """The made-up study's page."""
-    return render_page(results)
+    """The made-up study's page and its subjects', one after the other."""
+    return whole_report(results)
+
+
+@pytest.fixture(scope="session")
+def pages(results: StudyResults) -> dict[Path, str]:
+    """The made-up study's page and its subjects', by path."""
+    paths = results.paths
+    of_subjects = {paths.subject_page(name): subject_page(results, name) for name in results.subjects}
+    return {paths.report: render_study(results), **of_subjects}
 
 
 @pytest.fixture(scope="session")
@@ -50,5 +59,5 @@ def fitted(fitted_made: tuple[Path, Path]) -> StudyResults:
 
 @pytest.fixture(scope="session")
 def fitted_page(fitted: StudyResults) -> str:
-    """Its page."""
-    return render_page(fitted)
+    """Its page and its subject's."""
+    return whole_report(fitted)

@@ -14,7 +14,7 @@ from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.poses import read_poses
 from schemas.tables import read_table
-from stages.report.viewer.motion import hand_motion, ridden_skeleton, seen, thinned
+from stages.report.viewer.motion import Seat, hand_motion, ridden_skeleton, seen, shown_first, thinned
 from stages.simulate.anatomy import BONES, DIGITS
 
 LAYOUT = read_layout("liberty16")
@@ -99,6 +99,7 @@ def test_a_failed_joint_has_no_place(right: Any) -> None:
     skeleton = ridden_skeleton(LAYOUT, model, {"ring_pip": row}, tips, poses)
     assert np.isnan(skeleton.position_mm[:, skeleton.points.index("ring_pip")]).all()
     assert skeleton.status[skeleton.points.index("ring_pip")] == "failed"
+    assert skeleton.seats[skeleton.points.index("ring_pip")] == Seat("")
     assert np.isfinite(skeleton.position_mm[:, skeleton.points.index("ring tip")]).all()
 
 
@@ -113,6 +114,18 @@ def test_a_digits_own_base_rides_on_its_parent_and_other_joints_on_their_childre
     for joint, segment in (("thumb_cmc", "hand"), ("thumb_mcp", "thumb_proximal")):
         receiver = poses.position_mm[:, poses.index(segment)]
         np.testing.assert_allclose(skeleton.position_mm[:, skeleton.points.index(joint)], receiver)
+
+
+def test_a_fitted_hand_is_shown_first_and_the_papers_beside_it(right: Any) -> None:
+    motion = right.motion("paper-fig3", "paper-fig4", "whole-hand")
+    assert shown_first(motion) == (2, 1)
+    assert shown_first(right.motion("whole-hand", "paper-fig3", "paper-fig4")) == (0, 2)
+    assert shown_first(right.motion("paper-fig3", "paper-fig4")) == (0, 1)
+    assert shown_first(replace(motion, paper="")) == (2, 0), "without the paper's the study's first"
+    assert shown_first(right.motion("whole-hand")) == (0,)
+    empty = replace(motion.skeletons[2], position_mm=np.full_like(motion.skeletons[2].position_mm, np.nan))
+    unposed = replace(motion, skeletons=(*motion.skeletons[:2], empty))
+    assert shown_first(unposed) == (0, 1), "a hand that was not posed in this recording is not shown first"
 
 
 def test_the_view_is_upright_and_not_mirrored(known: Any) -> None:

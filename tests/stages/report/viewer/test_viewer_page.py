@@ -48,8 +48,18 @@ def test_a_title_is_text_and_no_markup(right: Any) -> None:
 
 
 def test_one_skeleton_is_not_offered_beside_another(right: Any) -> None:
-    assert 'data-part="shown"' not in page_of_viewer("x", right.motion("paper-fig4"))
-    assert 'data-part="shown"' in page_of_viewer("x", right.motion("paper-fig4", "whole-hand"))
+    alone = page_of_viewer("x", right.motion("paper-fig4"))
+    both = page_of_viewer("x", right.motion("paper-fig4", "whole-hand"))
+    for name in ("first", "second", "over"):
+        control = f'data-part="{name}"'
+        assert (control in alone, control in both) == (False, True)
+
+
+def test_the_lists_stand_at_what_is_shown_first(right: Any) -> None:
+    page = page_of_viewer("x", right.motion("paper-fig3", "paper-fig4", "whole-hand"))
+    chosen = re.findall(r'<option value="(\d)" selected>([\w-]+)</option>', page)
+    assert chosen == [("2", "whole-hand"), ("1", "paper-fig4")]
+    assert ">whole-hand, frame " in page
 
 
 def test_remarks_say_what_is_not_as_recorded(right: Any) -> None:
@@ -68,7 +78,7 @@ def test_the_still_picture_is_of_the_middlemost_whole_frame(right: Any) -> None:
 
 
 def test_the_script_stays_small() -> None:
-    assert (FOLDER / "viewer.js").stat().st_size <= 25_000
+    assert (FOLDER / "viewer.js").stat().st_size <= 28_000
 
 
 @pytest.mark.parametrize("name", ["viewer.js", "viewer.css"])

@@ -1,19 +1,15 @@
-"""The page: gathers every section's tables and figures and hands them to the template."""
+"""The page of one subject: what its skeletons are worth, and every number behind them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
-import jinja2
-
-from schemas import VERSION
-from schemas.catalogue import TIPS
+from schemas.study import Hand
 from stages.report import provenance
 from stages.report.data_table import DataTable, Folded
-from stages.report.figures import FigureRow, error_charts, skeleton_pictures
-from stages.report.finding import finding, used_in_words
+from stages.report.figures import FigureRow, skeleton_pictures
+from stages.report.finding import used_in_words
+from stages.report.links import link, recording_links
 from stages.report.next_recording import NextRecording, next_recording
 from stages.report.score_tables import digit_tables, score_table
 from stages.report.skeleton_tables import bone_table, joint_tables, receiver_tables
@@ -26,7 +22,8 @@ from stages.report.tables_1_to_4 import (
     printed_table,
     table_title,
 )
-from stages.report.tip_traces import Trace, read_traces
+from stages.report.templates import render
+from stages.report.trust import trust_table
 from stages.report.truth_tables import joint_error_tables, truth_table
 
 
@@ -41,14 +38,22 @@ class TablePair:
 
 @dataclass(frozen=True)
 class TrialPart:
-    """One evaluated task: its tables and its charts; scores is None where nothing was scored."""
+    """One evaluated task: its tables; scores is None where nothing was scored."""
 
     title: str
     scores: DataTable | None
     digits: list[Folded]
     pairs: list[TablePair]
     least_squares: DataTable
-    charts: list[FigureRow]
+
+
+@dataclass(frozen=True)
+class TrustPart:
+    """One hand: its joints in words, of the leading model and, folded, of the others."""
+
+    hand: str
+    leading: DataTable
+    others: list[Folded]
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,7 @@ class SubjectPart:
     """Everything about one subject; truth is None where there is none to compare with."""
 
     name: str
+    trust: list[TrustPart]
     truth: DataTable | None
     joint_errors: list[Folded]
     next_recording: list[NextRecording]
@@ -66,58 +72,40 @@ class SubjectPart:
     receivers: list[Folded]
 
 
-def render_page(results: StudyResults) -> str:
-    """Give the report as one HTML page; the same results give the same text."""
-    traces = read_traces(results.paths.study_table(TIPS.name))
-    subjects = [_subject_part(results, subject, traces) for subject in results.subjects]
-    return (
-        _environment()
-        .get_template("template.html.j2")
-        .render(
-            study=results.study.name,
-            version=VERSION,
-            finding=finding(results),
-            used=used_in_words(results),
-            problems=provenance.problems_table(results),
-            exports=results.study.exports,
-            subjects=subjects,
-            fitted=results.fitted,
-            simulated=results.study.simulation is not None,
-            slips=SLIPS,
-            recordings=provenance.recordings_table(results),
-            models=provenance.models_table(results),
-            versions=provenance.versions_table(),
-            inputs=provenance.inputs_table(results),
-            config=provenance.config_text(results),
-        )
-        + "\n"
+def render_subject(results: StudyResults) -> str:
+    """Give the page of the one subject that `results` is of; the same results give the same text.
+
+    Its only link to other subjects is that to the study's page: were they named here, one subject more
+    would make the others' pages anew.
+    """
+    (subject,) = results.subjects
+    page = results.paths.subject_page(subject)
+    return render(
+        "subject.html.j2",
+        study=results.study.name,
+        to_study=link(results.study.name, page, results.paths.report),
+        recordings=recording_links(results.study, results.paths, page, subject),
+        used=used_in_words(results),
+        problems=provenance.problems_table(results, f"as the study asked: subject {subject}"),
+        part=_subject_part(results, subject),
+        model=results.leading,
+        fitted=results.fitted,
+        simulated=results.study.simulation is not None,
+        slips=SLIPS,
+        sheet=provenance.recordings_table(results, f"of subject {subject}"),
+        inputs=provenance.inputs_table(results, f"of subject {subject}"),
     )
 
 
-def render_failure(message: str) -> str:
-    """Give a page that says only why there is no report."""
-    return _environment().get_template("failure.html.j2").render(message=message) + "\n"
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-
-
-def _subject_part(results: StudyResults, subject: str, traces: dict[tuple[str, ...], Trace]) -> SubjectPart:
+def _subject_part(results: StudyResults, subject: str) -> SubjectPart:
     hands = results.hands(subject)
     return SubjectPart(
         subject,
+        [_trust_part(results, hand) for hand in hands],
         truth_table(results, subject),
         joint_error_tables(results, subject),
         [next_recording(results, hand) for hand in hands],
-        [_trial_part(results, trial, traces) for trial in results.trials(subject)],
+        [_trial_part(results, trial) for trial in results.trials(subject)],
         skeleton_pictures(results, subject),
         [folded for hand in hands for folded in joint_tables(results, hand)],
         [bone_table(results, hand) for hand in hands],
@@ -125,7 +113,16 @@ def _subject_part(results: StudyResults, subject: str, traces: dict[tuple[str, .
     )
 
 
-def _trial_part(results: StudyResults, trial: Trial, traces: dict[tuple[str, ...], Trace]) -> TrialPart:
+def _trust_part(results: StudyResults, hand: Hand) -> TrustPart:
+    others = [name for name in results.models if name != results.leading]
+    return TrustPart(
+        f"{hand.hand.capitalize()} hand",
+        trust_table(results, hand, results.leading),
+        [Folded(name, trust_table(results, hand, name)) for name in others],
+    )
+
+
+def _trial_part(results: StudyResults, trial: Trial) -> TrialPart:
     beside = is_the_papers_hand(results, trial)
     pairs = [
         TablePair(
@@ -141,5 +138,4 @@ def _trial_part(results: StudyResults, trial: Trial, traces: dict[tuple[str, ...
         digit_tables(results, trial),
         pairs,
         least_squares_table(results, trial),
-        error_charts(results, traces, trial),
     )

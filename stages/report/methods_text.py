@@ -1,0 +1,109 @@
+"""Methods text that can be pasted into a manuscript: what was recorded, computed, compared and tested.
+
+It says what the study's own files say, and nothing of what came out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from statistics import median
+
+from schemas import VERSION
+from stages.report.comparison import FEWEST_SUBJECTS, N_RESAMPLES
+from stages.report.data_table import counted, listed, number
+from stages.report.study_results import Row, StudyResults
+
+REFERENCES = (
+    "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "
+    "Capture Data. Akita University.",
+    "J. F. O'Brien, R. E. Bodenheimer, G. J. Brostow, J. K. Hodgins: Automatic Joint Parameter Estimation "
+    "from Magnetic Motion Capture Data. Graphics Interface 2000, 53–60.",
+    "R. M. Ehrig, W. R. Taylor, G. N. Duda, M. O. Heller: A survey of formal methods for determining the "
+    "centre of rotation of ball joints. Journal of Biomechanics 39 (2006) 2798–2809.",
+    "G. Wu et al.: ISB recommendation on definitions of joint coordinate systems of various joints for the "
+    "reporting of human joint motion, part II. Journal of Biomechanics 38 (2005) 981–992.",
+    "R. A. Fisher: The Design of Experiments. Oliver and Boyd, 1935.",
+    "T. C. Hesterberg: What Teachers Should Know About the Bootstrap. The American Statistician 69 (2015) "
+    "371–386.",
+    "S. Holm: A Simple Sequentially Rejective Multiple Test Procedure. Scandinavian Journal of Statistics 6 "
+    "(1979) 65–70.",
+    "L. V. Hedges: Distribution Theory for Glass's Estimator of Effect Size and Related Estimators. Journal "
+    "of Educational Statistics 6 (1981) 107–128.",
+)
+
+
+def methods_text(results: StudyResults) -> list[str]:
+    """The paragraphs, in the past tense, as a manuscript has them."""
+    return [_recorded(results), _solved(results), _judged(results), _software()]
+
+
+def _recorded(results: StudyResults) -> str:
+    study = results.study
+    used = [row for row in results.recordings if row["status"] == "used"]
+    made = "simulated" if study.simulation is not None else "recorded"
+    receivers = sorted({len(layout.measured) for layout in results.layouts.values()})
+    worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:]))
+    tasks = Counter(row["task"] for row in used)
+    text = (
+        f"{_capital(counted(len(study.hands), 'hand'))} of {counted(len(study.subjects), 'subject')} "
+        f"{'was' if len(study.hands) == 1 else 'were'} {made} with up to {worn} magnetic receivers a hand"
+        f"{_rate(used)}, in {counted(len(used), 'recording')}"
+    )
+    if tasks:
+        text += " (" + listed(f"{task}: {count}" for task, count in sorted(tasks.items())) + ")"
+    lost = len(study.recordings) - len(used)
+    text += "." if not lost else f"; {counted(lost, 'further recording')} could not be used."
+    if study.simulation is not None:
+        text += " The simulator knows the true skeleton; no person's hand is behind these numbers."
+    return text
+
+
+def _solved(results: StudyResults) -> str:
+    described = (f"{name}: {model.description.rstrip('.')}." for name, model in results.models.items())
+    text = (
+        "Joint centres were found from the relative motion of the receivers beside each joint [1–3]. "
+        f"{_capital(counted(len(results.models), 'skeleton model'))} "
+        f"{'was' if len(results.models) == 1 else 'were'} compared. "
+    ) + " ".join(described)
+    if results.fitted:
+        text += (
+            f" {listed(results.fitted)}: all joint centres, axes, bone lengths and the receivers' places "
+            "were estimated at once (maximum a posteriori, with anatomical priors), their uncertainty by a "
+            "Gaussian approximation. Joint angles follow ISB [4]."
+        )
+    return text
+
+
+def _judged(results: StudyResults) -> str:
+    fresh = any(row["held_out"] and not row["reference"] for row in results.scores)
+    seen = (
+        "Skeletons were scored on recordings of tasks that they were not made from."
+        if fresh
+        else "Skeletons were scored on the recordings that they were made from; nothing was held out."
+    )
+    return (
+        f"{seen} The subject was the unit of comparison: each gave one difference between two models, the "
+        "mean over its hands, recordings and digits. Differences were tested by flipping their signs [5]; "
+        f"95 % intervals are expanded percentile bootstrap intervals over subjects [6] ({N_RESAMPLES} "
+        f"resamples, from {FEWEST_SUBJECTS} subjects on); Holm's procedure corrected p [7]; effect sizes "
+        "are Cohen's d_z with Hedges' correction [8]."
+    )
+
+
+def _software() -> str:
+    return (
+        f"All computations were made with Shukotsu {VERSION}; configuration, versions and the SHA-256 of "
+        "every input file are listed in the study's report."
+    )
+
+
+def _rate(used: list[Row]) -> str:
+    """The median frame rate; empty where no recording has device times."""
+    rates = [
+        (row["n_frames"] - 1) / row["duration_s"] for row in used if row["duration_s"] and row["n_frames"] > 1
+    ]
+    return f" at {number(median(rates), 0)} Hz" if rates else ""
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]

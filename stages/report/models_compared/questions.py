@@ -1,0 +1,71 @@
+"""What skeleton models are asked, the questions that judge a skeleton first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+PRIOR, NAIL, TRUE = "prior-only", "distal-receiver", "true-skeleton"
+
+
+@dataclass(frozen=True)
+class Question:
+    """One question.
+
+    metric : of METRICS. choice : its name among the others. says : how far the answer judges a skeleton.
+    judged_by : the words of the finding; empty where it judges none. references : drawn beside the models.
+    fitted_only : whether only models that pose a fitted hand take this test.
+    """
+
+    metric: str
+    choice: str
+    says: str
+    judged_by: str = ""
+    references: tuple[str, ...] = ()
+    fitted_only: bool = False
+
+
+QUESTIONS = (
+    Question(
+        "error_mm",
+        "Joint centres against the truth",
+        "How far the stated joint centres are from the true ones. This judges a skeleton. Models that differ "
+        "only in how they pose a metacarpal have the same joints.",
+        "how far the joint centres are from the true ones",
+        (PRIOR,),
+    ),
+    Question(
+        "metacarpal_deg",
+        "Metacarpal directions against the truth",
+        "The angle between the stated and the true metacarpal. This judges what models of metacarpals differ "
+        "in; one that starts its fingers at the wrist states another line than the bone's and is off by a "
+        "constant angle besides.",
+        "how far the metacarpals are from their true directions",
+        (PRIOR,),
+    ),
+    Question(
+        "true_tip_mean_mm",
+        "Fingertips against the truth",
+        "From the fingertip that a model states to the true end of the distal bone. A fitted hand knows a "
+        "fingertip; the other models know the receiver on the nail, which distal-receiver is alone.",
+        "how far the fingertips are from the true ones",
+        (PRIOR, NAIL, TRUE),
+    ),
+    Question(
+        "left_out_mean_mm",
+        "Distal receivers left out of the pose",
+        "Each fitted hand is posed without the distal receivers' positions and must say where they are. On "
+        "recordings that it was not made from this judges a fitted hand in part: it sees no error that a "
+        "bone and its receiver make together. Other models replay their receivers, which is another test, "
+        "and are not here.",
+        "how far distal receivers are missed when a pose is not told where they are",
+        (PRIOR, TRUE),
+        fitted_only=True,
+    ),
+    Question(
+        "replay_mean_mm",
+        "Tip error of the replay",
+        "The paper's number. It says how well the joints close and not where they are, so it judges no "
+        "skeleton: the true one does not win it. A large error is a warning; a small one is no proof.",
+        references=(TRUE,),
+    ),
+)

@@ -1,0 +1,1 @@
+"""The page of one recording: the moving hand, plots that follow it, and the numbers behind."""

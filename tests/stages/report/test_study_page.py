@@ -1,0 +1,133 @@
+"""The study's page: who is in it, what was held out, and methods text that says what was done."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from report_samples.read_page import read_page, table_called
+
+from schemas.results import Results
+from schemas.study import Hand
+from stages.report.links import anchor, link, recording_links
+from stages.report.methods_text import REFERENCES, methods_text
+from stages.report.study_page import render_study
+from stages.report.study_results import StudyResults
+from stages.report.trust import believed_in_words
+
+NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
+
+
+def _hands(results: StudyResults) -> dict[tuple[str, str], list[str]]:
+    """Rows of the subjects' table by subject and hand."""
+    (table,) = [
+        t for t in read_page(render_study(results)).tables if t.caption.startswith("Every hand of the study")
+    ]
+    return {(row[0], row[1]): row[2:] for row in table.rows[1:]}
+
+
+@given(NAMES)
+def test_links_survive_any_name(name: str) -> None:
+    """A link leads to the file of that name, and shows the name as it is."""
+    paths = Results(Path("results/any"))
+    page, target = paths.report, paths.subject_page(name)
+    to = link(name, page, target)
+    assert page.parent / unquote(to.href) == target
+    shown = read_page(str(anchor(to)))
+    assert [tag for tag, _ in shown.tags] == ["a"]
+    assert "".join(shown.text).split() == name.split()
+
+
+def test_every_hand_has_a_row(results: StudyResults) -> None:
+    """With its recordings' links; what was not used is told with its reason."""
+    hands = _hands(results)
+    assert list(hands) == [(hand.subject, hand.hand) for hand in results.study.hands]
+    assert hands["S01", "right"][:3] == [
+        "opposition",
+        "1 recording",
+        believed_in_words(results, Hand("S01", "right"), results.leading),
+    ]
+    failed = [row["message"] for row in results.recordings if row["status"] == "failed"]
+    (told,) = [row[1] for row in hands.values() if row[1].startswith("◆")]
+    assert told == f"◆ 0 of 1 recording; failed: {failed[0]}"
+
+
+def test_scores_of_a_hand_are_means_of_the_table(fitted: StudyResults) -> None:
+    """Of held-out scores where there are any."""
+    for (subject, hand), row in _hands(fitted).items():
+        mine = [
+            r
+            for r in fitted.scores
+            if (r["subject"], r["hand"], r["model"], r["held_out"]) == (subject, hand, "whole-hand", True)
+        ]
+        for cell, name in zip(row[3:5], ("left_out_mean_mm", "true_tip_mean_mm"), strict=True):
+            values = [r[name] for r in mine if r[name] is not None]
+            assert cell == f"{sum(values) / len(values):.2f}"
+
+
+def test_in_sample_scores_stand_where_nothing_is_held_out(fitted: StudyResults) -> None:
+    seen = replace(fitted, scores=[row for row in fitted.scores if not row["held_out"] or row["reference"]])
+    values = [
+        row["left_out_mean_mm"]
+        for row in seen.scores
+        if (row["hand"], row["model"]) == ("right", "whole-hand") and row["left_out_mean_mm"] is not None
+    ]
+    assert _hands(seen)["S01", "right"][3] == f"{sum(values) / len(values):.2f}"
+
+
+def test_what_was_fitted_and_what_held_out(fitted: StudyResults) -> None:
+    table = table_called(render_study(fitted), "What skeletons were made from, and what they were scored on.")
+    expected = {
+        (row["model"], row["calibrated_on"], row["task"], "held out" if row["held_out"] else "○ in-sample")
+        for row in fitted.scores
+        if not row["reference"]
+    }
+    assert {tuple(row[:4]) for row in table.rows[1:]} == expected
+    assert {row[4] for row in table.rows[1:]} == {"2 hands of 1 subject"}
+
+
+def test_methods_say_what_the_study_is(fitted: StudyResults, results: StudyResults) -> None:
+    """Subjects, hands, receivers, recordings, models; simulated recordings are never passed off as real."""
+    text = " ".join(methods_text(fitted))
+    assert "2 hands of 1 subject were simulated with up to 17 magnetic receivers a hand" in text
+    assert "no person's hand is behind these numbers" in text
+    assert "recordings of tasks that they were not made from" in text
+    for name, model in fitted.models.items():
+        assert f"{name}: {model.description.rstrip('.')}." in text
+    plain = " ".join(methods_text(results))
+    assert "were recorded with" in plain
+    assert "simulator" not in plain
+    assert "; 1 further recording could not be used." in plain
+    assert "nothing was held out" in plain
+
+
+@pytest.mark.parametrize("number", range(1, len(REFERENCES) + 1))
+def test_every_reference_is_cited(fitted: StudyResults, number: int) -> None:
+    text = " ".join(methods_text(fitted)).replace("[1–3]", "[1] [2] [3]")
+    assert f"[{number}]" in text
+    assert f"[{len(REFERENCES) + 1}]" not in text
+
+
+def test_rate_is_that_of_the_recordings(fitted: StudyResults) -> None:
+    """The median over recordings; nothing is said where no recording has device times."""
+    timed = replace(
+        fitted,
+        recordings=[
+            row | {"status": "used", "n_frames": 241, "duration_s": 1.0} for row in fitted.recordings
+        ],
+    )
+    assert " at 240 Hz, in " in methods_text(timed)[0]
+    untimed = replace(timed, recordings=[row | {"duration_s": None} for row in timed.recordings])
+    assert " Hz" not in methods_text(untimed)[0]
+
+
+def test_links_name_trial_and_hand(results: StudyResults) -> None:
+    """What tells recordings apart stands in their links."""
+    links = recording_links(results.study, results.paths, results.paths.report, "S01")
+    assert [each.words for each in links] == ["opposition, right hand", "opposition, left hand"]
+    (one,) = recording_links(results.study, results.paths, results.paths.report, "S01", "left")
+    assert one == ("opposition", "report/sub-S01/left/opposition.html")

@@ -1,0 +1,265 @@
+"""Tables in a real browser: sorted, filtered and saved, by mouse and by keyboard, and none of it on paper."""
+# ruff: noqa: F811  # a test names its fixture as the import that brings it
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+from browser import WatchedPage, browser, watched_page  # noqa: F401
+from report_samples.small_page import small_page
+
+from stages.report.data_table import Block, DataTable, Folded
+
+pytestmark = pytest.mark.slow
+
+BODY = """{% from "macros.html.j2" import data_table, folded_table %}
+{% for table in tables %}{{ data_table(table) }}{% endfor %}
+{% for folded in folds %}{{ folded_table(folded) }}{% endfor %}"""
+
+MIXED = DataTable(
+    "Mixed: 95 % of 12/20 <b>?",
+    (
+        Block(
+            ("Joint", "Status", "SD [mm]", "Range [mm]", "Counted"),
+            (
+                ("joint 10", "ok", "9.125 ± 0.45", "1.2 to 3.4", "12 of 20"),
+                ("joint 9", "◆ weak", "9.50", "-0.5 to 0.2", "2 of 20"),
+                ("joint 2", "ok", "–", "–", "100 of 120"),
+                ("Älter", "✕ failed", "(9.75)", "< 0.0001", "7 of 7"),
+                ("joint 1", "ok", "-3e-05", "0.2 to 0.3", ""),
+            ),
+        ),
+    ),
+    (),
+    frozenset({0, 1}),
+)
+BLOCKS = DataTable(
+    "CON",
+    (
+        Block(
+            ("Thumb", "A [mm]", "B"),
+            (("=1+1", "-2.5", "@x"), ('say "a, b"', "3", "+4"), ("-", "1", "-2+cmd|x")),
+        ),
+        Block(("Index", "A [mm]", "B"), (("c", "1", "two\nlines"), ("b", "–", "x"), ("a", "0.5", "y"))),
+        Block(("Ring", "C [deg]", "B"), (("z", "2", "x"),)),
+    ),
+    (),
+    frozenset({0, 2}),
+)
+LONG = DataTable(
+    "Long: 指の関節, every row.",
+    (
+        Block(
+            ("Row", *(f"Column {k} [mm]" for k in range(9))),
+            tuple(
+                (f"row {n}", *(f"{(n * 7919 + k) % 1009 / 100:.2f}" for k in range(9))) for n in range(1000)
+            ),
+        ),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page with three tables, and one that is folded away."""
+    path = tmp_path_factory.mktemp("tables") / "page.html"
+    folds = [Folded("More", DataTable("Folded.", (Block(("Name", "N"), (("b", "1"), ("a", "2"))),)))]
+    page = small_page(BODY, tables=[MIXED, BLOCKS, LONG], folds=folds)
+    path.write_text(page, "utf-8")
+    return path
+
+
+@pytest.fixture
+def page(watched_page: WatchedPage, file: Path) -> WatchedPage:
+    """The page in the browser."""
+    watched_page.open(file)
+    return watched_page
+
+
+def column(page: WatchedPage, table: int, place: int) -> list[str]:
+    """The cells of a column, headers apart, in the order in which they are shown."""
+    found: list[str] = page.value(
+        """([table, place]) => [...document.querySelectorAll("table")[table].rows]
+        .filter((row) => !row.hidden && row.cells[place].scope !== "col")
+        .map((row) => row.cells[place].textContent.trim())""",
+        [table, place],
+    )
+    return found
+
+
+def press(page: WatchedPage, table: int, place: int, block: int = 0) -> None:
+    page.page.locator("table").nth(table).locator("tr:has(th[scope=col])").nth(block).locator("th").nth(
+        place
+    ).get_by_role("button").click()
+
+
+def saved(page: WatchedPage, table: int, folder: Path) -> tuple[str, str]:
+    """The name and the text of the file that a table's button saves, byte order mark and all."""
+    with page.page.expect_download() as told:
+        page.page.locator("table").nth(table).locator("button.save-csv").click()
+    told.value.save_as(folder / "saved.csv")
+    return told.value.suggested_filename, (folder / "saved.csv").read_bytes().decode("utf-8")
+
+
+def cells(text: str) -> list[list[str]]:
+    return list(csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline="")))
+
+
+@pytest.mark.parametrize(
+    ("place", "ascending", "descending"),
+    [
+        (0, [3, 4, 2, 1, 0], [0, 1, 2, 4, 3]),
+        (1, [3, 1, 0, 2, 4], [0, 2, 4, 1, 3]),
+        (2, [4, 0, 1, 3, 2], [3, 1, 0, 4, 2]),
+        (3, [1, 3, 4, 0, 2], [0, 4, 3, 1, 2]),
+        (4, [1, 3, 0, 2, 4], [2, 0, 3, 1, 4]),
+    ],
+)
+def test_sorting(page: WatchedPage, place: int, ascending: list[int], descending: list[int]) -> None:
+    """Numbers by the first of them, text as a reader counts, dashes last both ways; a third press undoes."""
+    names = [row[0] for row in MIXED.blocks[0].rows]
+    header = page.page.locator("table").nth(0).locator("thead th").nth(place)
+    if place == 1:  # which of the two marks comes first is the browser's; rows of one status stay in order
+        press(page, 0, place)
+        assert column(page, 0, 1)[2:] == ["ok"] * 3
+        assert column(page, 0, 0)[2:] == ["joint 10", "joint 2", "joint 1"]
+        return
+    for wanted, said in ((ascending, "ascending"), (descending, "descending"), (range(5), None)):
+        press(page, 0, place)
+        assert column(page, 0, 0) == [names[row] for row in wanted]
+        assert header.get_attribute("aria-sort") == said
+    assert page.page.locator("[aria-sort]").count() == 0
+
+
+def test_rows_stay_in_their_block(page: WatchedPage) -> None:
+    """All blocks are sorted by the same column, whichever header is pressed, and each keeps its header."""
+    press(page, 1, 1, block=1)
+    said = page.value("[...document.querySelectorAll('table')[1].rows].map((r) => r.cells[0].textContent)")
+    assert said == ["Thumb", "=1+1", "-", 'say "a, b"', "Index", "a", "c", "b", "Ring", "z"]
+    assert page.page.locator("[aria-sort=ascending]").count() == 3
+    assert page.page.locator("table").nth(1).locator("tbody").count() == 3
+
+
+def test_by_keyboard(page: WatchedPage) -> None:
+    """Every control is reached with Tab and worked with Enter or Space; focus stays on the header pressed."""
+    header = page.page.locator("table").nth(1).locator("tbody").nth(1).locator("th button").nth(0)
+    header.focus()
+    page.page.keyboard.press("Enter")
+    assert column(page, 1, 0)[3:6] == ["a", "b", "c"]
+    page.page.keyboard.press("Space")
+    assert column(page, 1, 0)[3:6] == ["c", "b", "a"]
+    assert header.evaluate("(button) => button === document.activeElement")
+    page.page.keyboard.press("Tab")
+    page.page.keyboard.press("Enter")
+    assert column(page, 1, 0)[3:6] == ["a", "c", "b"]
+    page.page.locator("table").nth(0).locator("button.save-csv").focus()
+    with page.page.expect_download() as told:
+        page.page.keyboard.press("Enter")
+    assert told.value.suggested_filename == "Mixed-95-of-12-20-b.csv"
+
+
+def test_saved_as_shown(page: WatchedPage, tmp_path: Path) -> None:
+    """Cells, headers with units, the order and the rows shown; a mark first, for there is a ±."""
+    press(page, 0, 2)
+    name, text = saved(page, 0, tmp_path)
+    assert name == "Mixed-95-of-12-20-b.csv"
+    assert text.startswith("\ufeffJoint,Status,SD [mm],Range [mm],Counted\r\n")
+    assert text.endswith("\r\n")
+    header, *rows = cells(text)
+    assert tuple(header) == MIXED.blocks[0].header
+    assert [tuple(row) for row in rows] == [MIXED.blocks[0].rows[k] for k in (4, 0, 1, 3, 2)]
+
+
+def test_saved_blocks_and_formulas(page: WatchedPage, tmp_path: Path) -> None:
+    """Each row with its block's heading, a header where it changes; formulas become text."""
+    name, text = saved(page, 1, tmp_path)
+    assert name == "table-CON.csv"
+    assert text.startswith("\ufeff")  # the dash of a number that is not there
+    assert cells(text) == [
+        ["Block", "Row", "A [mm]", "B"],
+        ["Thumb", "'=1+1", "-2.5", "'@x"],
+        ["Thumb", 'say "a, b"', "3", "+4"],
+        ["Thumb", "'-", "1", "'-2+cmd|x"],
+        ["Index", "c", "1", "two\nlines"],
+        ["Index", "b", "–", "x"],
+        ["Index", "a", "0.5", "y"],
+        ["Block", "Row", "C [deg]", "B"],
+        ["Ring", "z", "2", "x"],
+    ]
+
+
+def test_filter(page: WatchedPage, tmp_path: Path) -> None:
+    """Only tables of many rows have one; it counts what it shows, and that is saved, without a mark."""
+    box, told = page.page.locator(".table-filter input"), page.page.locator(".table-filter output")
+    assert box.count() == 1
+    assert told.inner_text() == "1000 rows"
+    box.fill("9.99 ROW")
+    wanted = [row[0] for row in LONG.blocks[0].rows if "9.99" in row[1:]]
+    assert len(wanted) > 5
+    assert told.inner_text() == f"{len(wanted)} of 1000 rows"
+    assert column(page, 2, 0) == wanted
+    press(page, 2, 0)
+    press(page, 2, 0)
+    assert column(page, 2, 0) == sorted(wanted, key=lambda name: -int(name.split()[1]))
+    name, text = saved(page, 2, tmp_path)
+    assert name == "Long-指の関節-every-row.csv"
+    assert text.startswith("Row,")
+    assert [row[0] for row in cells(text)[1:]] == column(page, 2, 0)
+    box.fill("row 99 nothing")
+    assert column(page, 2, 0) == []
+    box.fill("")
+    assert told.inner_text() == "1000 of 1000 rows"
+
+
+def test_folded_tables_wait(page: WatchedPage) -> None:
+    """A folded table is equipped when it is unfolded, once."""
+    table = page.page.locator("details table")
+    assert table.locator("button").count() == 0
+    for _ in range(3):
+        page.page.locator("summary").click()
+    table.locator("button.sort").nth(1).wait_for()
+    assert table.locator("button").count() == 3
+    press(page, 3, 0)
+    assert column(page, 3, 0) == ["a", "b"]
+
+
+def test_paper_shows_no_controls(page: WatchedPage) -> None:
+    """Buttons to save and filters are for the screen; a header's words stay."""
+    page.page.emulate_media(media="print")
+    for control in (".save-csv", ".table-filter"):
+        assert not page.page.locator(control).first.is_visible()
+    assert page.page.locator("thead th").first.inner_text() == "Joint"
+    assert page.page.locator("caption").first.inner_text().strip() == MIXED.caption
+
+
+def test_long_tables_are_quick(page: WatchedPage) -> None:
+    """A thousand rows of ten columns: to sort and to filter takes little more than to lay them out anew."""
+    times: dict[str, float] = page.value(
+        """() => {
+        const table = document.querySelectorAll("table")[2], took = {};
+        const box = document.querySelector(".table-filter input");
+        const type = (words) => { box.value = words; box.dispatchEvent(new Event("input")); };
+        const acts = {
+          layout: () => { table.hidden = true; document.body.offsetHeight; table.hidden = false; },
+          sort: () => table.querySelectorAll("button.sort")[3].click(),
+          again: () => table.querySelectorAll("button.sort")[0].click(),
+          filter: () => type("99"),
+          all: () => type(""),
+        };
+        for (let round = 0; round < 3; round++) {
+          for (const [name, act] of Object.entries(acts)) {
+            const start = performance.now();
+            act();
+            document.body.offsetHeight;
+            took[name] = Math.min(took[name] ?? Infinity, performance.now() - start);
+          }
+        }
+        return took;
+        }"""
+    )
+    layout = times.pop("layout")
+    assert len(times) == 4
+    assert max(times.values()) < 8 * layout, (times, layout)

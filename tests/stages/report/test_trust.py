@@ -1,0 +1,119 @@
+"""Whether to believe a joint: the words follow from the table, and models are compared where both are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_samples.read_page import read_page, table_called
+from report_samples.rendered import subject_page
+
+from schemas.study import Hand
+from stages.report.study_results import Row, StudyResults
+from stages.report.trust import APART_MM, BELIEVED, CARE, NOT, believed_in_words, study_trust_table, verdicts
+
+LEFT = Hand("S01", "left")
+
+
+def _with(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
+    """The results with one joint of S01's left hand changed."""
+
+    def of(row: Row) -> Row:
+        mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
+        return row | changes if mine else row
+
+    return replace(results, joints=[of(row) for row in results.joints])
+
+
+def _verdict(results: StudyResults, model: str, joint: str) -> tuple[str, str]:
+    (found,) = [v for v in verdicts(results, LEFT, model) if v.joint == joint]
+    return found.believed, found.why
+
+
+@pytest.mark.parametrize(
+    ("changes", "believed", "why"),
+    [
+        ({"status": "ok", "sd_mm": 1.4, "message": ""}, BELIEVED, "known to 1.40 mm (1 sigma, 3-D)."),
+        ({"status": "ok", "sd_mm": 1.4, "message": "a note."}, BELIEVED, "(1 sigma, 3-D); a note."),
+        ({"status": "ok", "sd_mm": 2.01, "message": ""}, CARE, "2.01 mm (1 sigma, 3-D), more than 2 mm."),
+        ({"status": "ok", "sd_mm": None, "message": ""}, CARE, "No error is stated"),
+        (
+            {"status": "weak", "sd_mm": 0.1, "message": "moved by 3 deg"},
+            NOT,
+            "Marked doubtful: moved by 3 deg.",
+        ),
+        ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "It has no place: no frames."),
+    ],
+)
+def test_a_fitted_joint(fitted: StudyResults, changes: dict[str, object], believed: str, why: str) -> None:
+    changed = _with(fitted, "whole-hand", "index_pip", **changes)
+    found = _verdict(changed, "whole-hand", "index_pip")
+    assert found[0] == believed
+    assert why in found[1]
+
+
+def test_the_scatter_of_the_gap_is_no_error_of_the_centre(fitted: StudyResults) -> None:
+    """However small it is: skin and the receivers' places are not in it."""
+    changed = _with(fitted, "paper-fig4", "index_pip", status="ok", sd_mm=0.01, message="")
+    assert _verdict(changed, "paper-fig4", "index_pip") == (
+        CARE,
+        "The stated 0.01 mm is the scatter of the gap alone, without skin or receivers.",
+    )
+
+
+def test_the_farthest_other_model(fitted: StudyResults) -> None:
+    """The distance in the frame of the receiver that both ride on; none where the other failed."""
+    rows = {(r["model"], r["hand"], r["joint"]): r for r in fitted.joints}
+    own, other = (rows[model, "left", "index_pip"] for model in ("whole-hand", "paper-fig4"))
+    moved = {
+        f"child_{axis}_mm": own[f"child_{axis}_mm"] + step
+        for axis, step in zip("xyz", (3, 4, 12), strict=True)
+    }
+    changed = _with(fitted, "paper-fig4", "index_pip", **moved)
+    (found,) = [v for v in verdicts(changed, LEFT, "whole-hand") if v.joint == "index_pip"]
+    assert other["child_segment"] == own["child_segment"]
+    assert found.apart_model == "paper-fig4"
+    assert found.apart_mm == pytest.approx(13.0)
+    assert found.apart_mm > APART_MM
+    failed = _with(changed, "paper-fig4", "index_pip", status="failed")
+    (gone,) = [v for v in verdicts(failed, LEFT, "whole-hand") if v.joint == "index_pip"]
+    assert gone.apart_mm is None
+
+
+def test_the_page_says_it_in_words(fitted: StudyResults) -> None:
+    """The leading model's joints with advice, the other models' folded below."""
+    page = subject_page(fitted, "S01")
+    table = table_called(page, "Whether to believe the joints of whole-hand: subject S01, left hand.")
+    found = {v.joint: v for v in verdicts(fitted, LEFT, "whole-hand")}
+    assert [row[0] for row in table.rows[1:]] == list(found)
+    for joint, believed, why, _, helps in table.rows[1:]:
+        assert (believed, why) == (found[joint].believed, found[joint].why)
+        assert helps.startswith("bend the little finger") == (joint == "little_dip")
+    assert table_called(page, "Whether to believe the joints of paper-fig4: subject S01, left hand.")
+    assert believed_in_words(fitted, LEFT, "whole-hand") == (
+        f"{sum(v.believed == BELIEVED for v in found.values())} of {len(found)}"
+    )
+    assert "Which joints to believe" in read_page(page).text
+
+
+def test_over_all_hands(fitted: StudyResults) -> None:
+    """Counts add up to the hands, and the most frequent doubt is told with its count."""
+    weak = {"right": "moved only 7 deg", "left": "moved only 3 deg"}
+    changed = replace(
+        fitted,
+        joints=[
+            row | {"status": "weak", "message": weak[row["hand"]]}
+            if (row["model"], row["joint"]) == ("whole-hand", "ring_pip")
+            else row
+            for row in fitted.joints
+        ],
+    )
+    table = study_trust_table(changed, "whole-hand")
+    by_joint = {row[0]: row[1:] for row in table.blocks[0].rows}
+    for cells in by_joint.values():
+        assert int(cells[0]) == sum(map(int, cells[1:4]))
+    assert by_joint["ring_pip"][:4] == ("2", "0", "0", "2")
+    assert by_joint["ring_pip"][-1].endswith("(2 of 2)")
+    sd = [r["sd_mm"] for r in fitted.joints if (r["model"], r["joint"]) == ("whole-hand", "ring_pip")]
+    assert by_joint["ring_pip"][4] == f"{np.median(sd):.2f}"
