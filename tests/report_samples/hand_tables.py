@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import pyarrow as pa
 import pyarrow.compute as pc
 
-from schemas.catalogue import TABLES
+from schemas.catalogue import JOINT_SOLUTIONS, TABLES
 from schemas.model import read_model
 from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Results
 from schemas.study import Study
-from schemas.tables import Provenance, read_table, write_table
+from schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table
 
 
 def write_hand_tables(study: Study, results: Results) -> None:
-    """Write what the earlier stages would have left of every hand."""
+    """Write what the earlier stages would have left of every hand; of the joint solves no row."""
     models = {name: read_model(path.absolute()) for name, path in study.models.items()}
     for name in (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES):
         if not results.study_table(name).is_file():
@@ -30,8 +33,13 @@ def write_hand_tables(study: Study, results: Results) -> None:
                 if name in HAND_TABLES or models[model].fitting is not None:
                     rows = mine.filter(pc.equal(mine["model"], model))
                     _write(results.hand_table(model, hand, name), table, rows)
+    for hand in study.hands:
+        for model in models:
+            none = columns_from_rows(JOINT_SOLUTIONS, [])
+            path = results.hand_table(model, hand, "joint_solutions")
+            write_table(path, JOINT_SOLUTIONS, none, Provenance())
 
 
-def _write(path, table, rows) -> None:  # type: ignore[no-untyped-def]
+def _write(path: Path, table: Table, rows: pa.Table) -> None:
     columns = {column.name: rows.column(column.name) for column in table.columns}
     write_table(path, table, columns, Provenance())

@@ -515,14 +515,15 @@ class HandViewer {
 
   /* ---- controls ---- */
 
+  /* Without a graphics processor a line of text costs as much as the hand: while it plays, five times a second. */
   report(now) {
-    this.part.slider.value = this.index;
-    this.part.where.textContent = `frame ${this.frames[this.index]}, ${this.times[this.index].toFixed(3)} s`;
     if (!this.playing || now - this.told > 200) this.tell(now);
   }
 
   tell(now = 0) {
     this.told = now;
+    this.part.slider.value = this.index;
+    this.part.where.textContent = `frame ${this.frames[this.index]}, ${this.times[this.index].toFixed(3)} s`;
     this.part.play.textContent = this.playing ? "Pause" : "Play";
     this.part.slider.setAttribute("aria-valuetext", this.part.where.textContent);
     this.digits.forEach((_, d) => {

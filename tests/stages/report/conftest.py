@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from browser import browser, watched_page  # noqa: F401
 from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.rendered import subject_page, whole_report
 

@@ -1,5 +1,4 @@
 """Numbers that a page carries: exact to the last bit, and named where they are too many."""
-# ruff: noqa: F811  # a test names its fixture as the import that brings it
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
-from browser import WatchedPage, browser, watched, watched_page  # noqa: F401
+from browser import WatchedPage, watched
 from hypothesis import given
 from hypothesis import strategies as st
 from report_samples.many_subjects import many_subjects

@@ -1,5 +1,4 @@
 """Models compared over a study: what is said of how many subjects, what is drawn, and that all of it is."""
-# ruff: noqa: F811  # a test names its fixture as the import that brings it
 
 from __future__ import annotations
 
@@ -9,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import WatchedPage, browser, watched_page  # noqa: F401
+from browser import WatchedPage
 from hypothesis import given
 from hypothesis import strategies as st
 from report_samples.many_subjects import NOT_FITTED, SEVEN, many_subjects

@@ -1,5 +1,4 @@
 """Tables in a real browser: sorted, filtered and saved, by mouse and by keyboard, and none of it on paper."""
-# ruff: noqa: F811  # a test names its fixture as the import that brings it
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ import io
 from pathlib import Path
 
 import pytest
-from browser import WatchedPage, browser, watched_page  # noqa: F401
+from browser import WatchedPage
 from report_samples.small_page import small_page
 
 from stages.report.data_table import Block, DataTable, Folded

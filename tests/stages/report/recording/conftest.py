@@ -12,7 +12,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
-from browser import browser, watched_page  # noqa: F401
 from report_samples.hand_tables import write_hand_tables
 from report_samples.made_study import HOSTILE, make_study
 

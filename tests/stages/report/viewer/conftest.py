@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import browser, watched_page  # noqa: F401
 
 from schemas.catalogue import BONE_POSES, JOINT_CENTRES, POSED_TIPS, POSES, RECEIVERS, TIPS
 from schemas.layout import read_layout

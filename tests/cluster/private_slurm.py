@@ -1,0 +1,189 @@
+"""A Slurm of one node on loopback, in a folder of its own: real daemons, started and stopped by a test.
+
+It needs root, Debian's packages slurm-wlm and munge, and a machine without an /etc/slurm/slurm.conf: Slurm's
+programs look for that file wherever the environment does not lead them, so it is a link while the daemons run.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import secrets
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+SYSTEM_CONF = Path("/etc/slurm/slurm.conf")
+PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "sinfo")
+PLUGIN = "snakemake_executor_plugin_slurm"
+STOPPING = ("slurmd", "slurmctld", "munged")
+PARTITION = "all"
+TEMPLATE = """
+ClusterName=private
+SlurmctldHost={host}(127.0.0.1)
+SlurmctldPort={controller_port}
+SlurmdPort={node_port}
+CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
+SlurmUser=root
+SlurmdUser=root
+AuthType=auth/munge
+AuthInfo=socket={folder}/munge.socket
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/spool
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/slurmd.pid
+SlurmctldLogFile={folder}/slurmctld.log
+SlurmdLogFile={folder}/slurmd.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core_Memory
+SchedulerParameters=sched_interval=1,sched_min_interval=0,bf_interval=1
+MinJobAge=600
+KillWait=2
+AccountingStorageType=accounting_storage/none
+MpiDefault=none
+ReturnToService=2
+DefMemPerCPU=500
+{node} NodeAddr=127.0.0.1 State=UNKNOWN
+PartitionName={partition} Nodes={host} Default=YES MaxTime=60 State=UP
+"""
+
+
+def missing() -> str:
+    """Say why no private Slurm can be started here; empty where it can."""
+    if os.geteuid() != 0:
+        return "a private Slurm needs root"
+    absent = [program for program in PROGRAMS if shutil.which(program) is None]
+    if absent:
+        return f"a private Slurm needs Debian's slurm-wlm and munge; absent: {', '.join(absent)}"
+    if importlib.util.find_spec(PLUGIN) is None:
+        return "needs Snakemake's Slurm plugin: requirements-cluster.lock"
+    if SYSTEM_CONF.exists() or SYSTEM_CONF.is_symlink():
+        return f"this machine has a Slurm of its own: {SYSTEM_CONF}"
+    return ""
+
+
+class PrivateSlurm:
+    """The daemons, between `start` and `stop`; all their files are below `folder`.
+
+    folder : short enough for a socket in it (107 bytes with its name), readable by root alone.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.host = socket.gethostname().split(".")[0]
+
+    def start(self) -> None:
+        """Start munged, slurmctld and slurmd; return when the node takes jobs.
+
+        Raises RuntimeError, with the end of the logs, where it does not within 30 s.
+        """
+        for name in ("state", "spool"):
+            (self.folder / name).mkdir(parents=True)
+        self._write_configuration()
+        self._start_munge()
+        _run("slurmctld", "-c")
+        _run("slurmd")
+        self._wait(self._idle, "the node is not idle")
+
+    def stop(self) -> None:
+        """End every job and daemon that `start` started, and remove the link; do it after any failure too."""
+        if self._pid("slurmctld"):
+            subprocess.run(["scancel", "--user=root"], check=False, capture_output=True)
+            self._wait(lambda: not self.jobs(), "jobs do not end")
+        for daemon in STOPPING:
+            self._end(daemon)
+        if SYSTEM_CONF.is_symlink() and SYSTEM_CONF.readlink() == self._conf:
+            SYSTEM_CONF.unlink()
+
+    def jobs(self, state: str = "PENDING,RUNNING,COMPLETING") -> list[str]:
+        """Give the numbers of the jobs that are in one of the states."""
+        return _run("squeue", "--noheader", "--format=%i", f"--states={state}").split()
+
+    def reasons(self) -> dict[str, str]:
+        """Give every job's state, such as COMPLETED or TIMEOUT, by its number."""
+        listed = _run("squeue", "--noheader", "--format=%i %T", "--states=all")
+        return dict(line.split() for line in listed.splitlines())  # type: ignore[misc]
+
+    @property
+    def _conf(self) -> Path:
+        return self.folder / "slurm.conf"
+
+    def _write_configuration(self) -> None:
+        controller_port, node_port = _free_ports(2)
+        self._conf.write_text(
+            TEMPLATE.format(
+                host=self.host,
+                folder=self.folder,
+                controller_port=controller_port,
+                node_port=node_port,
+                node=_run("slurmd", "-C").splitlines()[0],
+                partition=PARTITION,
+            ),
+            "utf-8",
+        )
+        SYSTEM_CONF.parent.mkdir(parents=True, exist_ok=True)
+        SYSTEM_CONF.symlink_to(self._conf)
+
+    def _start_munge(self) -> None:
+        key = self.folder / "munge.key"
+        key.write_bytes(secrets.token_bytes(128))
+        key.chmod(0o600)
+        places = {"key-file": "key", "socket": "socket", "pid-file": "pid", "log-file": "log", "seed-file": "seed"}
+        _run("munged", *(f"--{word}={self.folder}/munge.{ending}" for word, ending in places.items()))
+        (self.folder / "munged.pid").symlink_to(self.folder / "munge.pid")
+
+    def _idle(self) -> bool:
+        done = subprocess.run(["sinfo", "-h", "-o", "%T"], capture_output=True, text=True, check=False)
+        return done.stdout.strip() == "idle"
+
+    def _wait(self, ready: Callable[[], bool], failure: str, seconds: float = 30.0) -> None:
+        until = time.monotonic() + seconds
+        while not ready():
+            if time.monotonic() > until:
+                logs = "\n".join(path.read_text("utf-8")[-2000:] for path in self.folder.glob("*.log"))
+                raise RuntimeError(f"private Slurm: {failure} after {seconds:.0f} s\n{logs}")
+            time.sleep(0.2)
+
+    def _pid(self, daemon: str) -> int:
+        """Process number of a daemon of ours that lives; 0 for none."""
+        try:
+            pid = int((self.folder / f"{daemon}.pid").read_text())
+            os.kill(pid, 0)
+        except (FileNotFoundError, ProcessLookupError, ValueError):
+            return 0
+        return pid
+
+    def _end(self, daemon: str) -> None:
+        pid = self._pid(daemon)
+        if not pid:
+            return
+        os.kill(pid, signal.SIGTERM)
+        until = time.monotonic() + 10.0
+        while Path("/proc", str(pid)).exists():
+            if time.monotonic() > until:
+                os.kill(pid, signal.SIGKILL)
+            time.sleep(0.1)
+
+
+def _run(*words: str) -> str:
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(words)} ended with {done.returncode}: {done.stderr.strip()}")
+    return done.stdout
+
+
+def _free_ports(count: int) -> list[int]:
+    """Ports that nothing listens on now, all different."""
+    sockets = [socket.socket() for _ in range(count)]
+    for each in sockets:
+        each.bind(("127.0.0.1", 0))
+    ports = [each.getsockname()[1] for each in sockets]
+    for each in sockets:
+        each.close()
+    return ports
