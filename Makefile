@@ -1,6 +1,6 @@
 # `make demo` and `make test` set up all they need; the rest is for those who change the code.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow coverage lint format lock docs bench clean
+.PHONY: help demo test test-slow test-tools tools coverage lint format lock docs bench clean
 
 python := .venv/bin/python
 cores ?= all
@@ -15,15 +15,22 @@ demo: ## run the demo study, print its four tables and name its report
 
 test: ## run the fast tests
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest -m "not slow"
+	@$(python) -m pytest -m "not slow and not tools"
 
 test-slow: ## run the rest: whole studies through Snakemake, planted wrong signs
 	@./bootstrap requirements-dev.lock
 	@$(python) -m pytest -m slow
 
+tools: ## put programs by others that read exports into .tools (some 1.4 GB), and a browser
+	@./tests/export_tools/install
+
+test-tools: tools ## read exported files with these programs
+	@./bootstrap requirements-dev.lock
+	@$(python) -m pytest -m tools
+
 coverage: ## run the fast tests and print the lines that none of them reaches
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest -m "not slow" --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
+	@$(python) -m pytest -m "not slow and not tools" --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
 
 lint: ## check style, types and the Snakefile
 	@./bootstrap requirements-dev.lock

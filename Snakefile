@@ -44,6 +44,7 @@ rule all:
         f"{results}/report.html",
         study.subject_pages,
         study.figures,
+        study.exports,
 
 
 rule simulate:  # only what a study with `simulation` asks for: recordings, and the truth beside them
@@ -266,9 +267,51 @@ rule gather:  # the study's tables, and what went wrong
         + "gather --study {params.study:q} --results {params.results:q} 2> {log:q}"
 
 
+rule export:  # the skeleton and its motion for other programs
+    input:
+        study.exported,
+        poses=f"{results}/{of_recording}/poses.parquet",
+        layout=study.layout,
+        model=study.model,
+    output:
+        directory(f"{results}/exports/{{model}}/{of_recording}"),
+    log:
+        f"{results}/logs/export/{{model}}/{of_recording}.log",
+    params:
+        code=code_digest("export"),
+        study=study.file,
+        results=results,
+        words=study.export,
+    shell:
+        stage
+        + "export --record-failure --study {params.study:q} --results {params.results:q} {params.words}"
+        " --out {output:q} > /dev/null 2> {log:q}"
+
+
+rule export_dataset:  # all recordings as one Motion-BIDS dataset
+    input:
+        study.dataset_sources,
+        list(study.models.values()),
+        configuration=study.configuration,
+    output:
+        directory(f"{results}/exports/bids"),
+    log:
+        f"{results}/logs/export_dataset.log",
+    params:
+        code=code_digest("export"),
+        study=study.file,
+        results=results,
+        words=study.export_dataset,
+    shell:
+        stage
+        + "export.dataset --record-failure --study {params.study:q} --results {params.results:q}"
+        " {params.words} --out {output:q} > /dev/null 2> {log:q}"
+
+
 rule report:
     input:
         study.poses,
+        study.exports,
         [f"{results}/{table}.parquet" for table in study.study_tables],
         list(study.models.values()),
         configuration=study.configuration,

@@ -76,6 +76,7 @@ class Study:
     models: dict[str, Path]
     layout: Path
     exports: tuple[str, ...]
+    export_settings: dict[str, Any]
     simulation: Simulation | None
     sheets: dict[str, Path]
     config: dict[str, Any]
@@ -175,8 +176,28 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         part = config["simulation"]
         simulation = Simulation(folder / part["folder"], part["seed"])
     return Study(
-        config["study"], recordings, models, layout, tuple(config["exports"]), simulation, sheets, config
+        config["study"],
+        recordings,
+        models,
+        layout,
+        tuple(config["exports"]),
+        _export_settings(config, models, where),
+        simulation,
+        sheets,
+        config,
     )
+
+
+def _export_settings(config: dict[str, Any], models: dict[str, Path], where: str) -> dict[str, Any]:
+    """The settings with models named; InputError where one is not of the study."""
+    settings = dict(config["export_settings"])
+    for name in settings["models"]:
+        if name not in models:
+            raise InputError(
+                f"{where}: export_settings.models: {name!r} is no model of the study; expected one of "
+                f"{', '.join(models)}"
+            )
+    return settings | {"models": settings["models"] or list(models)}
 
 
 def read_participants(path: Path | None) -> list[Row]:

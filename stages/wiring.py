@@ -192,6 +192,65 @@ class Wiring:
         ]
         return [name.removesuffix(".parquet") + "_truth" for name in dict.fromkeys(names)]
 
+    # --- exports --------------------------------------------------------------------------------------
+
+    def exported(self, wildcards: Wildcards) -> list[str]:
+        """The hand's tables that its skeleton and motion are exported from."""
+        fitted = wildcards.model in self._fitted
+        tables = [
+            "joint_centres",
+            "bone_lengths",
+            *(("bone_poses", "posed_tips") if fitted else ("metacarpals",)),
+        ]
+        return [self._beside(wildcards, table) for table in tables]
+
+    def export(self, wildcards: Wildcards) -> str:
+        """Words of export's command line."""
+        recording = self._recording(wildcards)
+        words = ["--subject", recording.hand.subject, "--hand", recording.hand.hand]
+        words += ["--recording", recording.name, "--model", wildcards.model]
+        words += ["--formats", ",".join(name for name in self.study.exports if name != "bids")]
+        return shlex.join([*words, *self._export_settings()])
+
+    def export_dataset(self, _: Wildcards) -> str:
+        """Words of the command line that exports the whole study as one dataset."""
+        return shlex.join(
+            ["--models", ",".join(self.study.export_settings["models"]), *self._export_settings()]
+        )
+
+    def _export_settings(self) -> list[str]:
+        """Options of both command lines, those that the study says."""
+        settings = {name: value for name, value in self.study.export_settings.items() if name != "models"}
+        return [
+            f"--{name.replace('_', '-')}={value}"
+            for name, value in settings.items()
+            if value not in ("", None)
+        ]
+
+    @property
+    def exports(self) -> list[str]:
+        """Folders of everything that the study exports."""
+        models, formats = self.study.export_settings["models"], self.study.exports
+        each = [self.results.exports(model, recording) for model in models for recording in self.study.shown]
+        dataset = [self.results.dataset] if "bids" in formats else []
+        return [str(folder) for folder in [*(each if {*formats} - {"bids"} else []), *dataset]]
+
+    @property
+    def dataset_sources(self) -> list[str]:
+        """Everything that the dataset is made from."""
+        fit = [(model, model in self._fitted) for model in self.study.export_settings["models"]]
+        tables = [
+            str(self.results.hand_table(model, hand, table))
+            for model, fitted in fit
+            for hand in dict.fromkeys(recording.hand for recording in self.study.shown)
+            for table in (
+                "joint_centres",
+                "bone_lengths",
+                *(MOTION_TABLES[:2] if fitted else ("metacarpals",)),
+            )
+        ]
+        return [*self._poses(self.study.shown), *tables]
+
     # --- the study --------------------------------------------------------------------------------------
 
     study_tables = STUDY_TABLES

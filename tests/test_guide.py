@@ -59,7 +59,8 @@ def test_help_imports_nothing_heavy(stage: str) -> None:
     code = (
         "import sys, runpy\nsys.argv = ['stage', '--help']\n"
         f"try:\n    runpy.run_module('stages.{stage}', run_name='__main__')\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'scipy', 'pandas', 'pyarrow', 'jsonschema', 'jinja2', 'yaml', 'matplotlib'} & set(sys.modules)\n"
+        "heavy = {'numpy', 'scipy', 'pandas', 'pyarrow', 'jsonschema', 'jinja2', 'yaml', 'matplotlib'}\n"
+        "heavy &= set(sys.modules)\n"
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
     done = subprocess.run(

@@ -29,6 +29,7 @@ def render_study(results: StudyResults) -> str:
         front=_front(results),
         problems=provenance.problems_table(results),
         exports=results.study.exports,
+        export_models=results.study.export_settings["models"],
         compared=compared,
         downloads=downloads(results, compared.comparisons),
         subjects=subjects_table(results),

@@ -171,7 +171,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     paths = Results(folder)
     failures: list[Row] = []
     rows = {name: _read_rows(paths.study_table(name), TABLES[name], failures) for name in _READ}
-    rows["problems"] += failures
+    rows["problems"] += [*failures, *_failed_exports(study, paths)]
     return _results(study, paths, _models(study), rows)
 
 
@@ -192,6 +192,23 @@ def read_subject(study: Study, folder: Path, subject: str) -> StudyResults:
             problems += lacking
             rows[name] = list(rows_of(whole))
     return _results(own, paths, models, rows | {"problems": problems})
+
+
+def _failed_exports(study: Study, paths: Results) -> list[Row]:
+    """What the export stage could not write, and why."""
+    files = [
+        file
+        for model in study.export_settings["models"]
+        for recording in study.shown
+        for file in sorted(paths.exports(model, recording).glob("*.failed.txt"))
+    ]
+    files += [paths.dataset_failures] if "bids" in study.exports and paths.dataset_failures.exists() else []
+    return [
+        {"where": file.name.removesuffix(".failed.txt"), "stage": "export", "message": message}
+        for file in files
+        if study.exports
+        for message in file.read_text("utf-8").splitlines()
+    ]
 
 
 def _results(

@@ -1,0 +1,1 @@
+"""A person's skeleton and its motion as files that animation and biomechanics programs read."""

@@ -1,0 +1,54 @@
+"""Units and the axis that points up: proper rotations of the world, never a mirror, so that left stays left.
+
+The world is the transmitter's frame, and the motion is relative to the transmitter. Which of its axes points
+up depends on how the transmitter stands, so that the user may say; z is the default. Bone frames do not
+change: they are turned with the world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.rotations import Array, about_axis, multiply, rotate
+from stages.export.motion import SkeletonMotion
+
+UNITS_PER_MM = {"m": 1e-3, "cm": 0.1, "mm": 1.0}
+"""What a length in mm is multiplied by."""
+
+DIRECTIONS = {
+    f"{sign}{name}": (-1.0 if sign else 1.0) * axis
+    for sign in ("", "-")
+    for name, axis in zip("xyz", np.eye(3), strict=True)
+}
+"""Axes of a frame by name: x, y, z, -x, -y, -z."""
+
+
+def upright(transmitter_up: str, up: str) -> Array:
+    """Quaternion (4,) of the shortest rotation that takes one axis, of the transmitter's, to another.
+
+    transmitter_up : the transmitter's axis that points up. up : the axis of the file that does. Half a turn
+    is about x: of -z to z, or -y to y.
+    """
+    start, end = DIRECTIONS[transmitter_up], DIRECTIONS[up]
+    axis = np.cross(start, end)
+    if not axis.any():
+        half_turn = float(np.pi) if start @ end < 0 else 0.0
+        return about_axis(DIRECTIONS["x"], half_turn)
+    return about_axis(axis, np.pi / 2)
+
+
+def turned(motion: SkeletonMotion, turn: Array) -> SkeletonMotion:
+    """The motion in a world that is turned by the quaternion (4,): new = turn * old. Still in mm."""
+    receivers = motion.receivers
+    return replace(
+        motion,
+        position_mm=rotate(turn, motion.position_mm),
+        quaternion=multiply(turn, motion.quaternion),
+        receivers=replace(
+            receivers,
+            position_mm=rotate(turn, receivers.position_mm),
+            quaternion=multiply(turn, receivers.quaternion),
+        ),
+    )

@@ -1,0 +1,253 @@
+"""C3D: joints and receivers as points, bones and receivers as poses, for motion-capture programs.
+
+Points are the joints, by their names, then four of each receiver: `<segment>_receiver`, its origin, and
+`_x`, `_y` and `_z`, 20 mm along its axes. The ROTATION group has the poses: of bones, by the joint that they
+start at (WebXR bone frame to world), and of receivers, `<segment>_receiver`. A gap stays a gap: residual -1,
+reliability -1. Frames that the recording lost are there, without a point, so that the rate holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from textwrap import wrap
+
+import numpy as np
+
+from kinematics.rotations import Array, matrix
+from schemas import PROGRAM, VERSION
+from schemas.errors import InputError
+from stages.export.axes import UNITS_PER_MM
+from stages.export.c3d_bytes import MOST_FRAMES, Content, Floats, can_hold_rotations, split
+from stages.export.c3d_bytes import write as write_bytes
+from stages.export.formats import Target
+from stages.export.motion import SkeletonMotion, Whole
+from stages.export.names import ascii_name
+from stages.export.note import text
+from stages.export.receivers import with_seen_receivers
+
+ARM_MM = 20.0
+"""From a receiver's origin to the points on its axes."""
+
+LONGEST_LABEL = 127
+"""Characters; what a reader can count that takes the byte as signed."""
+
+ALONE_HZ = 60.0
+"""Rate of a file of one frame, whose rate nobody knows."""
+
+_BLOCK_FRAMES = 2048
+_NOTE_WIDTH = 120
+_TOLD_S = 5e-4
+_SCREEN = {"x": ("+Y", "+X"), "y": ("+X", "+Y"), "z": ("+X", "+Z")}
+"""POINT:X_SCREEN and Y_SCREEN by the axis that points up."""
+
+NO_POINT = np.array([0.0, 0.0, 0.0, -1.0])
+NO_POSE = np.append(np.full(16, np.nan), -1.0)
+
+
+@dataclass(frozen=True)
+class _Timing:
+    """Where frames go: row (T,) of each among all, at that rate; how far times are off it, in s."""
+
+    row: Whole
+    rate_hz: float
+    error_s: float
+
+
+def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
+    """Write the motion as one file; give what it does not hold.
+
+    Lengths are 32-bit floats, to about 3e-5 mm half a metre from the transmitter. Raises InputError where
+    there is no frame, no rate is known, or frames are too uneven in time for one rate.
+    """
+    if not len(motion.frame):
+        raise InputError(f"{path}: C3D holds no file without a frame; widen --frames")
+    motion, unseen = with_seen_receivers(motion)
+    timing = _timing(motion, path)
+    content, dropped = _content(motion, target, timing)
+    scale = UNITS_PER_MM[target.unit]
+    rotations: Iterable[Floats] = _blocks(timing.row, lambda rows: _poses(motion, rows, scale), NO_POSE)
+    write_bytes(
+        path,
+        content,
+        _blocks(timing.row, lambda rows: _points(motion, rows, scale), NO_POINT),
+        rotations if content.rotations else (),
+    )
+    return (*unseen, *dropped)
+
+
+def point_labels(motion: SkeletonMotion) -> tuple[str, ...]:
+    """Labels of the points, in their order: ASCII, at most 127 characters, no two alike in capitals."""
+    return _labels([*motion.names, *(name for name, _ in _receiver_points(motion))])
+
+
+def rotation_labels(motion: SkeletonMotion) -> tuple[str, ...]:
+    """Labels of the poses: of bones that start at a joint, then of receivers; as those of the points."""
+    bones = [joint.name for joint in motion.joints if not joint.tip]
+    return _labels([*bones, *(f"{segment}_receiver" for segment in motion.receivers.segments)])
+
+
+def _labels(names: Sequence[str]) -> tuple[str, ...]:
+    found: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        word, count = ascii_name(name)[:LONGEST_LABEL], 1
+        label = word
+        while label.upper() in taken:
+            count += 1
+            label = f"{word[: LONGEST_LABEL - len(str(count)) - 1]}-{count}"
+        taken.add(label.upper())
+        found.append(label)
+    return tuple(found)
+
+
+def _receiver_points(motion: SkeletonMotion) -> Iterator[tuple[str, str]]:
+    """Name and description of each receiver's four points."""
+    for segment in motion.receivers.segments:
+        yield f"{segment}_receiver", f"origin of the receiver on {segment}"
+        for axis in "xyz":
+            yield f"{segment}_receiver_{axis}", f"{ARM_MM:g} mm along {axis} of the receiver on {segment}"
+
+
+def _descriptions(motion: SkeletonMotion) -> list[str]:
+    said = [
+        f"joint {joint.name}"
+        + (f", after {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
+        for joint in motion.joints
+    ]
+    said += [what for _, what in _receiver_points(motion)]
+    return [_escaped(words)[:LONGEST_LABEL] for words in said]
+
+
+def _escaped(words: str) -> str:
+    r"""ASCII; any other character as Python and JSON write it, \uXXXX."""
+    return words.encode("ascii", "backslashreplace").decode("ascii")
+
+
+def _timing(motion: SkeletonMotion, path: Path) -> _Timing:
+    """Rows and rate; a frame counts as lost where its number and, if there is one, its time say so.
+
+    The nominal rate where times keep to it, else the mean one. InputError where a time is more than half a
+    frame off, or no rate is known.
+    """
+    frames, time_s = motion.frame, motion.time_s
+    if len(frames) == 1:
+        return _Timing(np.zeros(1, np.int64), ALONE_HZ, 0.0)
+    if not np.isfinite(motion.rate_hz):
+        raise InputError(
+            f"{path}: the recording has no device time, and C3D needs a rate; say it with --rate-hz"
+        )
+    step = np.diff(frames)
+    steps = step // max(1, int(np.median(step)))
+    timed = np.isfinite(time_s).all()
+    if timed:
+        steps = np.minimum(steps, np.rint(np.diff(time_s) * motion.rate_hz).astype(np.int64))
+    row = np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])
+    if not timed:
+        return _Timing(row, motion.rate_hz, 0.0)
+    span_s = float(time_s[-1] - time_s[0])
+    rates = [motion.rate_hz, *([float(row[-1]) / span_s] if span_s > 0 else [])]
+    errors = [float(np.abs(time_s - time_s[0] - row / rate).max()) for rate in rates]
+    best = 0 if errors[0] <= _TOLD_S else int(np.argmin(errors))
+    if errors[best] > 0.5 / rates[best]:
+        raise InputError(
+            f"{path}: frames are up to {errors[best] * 1000:.1f} ms off an even {rates[best]:.6g} Hz, more "
+            "than half a frame, and C3D holds one rate; choose an even one with --fps"
+        )
+    return _Timing(row, rates[best], errors[best])
+
+
+def _content(motion: SkeletonMotion, target: Target, timing: _Timing) -> tuple[Content, tuple[str, ...]]:
+    """What the file holds beside its numbers, and sentences on what it does not."""
+    frames, first = int(timing.row[-1]) + 1, int(motion.frame[0])
+    numbered = np.array_equal(motion.frame - first, timing.row) and 1 <= first <= MOST_FRAMES - frames
+    point = dict(zip(("X_SCREEN", "Y_SCREEN"), _SCREEN[target.up], strict=True)) if target.up else {}
+    content = Content(
+        point_labels(motion),
+        _descriptions(motion),
+        rotation_labels(motion),
+        frames,
+        first if numbered else 1,
+        timing.rate_hz,
+        target.unit,
+        {"POINT": point},
+    )
+    dropped = []
+    if not can_hold_rotations(content):
+        content = replace(content, rotations=())
+        dropped.append(
+            "ROTATION, the bones' and receivers' poses: it would begin beyond what its 16 bits can say; the "
+            "points hold the receivers' poses, and with fewer --frames there is room for all"
+        )
+    if frames > MOST_FRAMES:
+        dropped.append(
+            f"a 16-bit count of its {frames} frames: TRIAL:ACTUAL_END_FIELD and POINT:LONG_FRAMES say it; "
+            f"programs that read neither end at frame {MOST_FRAMES}, so give --frames for shorter files"
+        )
+    if not numbered:
+        dropped.append(f"frame numbers: its frame 1 is the tracker's frame {first}")
+    if timing.error_s > _TOLD_S:
+        dropped.append(
+            f"device times, which are up to {timing.error_s * 1000:.1f} ms off its even "
+            f"{timing.rate_hz:.6g} Hz; --fps resamples over them"
+        )
+    return replace(content, groups={**content.groups, **_origin(motion, target, dropped)}), tuple(dropped)
+
+
+def _origin(
+    motion: SkeletonMotion, target: Target, dropped: Sequence[str]
+) -> dict[str, Mapping[str, Sequence[str]]]:
+    """Which program wrote the file, and the note on whose motion it is, in lines."""
+    start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
+    lines = [
+        *_escaped(text(motion, target, dropped)).splitlines(),
+        f"points: joints; of every receiver its origin and what is {ARM_MM:g} mm along its x, y and z",
+        "rotations: bones by the joint they start at, in the bone frame above; receivers",
+        f"first frame: the tracker's {motion.frame[0]}, device time {start}",
+    ]
+    note = [part for line in lines for part in wrap(line, _NOTE_WIDTH, subsequent_indent="  ")]
+    return {
+        "MANUFACTURER": {"SOFTWARE": [PROGRAM], "VERSION_LABEL": [VERSION]},
+        "SHUKOTSU": split("NOTE", note),
+    }
+
+
+def _blocks(row: Whole, numbers: Callable[[slice], Array], blank: Array) -> Iterator[Floats]:
+    """The numbers of all rows in parts, blank (n,) where there is no frame."""
+    for start in range(0, len(row), _BLOCK_FRAMES):
+        rows = slice(start, start + _BLOCK_FRAMES)
+        known, first = numbers(rows), row[start]
+        stop = row[start + _BLOCK_FRAMES] if start + _BLOCK_FRAMES < len(row) else row[-1] + 1
+        part = np.broadcast_to(blank, (stop - first, *known.shape[1:])).astype(np.float32)
+        part[row[rows] - first] = known
+        yield part
+
+
+def _points(motion: SkeletonMotion, rows: slice, scale: float) -> Array:
+    """The points of those frames, (n, P, 4)."""
+    receivers = motion.receivers
+    origin = receivers.position_mm[rows, :, None]
+    axes = np.swapaxes(matrix(receivers.quaternion[rows]), -1, -2)
+    four = np.concatenate([origin, origin + ARM_MM * axes], 2).reshape(len(origin), -1, 3)
+    position = np.concatenate([motion.position_mm[rows], four], 1) * scale
+    return _filled(np.concatenate([position, np.zeros((*position.shape[:2], 1))], -1), NO_POINT)
+
+
+def _poses(motion: SkeletonMotion, rows: slice, scale: float) -> Array:
+    """The poses of those frames, (n, R, 17): 4x4 matrices column by column, and the reliability."""
+    bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
+    receivers = motion.receivers
+    position = np.concatenate([motion.position_mm[rows][:, bones], receivers.position_mm[rows]], 1) * scale
+    turn = matrix(np.concatenate([motion.quaternion[rows][:, bones], receivers.quaternion[rows]], 1))
+    out = np.zeros((*position.shape[:2], 17))
+    columns = out[..., :16].reshape(*position.shape[:2], 4, 4)
+    columns[..., :3, :3] = np.swapaxes(turn, -1, -2)
+    columns[..., 3, :3] = position
+    columns[..., 3, 3] = 1.0
+    return _filled(out, NO_POSE)
+
+
+def _filled(numbers: Array, blank: Array) -> Array:
+    """The numbers (n, K, m), blank (m,) where any is missing."""
+    return np.where(np.isfinite(numbers).all(-1, keepdims=True), numbers, blank)

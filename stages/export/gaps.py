@@ -1,0 +1,221 @@
+"""Frames without a pose: refused, held, cut away or interpolated, as the user says, and always told.
+
+A gap is a run of frames in which a joint has no whole pose, or which the recording lost: their numbers are
+missing. What is filled is filled in the frame of the bone before, so that a held finger still goes with the
+hand; the root is filled in the transmitter's frame. Frames that are known keep their numbers to the bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.rotations import Array, conjugate, multiply, rotate
+from schemas.errors import InputError
+from stages.export.interpolation import blended, bracketed, slerped
+from stages.export.motion import Bools, SkeletonMotion, Whole, continuous
+
+POLICIES = ("refuse", "hold", "cut", "interpolate")
+_TOLD = 10
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Frames first to last, by their numbers, without a pose.
+
+    joint : the first joint in it that has none, empty where the recording lost the frames themselves.
+    length_s : from the known frame before to the next, NaN where there are no times.
+    """
+
+    first: int
+    last: int
+    joint: str
+    length_s: float
+
+    def __str__(self) -> str:
+        what = f"joint {self.joint} has no pose in" if self.joint else "the recording lost"
+        frames = f"frame {self.first}" if self.first == self.last else f"frames {self.first} to {self.last}"
+        return f"{what} {frames}" + (f" ({self.length_s:.3f} s)" if np.isfinite(self.length_s) else "")
+
+
+def closed(motion: SkeletonMotion, policy: str, max_gap_s: float) -> SkeletonMotion:
+    """The motion without gaps, by the policy; a note says what was done.
+
+    refuse : InputError that names the first gap. hold : the pose before goes on, at the start that after.
+    cut : only the longest stretch of frames without a gap stays. interpolate : positions linearly, rotations
+    by slerp over device time; InputError where a gap is longer than max_gap_s or open to one end.
+    Raises InputError as well where no frame is left, or a joint has no pose at all.
+    """
+    gaps = find_gaps(motion)
+    if not len(motion.frame):
+        raise InputError(f"{_who(motion)}: no frame to export; widen --frames or look at the recording")
+    if not gaps:
+        return motion
+    if policy == "refuse":
+        raise InputError(
+            f"{_who(motion)}: {gaps[0]}, the first of {len(gaps)} gaps, which this format cannot hold; "
+            "choose --gaps hold, cut or interpolate, or a --frames range without one"
+        )
+    if policy == "cut":
+        return _cut(motion)
+    _refuse_absent(motion)
+    if policy == "interpolate":
+        _refuse_wide(motion, gaps, max_gap_s)
+    return _filled(with_lost_frames(motion), gaps, policy)
+
+
+def find_gaps(motion: SkeletonMotion) -> list[Gap]:
+    """All gaps, in the order of their frames."""
+    whole, time_s = motion.whole, motion.time_s
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], whole, [True]]).astype(int)))
+    found = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        joint = motion.names[int(np.argmin(motion.known[start]))]
+        before, after = max(start - 1, 0), min(stop, len(whole) - 1)
+        length = float(time_s[after] - time_s[before])
+        found.append(Gap(int(motion.frame[start]), int(motion.frame[stop - 1]), joint, length))
+    for row in np.flatnonzero(_lost(motion)):
+        first, last = int(motion.frame[row]) + 1, int(motion.frame[row + 1]) - 1
+        found.append(Gap(first, last, "", float(time_s[row + 1] - time_s[row])))
+    return sorted(found, key=lambda gap: gap.first)
+
+
+def _lost(motion: SkeletonMotion) -> Whole:
+    """How many frames are missing after each but the last (T - 1,), by the usual step of their numbers."""
+    step = np.diff(motion.frame)
+    if not len(step):
+        return np.zeros(0, np.int64)
+    usual = max(1, int(np.median(step)))
+    return np.maximum(np.rint(step / usual).astype(np.int64) - 1, 0)
+
+
+def with_lost_frames(motion: SkeletonMotion) -> SkeletonMotion:
+    """The motion with a frame without poses for every one that the recording lost, its time in proportion."""
+    lost = _lost(motion)
+    if not lost.any():
+        return motion
+    place = np.concatenate([[0], np.cumsum(1 + lost)])
+    there = np.zeros(place[-1] + 1, bool)
+    there[place] = True
+    wide = motion.take(np.cumsum(there) - 1)
+    rows = np.arange(len(there))
+    blank = ~there
+    for array in (wide.position_mm, wide.quaternion, wide.receivers.position_mm, wide.receivers.quaternion):
+        array[blank] = np.nan
+    wide.receivers.valid[blank] = False
+    return replace(
+        wide,
+        frame=np.rint(np.interp(rows, place, motion.frame)).astype(np.int64),
+        time_s=np.interp(rows, place, motion.time_s),
+    )
+
+
+def _cut(motion: SkeletonMotion) -> SkeletonMotion:
+    whole = motion.whole
+    joined = np.zeros(len(whole), bool)
+    joined[1:] = whole[1:] & whole[:-1] & (_lost(motion) == 0)
+    starts = np.flatnonzero(whole & ~joined)
+    if not len(starts):
+        raise InputError(
+            f"{_who(motion)}: no frame in which every joint has a pose, so --gaps cut leaves nothing"
+        )
+    ends = np.array([_end(joined, int(start)) for start in starts])
+    best = int(np.argmax(ends - starts))
+    kept = np.zeros(len(whole), bool)
+    kept[starts[best] : ends[best]] = True
+    away = _runs(motion.frame, ~kept)
+    listed = ", ".join(away[:_TOLD]) + (f" and {len(away) - _TOLD} more" if len(away) > _TOLD else "")
+    out = motion.take(kept)
+    return out.noting(
+        f"gaps cut: frames {out.frame[0]} to {out.frame[-1]} stay, the longest stretch without a gap "
+        f"({len(out.frame)} of {len(whole)}); cut away: {listed or 'none'}"
+    )
+
+
+def _end(joined: Bools, start: int) -> int:
+    """Row after the last of the stretch that starts there."""
+    breaks = np.flatnonzero(~joined[start + 1 :])
+    return int(start + 1 + breaks[0]) if len(breaks) else len(joined)
+
+
+def _runs(frame: Whole, chosen: Bools) -> list[str]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
+    pairs = zip(edges[::2], edges[1::2] - 1, strict=True)
+    return [f"{frame[a]}" if a == b else f"{frame[a]}-{frame[b]}" for a, b in pairs]
+
+
+def _refuse_absent(motion: SkeletonMotion) -> None:
+    never = ~motion.known.any(0)
+    if never.any():
+        name = motion.names[int(np.argmax(never))]
+        raise InputError(
+            f"{_who(motion)}: joint {name} has no pose in any of these frames, so there is nothing "
+            "to fill from; widen --frames"
+        )
+
+
+def _refuse_wide(motion: SkeletonMotion, gaps: list[Gap], max_gap_s: float) -> None:
+    whole = motion.whole
+    if not (whole[0] and whole[-1]):
+        gap = gaps[0] if not whole[0] else gaps[-1]
+        raise InputError(
+            f"{_who(motion)}: {gap}, open to one end of the recording, where nothing can be interpolated; "
+            "use --frames to leave it out, or --gaps cut or hold"
+        )
+    for gap in gaps:
+        if not gap.length_s <= max_gap_s:
+            raise InputError(
+                f"{_who(motion)}: {gap}, longer than --max-gap-s {max_gap_s:g}; raise it, or use --gaps cut "
+                "or hold"
+            )
+
+
+def _filled(motion: SkeletonMotion, gaps: list[Gap], policy: str) -> SkeletonMotion:
+    """Every gap filled, parents before children, so that a child is filled in its parent's frame."""
+    known = motion.known
+    position, turn = motion.position_mm.copy(), motion.quaternion.copy()
+    for index, joint in enumerate(motion.joints):
+        blank = ~known[:, index]
+        if not blank.any():
+            continue
+        here, there = position[:, index], turn[:, index]
+        if joint.parent >= 0:
+            above = turn[:, joint.parent]
+            here = rotate(conjugate(above), here - position[:, joint.parent])
+            there = multiply(conjugate(above), there)
+        here, there = _filled_series(motion.time_s, here, there, known[:, index], policy)
+        if joint.parent >= 0:
+            here, there = position[:, joint.parent] + rotate(above, here), multiply(above, there)
+        position[blank, index], turn[blank, index] = here[blank], there[blank]
+    frames = int((~motion.whole).sum())
+    longest = max(gap.length_s for gap in gaps)
+    how = {
+        "hold": "by the pose before, held in the frame of the bone before",
+        "interpolate": "between the poses before and after, in the frame of the bone before",
+    }[policy]
+    told = f", the longest {longest:.3f} s" if np.isfinite(longest) else ""
+    return replace(motion, position_mm=position, quaternion=continuous(turn)).noting(
+        f"{len(gaps)} gaps ({frames} frames{told}) filled {how}"
+    )
+
+
+def _filled_series(
+    time_s: Array, position: Array, turn: Array, known: Bools, policy: str
+) -> tuple[Array, Array]:
+    """Positions (T, 3) and rotations (T, 4) of one joint at all times, from those that are known."""
+    rows = np.flatnonzero(known)
+    x = time_s if np.isfinite(time_s).all() else np.arange(len(known), dtype=float)
+    before, after, share = bracketed(x, x[rows])
+    if policy == "hold":
+        share = np.where(np.arange(len(known)) >= rows[after], 1.0, 0.0)
+    return (
+        blended(position[rows[before]], position[rows[after]], share),
+        slerped(turn[rows[before]], turn[rows[after]], share),
+    )
+
+
+def _who(motion: SkeletonMotion) -> str:
+    origin = motion.origin
+    words = (f"subject {origin.subject}", f"{origin.hand} hand", origin.task, origin.trial, origin.model)
+    return ", ".join(word for word in words if word)

@@ -1,0 +1,279 @@
+"""GLB (glTF 2.0, binary): skeleton, a body of bones and the motion in one file, for the web, XR and Blender.
+
+Metres, +Y up. A hand is a node `right-hand` or `left-hand` with the joints below it, named as in WebXR Hand
+Input where no other rig was asked for, and beside it a node with its body, bound to the joints by a skin.
+Nodes stand at rest, the root's bone frame along the world's axes where the first frame has the root; that is
+also the pose that the body is bound in. The animation turns every joint, and moves the root and those joints
+that leave their place in their parent; a key a frame, linear between (rotations: by slerp). Times are device
+times counted from the first frame.
+
+Numbers are float32: joints up to 2 m from the transmitter are within 3e-7 m of where the motion has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.rotations import Array, conjugate, matrix, multiply, rotate, unit
+from schemas import PROGRAM, VERSION
+from schemas.errors import InputError
+from stages.export.axes import UNITS_PER_MM
+from stages.export.bone_mesh import bone_mesh
+from stages.export.formats import Target
+from stages.export.glb_document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
+from stages.export.motion import SkeletonMotion, continuous, rest_pose
+from stages.export.names import RIGS
+from stages.export.note import facts
+from stages.export.rigging import on_rig
+
+MOVES_MM = 1e-6
+"""A joint that leaves its place at rest in its parent by more than this has positions in the animation."""
+
+_SCALE = UNITS_PER_MM["m"]
+_MATERIALS = {"bone": ((0.76, 0.56, 0.44, 1.0), 0.7), "nail": ((0.93, 0.82, 0.76, 1.0), 0.35)}
+"""Colour (linear) and roughness by name."""
+
+
+@dataclass(frozen=True)
+class _Hand:
+    """A motion with the names that are written, what its nodes are called, and the times of its keys (T,)."""
+
+    motion: SkeletonMotion
+    name: str
+    time_s: npt.NDArray[np.float32]
+
+
+def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
+    """Write one motion, which has no gap and whose world has +Y up; give what the file does not hold.
+
+    Raises InputError where a pose is missing, there is no frame, or device time is missing or does not grow.
+    """
+    return write_scene([motion], target, path)
+
+
+def write_scene(
+    motions: Sequence[SkeletonMotion], target: Target, path: Path, *, one_clock: bool = False
+) -> tuple[str, ...]:
+    """Write several motions, such as both hands of a person, each with nodes and a skin of its own.
+
+    one_clock : whether the device times of all are of one clock, as of hands that were recorded at once. Then
+    there is one animation, and it starts with the earliest frame. Else each motion has an animation that
+    starts at 0: times of recordings that were made one after the other do not tell what was when in the
+    other, even where they overlap. Raises InputError as `write`, and where times of one clock do not overlap.
+    """
+    for motion in motions:
+        _refuse(motion, path)
+    hands = [
+        _hand(motion, start) for motion, start in zip(motions, _starts(motions, path, one_clock), strict=True)
+    ]
+    notes = [facts(hand.motion, target) for hand in hands]
+    licence = "; ".join(dict.fromkeys(note["licence"] for note in notes if note["licence"]))
+    asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": notes}}
+    document = Document(asset | ({"copyright": licence} if licence else {}))
+    document.json |= {"scene": 0, "scenes": [{"nodes": []}]}
+    animations = [_add_hand(document, hand) for hand in hands]
+    for animation in _joined(animations) if one_clock else animations:
+        document.add("animations", animation)
+    document.write(path)
+    return _told(len(hands), one_clock)
+
+
+def _refuse(motion: SkeletonMotion, path: Path) -> None:
+    if not len(motion.frame) or not motion.whole.all():
+        raise InputError(
+            f"{path}: GLB holds no frame without a pose and no file without a frame; choose --gaps hold, cut "
+            "or interpolate"
+        )
+    time_s = motion.time_s
+    if len(time_s) > 1 and not np.isfinite(time_s).any():
+        raise InputError(
+            f"{path}: the recording has no device time, and GLB needs it; say a rate with --rate-hz"
+        )
+    still = np.flatnonzero(~(np.diff((time_s - time_s[0]).astype(np.float32)) > 0))
+    if len(still):
+        raise InputError(
+            f"{path}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in GLB "
+            "it must; choose --frames that leave this out"
+        )
+
+
+def _starts(motions: Sequence[SkeletonMotion], path: Path, one_clock: bool) -> list[float]:
+    """Device time that is 0 in the file, of each motion."""
+    starts = [float(np.nan_to_num(motion.time_s[0])) for motion in motions]
+    if not one_clock:
+        return starts
+    ends = [float(np.nan_to_num(motion.time_s[-1])) for motion in motions]
+    if max(starts) > min(ends):
+        raise InputError(
+            f"{path}: device times do not overlap (one recording ends at {min(ends):.3f} s, another begins "
+            f"at {max(starts):.3f} s), so these were not recorded at once; write them without a common clock"
+        )
+    return [min(starts)] * len(starts)
+
+
+def _hand(motion: SkeletonMotion, start_s: float) -> _Hand:
+    """The motion as it is written; a hand that has the layout's names gets those of WebXR."""
+    side = motion.origin.hand
+    if set(motion.names[1:]) <= set(RIGS["webxr"].names(side)):
+        motion = on_rig(motion, "webxr")
+    what = "hand" if np.isfinite(motion.neutral).any() else motion.origin.layout
+    return _Hand(motion, f"{side}-{what}", np.nan_to_num(motion.time_s - start_s).astype(np.float32))
+
+
+def _add_hand(document: Document, hand: _Hand) -> dict[str, Any]:
+    """Put nodes, skin and body of a hand into the document; give the animation that moves it."""
+    motion = hand.motion
+    root = document.add("nodes", {"name": hand.name})
+    first = root + 1
+    document.json["nodes"][root]["children"] = [first]
+    for node in _joint_nodes(motion, first):
+        document.add("nodes", node)
+    joints = list(range(first, first + len(motion.joints)))
+    inverse = document.array(_inverse_bind_matrices(motion))
+    skin = document.add(
+        "skins", {"name": hand.name, "inverseBindMatrices": inverse, "skeleton": first, "joints": joints}
+    )
+    body = {"name": f"{hand.name}-body"}
+    mesh = document.add("meshes", body | {"primitives": _primitives(document, motion)})
+    # beside the hand, not below it: what is above a skinned mesh does not move it, and is refused by some
+    document.json["scenes"][0]["nodes"] += [root, document.add("nodes", body | {"mesh": mesh, "skin": skin})]
+    return _animation(document, hand, first)
+
+
+def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
+    nodes: list[dict[str, Any]] = []
+    for index, joint in enumerate(motion.joints):
+        place = motion.position_mm[0, 0] if joint.parent < 0 else motion.rest_offset_mm[index]
+        known: dict[str, Any] = {"bone": joint.segment}
+        if joint.dof:
+            known["degrees_of_freedom"] = joint.dof
+        if np.isfinite(motion.axis[index]).all():
+            known["axis"] = motion.axis[index].round(9).tolist()
+        node = {
+            "name": joint.name,
+            "translation": (place * _SCALE).tolist(),
+            "rotation": np.roll(motion.rest_rotation[index], -1).tolist(),
+            "extras": known,
+        }
+        nodes.append(node)
+        if joint.parent >= 0:
+            nodes[joint.parent].setdefault("children", []).append(first + index)
+    return nodes
+
+
+def _inverse_bind_matrices(motion: SkeletonMotion) -> npt.NDArray[np.float32]:
+    """From the world at rest to each joint (J, 4, 4), by columns."""
+    rest_mm, rest_turn = rest_pose(motion)
+    back = conjugate(rest_turn)
+    out = np.tile(np.eye(4), (len(back), 1, 1))
+    out[:, :3, :3] = matrix(back)
+    out[:, :3, 3] = -rotate(back, (rest_mm + motion.position_mm[0, 0]) * _SCALE)
+    return out.transpose(0, 2, 1).astype(np.float32)
+
+
+def _primitives(document: Document, motion: SkeletonMotion) -> list[dict[str, Any]]:
+    """The body, where the nodes stand at rest: bones, and nails where there are any."""
+    mesh = bone_mesh(motion)
+    count = len(mesh.joint)
+    joint = np.zeros((count, 4), np.uint8 if len(motion.joints) <= 256 else np.uint16)
+    joint[:, 0] = mesh.joint
+    weight = np.zeros((count, 4), np.uint8)
+    weight[:, 0] = 255
+    place = ((mesh.position_mm + motion.position_mm[0, 0]) * _SCALE).astype(np.float32)
+    attributes = {
+        "POSITION": document.array(place, target=ARRAY_BUFFER, bounds=True),
+        "NORMAL": document.array(mesh.normal.astype(np.float32), target=ARRAY_BUFFER),
+        "JOINTS_0": document.array(joint, target=ARRAY_BUFFER),
+        "WEIGHTS_0": document.array(weight, target=ARRAY_BUFFER, normalized=True),
+    }
+    kind = np.uint16 if count < 2**16 else np.uint32
+    return [
+        {
+            "attributes": attributes,
+            "indices": document.array(triangles.ravel().astype(kind), target=ELEMENT_ARRAY_BUFFER),
+            "material": _material(document, name),
+        }
+        for name, triangles in (("bone", mesh.bone), ("nail", mesh.nail))
+        if len(triangles)
+    ]
+
+
+def _material(document: Document, name: str) -> int:
+    """Index of the material of that name, which all hands of a scene share."""
+    made: list[dict[str, Any]] = document.json.setdefault("materials", [])
+    for index, material in enumerate(made):
+        if material["name"] == name:
+            return index
+    colour, roughness = _MATERIALS[name]
+    factors = {"baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": roughness}
+    return document.add("materials", {"name": name, "pbrMetallicRoughness": factors})
+
+
+def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
+    motion = hand.motion
+    times = document.array(hand.time_s, bounds=True)
+    samplers: list[dict[str, Any]] = []
+    channels: list[dict[str, Any]] = []
+
+    def add(index: int, path: str, values: Array) -> None:
+        channels.append({"sampler": len(samplers), "target": {"node": first + index, "path": path}})
+        output = document.array(values.astype(np.float32))
+        samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
+
+    for index in range(len(motion.joints)):
+        place_mm, turn = _in_parent(motion, index)
+        if index == 0 or np.abs(place_mm - motion.rest_offset_mm[index]).max() > MOVES_MM:
+            add(index, "translation", place_mm * _SCALE)
+        add(index, "rotation", np.roll(turn, -1, axis=-1))
+    words = (hand.name, motion.origin.task, motion.origin.trial)
+    start: dict[str, Any] = {"first_frame": int(motion.frame[0])}
+    if np.isfinite(motion.time_s[0]):
+        start["first_device_time_s"] = float(motion.time_s[0])
+    return {
+        "name": " ".join(word for word in words if word),
+        "samplers": samplers,
+        "channels": channels,
+        "extras": start,
+    }
+
+
+def _in_parent(motion: SkeletonMotion, index: int) -> tuple[Array, Array]:
+    """Positions (T, 3) mm and unit rotations (T, 4) of a joint in its parent's frame, a root in the world.
+
+    As `stages.export.motion.local_motion`, a joint at a time, which is lighter on long recordings.
+    """
+    place_mm, turn = motion.position_mm[:, index], motion.quaternion[:, index]
+    above = motion.joints[index].parent
+    if above >= 0:
+        back = conjugate(motion.quaternion[:, above])
+        place_mm = rotate(back, place_mm - motion.position_mm[:, above])
+        turn = multiply(back, turn)
+    return place_mm, continuous(unit(turn)[:, None])[:, 0]
+
+
+def _joined(animations: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One animation of all their channels."""
+    samplers: list[dict[str, Any]] = []
+    channels: list[dict[str, Any]] = []
+    for animation in animations:
+        start = len(samplers)
+        samplers += animation["samplers"]
+        channels += [channel | {"sampler": start + channel["sampler"]} for channel in animation["channels"]]
+    name = ", ".join(animation["name"] for animation in animations)
+    extras = {animation["name"]: animation["extras"] for animation in animations}
+    return [{"name": name, "samplers": samplers, "channels": channels, "extras": extras}]
+
+
+def _told(hands: int, one_clock: bool) -> tuple[str, ...]:
+    if hands < 2 or one_clock:
+        return ()
+    return (
+        f"{hands} animations, each from 0 s on its own, as of recordings that were made one after the other; "
+        "a program that plays one of them moves one hand",
+    )

@@ -1,0 +1,259 @@
+"""What every format is written from: one hand's skeleton and its motion over a recording.
+
+Bone frames. Every joint carries the frame of the bone that starts there, as WebXR Hand Input and OpenXR
+define it: -Z along the bone, away from the wrist; +Y out of the back of the bone (of a thumb, the nail's
+side); +X = Y x Z, which is to the right of a hand that points forward with its back up, right and left hand
+alike. No frame is mirrored: a left hand is left because its joints are. In the frames of our tables (x
+distal, z dorsal, y = z x x) these are X = -y, Y = z, Z = -x: `BONE_TO_WEBXR`.
+
+World. Positions and rotations are in the transmitter's frame, mm, as measured; `stages.export.axes` turns
+them to what a format expects.
+
+Tree. Joint 0 is the root, the wrist of a hand; parents come before children. A digit's last joint is its
+tip, which ends its last bone and has that bone's rotation; of a fitted hand it is the end of the bone, of
+other skeletons the origin of the distal receiver (docs/conventions.md).
+
+Translations. Bones are as long as the tables say (`rest_offset_mm`), but joint centres that were solved
+joint by joint leave a gap, and skin leaves one in a fitted hand: what is in a frame beyond the rest offset
+is a joint's own small translation. `position_mm` holds it, so that every joint is where the tables have it.
+`stiffened` gives the skeleton without: the bones' rotations, every bone as long as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.rotations import Array, conjugate, from_matrix, multiply, rotate
+
+Bools = npt.NDArray[np.bool_]
+Whole = npt.NDArray[np.int64]
+
+BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+"""Quaternion (4,) from the WebXR frame of a bone to its frame in our tables: q_webxr = q_bone * this."""
+
+DISTAL = np.array([0.0, 0.0, -1.0])
+"""Along a bone, in its own frame."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint, and the bone that starts there.
+
+    name : as the layout calls the joint, `<digit>_tip` a tip; renamed for a rig by `stages.export.names`.
+    parent : index of the joint before it, -1 for the root. segment : the bone; a tip's is that which it
+    ends. digit : empty for the root. tip : whether it is the end of a digit. dof : degrees of freedom that
+    the model gave it, 0 where none are known.
+    """
+
+    name: str
+    parent: int
+    segment: str
+    digit: str = ""
+    tip: bool = False
+    dof: int = 0
+
+
+@dataclass(frozen=True)
+class Receivers:
+    """The R receivers that the skeleton comes from, over the same T frames.
+
+    segments : what each rides on. position_mm : (T, R, 3), quaternion : (T, R, 4) receiver to transmitter
+    frame, in the receivers' own axes (docs/conventions.md); both NaN where not valid. valid : (T, R).
+    """
+
+    segments: tuple[str, ...]
+    position_mm: Array
+    quaternion: Array
+    valid: Bools
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Whose motion it is and what it was made from.
+
+    inputs : SHA-256 of the tables, by their path in the results folder. licence : the words that the user
+    gave, may be empty.
+    """
+
+    subject: str
+    hand: str
+    task: str
+    trial: str
+    model: str
+    layout: str
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    licence: str = ""
+
+
+@dataclass(frozen=True)
+class SkeletonMotion:
+    """The skeleton of one hand with J joints over T frames; T may be 0.
+
+    rest_offset_mm : (J, 3) each joint from its parent in the parent's bone frame, this person's bones; zeros
+    for the root. rest_rotation : (J, 4) each bone's frame in its parent's at rest: straight digits, the
+    first bone of each as it stands on average; identity for root and tips.
+    neutral : (J, 4) each bone's frame in its parent's where its joint angles are zero
+    (docs/joint-angles.md), NaN where no anatomy says. axis : (J, 3) unit, the estimated axis of a joint of
+    one degree of freedom in its own bone frame, NaN where there is none.
+    frame : (T,) as recorded; where resampled, that of the recorded frame nearest in time. time_s : (T,)
+    device time, NaN where the recording has none. rate_hz : frames a second, the median as recorded; NaN
+    where the times do not tell.
+    position_mm : (T, J, 3), quaternion : (T, J, 4) unit (w, x, y, z) of bone frame to transmitter frame
+    (or that which `stages.export.axes` turned to), signs continuous over time; NaN in gaps.
+    notes : sentences, in order, on what is left out and what was done to the motion since it was read.
+    """
+
+    joints: tuple[Joint, ...]
+    rest_offset_mm: Array
+    rest_rotation: Array
+    neutral: Array
+    axis: Array
+    frame: Whole
+    time_s: Array
+    rate_hz: float
+    position_mm: Array
+    quaternion: Array
+    receivers: Receivers
+    origin: Origin
+    notes: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def parents(self) -> Whole:
+        """Index of each joint's parent (J,), -1 for the root."""
+        return np.array([joint.parent for joint in self.joints], np.int64)
+
+    @property
+    def known(self) -> Bools:
+        """Which joints have a whole pose in which frames, (T, J)."""
+        return np.asarray(np.isfinite(self.position_mm).all(-1) & np.isfinite(self.quaternion).all(-1))
+
+    @property
+    def whole(self) -> Bools:
+        """Frames (T,) in which every joint has a pose."""
+        return np.asarray(self.known.all(1))
+
+    def index(self, name: str) -> int:
+        """Place of the joint of that name; ValueError where there is none."""
+        return self.names.index(name)
+
+    def take(self, rows: slice | Whole | Bools) -> SkeletonMotion:
+        """Only some of the frames."""
+        receivers = replace(
+            self.receivers,
+            position_mm=self.receivers.position_mm[rows],
+            quaternion=self.receivers.quaternion[rows],
+            valid=self.receivers.valid[rows],
+        )
+        return replace(
+            self,
+            frame=self.frame[rows],
+            time_s=self.time_s[rows],
+            position_mm=self.position_mm[rows],
+            quaternion=self.quaternion[rows],
+            receivers=receivers,
+        )
+
+    def noting(self, *sentences: str) -> SkeletonMotion:
+        """The same with more notes."""
+        return replace(self, notes=(*self.notes, *sentences))
+
+
+@dataclass(frozen=True)
+class LocalMotion:
+    """Each joint in its parent's bone frame; the root in the world.
+
+    offset_mm : (T, J, 3), quaternion : (T, J, 4) with continuous signs; NaN in gaps of either bone.
+    """
+
+    offset_mm: Array
+    quaternion: Array
+
+
+def local_motion(motion: SkeletonMotion) -> LocalMotion:
+    """Each joint's pose in its parent's bone frame: what a hierarchy of nodes needs.
+
+    offset_mm is the rest offset plus the joint's own translation in that frame.
+    """
+    parents = motion.parents[1:]
+    back = conjugate(motion.quaternion[:, parents])
+    offset, turn = motion.position_mm.copy(), motion.quaternion.copy()
+    offset[:, 1:] = rotate(back, motion.position_mm[:, 1:] - motion.position_mm[:, parents])
+    turn[:, 1:] = multiply(back, motion.quaternion[:, 1:])
+    return LocalMotion(offset, continuous(turn))
+
+
+def rest_pose(motion: SkeletonMotion) -> tuple[Array, Array]:
+    """Positions (J, 3) mm and rotations (J, 4) of all bone frames at rest, in the root's bone frame."""
+    position, turn = np.zeros((len(motion.joints), 3)), motion.rest_rotation.copy()
+    for index, joint in enumerate(motion.joints[1:], 1):
+        above = turn[joint.parent]
+        position[index] = position[joint.parent] + rotate(above, motion.rest_offset_mm[index])
+        turn[index] = multiply(above, motion.rest_rotation[index])
+    return position, turn
+
+
+def translation_mm(motion: SkeletonMotion) -> Array:
+    """Largest translation (J,) of each joint beyond its rest offset over the frames; 0 without frames.
+
+    The root's is 0: it is free to move.
+    """
+    beyond = np.linalg.norm(local_motion(motion).offset_mm - motion.rest_offset_mm, axis=-1)
+    beyond[:, 0] = 0.0
+    return np.asarray(np.nanmax(np.vstack([beyond, np.zeros(beyond.shape[1])]), axis=0))
+
+
+def stiffened(motion: SkeletonMotion) -> SkeletonMotion:
+    """The motion with rotations only: every joint at its rest offset from its parent, the root where it is.
+
+    For programs that know no stretching bones. Rotations stay; a note says how far a joint is moved at
+    most. Of a skeleton that is no fitted hand this is the replay with the least-squares binding, and its tips
+    are those of the tips table.
+    """
+    position = motion.position_mm.copy()
+    for index, joint in enumerate(motion.joints[1:], 1):
+        above = motion.quaternion[:, joint.parent]
+        position[:, index] = position[:, joint.parent] + rotate(above, motion.rest_offset_mm[index])
+    moved = np.linalg.norm(position - motion.position_mm, axis=-1)
+    seen = np.isfinite(moved)
+    words = "bones kept at their length"
+    if seen.any():
+        worst = int(np.argmax(np.where(seen, moved, -1.0).max(0)))
+        words += (
+            f", which moves joints by up to {np.nanmax(moved):.3f} mm ({motion.names[worst]}), "
+            f"rms {np.sqrt(np.mean(moved[seen] ** 2)):.3f} mm"
+        )
+    return replace(motion, position_mm=position).noting(words)
+
+
+def continuous(quaternion: Array) -> Array:
+    """Quaternions (T, N, 4) with signs such that no two known neighbours in time are more than 90 deg apart
+    as 4-vectors; the first known of each has w >= 0. NaN stays.
+    """
+    out = quaternion.copy()
+    for index in range(out.shape[1]):
+        known = np.flatnonzero(np.isfinite(out[:, index]).all(-1))
+        if not len(known):
+            continue
+        series = out[known, index]
+        turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
+        signs = np.concatenate([[-1.0 if series[0, 0] < 0 else 1.0], turns])
+        out[known, index] = series * np.cumprod(signs)[:, None]
+    return out
+
+
+def nominal_rate_hz(frame: Whole, time_s: Array) -> float:
+    """Frames a second: the median over neighbours; NaN where there are none with times that grow."""
+    step = np.diff(frame)
+    usual = step == (np.median(step) if len(step) else 0)
+    interval = np.diff(time_s)[usual]
+    interval = interval[np.isfinite(interval) & (interval > 0)]
+    return float(1.0 / np.median(interval)) if len(interval) else float("nan")

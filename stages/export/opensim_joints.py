@@ -1,0 +1,219 @@
+"""Joints for OpenSim: which coordinates each has, about which axes, and their values over a motion.
+
+A joint's frame stands where its angles are zero, on the parent's bone at the joint's rest offset; turns are
+carried one by the other, R = R(axis 1, q1) R(axis 2, q2) R(axis 3, q3), after the translations along the
+frame's own axes. So every relative pose of two bones has its coordinates, and nothing of it is lost.
+
+- A joint of known anatomy turns by the angles of `docs/joint-angles.md`, in their order and with their signs:
+  flexion, abduction, rotation.
+- One with an estimated axis turns about that first. Its zero is the rotation nearest to the anatomical zero
+  of all that have the axis where the parent has it; abduction and rotation are about the two axes at right
+  angles to it. Where these two stay zero, a true hinge, the joint has flexion alone.
+- One of unknown anatomy turns from its mean about the axes that it turned about most, next and least.
+- One that was given no degree of freedom and moves all the same, a palm's, turns from its mean about the axes
+  of its bone, named as the angles are.
+- The root turns about the ground's axes, in the order that keeps its second angle furthest from 90 deg.
+- A bone that keeps still against its parent, and was given no degree of freedom, is welded to it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from kinematics.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
+from stages.export.bvh import MOVES_MM
+from stages.export.motion import Joint, SkeletonMotion, local_motion
+from stages.export.names import ascii_name
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+STILL_RAD = 1e-7
+"""A rotation below this is none: it moves the end of a 100 mm bone by 10 nm."""
+
+_SIGN = {"right": -1.0, "left": 1.0}
+_ANGLES = ("flexion", "abduction", "rotation")
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number a frame that a joint moves by: values (T,), rad for a turn, continuous, or mm."""
+
+    name: str
+    values: Array
+
+
+@dataclass(frozen=True)
+class JointForm:
+    """A joint and the body after it, as OpenSim wants them.
+
+    index : of the joint in the motion. dof : what the skeleton model gave it. parent : index of the parent's
+    form in the list, -1 for the ground. offset_mm, quaternion : the joint's frame in the parent's bone frame.
+    axes : (3, 3) rows, all that the joint could turn about. turns : about them, 3, a hinge's 1, or none.
+    shifts : along the frame's own axes, 3 or none.
+    """
+
+    index: int
+    name: str
+    body: str
+    dof: int
+    parent: int
+    offset_mm: Array
+    quaternion: Array
+    axes: Array
+    turns: tuple[Coordinate, ...]
+    shifts: tuple[Coordinate, ...]
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Turns, then shifts."""
+        return (*self.turns, *self.shifts)
+
+
+def joint_forms(motion: SkeletonMotion) -> tuple[JointForm, ...]:
+    """Forms of all joints but the tips, parents first; the motion has no gap and at least one frame."""
+    local = local_motion(motion)
+    kept = [index for index, joint in enumerate(motion.joints) if not joint.tip]
+    places = {index: place for place, index in enumerate(kept)}
+    names = plain_names(motion.names[index] for index in kept)
+    bodies = plain_names(motion.joints[index].segment for index in kept)
+    forms = []
+    for index, name, body in zip(kept, names, bodies, strict=True):
+        joint, turn = motion.joints[index], local.quaternion[:, index]
+        if joint.parent < 0:
+            zero, axes, values, labels = IDENTITY, *_root_turns(turn)
+        else:
+            zero, axes, labels = _frame(motion, index, turn)
+            values = turn_angles(multiply(conjugate(zero), turn), axes)
+        offset = motion.rest_offset_mm[index]
+        beyond = rotate(conjugate(zero), local.offset_mm[:, index] - offset)
+        turns = _turns(joint, name, labels, values)
+        shifts = _shifts(name, beyond) if joint.parent < 0 or np.abs(beyond).max() > MOVES_MM else ()
+        parent = places.get(joint.parent, -1)
+        forms.append(JointForm(index, name, body, joint.dof, parent, offset, zero, axes, turns, shifts))
+    return tuple(forms)
+
+
+def turn_angles(relative: Array, axes: Array) -> Array:
+    """Turns (T, 3) in rad of rotations (T, 4) about three axes at right angles, carried one by the other.
+
+    axes : (3, 3) rows, right- or left-handed. R = R(axes[0], q1) R(axes[1], q2) R(axes[2], q3); continuous
+    over the frames, so that values may leave a turn; q2 of the first frame is within [-pi / 2, pi / 2].
+    """
+    hand = np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
+    basis = axes * hand[:, None]
+    angles = body_fixed_rad(matrix(np.concatenate([relative[:, :1], relative[:, 1:] @ basis.T], -1)))
+    other = angles * np.array([1.0, -1.0, 1.0]) + np.pi
+    swapped = _apart(other[1:], angles[:-1]) < _apart(angles[1:], angles[:-1])
+    # of the two triples of a rotation the nearer to that before; second to second is as far as first to first
+    second = np.concatenate([[False], np.logical_xor.accumulate(swapped)])
+    return np.asarray(np.unwrap(np.where(second[:, None], other, angles), axis=0) * hand)
+
+
+def body_fixed_rad(rotation: Array) -> Array:
+    """Angles (..., 3) about x, y, z of rotation matrices (..., 3, 3), R = Rx Ry Rz, as OpenSim turns frames.
+
+    The last is what the first two leave over, so that R comes back at 90 deg about y as well.
+    """
+    m = rotation
+    first = np.arctan2(-m[..., 1, 2], m[..., 2, 2])
+    sine, cosine = np.sin(first)[..., None], np.cos(first)[..., None]
+    side, front = cosine * m[..., 1, :] + sine * m[..., 2, :], cosine * m[..., 2, :] - sine * m[..., 1, :]
+    second = np.arctan2(m[..., 0, 2], front[..., 2])
+    return np.stack([first, second, np.arctan2(side[..., 0], side[..., 1])], -1)
+
+
+def _apart(first: Array, second: Array) -> Array:
+    return np.asarray(np.abs(np.angle(np.exp(1j * (first - second)))).sum(-1))
+
+
+def plain_names(words: Iterable[str]) -> list[str]:
+    """Names of letters, digits and underscores, no two the same; all that XML, OpenSim and scripts take."""
+    found: list[str] = []
+    for word in words:
+        name = plain = re.sub(r"\W", "_", ascii_name(word), flags=re.ASCII)
+        number = 2
+        while name in found:
+            name, number = f"{plain}_{number}", number + 1
+        found.append(name)
+    return found
+
+
+def _turns(joint: Joint, name: str, labels: Sequence[str], values: Array) -> tuple[Coordinate, ...]:
+    """The coordinates that a joint needs of the three that it could have."""
+    found = tuple(Coordinate(f"{name}_{label}", value) for label, value in zip(labels, values.T, strict=True))
+    if joint.parent < 0:
+        return found
+    if joint.dof == 0 and np.abs(values).max() < STILL_RAD:
+        return ()
+    if joint.dof == 1 and np.abs(values[:, 1:]).max() < STILL_RAD:
+        return found[:1]
+    return found
+
+
+def _shifts(name: str, beyond_mm: Array) -> tuple[Coordinate, ...]:
+    return tuple(Coordinate(f"{name}_t{axis}", value) for axis, value in zip("xyz", beyond_mm.T, strict=True))
+
+
+def _root_turns(turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
+    """Axes (3, 3), turns (T, 3) and labels of the root: the ground's axes in the best of their six orders."""
+    found = []
+    for order in permutations(range(3)):
+        axes = np.eye(3)[list(order)]
+        values = turn_angles(turn, axes)
+        upright = float(np.abs(np.cos(values[:, 1])).min())
+        found.append((upright, axes, values, tuple(f"r{'xyz'[place]}" for place in order)))
+    return max(found, key=lambda one: one[0])[1:]
+
+
+def _frame(motion: SkeletonMotion, index: int, turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
+    """A joint's frame (4,) in its parent's bone, its axes (3, 3) and what turns about them are called."""
+    joint, neutral, hinge = motion.joints[index], motion.neutral[index], motion.axis[index]
+    mean = _mean(turn)
+    known = bool(np.isfinite(neutral).all())
+    zero = neutral if known else mean
+    if joint.dof == 0 and angle(multiply(conjugate(mean), turn)).max() < STILL_RAD:
+        zero = mean
+    sign = _SIGN[motion.origin.hand]
+    axes = np.array([[-1.0, 0.0, 0.0], [0.0, sign, 0.0], [0.0, 0.0, -sign]])
+    labels = _ANGLES
+    if not known and joint.dof:
+        axes, labels = _principal_axes(multiply(conjugate(mean), turn)), ("turn1", "turn2", "turn3")
+    if joint.dof != 1 or not np.isfinite(hinge).all():
+        return zero, axes, labels
+    first = hinge if axes[0] @ hinge >= 0 else -hinge
+    there = unit(rotate(turn, first).mean(0))
+    return multiply(shortest_turn(rotate(zero, first), there), zero), _completed(first, axes), labels
+
+
+def _mean(turn: Array) -> Array:
+    """The rotation (4,) nearest to all of those (T, 4)."""
+    return np.asarray(np.linalg.eigh(turn.T @ turn)[1][:, -1])
+
+
+def _principal_axes(change: Array) -> Array:
+    """Right-handed axes (3, 3) that rotations (T, 4) are mostly about, the first most."""
+    vector = change[:, 1:] * np.where(change[:, :1] < 0, -1.0, 1.0)
+    axes = np.linalg.eigh(vector.T @ vector)[1].T[::-1]
+    axes = axes * np.sign(axes[np.arange(3), np.abs(axes).argmax(1)])[:, None]
+    return np.stack([axes[0], axes[1], np.cross(axes[0], axes[1])])
+
+
+def _completed(first: Array, axes: Array) -> Array:
+    """Right-handed axes (3, 3) of which one is given, the second nearest to that of right-handed `axes`."""
+    near = axes[1] if abs(first @ axes[1]) < 0.9 else axes[0]
+    second = unit(near - (near @ first) * first)
+    return np.stack([first, second, np.cross(first, second)])
+
+
+def shortest_turn(start: Array, end: Array) -> Array:
+    """The smallest rotation (4,) that takes one unit vector (3,) to another."""
+    across = np.cross(start, end)
+    sine = float(np.linalg.norm(across))
+    if sine == 0.0 and start @ end > 0:
+        return IDENTITY.copy()
+    axis = across / sine if sine else _completed(start, np.eye(3))[1]
+    return about_axis(axis, float(np.arctan2(sine, start @ end)))

@@ -1,0 +1,65 @@
+"""Receivers as markers: a triad each, its origin and a point 10 mm along every axis of its own.
+
+On a bone a triad sits where it was on average over the recording; in the laboratory it is where the receiver
+was measured. What is between the two is skin, and the error of the skeleton.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.rotations import Array, conjugate, multiply, rotate
+from stages.export.motion import SkeletonMotion
+from stages.export.opensim_joints import JointForm, plain_names
+
+ARM_MM = 10.0
+POINTS_MM = np.vstack([np.zeros(3), ARM_MM * np.eye(3)])
+POINTS = ("o", "x", "y", "z")
+"""What the points of a triad are called, after the receiver's segment."""
+
+
+@dataclass(frozen=True)
+class Triad:
+    """A receiver and the body that carries it.
+
+    form : index of the body's form. markers : names of its points. local_mm : (4, 3) in the bone's frame.
+    measured_mm : (T, 4, 3) in the ground, NaN where the receiver is not valid. spread_mm : RMS distance of
+    the points from where the bone would have them.
+    """
+
+    segment: str
+    form: int
+    markers: tuple[str, ...]
+    local_mm: Array
+    measured_mm: Array
+    spread_mm: float
+
+
+def triads(motion: SkeletonMotion, forms: tuple[JointForm, ...]) -> tuple[list[Triad], list[str]]:
+    """Triads of all receivers that sit on a bone of the skeleton, and sentences on the others."""
+    there, found, lost = motion.receivers, [], []
+    carriers = {motion.joints[form.index].segment: place for place, form in reversed(list(enumerate(forms)))}
+    names = plain_names(there.segments)
+    for number, (segment, name) in enumerate(zip(there.segments, names, strict=True)):
+        place, turn = there.position_mm[:, number], there.quaternion[:, number]
+        seen = np.isfinite(place).all(-1) & np.isfinite(turn).all(-1)
+        if segment not in carriers or not seen.any():
+            why = "is on no bone of the skeleton" if segment not in carriers else "is valid in no frame"
+            lost.append(f"receiver {segment}, which {why}")
+            continue
+        form = carriers[segment]
+        index = forms[form].index
+        bone_mm, bone = motion.position_mm[:, index], motion.quaternion[:, index]
+        back = conjugate(bone)
+        origin = rotate(back, place - bone_mm)[seen].mean(0)
+        relative = multiply(back, turn)[seen]
+        mean = np.linalg.eigh(relative.T @ relative)[1][:, -1]
+        local = origin + rotate(mean, POINTS_MM)
+        measured = place[:, None] + rotate(turn[:, None], POINTS_MM)
+        carried = bone_mm[:, None] + rotate(bone[:, None], local)
+        spread = float(np.sqrt(np.mean(np.sum((measured - carried)[seen] ** 2, -1))))
+        markers = tuple(f"{name}_{point}" for point in POINTS)
+        found.append(Triad(segment, form, markers, local, measured, spread))
+    return found, lost

@@ -1,0 +1,241 @@
+"""The .osim file: bodies, joints, markers and shapes to look at, as XML that OpenSim 4 reads.
+
+Masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone: enough for OpenSim
+to build the model, not for forces.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from kinematics.rotations import Array, matrix, unit
+from stages.export.motion import DISTAL, SkeletonMotion
+from stages.export.opensim_joints import (
+    Coordinate,
+    JointForm,
+    body_fixed_rad,
+    plain_names,
+    shortest_turn,
+)
+from stages.export.opensim_markers import Triad
+
+VERSION = "40600"
+"""Of the XML, OpenSim 4.6; later ones read it as well."""
+
+GRAVITY = (0.0, -9.80665, 0.0)
+TISSUE_KG_M3 = 1100.0
+_SLENDER = 0.2
+_THINNEST_MM = 6.0
+_SHORTEST_MM = 10.0
+_ROOM_DEG = 30.0
+_ROOM_MM = 10.0
+_BONE_COLOUR = "0.94 0.89 0.78"
+_JOINT_COLOUR = "0.55 0.60 0.68"
+_RANGE_STEP_DEG = 10.0
+
+_M_PER_MM = 1e-3
+_Y = np.array([0.0, 1.0, 0.0])
+
+
+def model_xml(
+    motion: SkeletonMotion,
+    forms: Sequence[JointForm],
+    found: Sequence[Triad],
+    title: str,
+    credit: str,
+    publications: str,
+    held: Mapping[str, float],
+) -> str:
+    """The whole file. title : the model's name, ASCII. credit, publications : text of any script.
+
+    held : coordinates that are locked, and where, rad or mm.
+    """
+    document = ET.Element("OpenSimDocument", Version=VERSION)
+    model = ET.SubElement(document, "Model", name=title)
+    _leaf(model, "credits", _clean(credit))
+    _leaf(model, "publications", _clean(publications))
+    _leaf(model, "length_units", "meters")
+    _leaf(model, "force_units", "N")
+    _leaf(model, "gravity", _numbers(GRAVITY))
+    bodies = _objects(model, "BodySet", "bodyset")
+    joints = _objects(model, "JointSet", "jointset")
+    for form in forms:
+        _add_body(bodies, form, _ends_mm(motion, form))
+        _add_joint(joints, forms, form, held)
+    markers = _objects(model, "MarkerSet", "markerset")
+    for triad in found:
+        for name, place in zip(triad.markers, triad.local_mm, strict=True):
+            _add_marker(markers, name, forms[triad.form].body, place)
+    for name, form, place in _tips(motion, forms, [name for triad in found for name in triad.markers]):
+        _add_marker(markers, name, form.body, place)
+    return as_text(document)
+
+
+def as_text(document: ET.Element) -> str:
+    """XML with a declaration, indented by tabs."""
+    ET.indent(document, "\t")
+    return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ET.tostring(document, "unicode") + "\n"
+
+
+def _objects(parent: ET.Element, kind: str, name: str) -> ET.Element:
+    return ET.SubElement(ET.SubElement(parent, kind, name=name), "objects")
+
+
+def _leaf(parent: ET.Element, tag: str, text: str) -> None:
+    ET.SubElement(parent, tag).text = text
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{round(float(value), 12) + 0.0:.12g}" for value in values)
+
+
+def _metres(place_mm: Array) -> str:
+    return _numbers(place_mm * _M_PER_MM)
+
+
+def _clean(text: str) -> str:
+    """Text without the control characters that XML cannot hold."""
+    return "".join(c if c in "\n\t" or (c.isprintable() or c == " ") else "?" for c in text)
+
+
+def _ends_mm(motion: SkeletonMotion, form: JointForm) -> Array:
+    """Where the joints and tips after a joint are in its bone frame, (n, 3)."""
+    after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
+    return motion.rest_offset_mm[after].reshape(-1, 3)
+
+
+def _tips(
+    motion: SkeletonMotion, forms: Sequence[JointForm], taken: Sequence[str]
+) -> list[tuple[str, JointForm, Array]]:
+    """Name, carrier and place of the tips, which are no joints but markers of the model."""
+    places = {form.index: form for form in forms}
+    tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
+    names = plain_names([*taken, *(motion.names[index] for index in tips)])[len(taken) :]
+    return [
+        (name, places[motion.joints[index].parent], motion.rest_offset_mm[index])
+        for name, index in zip(names, tips, strict=True)
+    ]
+
+
+def _add_body(parent: ET.Element, form: JointForm, ends_mm: Array) -> None:
+    body = ET.SubElement(parent, "Body", name=form.body)
+    lengths = np.linalg.norm(ends_mm, axis=1)
+    spans = ends_mm[lengths > 0]
+    length = max(float(lengths.max(initial=0.0)), _SHORTEST_MM)
+    radius = max(_SLENDER * length, _THINNEST_MM)
+    if len(spans):
+        components = ET.SubElement(body, "components")
+        for number, span in enumerate(spans, 1):
+            _add_bone_shape(components, number, span)
+    shapes = ET.SubElement(body, "attached_geometry")
+    ball = _shape(shapes, "Sphere", "joint_shape", "..", _JOINT_COLOUR)
+    _leaf(ball, "radius", _numbers([0.06 * length * _M_PER_MM]))
+    mass = TISSUE_KG_M3 * np.pi * radius**2 * length * _M_PER_MM**3
+    middle = unit(spans.sum(0)) if len(spans) else DISTAL
+    _leaf(body, "mass", _numbers([mass]))
+    _leaf(body, "mass_center", _metres(middle * length / 2))
+    across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
+    principal = np.array([across, across, along]) * _M_PER_MM**2
+    _leaf(body, "inertia", " ".join(f"{value:.9g}" for value in (*principal, 0, 0, 0)))
+
+
+def _add_bone_shape(parent: ET.Element, number: int, span_mm: Array) -> None:
+    """A cylinder from the joint to the next; OpenSim's stand along Y."""
+    length = float(np.linalg.norm(span_mm))
+    frame = ET.SubElement(parent, "PhysicalOffsetFrame", name=f"bone{number}")
+    shapes = ET.SubElement(frame, "attached_geometry")
+    bone = _shape(shapes, "Cylinder", "shape", "..", _BONE_COLOUR)
+    _leaf(bone, "radius", _numbers([0.08 * length * _M_PER_MM]))
+    _leaf(bone, "half_height", _numbers([0.46 * length * _M_PER_MM]))
+    _leaf(frame, "socket_parent", "..")
+    _leaf(frame, "translation", _metres(span_mm / 2))
+    _leaf(frame, "orientation", _numbers(body_fixed_rad(matrix(shortest_turn(_Y, span_mm / length)))))
+
+
+def _shape(parent: ET.Element, kind: str, name: str, frame: str, colour: str) -> ET.Element:
+    shape = ET.SubElement(parent, kind, name=name)
+    _leaf(shape, "socket_frame", frame)
+    _leaf(shape, "scale_factors", "1 1 1")
+    look = ET.SubElement(shape, "Appearance")
+    _leaf(look, "opacity", "1")
+    _leaf(look, "color", colour)
+    return shape
+
+
+def _add_joint(
+    parent: ET.Element, forms: Sequence[JointForm], form: JointForm, held: Mapping[str, float]
+) -> None:
+    kind = "CustomJoint" if form.coordinates else "WeldJoint"
+    joint = ET.SubElement(parent, kind, name=form.name)
+    before = "/ground" if form.parent < 0 else f"/bodyset/{forms[form.parent].body}"
+    frame_name = f"{form.name}_frame"
+    _leaf(joint, "socket_parent_frame", frame_name)
+    _leaf(joint, "socket_child_frame", f"/bodyset/{form.body}")
+    if form.coordinates:
+        coordinates = ET.SubElement(joint, "coordinates")
+        for turn in form.turns:
+            start = held.get(turn.name, float(turn.values[0]))
+            _add_coordinate(coordinates, turn.name, _turn_range(turn), start, turn.name in held)
+        for shift in form.shifts:
+            start = float(shift.values[0]) if form.parent < 0 else held.get(shift.name, 0.0)
+            locked = shift.name in held
+            _add_coordinate(coordinates, shift.name, _shift_range(shift), start * _M_PER_MM, locked)
+    frame = ET.SubElement(ET.SubElement(joint, "frames"), "PhysicalOffsetFrame", name=frame_name)
+    _leaf(frame, "socket_parent", before)
+    _leaf(frame, "translation", _metres(form.offset_mm))
+    _leaf(frame, "orientation", _numbers(body_fixed_rad(matrix(form.quaternion))))
+    if form.coordinates:
+        _add_spatial_transform(joint, form)
+
+
+def _add_coordinate(
+    parent: ET.Element, name: str, limits: tuple[float, float], start: float, locked: bool
+) -> None:
+    made = ET.SubElement(parent, "Coordinate", name=name)
+    _leaf(made, "default_value", _numbers([start]))
+    _leaf(made, "range", _numbers(limits))
+    _leaf(made, "clamped", "false")
+    _leaf(made, "locked", "true" if locked else "false")
+
+
+def _turn_range(coordinate: Coordinate) -> tuple[float, float]:
+    """Slider's range in rad: the motion's and some room, in whole tens of degrees."""
+    low, high = np.degrees(coordinate.values.min()), np.degrees(coordinate.values.max())
+    ends = (
+        np.floor((low - _ROOM_DEG) / _RANGE_STEP_DEG) * _RANGE_STEP_DEG,
+        np.ceil((high + _ROOM_DEG) / _RANGE_STEP_DEG) * _RANGE_STEP_DEG,
+    )
+    return float(np.radians(ends[0])), float(np.radians(ends[1]))
+
+
+def _shift_range(coordinate: Coordinate) -> tuple[float, float]:
+    """The same in m, for a translation in mm, in whole centimetres."""
+    low = np.floor(coordinate.values.min() / _ROOM_MM - 1) * _ROOM_MM
+    high = np.ceil(coordinate.values.max() / _ROOM_MM + 1) * _ROOM_MM
+    return float(low * _M_PER_MM), float(high * _M_PER_MM)
+
+
+def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
+    transform = ET.SubElement(joint, "SpatialTransform")
+    for kind, used, axes in (("rotation", form.turns, form.axes), ("translation", form.shifts, np.eye(3))):
+        for number, axis in enumerate(axes):
+            made = ET.SubElement(transform, "TransformAxis", name=f"{kind}{number + 1}")
+            name = used[number].name if number < len(used) else ""
+            _leaf(made, "coordinates", name)
+            _leaf(made, "axis", _numbers(axis))
+            if name:
+                function = ET.SubElement(made, "LinearFunction", name="function")
+                _leaf(function, "coefficients", "1 0")
+            else:
+                function = ET.SubElement(made, "Constant", name="function")
+                _leaf(function, "value", "0")
+
+
+def _add_marker(parent: ET.Element, name: str, body: str, place_mm: Array) -> None:
+    marker = ET.SubElement(parent, "Marker", name=name)
+    _leaf(marker, "socket_parent_frame", f"/bodyset/{body}")
+    _leaf(marker, "location", _metres(place_mm))
+    _leaf(marker, "fixed", "true")

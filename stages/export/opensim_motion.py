@@ -1,0 +1,131 @@
+"""Tables of numbers for OpenSim: coordinates over time (.mot) and markers over time (.trc).
+
+Both are tab-separated lines under a header of their own; numbers have as few digits as they need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from kinematics.rotations import Array
+from schemas import PROGRAM, VERSION
+from schemas.errors import InputError
+from schemas.files import replacing
+from stages.export.motion import Bools, Origin, SkeletonMotion
+from stages.export.opensim_joints import JointForm
+from stages.export.opensim_markers import Triad
+
+ALONE_HZ = 60.0
+"""Rate in the header of a file of one frame, whose rate nobody knows."""
+
+_ANGLE_DECIMALS = 9
+_METRE_DECIMALS = 12
+_MM_DECIMALS = 6
+_TIME_DECIMALS = 9
+_BLOCK_ROWS = 1 << 13
+
+
+def seconds(motion: SkeletonMotion, path: Path) -> Array:
+    """Device times (T,) from the first frame on, s, to the nanosecond.
+
+    Raises InputError where there is none, or it does not grow: OpenSim wants times that do.
+    """
+    if len(motion.time_s) == 1:
+        return np.zeros(1)
+    if not np.isfinite(motion.time_s).all():
+        raise InputError(
+            f"{path}: the recording has no device time, and OpenSim needs one; say its rate with --rate-hz"
+        )
+    time_s = (motion.time_s - motion.time_s[0]).round(_TIME_DECIMALS)
+    still = np.flatnonzero(np.diff(time_s) <= 0)
+    if len(still):
+        raise InputError(
+            f"{path}: device time does not grow from frame {motion.frame[still[0]]} to the next, and OpenSim "
+            "needs times that do; leave these frames out with --frames"
+        )
+    return np.asarray(time_s)
+
+
+def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequence[JointForm]) -> None:
+    """Write all coordinates over time: turns in degrees, shifts in metres; title : one line of ASCII."""
+    names, columns = ["time"], [time_s]
+    for form in forms:
+        names += [coordinate.name for coordinate in form.coordinates]
+        columns += [np.degrees(c.values).round(_ANGLE_DECIMALS) for c in form.turns]
+        columns += [(c.values * 1e-3).round(_METRE_DECIMALS) for c in form.shifts]
+    header = [
+        title,
+        "version=1",
+        f"nRows={len(time_s)}",
+        f"nColumns={len(names)}",
+        "inDegrees=yes",
+        "",
+        *_whose(origin),
+        "",
+        "endheader",
+        "\t".join(names),
+    ]
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        stream.write(("\n".join(header) + "\n").encode())
+        _write_rows(stream, [pa.array(column + 0.0) for column in columns])
+
+
+def write_trc(path: Path, title: str, time_s: Array, rate_hz: float, found: Sequence[Triad]) -> None:
+    """Write all markers over time in mm, blank where a receiver was not valid; title : one line of ASCII.
+
+    Frames without any marker are left out, as inverse kinematics stops at them. Lines end with a tab:
+    OpenSim's reader drops one empty cell at the end of a line, which may be a marker's.
+    """
+    names = [marker for triad in found for marker in triad.markers]
+    rate = f"{rate_hz if np.isfinite(rate_hz) else ALONE_HZ:.9g}"
+    rows = np.flatnonzero(seen_frames(found, len(time_s)))
+    count = len(rows)
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{title}",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        f"{rate}\t{rate}\t{count}\t{len(names)}\tmm\t{rate}\t1\t{count}",
+        "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t\t",
+        "\t\t" + "\t".join(f"{axis}{n}" for n in range(1, len(names) + 1) for axis in "XYZ") + "\t",
+        "",
+    ]
+    columns = [pa.array(np.arange(1, count + 1)), pa.array(time_s[rows])]
+    for triad in found:
+        flat = triad.measured_mm[rows].reshape(count, -1).round(_MM_DECIMALS) + 0.0
+        columns += [pa.array(column, from_pandas=True) for column in flat.T]
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        stream.write(("\n".join(lines) + "\n").encode("ascii"))
+        _write_rows(stream, [*columns, pa.nulls(count, pa.float64())])
+
+
+def seen_frames(found: Sequence[Triad], n_frames: int) -> Bools:
+    """Frames (T,) in which any receiver is valid."""
+    seen = [np.isfinite(triad.measured_mm).all((1, 2)) for triad in found]
+    return np.asarray(np.any(seen, axis=0)) if seen else np.zeros(n_frames, bool)
+
+
+def _whose(origin: Origin) -> list[str]:
+    """Lines on where the motion is from; an equals sign would make a line a key of the header."""
+    words = {
+        "program": f"{PROGRAM} {VERSION}",
+        "subject": origin.subject,
+        "hand": origin.hand,
+        "task": origin.task,
+        "trial": origin.trial,
+        "model": origin.model,
+        "licence": origin.licence,
+    }
+    return [" ".join(f"{key}: {word}".replace("=", ":").split()) for key, word in words.items() if word]
+
+
+def _write_rows(stream: BinaryIO, columns: Sequence[pa.Array]) -> None:
+    table = pa.table(list(columns), names=[str(number) for number in range(len(columns))])
+    options = pc.WriteOptions(
+        include_header=False, delimiter="\t", quoting_style="none", batch_size=_BLOCK_ROWS
+    )
+    pc.write_csv(table, stream, options)

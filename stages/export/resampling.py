@@ -1,0 +1,120 @@
+"""Which frames, and at which times: ranges of recorded frames, and an even rate made from uneven times."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.rotations import Array
+from schemas.errors import InputError
+from stages.export.interpolation import blended, bracketed, slerped
+from stages.export.motion import SkeletonMotion, Whole, continuous
+
+_SAME_S = 1e-9
+_WIDEST_STEPS = 1.5
+"""Frames further apart than this many usual intervals have a gap between them."""
+
+
+def in_range(motion: SkeletonMotion, first: int | None, last: int | None) -> SkeletonMotion:
+    """The frames from `first` to `last` by their recorded numbers, both included; None: to that end.
+
+    Raises InputError where no frame is in the range.
+    """
+    if first is None and last is None:
+        return motion
+    kept = np.ones(len(motion.frame), bool)
+    if first is not None:
+        kept &= motion.frame >= first
+    if last is not None:
+        kept &= motion.frame <= last
+    if not kept.any():
+        whole = f"{motion.frame[0]} to {motion.frame[-1]}" if len(kept) else "none"
+        raise InputError(
+            f"--frames: no frame of the recording is in {'' if first is None else first}:"
+            f"{'' if last is None else last}; it has {whole}"
+        )
+    out = motion.take(kept)
+    return out.noting(f"frames {out.frame[0]} to {out.frame[-1]} only, as asked")
+
+
+def with_rate(motion: SkeletonMotion, rate_hz: float) -> SkeletonMotion:
+    """Times from the frame numbers and a rate that the user gives, for a recording without device time.
+
+    Raises InputError where the recording has device times, which say better.
+    """
+    if np.isfinite(motion.time_s).any():
+        raise InputError("--rate-hz: the recording has device times of its own; leave --rate-hz out")
+    time_s = (motion.frame - (motion.frame[0] if len(motion.frame) else 0)) / rate_hz
+    out = replace(motion, time_s=time_s, rate_hz=rate_hz)
+    return out.noting(f"no device time: times from frame numbers at {rate_hz:g} Hz, as asked")
+
+
+def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> SkeletonMotion:
+    """The motion at an even rate from its first time on: positions linear, rotations by slerp.
+
+    Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
+    further apart than 1.5 usual intervals and than widest_s, has no pose (NaN). Nothing is filtered: a rate
+    below twice the motion's own aliases. Raises InputError where times are missing or do not grow.
+    """
+    time_s = motion.time_s
+    if not np.isfinite(time_s).all():
+        raise InputError("--fps: the recording has no device time; say its rate with --rate-hz")
+    still = np.flatnonzero(np.diff(time_s) <= 0)
+    if len(still):
+        raise InputError(
+            f"--fps: device time does not grow from frame {motion.frame[still[0]]} to the next; it must, to "
+            "be resampled"
+        )
+    if len(time_s) < 2:
+        return replace(motion, rate_hz=fps)
+    at = np.minimum(time_s[0] + np.arange(_count(time_s, fps)) / fps, time_s[-1])
+    before, after, share = bracketed(at, time_s)
+    share = np.where(at - time_s[before] < _SAME_S, 0.0, np.where(time_s[after] - at < _SAME_S, 1.0, share))
+    apart = time_s[after] - time_s[before] > max(_WIDEST_STEPS / motion.rate_hz, widest_s)
+    share = np.where(apart & (share > 0) & (share < 1), np.nan, share)
+    position, turn = _at(motion.position_mm, motion.quaternion, before, after, share)
+    there = motion.receivers
+    receiver_mm, receiver_turn = _at(there.position_mm, there.quaternion, before, after, share)
+    out = replace(
+        motion,
+        frame=motion.frame[np.where(share > 0.5, after, before)],
+        time_s=at,
+        rate_hz=fps,
+        position_mm=position,
+        quaternion=continuous(turn),
+        receivers=replace(
+            there,
+            position_mm=receiver_mm,
+            quaternion=continuous(receiver_turn),
+            valid=np.asarray(np.isfinite(receiver_mm).all(-1) & np.isfinite(receiver_turn).all(-1)),
+        ),
+    )
+    return out.noting(
+        f"resampled from {len(time_s)} frames ({motion.rate_hz:g} Hz) to {len(at)} ({fps:g} Hz) over device "
+        "time, unfiltered"
+    )
+
+
+def _count(time_s: Array, fps: float) -> int:
+    return int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-6)) + 1
+
+
+def _at(position: Array, turn: Array, before: Whole, after: Whole, share: Array) -> tuple[Array, Array]:
+    """Positions and rotations (N, K, ...) between rows of (T, K, ...)."""
+    parts = np.repeat(share[:, None], position.shape[1], axis=1)
+    return (
+        blended(position[before], position[after], parts),
+        slerped(turn[before], turn[after], parts),
+    )
+
+
+def largest_time_error_s(motion: SkeletonMotion) -> float:
+    """How far a frame's device time is at most from an even rate that starts with the first; 0 without times.
+
+    What a file loses that holds a rate and no times.
+    """
+    if len(motion.time_s) < 2 or not np.isfinite(motion.time_s).all():
+        return 0.0
+    even = motion.time_s[0] + np.arange(len(motion.time_s)) / motion.rate_hz
+    return float(np.abs(motion.time_s - even).max())

@@ -1,0 +1,112 @@
+"""A hand on another rig: its names, without the bones that the rig lacks, with a palm where it has one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.rotations import Array, multiply, rotate
+from schemas.errors import InputError
+from stages.export.motion import Joint, SkeletonMotion, rest_pose
+from stages.export.names import RIGS, Rig
+
+
+def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
+    """The hand with the names of that rig (`stages.export.names.RIGS`) and no bone that it lacks.
+
+    Raises InputError where there is no such rig, or the skeleton is not that of a hand that it names.
+    """
+    if name not in RIGS:
+        raise InputError(f"--rig: there is no rig {name!r}; expected one of {', '.join(RIGS)}")
+    rig = RIGS[name]
+    names = rig.names(motion.origin.hand)
+    strange = [j.name for j in motion.joints[1:] if j.name not in names and not j.name.endswith("_cmc")]
+    if strange:
+        raise InputError(
+            f"--rig {name}: names the joints of a hand, and layout {motion.origin.layout} has "
+            f"{strange[0]}; leave --rig out to keep the layout's own names"
+        )
+    if rig.palm:
+        motion = _with_palm(motion, rig)
+    lacking = {j.name for j in motion.joints[1:] if j.name not in names and j.name != rig.palm}
+    motion = folded(motion, lacking)
+    joints = [
+        replace(j, name=names["" if j.parent < 0 else j.name] if j.name != rig.palm else j.name)
+        for j in motion.joints
+    ]
+    return replace(motion, joints=tuple(joints)).noting(f"joints named as by {rig.description}")
+
+
+def folded(motion: SkeletonMotion, lacking: Collection[str]) -> SkeletonMotion:
+    """The motion without those joints; their children hang from what they hung from.
+
+    Exact: every other joint keeps its position and rotation in every frame, so that what the bone did is in
+    the motion of its children against the bone before. Of these the axis (NaN) and the degrees of freedom (0)
+    are no longer known. The root cannot be left out.
+    """
+    gone = {i for i, joint in enumerate(motion.joints) if joint.name in lacking}
+    if not gone:
+        return motion
+    assert 0 not in gone, "a skeleton needs its root"
+    kept = [i for i in range(len(motion.joints)) if i not in gone]
+    place = {-1: -1} | {old: new for new, old in enumerate(kept)}
+    orphans = np.array([motion.joints[i].parent in gone for i in kept])
+    hung = [_hung(motion, i, gone) for i in kept]
+    joints = [
+        replace(motion.joints[i], parent=place[above]) for i, (above, *_) in zip(kept, hung, strict=True)
+    ]
+    names = ", ".join(motion.names[i] for i in sorted(gone))
+    return replace(
+        motion,
+        joints=tuple(replace(j, dof=0) if orphan else j for j, orphan in zip(joints, orphans, strict=True)),
+        rest_offset_mm=np.stack([offset for _, offset, _, _ in hung]),
+        rest_rotation=np.stack([rest for _, _, rest, _ in hung]),
+        neutral=np.stack([neutral for _, _, _, neutral in hung]),
+        axis=np.where(orphans[:, None], np.nan, motion.axis[kept]),
+        position_mm=motion.position_mm[:, kept],
+        quaternion=motion.quaternion[:, kept],
+    ).noting(f"{names} folded into the bones after them")
+
+
+def _hung(motion: SkeletonMotion, index: int, gone: Collection[int]) -> tuple[int, Array, Array, Array]:
+    """A joint's nearest parent that stays, and in its frame the offset, rest and neutral rotation.
+
+    A bone between them that has no neutral rotation counts as it stands at rest.
+    """
+    offset, rest = motion.rest_offset_mm[index], motion.rest_rotation[index]
+    neutral, above = motion.neutral[index], motion.joints[index].parent
+    while above in gone:
+        own_rest, own_neutral = motion.rest_rotation[above], motion.neutral[above]
+        offset = motion.rest_offset_mm[above] + rotate(own_rest, offset)
+        rest = multiply(own_rest, rest)
+        neutral = multiply(own_neutral if np.isfinite(own_neutral).all() else own_rest, neutral)
+        above = motion.joints[above].parent
+    return above, offset, rest, neutral
+
+
+def _with_palm(motion: SkeletonMotion, rig: Rig) -> SkeletonMotion:
+    """The motion with a palm after the root: the middle of the middle metacarpal, turned as it is."""
+    try:
+        base, head = motion.index("middle_cmc"), motion.index("middle_mcp")
+    except ValueError as error:
+        raise InputError(
+            f"{rig.description}: its palm is the middle of the middle metacarpal, and layout "
+            f"{motion.origin.layout} has no middle metacarpal; "
+            "use --rig webxr"
+        ) from error
+    rest_mm, rest_turn = rest_pose(motion)
+    joint = Joint(rig.palm, 0, motion.joints[base].segment, motion.joints[base].digit)
+    later = [replace(j, parent=j.parent + (j.parent > 0)) for j in motion.joints[1:]]
+    middle = (motion.position_mm[:, base] + motion.position_mm[:, head]) / 2
+    return replace(
+        motion,
+        joints=(motion.joints[0], joint, *later),
+        rest_offset_mm=np.insert(motion.rest_offset_mm, 1, (rest_mm[base] + rest_mm[head]) / 2, axis=0),
+        rest_rotation=np.insert(motion.rest_rotation, 1, rest_turn[base], axis=0),
+        neutral=np.insert(motion.neutral, 1, np.full(4, np.nan), axis=0),
+        axis=np.insert(motion.axis, 1, np.full(3, np.nan), axis=0),
+        position_mm=np.insert(motion.position_mm, 1, middle, axis=1),
+        quaternion=np.insert(motion.quaternion, 1, motion.quaternion[:, base], axis=1),
+    )

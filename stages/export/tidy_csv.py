@@ -1,0 +1,105 @@
+"""Tidy CSV: a row for every frame and joint, one for its angles, and what the columns mean as JSON beside.
+
+Empty cells are gaps. Positions are mm in the transmitter's frame, to a nanometre; quaternions (w, x, y, z),
+bone frame to transmitter frame, to 9 decimals.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from kinematics.joint_angles import joint_angles
+from kinematics.rotations import Array, conjugate, multiply
+from schemas.files import replacing, write_text
+from stages.export.formats import Target
+from stages.export.motion import BONE_TO_WEBXR, SkeletonMotion
+from stages.export.note import facts
+
+_BLOCK_ROWS = 1 << 18
+_POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+_ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
+_MEANING = {
+    "frame": "the tracker's own frame number; where resampled, of the recorded frame nearest in time",
+    "time_s": "device time in s; empty where the recording has none",
+    "joint": "the joint; its bone starts there; a digit's tip ends it",
+    **{f"{axis}_mm": f"position of the joint in the transmitter frame, {axis}, mm" for axis in "xyz"},
+    **{f"q{part}": f"unit quaternion, bone frame to transmitter frame, {part}" for part in "wxyz"},
+    "flexion_deg": "flexion positive, extension negative (docs/joint-angles.md), deg",
+    "abduction_deg": "abduction or deviation, signed as docs/joint-angles.md says, deg",
+    "rotation_deg": "axial rotation, signed as docs/joint-angles.md says, deg",
+}
+
+
+def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
+    """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; give what they do not hold.
+
+    Angles are those of the joint_angles table where the hand was fitted, made from the poses written; of
+    joints of which no anatomy is known there are none, and without any there is no such file.
+    """
+    poses = np.concatenate([motion.position_mm.round(6), motion.quaternion.round(9)], -1)
+    _write_long(path, motion, motion.names, _POSE, poses)
+    names, angles = bone_angles_deg(motion)
+    if names:
+        _write_long(path.with_name(f"{path.stem}_angles.csv"), motion, names, _ANGLES, angles.round(6))
+    tree = {joint.name: motion.names[joint.parent] for joint in motion.joints[1:]}
+    rest = {
+        name: row.round(6).tolist() for name, row in zip(motion.names, motion.rest_offset_mm, strict=True)
+    }
+    described = {
+        **facts(motion, target),
+        "columns": _MEANING,
+        "parent": tree,
+        "rest_offset_mm": rest,
+    }
+    write_text(path.with_suffix(".json"), json.dumps(described, ensure_ascii=False, indent=1) + "\n")
+    return ()
+
+
+def bone_angles_deg(motion: SkeletonMotion) -> tuple[tuple[str, ...], Array]:
+    """Names of the joints of known anatomy, and their flexion, deviation and axial rotation (T, N, 3)."""
+    turn = multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
+    rests = multiply(BONE_TO_WEBXR, multiply(motion.neutral, conjugate(BONE_TO_WEBXR)))
+    wanted = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
+    columns = [
+        np.stack(
+            joint_angles(turn[:, motion.joints[i].parent], turn[:, i], motion.origin.hand, rests[i])[:3], -1
+        )
+        for i in wanted
+    ]
+    found = np.stack(columns, 1) if columns else np.empty((len(motion.frame), 0, 3))
+    return tuple(motion.names[i] for i in wanted), found
+
+
+def _write_long(
+    path: Path, motion: SkeletonMotion, joints: Sequence[str], columns: Sequence[str], values: Array
+) -> None:
+    """Rows frame after frame, in each joint after joint; values : (T, N, columns)."""
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        options = pc.WriteOptions(include_header=False, quoting_style="needed")
+        stream.write((",".join(("frame", "time_s", "joint", *columns)) + "\n").encode())
+        for block in _blocks(motion, joints, columns, values):
+            pc.write_csv(pa.table(dict(block)), stream, options)
+
+
+def _blocks(
+    motion: SkeletonMotion, joints: Sequence[str], columns: Sequence[str], values: Array
+) -> Iterator[Mapping[str, Any]]:
+    step = max(1, _BLOCK_ROWS // len(joints))
+    names = pa.array(joints)
+    for start in range(0, len(motion.frame), step):
+        rows = slice(start, start + step)
+        n = len(motion.frame[rows])
+        block = {
+            "frame": np.repeat(motion.frame[rows], len(joints)),
+            "time_s": pa.array(np.repeat(motion.time_s[rows], len(joints)), from_pandas=True),
+            "joint": names.take(pa.array(np.tile(np.arange(len(joints)), n))),
+        }
+        flat = values[rows].reshape(n * len(joints), -1)
+        yield block | {name: pa.array(flat[:, index], from_pandas=True) for index, name in enumerate(columns)}

@@ -1,0 +1,68 @@
+"""What OpenSim makes of our files, as NPZ: bodies in every frame of the .mot, and its inverse kinematics.
+
+Runs in its own venv: read_with_opensim.py STEM OUT [--ik]. Coordinates go through OpenSim's own table reader.
+With --ik, STEM_ik_setup.xml is run where it is; its results come to lie beside it.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import opensim
+
+stem, out = (Path(word).absolute() for word in sys.argv[1:3])
+opensim.Logger.setLevelString("Error")
+os.chdir(stem.parent)  # what the setup file names lies there
+
+
+def posed(motion):
+    """Times, positions and rotations of all bodies, marker positions, and coordinates by name."""
+    model = opensim.Model(f"{stem}.osim")
+    state = model.initSystem()
+    table = opensim.TimeSeriesTable(motion)
+    labels = list(table.getColumnLabels())
+    values = table.getMatrix().to_numpy()
+    coordinates = [model.getCoordinateSet().get(label) for label in labels]
+    assert len(labels) == model.getNumCoordinates(), "the table is to have every coordinate of the model"
+    turns = [coordinate.getMotionType() == 1 for coordinate in coordinates]
+    rad = np.where(turns, np.radians(values), values)
+    bodies = [model.getBodySet().get(index) for index in range(model.getNumBodies())]
+    markers = [model.getMarkerSet().get(index) for index in range(model.getMarkerSet().getSize())]
+    place, turn, spots = [], [], []
+    for row in rad:
+        for coordinate, value in zip(coordinates, row.tolist(), strict=True):
+            coordinate.setValue(state, value, False)
+        model.realizePosition(state)
+        poses = [body.getTransformInGround(state) for body in bodies]
+        place.append([pose.p().to_numpy() for pose in poses])
+        quaternions = [pose.R().convertRotationToQuaternion() for pose in poses]
+        turn.append([[one.get(part) for part in range(4)] for one in quaternions])
+        spots.append([marker.getLocationInGround(state).to_numpy() for marker in markers])
+    return {
+        "time_s": np.array(table.getIndependentColumn()),
+        "bodies": [body.getName() for body in bodies],
+        "place_m": np.array(place),
+        "turn": np.array(turn),
+        "markers": [marker.getName() for marker in markers],
+        "marker_m": np.array(spots),
+        "coordinates": labels,
+        "values": values,
+        "in_degrees": table.getTableMetaDataString("inDegrees"),
+        "mass_kg": model.getTotalMass(state),
+    }
+
+
+found = {f"mot_{key}": value for key, value in posed(f"{stem}.mot").items()}
+trc = opensim.TimeSeriesTableVec3(f"{stem}.trc")
+found["trc_markers"] = list(trc.getColumnLabels())
+found["trc_units"] = trc.getTableMetaDataString("Units")
+flat = trc.flatten()  # kept, as its matrix is only a view
+found["trc_mm"] = flat.getMatrix().to_numpy().reshape(trc.getNumRows(), -1, 3)
+if "--ik" in sys.argv:
+    tool = opensim.InverseKinematicsTool(f"{stem}_ik_setup.xml")
+    found["ik_ran"] = tool.run()
+    found |= {f"ik_{key}": value for key, value in posed(f"{stem}_ik.mot").items()}
+    errors = opensim.TimeSeriesTable(f"{tool.getName()}_ik_marker_errors.sto")
+    found["ik_rms_m"] = errors.getDependentColumn("marker_error_RMS").to_numpy()
+np.savez(out, **found)

@@ -1,0 +1,342 @@
+"""A C3D file has every joint and pose where the motion has it, for readers that are not ours and for ours."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from export_samples.made_motion import made_motion
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kinematics.rotations import angle, conjugate, from_matrix, matrix, multiply
+from schemas.errors import InputError
+from schemas.poses import read_poses
+from stages.capture.__main__ import main as capture
+from stages.capture.formats.c3d_content import read_content
+from stages.export.axes import turned, upright
+from stages.export.c3d_bytes import LAST_START
+from stages.export.c3d_file import ALONE_HZ, LONGEST_LABEL, point_labels, rotation_labels, write
+from stages.export.formats import Target
+from stages.export.motion import Receivers, SkeletonMotion
+from stages.export.receivers import with_seen_receivers
+from stages.export.resampling import resampled
+
+MM = Target("mm", "z")
+NEAR_MM, NEAR_DEG = 1e-3, 1e-3
+
+
+def read(path: Path) -> Any:
+    """What ezc3d reads."""
+    import ezc3d
+
+    return ezc3d.c3d(str(path))
+
+
+def points_of(motion: SkeletonMotion) -> np.ndarray:
+    """Where the points must be (T, P, 3), told without the writer's own arithmetic."""
+    there = motion.receivers
+    parts = [motion.position_mm]
+    for index in range(len(there.segments)):
+        origin, turn = there.position_mm[:, index], matrix(there.quaternion[:, index])
+        parts += [np.stack([origin, *(origin + 20 * turn[..., axis] for axis in range(3))], 1)]
+    return np.concatenate(parts, 1)
+
+
+def check_numbers(content: Any, motion: SkeletonMotion) -> None:
+    """That points and rotations (T, P, 3), (T, R, 4, 4) are those of the motion, gaps included."""
+    points, rotations = content
+    np.testing.assert_allclose(points, points_of(motion), rtol=0, atol=NEAR_MM)
+    bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
+    there = motion.receivers
+    place = np.concatenate([motion.position_mm[:, bones], there.position_mm], 1)
+    turn = np.concatenate([motion.quaternion[:, bones], there.quaternion], 1)
+    known = np.isfinite(place).all(-1) & np.isfinite(turn).all(-1)
+    np.testing.assert_array_equal(np.isfinite(rotations).all((-1, -2)), known)
+    np.testing.assert_allclose(rotations[known][:, :3, 3], place[known], rtol=0, atol=NEAR_MM)
+    np.testing.assert_array_equal(rotations[known][:, 3], [[0, 0, 0, 1]] * known.sum())
+    off = angle(multiply(conjugate(from_matrix(rotations[known][:, :3, :3])), turn[known]))
+    assert np.degrees(off).max(initial=0) < NEAR_DEG
+
+
+def numbers(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    data = read(path)["data"]
+    return data["points"].transpose(2, 1, 0)[:, :, :3], data["rotations"].transpose(3, 2, 0, 1)
+
+
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_every_joint_and_pose_is_there(known: KnownHand, tmp_path: Path, model: str) -> None:
+    """Read in another process; both hands."""
+    whole = known.motion(model)
+    dropped = write(whole, MM, tmp_path / "a.c3d")
+    assert "receivers that have no pose in any frame: forearm" in dropped
+    motion, _ = with_seen_receivers(whole)
+    content = read_content(tmp_path / "a.c3d")
+    check_numbers((content["points"], content["rotations"]), motion)
+    assert tuple(content["POINT:LABELS"]) == point_labels(motion)
+    assert tuple(content["ROTATION:LABELS"]) == rotation_labels(motion)
+    assert point_labels(motion)[:2] == ("wrist", "thumb_cmc")
+    assert "index_distal_receiver_x" in point_labels(motion)
+    assert list(content["POINT:UNITS"]) == ["mm"]
+    assert content["POINT:RATE"][0] == pytest.approx(240)
+
+
+@pytest.mark.slow
+def test_another_reader_has_the_same_points(
+    right: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path]
+) -> None:
+    """The package c3d, which shares no code with ezc3d; long recordings too."""
+    python = export_tool("python/bin/python")
+    if not list(python.parents[1].glob("lib/*/site-packages/c3d")):
+        pytest.skip("c3d is not installed among the export tools")
+    code = (
+        "import c3d, sys, numpy as np\n"
+        "found = [(n, p) for n, p, _ in c3d.Reader(open(sys.argv[1], 'rb')).read_frames()]\n"
+        "np.savez(sys.argv[2], frame=[n for n, _ in found], points=np.stack([p for _, p in found]))\n"
+    )
+    gap, _ = with_seen_receivers(right.motion(FITTED))
+    gap.position_mm[3, 4] = np.nan
+    for motion in (gap, made_motion(70_000, rate_hz=240)):
+        write(motion, MM, tmp_path / "a.c3d")
+        words = [str(python), "-W", "ignore", "-c", code, str(tmp_path / "a.c3d"), str(tmp_path / "a.npz")]
+        subprocess.run(words, check=True, capture_output=True, timeout=120)
+        found = np.load(tmp_path / "a.npz")
+        expected = points_of(motion)
+        seen = np.isfinite(expected).all(-1)
+        np.testing.assert_array_equal(found["points"][..., 3], np.where(seen, 0, -1))
+        np.testing.assert_allclose(found["points"][..., :3][seen], expected[seen], rtol=0, atol=NEAR_MM)
+        assert np.diff(found["frame"]).tolist() == [1] * (len(motion.frame) - 1)
+
+
+@pytest.mark.parametrize("kind", ["markers", "rotation"])
+def test_our_import_gives_the_poses_back(known: KnownHand, tmp_path: Path, kind: str) -> None:
+    """By a mapping file, from the receivers' points or from their rotations."""
+    motion, _ = with_seen_receivers(known.motion(FITTED))
+    motion = replace(motion, frame=motion.frame + 5)
+    write(motion, MM, tmp_path / "a.c3d")
+
+    def receiver(segment: str) -> dict[str, Any]:
+        name = f"{segment}_receiver"
+        return {"markers": [name, f"{name}_x", f"{name}_y"]} if kind == "markers" else {"rotation": name}
+
+    segments = motion.receivers.segments
+    mapping = {"format": "c3d", "position_unit": "mm", "receivers": {s: receiver(s) for s in segments}}
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(mapping))
+    words = ["import", "--in", str(tmp_path / "a.c3d"), "--mapping", str(tmp_path / "mapping.yaml")]
+    words += ["--layout", "liberty16", "--subject", "01", "--hand", known.recording.hand.hand]
+    assert capture([*words, "--task", "opposition", "--out", str(tmp_path / "poses.parquet")]) == 0
+    again = read_poses(tmp_path / "poses.parquet", segments)
+    np.testing.assert_array_equal(again.frame, motion.frame)
+    np.testing.assert_allclose(again.time_s, motion.time_s - motion.time_s[0], atol=1e-6)
+    np.testing.assert_array_equal(again.valid, motion.receivers.valid)
+    valid = again.valid
+    off_mm = again.position_mm[valid] - motion.receivers.position_mm[valid]
+    assert np.abs(off_mm).max() < NEAR_MM
+    off = angle(multiply(conjugate(again.quaternion[valid]), motion.receivers.quaternion[valid]))
+    assert np.degrees(off).max() < NEAR_DEG
+
+
+@settings(max_examples=40)
+@given(
+    st.integers(12, 40),
+    st.integers(0, 9),
+    st.floats(0, 0.6),
+    st.integers(-3, 3000),
+    st.sets(st.integers(1, 10), max_size=3),
+)
+def test_any_motion_comes_back(
+    tmp_path_factory: pytest.TempPathFactory, frames: int, seed: int, share: float, first: int, lost: set[int]
+) -> None:
+    """Gaps of joints and receivers stay where they are; lost frames are there, without a point."""
+    whole = spoiled(made_motion(frames, seed=seed, slip_mm=3), seed, share)
+    kept = ~np.isin(np.arange(frames), list(lost))
+    motion = replace(whole, frame=np.arange(frames) + first).take(kept)
+    path = tmp_path_factory.mktemp("any") / "a.c3d"
+    dropped = write(motion, MM, path)
+    expected, _ = with_seen_receivers(blanked(whole, ~kept))
+    check_numbers(numbers(path), expected)
+    assert read(path)["header"]["points"]["first_frame"] + 1 == max(first, 1)
+    assert any("frame numbers" in sentence for sentence in dropped) == (first < 1)
+
+
+def spoiled(motion: SkeletonMotion, seed: int, share: float) -> SkeletonMotion:
+    """The motion with that share of its poses missing."""
+    rng = np.random.default_rng(seed)
+    gone = rng.random(motion.known.shape) < share
+    unseen = rng.random(motion.receivers.valid.shape) < share
+    return blanked(motion, gone, unseen)
+
+
+def blanked(motion: SkeletonMotion, gone: np.ndarray, unseen: np.ndarray | None = None) -> SkeletonMotion:
+    """The motion without the poses in `gone` (T, J) or (T,), and receivers in `unseen` (T, R)."""
+    there, unseen = motion.receivers, gone if unseen is None else unseen
+
+    def without(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        out = values.copy()
+        out[mask] = np.nan
+        return out
+
+    receivers = Receivers(
+        there.segments,
+        without(there.position_mm, unseen),
+        without(there.quaternion, unseen),
+        there.valid & ~(unseen if unseen.ndim == 2 else unseen[:, None]),
+    )
+    return replace(
+        motion,
+        position_mm=without(motion.position_mm, gone),
+        quaternion=without(motion.quaternion, gone),
+        receivers=receivers,
+    )
+
+
+def test_a_gap_is_a_residual_of_minus_one_and_no_nan(tmp_path: Path) -> None:
+    motion = made_motion(4)
+    motion.position_mm[1, 2] = np.nan
+    write(motion, MM, tmp_path / "a.c3d")
+    data = (tmp_path / "a.c3d").read_bytes()
+    start, count = 512 * (struct.unpack_from("<H", data, 16)[0] - 1), len(point_labels(motion))
+    points = np.frombuffer(data, "<f4", 4 * count * 4, start).reshape(4, count, 4)
+    assert points[1, 2].tolist() == [0, 0, 0, -1]
+    assert (points[..., 3] < 0).sum() == 1
+    assert np.isfinite(points).all()
+    found = read(tmp_path / "a.c3d")["data"]
+    assert np.argwhere(found["meta_points"]["residuals"][0] < 0).tolist() == [[2, 1]]
+
+
+def test_the_note_says_whose_it_is_and_on_which_terms(tmp_path: Path) -> None:
+    motion = made_motion(5)
+    origin = replace(motion.origin, subject="山田 Ö", licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
+    motion = replace(motion, origin=origin).noting("a word " * 40)
+    write(motion, MM, tmp_path / "a.c3d")
+    parameters = read(tmp_path / "a.c3d")["parameters"]
+    note = parameters["SHUKOTSU"]["NOTE"]["value"]
+    said = " ".join(line.strip() for line in note)
+    assert r"subject: \u5c71\u7530 \xd6" in said
+    for words in (
+        "licence: CC BY 4.0",
+        "ab" * 32,
+        "task: wave",
+        "model: made",
+        "a word " * 39,
+        "tracker's 7,",
+    ):
+        assert words.strip() in said
+    assert max(len(line) for line in note) <= 120
+    assert parameters["POINT"]["Y_SCREEN"]["value"] == ["+Z"]
+    assert parameters["POINT"]["DESCRIPTIONS"]["value"][1] == "joint index_cmc, after wrist"
+
+
+def test_labels_are_ascii_short_and_of_one_point_each(tmp_path: Path) -> None:
+    names = ["中指" * 30, "中指" * 30 + "x", "Tip", "tip", "hand_receiver", "ok"]
+    motion = made_motion(3)
+    joints = tuple(replace(joint, name=name) for joint, name in zip(motion.joints, names, strict=True))
+    motion = replace(motion, joints=joints)
+    labels = point_labels(motion)
+    assert len({label.upper() for label in labels}) == len(labels) == 6 + 8
+    assert max(map(len, labels)) == LONGEST_LABEL
+    assert labels[2:7] == ("Tip", "tip-2", "hand_receiver", "ok", "hand_receiver-2")
+    write(motion, MM, tmp_path / "a.c3d")
+    assert tuple(read(tmp_path / "a.c3d")["parameters"]["POINT"]["LABELS"]["value"]) == labels
+    check_numbers(numbers(tmp_path / "a.c3d"), motion)
+
+
+def test_more_points_than_a_byte_counts(tmp_path: Path) -> None:
+    motion = wide(made_motion(3), 70)
+    write(motion, MM, tmp_path / "a.c3d")
+    check_numbers(numbers(tmp_path / "a.c3d"), motion)
+    point = read(tmp_path / "a.c3d")["parameters"]["POINT"]
+    found = [*point["LABELS"]["value"], *point["LABELS2"]["value"]]
+    assert tuple(found) == point_labels(motion)
+    assert len(point["LABELS"]["value"]) == 255
+
+
+def test_metres_and_another_axis_up(tmp_path: Path) -> None:
+    motion = turned(made_motion(3), upright("z", "y"))
+    write(motion, Target("m", "y"), tmp_path / "a.c3d")
+    points, _ = numbers(tmp_path / "a.c3d")
+    np.testing.assert_allclose(points, points_of(motion) / 1000, atol=1e-6)
+    point = read(tmp_path / "a.c3d")["parameters"]["POINT"]
+    assert [point[name]["value"] for name in ("UNITS", "X_SCREEN", "Y_SCREEN")] == [["m"], ["+X"], ["+Y"]]
+
+
+def test_one_frame_and_a_resampled_motion(tmp_path: Path) -> None:
+    """Resampled frames keep the numbers of recorded ones, so that these are uneven; none is lost."""
+    write(made_motion(1), MM, tmp_path / "one.c3d")
+    assert read(tmp_path / "one.c3d")["parameters"]["POINT"]["RATE"]["value"] == [ALONE_HZ]
+    check_numbers(numbers(tmp_path / "one.c3d"), made_motion(1))
+    for fps in (40.0, 97.0, 180.0):
+        motion = resampled(made_motion(90), fps)
+        write(motion, MM, tmp_path / "a.c3d")
+        check_numbers(numbers(tmp_path / "a.c3d"), motion)
+        assert read(tmp_path / "a.c3d")["parameters"]["POINT"]["RATE"]["value"] == pytest.approx([fps])
+
+
+def test_a_clock_that_is_slow_has_its_own_rate(tmp_path: Path) -> None:
+    """The median interval is 10 ms, but every tenth is 11: the mean rate keeps to the times."""
+    motion = made_motion(401)
+    time_s = np.concatenate([[0], np.cumsum(np.where(np.arange(400) % 10 == 9, 0.011, 0.010))])
+    (sentence,) = write(replace(motion, time_s=time_s), MM, tmp_path / "a.c3d")
+    assert read(tmp_path / "a.c3d")["parameters"]["POINT"]["RATE"]["value"] == pytest.approx([400 / 4.04])
+    assert sentence.startswith("device times, which are up to 0.9 ms off its even 99.0099 Hz")
+
+
+def test_what_c3d_cannot_hold_is_refused(tmp_path: Path) -> None:
+    motion, path = made_motion(40), tmp_path / "a.c3d"
+    uneven = replace(motion, time_s=motion.time_s + np.where(np.arange(40) > 20, 0.004, 0) * np.arange(40))
+    for bad, words in (
+        (motion.take(slice(0)), "no file without a frame"),
+        (replace(motion, time_s=np.full(40, np.nan), rate_hz=float("nan")), "say it with --rate-hz"),
+        (uneven, "choose an even one with --fps"),
+    ):
+        with pytest.raises(InputError, match=words) as caught:
+            write(bad, MM, path)
+        assert "\n" not in str(caught.value)
+        assert not list(tmp_path.iterdir())
+
+
+def test_the_same_motion_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write(made_motion(20), MM, tmp_path / f"{name}.c3d")
+    assert (tmp_path / "a.c3d").read_bytes() == (tmp_path / "b.c3d").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.c3d", "b.c3d"]
+
+
+def wide(motion: SkeletonMotion, receivers: int) -> SkeletonMotion:
+    """The motion with that many receivers, all as the first."""
+    there = motion.receivers
+    repeated = [np.repeat(a[:, :1], receivers, 1) for a in (there.position_mm, there.quaternion, there.valid)]
+    return replace(motion, receivers=Receivers(tuple(f"s{i}" for i in range(receivers)), *repeated))
+
+
+@pytest.mark.slow
+def test_rotations_that_start_as_late_as_they_can(tmp_path: Path) -> None:
+    """And none where they would start later: readers would take them from a wrong place."""
+    motion = wide(made_motion(12_100, rate_hz=240), 20)
+    assert not write(motion, MM, tmp_path / "a.c3d")
+    start = read(tmp_path / "a.c3d")["parameters"]["ROTATION"]["DATA_START"]["value"][0]
+    assert LAST_START * 0.99 < start <= LAST_START
+    check_numbers(numbers(tmp_path / "a.c3d"), motion)
+    (sentence,) = write(wide(made_motion(12_200, rate_hz=240), 20), MM, tmp_path / "a.c3d")
+    assert sentence.startswith("ROTATION")
+    assert not read(tmp_path / "a.c3d")["data"]["rotations"].size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frames", [65_535, 65_536, 100_000])
+def test_a_long_recording(tmp_path: Path, frames: int) -> None:
+    """More frames than 16 bits count are read, all of them."""
+    motion = made_motion(frames, rate_hz=240)
+    dropped = write(motion, MM, tmp_path / "a.c3d")
+    content = read_content(tmp_path / "a.c3d")
+    np.testing.assert_allclose(content["points"], points_of(motion), rtol=0, atol=NEAR_MM)
+    assert any("16-bit count" in sentence for sentence in dropped) == (frames > 65_535)
+    assert bool(content["rotations"].size) == (frames == 65_535)

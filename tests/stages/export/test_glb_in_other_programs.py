@@ -1,0 +1,239 @@
+"""Programs that are not ours read a GLB file and have every joint, and the body, where the tables have it.
+
+They are in .tools at the repository's root, or where SHUKOTSU_TOOLS says: node_modules as of
+tests/export_tools/package.json, blender/bin/python with bpy. A test is skipped without its program.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from browser import browser  # noqa: F401
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from export_samples.made_motion import made_motion
+from export_samples.minimal_glb import read_glb
+from export_tools.web_page import page_under, served
+
+from stages.export.formats import Target
+from stages.export.glb import write, write_scene
+from stages.export.motion import SkeletonMotion
+from stages.export.names import RIGS
+from stages.export.settings import Settings, prepared
+
+pytestmark = pytest.mark.tools
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+SCRIPTS = REPOSITORY / "tests" / "export_tools"
+METRES = Target("m", "y")
+NEAR_M = 3e-7
+"""Asked for is 1e-6."""
+
+
+def tool(path: str) -> Path:
+    """A program's place; the test is skipped where it is not there."""
+    found = Path(os.environ.get("SHUKOTSU_TOOLS", REPOSITORY / ".tools")).absolute() / path
+    if not found.exists():
+        pytest.skip(f"no {found}; SHUKOTSU_TOOLS can name another folder than .tools")
+    return found
+
+
+def output_of(*words: str | Path) -> Any:
+    """What a program says on stdout, which is JSON."""
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def read_in_node(file: Path) -> Any:
+    """What three.js and the validator of the Khronos Group say of a file."""
+    modules = tool("node_modules/three").parent
+    if shutil.which("node") is None:
+        pytest.skip("no node on PATH")
+    found = output_of("node", SCRIPTS / "read_glb.mjs", modules, file)
+    assert found["messages"] == [], "errors, warnings, and no information either"
+    return found
+
+
+def read_in_blender(file: Path, rate_hz: float) -> Any:
+    """What Blender has of a file."""
+    return output_of(tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, str(rate_hz))
+
+
+def upright(known: KnownHand, model: str) -> SkeletonMotion:
+    return prepared(known.motion(model), Settings(gaps="cut"), holds_gaps=False, up="y")
+
+
+def both(offset_s: float = 0.05) -> list[SkeletonMotion]:
+    """A right hand and a left one that begins a little later."""
+    one, other = made_motion(40, slip_mm=0.5), made_motion(30, seed=2)
+    other = replace(other, time_s=other.time_s + offset_s, origin=replace(other.origin, hand="left"))
+    return [one, replace(other, position_mm=other.position_mm + 30)]
+
+
+def assert_joints(joints: Any, motion: SkeletonMotion, near_m: float, rows: slice = slice(None)) -> None:
+    """Every joint of a hand is there, under its WebXR name, where the motion has it in those frames."""
+    names = RIGS["webxr"].names(motion.origin.hand)
+    ours = [names[joint.name if joint.parent >= 0 else ""] for joint in motion.joints]
+    assert set(joints) == set(ours)
+    found = np.stack([joints[name] for name in ours], 1)
+    np.testing.assert_allclose(found, motion.position_mm[rows] / 1000, atol=near_m)
+
+
+def last_body(file: Path, node: str) -> np.ndarray:
+    """Vertices (V, 3) of a body at the last key, by our own reader."""
+    glb = read_glb(file)
+    last = max(times[-1] for times, _ in glb.keys().values())
+    return glb.vertices(glb.posed(np.array([last])), glb.names.index(node))[0]
+
+
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_three_has_every_joint_and_the_validator_no_word(
+    known: KnownHand, tmp_path: Path, model: str
+) -> None:
+    motion, file = upright(known, model), tmp_path / "hand.glb"
+    write(motion, METRES, file)
+    found = read_in_node(file)
+    hand = f"{motion.origin.hand}-hand"
+    clip = found["clips"][f"{hand} opposition"]
+    np.testing.assert_allclose(clip["times"], motion.time_s - motion.time_s[0], atol=1e-5)
+    assert_joints(clip["joints"][hand], motion, NEAR_M)
+    expected = last_body(file, f"{hand}-body")
+    for primitive in ("1", "2"):
+        np.testing.assert_allclose(found["bodies"][f"{hand}-body_{primitive}"], expected, atol=2e-6)
+
+
+def test_three_has_both_hands_of_a_scene(tmp_path: Path) -> None:
+    hands, file = both(), tmp_path / "hands.glb"
+    write_scene(hands, METRES, file)
+    clips = read_in_node(file)["clips"]
+    for motion in hands:
+        name = f"{motion.origin.hand}-made"
+        assert_joints(clips[f"{name} wave"]["joints"][name], motion, NEAR_M)
+    write_scene(hands, METRES, file, one_clock=True)
+    (clip,) = read_in_node(file)["clips"].values()
+    times = np.array(clip["times"])
+    for motion in hands:
+        at = np.abs(times[:, None] - motion.time_s).argmin(0)
+        joints = clip["joints"][f"{motion.origin.hand}-made"]
+        assert_joints({name: np.array(series)[at] for name, series in joints.items()}, motion, NEAR_M)
+
+
+def test_the_validator_has_no_word_on_odd_files(tmp_path: Path) -> None:
+    """One frame, names in other scripts, a skeleton that is no hand."""
+    file, made = tmp_path / "odd.glb", made_motion(20)
+    write(made.take(slice(0, 1)), METRES, file)
+    assert len(read_in_node(file)["clips"]["right-made wave"]["times"]) == 1
+    joints = tuple(replace(joint, name=f"腕 {i}") for i, joint in enumerate(made.joints))
+    write(replace(made, joints=joints, origin=replace(made.origin, licence="© 手")), METRES, file)
+    found = read_in_node(file)["clips"]["right-made wave"]["joints"]["right-made"]
+    np.testing.assert_allclose(found["腕 3"], made.position_mm[:, 3] / 1000, atol=NEAR_M)
+
+
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_blender_has_every_joint_and_the_body(known: KnownHand, tmp_path: Path, model: str) -> None:
+    motion, file = upright(known, model), tmp_path / "hand.glb"
+    write(motion, METRES, file)
+    hand = f"{motion.origin.hand}-hand"
+    found = read_in_blender(file, motion.rate_hz)
+    assert_joints(found["joints"][hand], motion, NEAR_M)
+    body, expected = np.array(found["bodies"][f"{hand}-body"]), last_body(file, f"{hand}-body")
+    assert len(body) == len(expected)
+    np.testing.assert_allclose(body.min(0), expected.min(0), atol=2e-6)
+    np.testing.assert_allclose(body.max(0), expected.max(0), atol=2e-6)
+
+
+def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path) -> None:
+    motion, glb, fbx = upright(known, FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
+    write(motion, METRES, glb)
+    to_fbx(glb, fbx)
+    hand = f"{motion.origin.hand}-hand"
+    assert_joints(read_in_blender(fbx, 0)["joints"][hand], motion, 1e-4)
+
+
+def test_fbx_has_both_hands_in_motion(tmp_path: Path) -> None:
+    hands, glb, fbx = both(), tmp_path / "hands.glb", tmp_path / "hands.fbx"
+    write_scene(hands, METRES, glb)
+    to_fbx(glb, fbx)
+    found = read_in_blender(fbx, 0)["joints"]
+    for motion in hands:
+        joints = found[f"{motion.origin.hand}-made"]
+        n = len(motion.frame)  # the shorter one rests at its end
+        assert_joints({name: series[:n] for name, series in joints.items()}, motion, 1e-4)
+
+
+def to_fbx(glb: Path, fbx: Path) -> None:
+    script = REPOSITORY / "stages" / "export" / "blender_to_fbx.py"
+    words = [str(tool("blender/bin/python")), str(script), str(glb), str(fbx)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def complaints(page: Any) -> list[str]:
+    """What a page says from now on: errors and warnings of its own, and requests that failed."""
+    heard: list[str] = []
+    page.on("console", lambda m: heard.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: heard.append(str(error)))
+    page.on("response", lambda r: heard.append(f"{r.status} {r.url}") if r.status >= 400 else None)
+    page.on("request", lambda r: heard.append(r.url) if "//127.0.0.1:" not in r.url else None)
+    return heard
+
+
+def ours(words: str) -> bool:
+    """Whether a complaint is of the page, and not of drawing by the processor, which is slow."""
+    return not ("GPU stall" in words or "rAF timed out" in words or words.startswith("blob:"))
+
+
+def test_the_page_of_the_guide_shows_the_hand_move(right: KnownHand, tmp_path: Path, browser: Any) -> None:  # noqa: F811
+    motion, file = upright(right, FITTED), tmp_path / "motion.glb"
+    write(motion, METRES, file)
+    modules = tool("node_modules/three").parent
+    with served(page_under("With three.js"), file, modules, tmp_path) as address:
+        page = browser.new_page(viewport={"width": 400, "height": 300})
+        heard = complaints(page)
+        page.goto(address)
+        seen = []
+        for _ in range(3):
+            page.wait_for_function("document.querySelector('output').textContent")
+            seen.append(page.locator("output").text_content())
+            page.wait_for_timeout(200)
+        picture = page.screenshot()
+        page.close()
+    assert [words for words in heard if ours(words)] == []
+    assert len(picture) > 5000, "a page without a hand is smaller"
+    assert len(set(seen)) == 3, "it stands still"
+    tips = motion.position_mm[:, [motion.index("thumb_tip"), motion.index("index_tip")]]
+    apart_mm = np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1)
+    for words in seen:
+        seconds, shown_mm = map(float, re.findall(r"[\d.]+", words))
+        at = np.interp([seconds - 5e-4, seconds, seconds + 5e-4], motion.time_s - motion.time_s[0], apart_mm)
+        assert at.min() - 0.06 <= shown_mm <= at.max() + 0.06
+
+
+def test_model_viewer_shows_the_hand(right: KnownHand, tmp_path: Path, browser: Any) -> None:  # noqa: F811
+    motion, file = upright(right, FITTED), tmp_path / "motion.glb"
+    write(motion, METRES, file)
+    modules = tool("node_modules/@google/model-viewer").parents[1]
+    with served(page_under("With model-viewer"), file, modules, tmp_path) as address:
+        page = browser.new_page(viewport={"width": 400, "height": 300})
+        heard = complaints(page)
+        page.goto(address)
+        page.wait_for_function("document.querySelector('model-viewer').loaded")
+        viewer = "document.querySelector('model-viewer')"
+        assert page.evaluate(f"{viewer}.availableAnimations") == ["right-hand opposition"]
+        assert page.evaluate(f"{viewer}.duration") == pytest.approx(
+            motion.time_s[-1] - motion.time_s[0], abs=1e-4
+        )
+        page.wait_for_function(f"{viewer}.currentTime > 0")
+        size = page.evaluate(f"(({{x, y, z}}) => [x, y, z])({viewer}.getDimensions())")
+        page.close()
+    assert [words for words in heard if ours(words)] == []
+    assert 0.12 < max(size) < 0.3, "m: a hand"

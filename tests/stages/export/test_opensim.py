@@ -1,0 +1,769 @@
+"""OpenSim files: what a reader of our own makes of them, and OpenSim itself where it is installed.
+
+The reader knows no more than the format: frames with body-fixed x, y, z angles, turns carried one by the
+other about a joint's axes after its translations.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import subprocess
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from kinematics.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
+from schemas.errors import InputError
+from stages.export.formats import Target
+from stages.export.motion import Joint, Origin, Receivers, SkeletonMotion, continuous, stiffened
+from stages.export.opensim import write
+from stages.export.opensim_joints import body_fixed_rad, plain_names, turn_angles
+from stages.export.settings import Settings, prepared
+from stages.export.tidy_csv import bone_angles_deg
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+READER = REPOSITORY / "tests" / "export_samples" / "readers" / "read_with_opensim.py"
+TARGET = Target("m", "y")
+NEAR_M = 1e-9
+NEAR_RAD = 1e-8
+
+
+# -- a reader of our own
+
+
+def axis_turn(axis: Array, rad: float) -> Array:
+    """Rotation matrix by Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(rad) * cross + (1 - math.cos(rad)) * cross @ cross
+
+
+def numbers(parent: ET.Element, tag: str) -> Array:
+    found = parent.findtext(tag)
+    assert found is not None, f"{parent.tag} {parent.get('name')} has no {tag}"
+    return np.array(found.split(), float)
+
+
+def frame_of(element: ET.Element) -> tuple[Array, Array]:
+    """Rotation and translation of a PhysicalOffsetFrame in its parent."""
+    turn = np.eye(3)
+    for axis, rad in zip(np.eye(3), numbers(element, "orientation"), strict=True):
+        turn = turn @ axis_turn(axis, rad)
+    return turn, numbers(element, "translation")
+
+
+@dataclass
+class Model:
+    """An .osim file."""
+
+    root: ET.Element
+
+    @classmethod
+    def read(cls, path: Path) -> Model:
+        """Parse a file."""
+        return cls(ET.fromstring(path.read_bytes()))
+
+    def every(self, tag: str) -> list[ET.Element]:
+        """All elements of that tag."""
+        return list(self.root.iter(tag))
+
+    @property
+    def joints(self) -> list[ET.Element]:
+        """The joints in their order."""
+        found = self.root.find("Model/JointSet/objects")
+        assert found is not None
+        return list(found)
+
+    def placed(self, values: Mapping[str, float]) -> dict[str, tuple[Array, Array]]:
+        """Rotation and position in the ground of every body, by name, where coordinates have these values."""
+        poses = {"/ground": (np.eye(3), np.zeros(3))}
+        for joint in self.joints:
+            frame = joint.find("frames/PhysicalOffsetFrame")
+            assert frame is not None
+            assert joint.findtext("socket_parent_frame") == frame.get("name")
+            turn, place = poses[frame.findtext("socket_parent", "")]
+            own_turn, own_place = frame_of(frame)
+            place, turn = place + turn @ own_place, turn @ own_turn
+            moved, turned = np.zeros(3), np.eye(3)
+            for axis in joint.iter("TransformAxis"):
+                value = function_value(axis, values)
+                if axis.get("name", "").startswith("rotation"):
+                    turned = turned @ axis_turn(numbers(axis, "axis"), value)
+                else:
+                    moved = moved + numbers(axis, "axis") * value
+            poses[joint.findtext("socket_child_frame", "")] = (turn @ turned, place + turn @ moved)
+        return {name.removeprefix("/bodyset/"): pose for name, pose in poses.items()}
+
+    def axis(self, joint: str, name: str) -> Array:
+        """An axis of a joint, rotation1 for one."""
+        transform = next(j for j in self.joints if j.get("name") == joint).find("SpatialTransform")
+        assert transform is not None
+        return numbers(next(axis for axis in transform if axis.get("name") == name), "axis")
+
+
+def function_value(axis: ET.Element, values: Mapping[str, float]) -> float:
+    name = axis.findtext("coordinates")
+    if not name:
+        return float(axis.findtext("Constant/value", "nan"))
+    slope, constant = axis.findtext("LinearFunction/coefficients", "").split()
+    return float(slope) * values[name] + float(constant)
+
+
+def read_mot(path: Path) -> tuple[dict[str, str], list[str], Array]:
+    """Header, labels and numbers of a .mot file; fails where rows or columns are not as the header says."""
+    lines = path.read_text("utf-8").splitlines()
+    end = lines.index("endheader")
+    header = dict(line.split("=", 1) for line in lines[1:end] if "=" in line)
+    labels = lines[end + 1].split("\t")
+    table = np.array([[float(cell) for cell in line.split("\t")] for line in lines[end + 2 :]])
+    assert table.shape == (int(header["nRows"]), int(header["nColumns"]))
+    assert len(labels) == table.shape[1]
+    return header, labels, table
+
+
+def read_trc(path: Path) -> tuple[dict[str, str], list[str], Array, Array]:
+    """Header, markers, times and positions (T, M, 3), NaN where a cell is blank."""
+    lines = path.read_text("utf-8").split("\n")
+    header = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=True))
+    names = [cell for cell in lines[3].split("\t")[2:] if cell]
+    assert [cell for cell in lines[4].split("\t") if cell][-1] == f"Z{len(names)}"
+    rows = [line.split("\t") for line in lines[6:-1]]
+    assert {len(row) for row in rows} <= {3 + 3 * len(names)}, "one empty cell more at the end of each line"
+    assert all(row[-1] == "" for row in rows)
+    table = np.array([[float(cell) if cell else np.nan for cell in row[:-1]] for row in rows])
+    assert table[:, 0].tolist() == list(range(1, int(header["NumFrames"]) + 1))
+    return header, names, table[:, 1], table[:, 2:].reshape(len(table), -1, 3)
+
+
+def replayed(stem: Path) -> tuple[Model, list[dict[str, tuple[Array, Array]]]]:
+    """The model, and its bodies in every frame of the .mot."""
+    model = Model.read(stem.with_suffix(".osim"))
+    _, labels, table = read_mot(stem.with_suffix(".mot"))
+    turning = {
+        axis.findtext("coordinates")
+        for axis in model.every("TransformAxis")
+        if axis.get("name", "").startswith("rotation")
+    }
+    si = np.where([label in turning for label in labels], np.radians(table), table)
+    return model, [model.placed(dict(zip(labels, row.tolist(), strict=True))) for row in si]
+
+
+def ready(motion: SkeletonMotion, **asked: Any) -> SkeletonMotion:
+    return prepared(motion, Settings(**({"gaps": "cut"} | asked)), holds_gaps=False, up="y")
+
+
+def largest_errors(
+    motion: SkeletonMotion, frames: list[dict[str, tuple[Array, Array]]]
+) -> tuple[float, float]:
+    """How far joints are from the motion, m, and bones are turned from it, rad."""
+    bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
+    turns = matrix(motion.quaternion)
+    off, turned = 0.0, 0.0
+    assert len(frames) == len(motion.frame)
+    for row, bodies in enumerate(frames):
+        poses = list(bodies.values())[1:]
+        for index, (turn, place) in zip(bones, poses, strict=True):
+            off = max(off, float(np.abs(place - motion.position_mm[row, index] / 1000).max()))
+            turned = max(turned, float(np.abs(turn - turns[row, index]).max()))
+    return off, turned
+
+
+def bend(n_frames: int, phase: float, rad: float) -> Array:
+    return np.asarray(rad * np.sin(np.linspace(0, 3, n_frames) + phase))
+
+
+def made_arm(n_frames: int = 30, elbow_dof: int = 1) -> SkeletonMotion:
+    """An arm of no known anatomy, with receivers that ride exactly on three bones; the elbow is a hinge."""
+    axes = unit(np.array([[0.3, 1.0, 0.2], [0.9, -0.2, 0.4], [0.1, 0.2, 1.0]]))
+    root = multiply(
+        about_axis(axes[0], bend(n_frames, 0.4, 1.3)), about_axis(axes[1], bend(n_frames, 1, 0.8))
+    )
+    shoulder = multiply(
+        about_axis(axes[2], bend(n_frames, 2, 1.2)), about_axis(axes[0], bend(n_frames, 0.3, 0.6))
+    )
+    elbow = multiply(about_axis(axes[0], 0.3), about_axis(axes[1], bend(n_frames, 0, 1.1)))
+    offsets = np.array([[0, 0, 0], [20.0, 5, -90], [0, 0, -310], [0, 0, -250]])
+    joints = (
+        Joint("scapula", -1, "scapula"),
+        Joint("shoulder", 0, "upper_arm", "arm", dof=3),
+        Joint("elbow", 1, "forearm", "arm", dof=elbow_dof),
+        Joint("arm_tip", 2, "forearm", "arm", tip=True),
+    )
+    turn, place = np.empty((n_frames, 4, 4)), np.empty((n_frames, 4, 3))
+    turn[:, 0], place[:, 0] = root, np.linspace([300, 20, -40], [250, 60, 10], n_frames)
+    for index, local in ((1, shoulder), (2, elbow), (3, np.array([1.0, 0, 0, 0]))):
+        turn[:, index] = multiply(turn[:, index - 1], np.broadcast_to(local, (n_frames, 4)))
+        place[:, index] = place[:, index - 1] + rotate(turn[:, index - 1], offsets[index])
+    stuck = about_axis(axes[2], 0.7)
+    receivers = Receivers(
+        ("scapula", "upper_arm", "forearm"),
+        place[:, :3] + rotate(turn[:, :3], np.array([4.0, 20, -15])),
+        multiply(turn[:, :3], stuck),
+        np.ones((n_frames, 3), bool),
+    )
+    blank = np.full(4, np.nan)
+    axis = np.full((4, 3), np.nan)
+    if elbow_dof == 1:
+        axis[2] = axes[1]
+    return SkeletonMotion(
+        joints,
+        offsets,
+        np.tile([1.0, 0, 0, 0], (4, 1)),
+        np.tile(blank, (4, 1)),
+        axis,
+        np.arange(n_frames),
+        5 + np.arange(n_frames) / 240,
+        240.0,
+        place,
+        continuous(turn),
+        receivers,
+        Origin("01", "right", "reach", "", "made", "arm"),
+    )
+
+
+def only(motion: SkeletonMotion, rows: slice) -> SkeletonMotion:
+    return motion.take(rows)
+
+
+# -- every joint where it is
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_every_bone_is_where_the_motion_has_it(
+    known: KnownHand, tmp_path: Path, model: str, stiff: bool
+) -> None:
+    motion = only(ready(known.motion(model), stiff=stiff), slice(0, 240, 6))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    read, frames = replayed(tmp_path / "hand")
+    off_m, turned = largest_errors(motion, frames)
+    assert off_m < NEAR_M
+    assert turned < NEAR_RAD
+    shifts = [c.get("name", "") for c in read.every("Coordinate") if re.search("_t[xyz]$", c.get("name", ""))]
+    assert (len(shifts) > 3) is not stiff
+
+
+@pytest.mark.parametrize("rig", ["webxr", "openxr", "vrm", "unity", "unreal", "mixamo"])
+def test_so_it_is_on_any_rig(right: KnownHand, tmp_path: Path, rig: str) -> None:
+    motion = only(ready(right.motion(FITTED), rig=rig), slice(0, 240, 40))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    model, frames = replayed(tmp_path / "hand")
+    assert max(largest_errors(motion, frames)) < NEAR_RAD
+    for element in model.root.iter():
+        assert re.fullmatch(r"\w+", element.get("name", "x"), re.ASCII)
+
+
+@pytest.mark.parametrize(("dof", "turns"), [(1, 1), (2, 3)])
+def test_an_arm_of_no_known_anatomy_turns_about_its_own_axes(tmp_path: Path, dof: int, turns: int) -> None:
+    motion = ready(made_arm(elbow_dof=dof))
+    write(motion, TARGET, tmp_path / "arm.osim")
+    model, frames = replayed(tmp_path / "arm")
+    assert max(largest_errors(motion, frames)) < NEAR_RAD
+    names = [c.get("name") for c in model.every("Coordinate")]
+    assert [name for name in names if "shoulder" in str(name)] == [f"shoulder_turn{n}" for n in (1, 2, 3)]
+    assert [name for name in names if "elbow" in str(name)] == [f"elbow_turn{n + 1}" for n in range(turns)]
+    _, labels, table = read_mot(tmp_path / "arm.mot")
+    swing = np.ptp(table[:, labels.index("elbow_turn1")])
+    assert swing == pytest.approx(np.degrees(np.ptp(bend(30, 0, 1.1))), abs=1e-6)
+
+
+def test_one_frame_is_enough(right: KnownHand, tmp_path: Path) -> None:
+    motion = replace(
+        only(ready(right.motion(FITTED)), slice(7, 8)), time_s=np.array([np.nan]), rate_hz=np.nan
+    )
+    write(motion, TARGET, tmp_path / "hand.osim")
+    model, frames = replayed(tmp_path / "hand")
+    assert max(largest_errors(motion, frames)) < NEAR_RAD
+    assert "index_mcp_flexion" in {c.get("name") for c in model.every("Coordinate")}
+    header, _, time_s, _ = read_trc(tmp_path / "hand.trc")
+    assert (header["DataRate"], time_s.tolist()) == ("60", [0.0])
+
+
+def test_a_bone_that_keeps_still_is_welded(tmp_path: Path) -> None:
+    motion = ready(made_arm())
+    still = np.tile(about_axis(np.array([0.0, 0, 1]), 0.3), (30, 1))
+    joints = (*motion.joints[:2], replace(motion.joints[2], dof=0), motion.joints[3])
+    turn = motion.quaternion.copy()
+    turn[:, 2] = turn[:, 3] = multiply(turn[:, 1], still)
+    motion = stiffened(replace(motion, joints=joints, quaternion=turn, axis=np.full((4, 3), np.nan)))
+    write(motion, TARGET, tmp_path / "arm.osim")
+    model, frames = replayed(tmp_path / "arm")
+    assert [joint.tag for joint in model.joints] == ["CustomJoint", "CustomJoint", "WeldJoint"]
+    assert max(largest_errors(motion, frames)) < NEAR_RAD
+
+
+# -- what coordinates mean
+
+
+def with_hinges(motion: SkeletonMotion, hinges: Sequence[str]) -> SkeletonMotion:
+    """The motion with joints that turn about one axis alone; all others have two degrees of freedom.
+
+    The metacarpals of index and middle finger keep still.
+    """
+    turn = motion.quaternion.copy()
+    joints, axis = list(motion.joints), motion.axis.copy()
+    for index, joint in enumerate(motion.joints[1:], 1):
+        relative = multiply(conjugate(motion.quaternion[:, joint.parent]), motion.quaternion[:, index])
+        if joint.name in hinges:
+            if joint.name.endswith("_cmc"):
+                axis[index] = unit(np.array([-0.8, -0.1, -0.5]))
+            assert np.isfinite(axis[index]).all()
+            joints[index] = replace(joint, dof=1)
+            relative = multiply(relative[:1], about_axis(axis[index], bend(len(turn), index, 0.4)))
+        elif joint.name in ("index_cmc", "middle_cmc"):
+            relative = np.broadcast_to(relative[:1], relative.shape)
+        elif not joint.tip:
+            joints[index], axis[index] = replace(joint, dof=2), np.nan
+        turn[:, index] = multiply(turn[:, joint.parent], relative)
+    return stiffened(replace(motion, joints=tuple(joints), axis=axis, quaternion=continuous(turn)))
+
+
+HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "little_cmc")
+
+
+def test_joints_of_two_degrees_have_the_angles_of_the_documentation(known: KnownHand, tmp_path: Path) -> None:
+    motion = with_hinges(ready(known.motion(FITTED)), HINGES)
+    write(motion, TARGET, tmp_path / "hand.osim")
+    _, labels, table = read_mot(tmp_path / "hand.mot")
+    joints, angles = bone_angles_deg(motion)
+    for joint in ("thumb_cmc", "thumb_mcp", "index_mcp", "little_mcp"):
+        for part, word in enumerate(("flexion", "abduction", "rotation")):
+            ours = table[:, labels.index(f"{joint}_{word}")]
+            apart = ours - angles[:, joints.index(joint), part]
+            assert np.abs((apart + 180) % 360 - 180).max() < 1e-6, (joint, word)
+
+
+def test_a_hinge_has_its_estimated_axis_and_flexion_alone(known: KnownHand, tmp_path: Path) -> None:
+    motion = with_hinges(ready(known.motion(FITTED)), HINGES)
+    write(motion, TARGET, tmp_path / "hand.osim")
+    model, frames = replayed(tmp_path / "hand")
+    assert max(largest_errors(motion, frames)) < NEAR_RAD
+    _, labels, table = read_mot(tmp_path / "hand.mot")
+    joints, angles = bone_angles_deg(motion)
+    for joint in HINGES:
+        axis = model.axis(joint, "rotation1")
+        np.testing.assert_allclose(np.abs(axis @ motion.axis[motion.index(joint)]), 1, atol=1e-9)
+        assert [label for label in labels if label.startswith(joint)] == [f"{joint}_flexion"]
+        flexed = np.diff(table[:, labels.index(f"{joint}_flexion")])
+        told = np.diff(angles[:, joints.index(joint), 0])
+        assert np.corrcoef(flexed, told)[0, 1] > 0.9, "flexion is positive"
+
+
+def test_the_sense_of_an_axis_does_not_matter(right: KnownHand, tmp_path: Path) -> None:
+    motion = ready(right.motion(REPLAYED))
+    write(motion, TARGET, tmp_path / "one.osim")
+    write(replace(motion, axis=-motion.axis), TARGET, tmp_path / "other.osim")
+    _, labels, ours = read_mot(tmp_path / "one.mot")
+    _, _, theirs = read_mot(tmp_path / "other.mot")
+    assert "index_pip_flexion" in labels
+    np.testing.assert_allclose(ours, theirs, atol=1e-9)
+
+
+def test_a_model_opens_as_the_recording_begins(right: KnownHand, tmp_path: Path) -> None:
+    """But with bones at their length."""
+    motion = ready(right.motion(REPLAYED))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    model = Model.read(tmp_path / "hand.osim")
+    defaults = {str(c.get("name")): numbers(c, "default_value")[0] for c in model.every("Coordinate")}
+    _, error = largest_errors(only(motion, slice(0, 1)), [model.placed(defaults)])
+    assert error < NEAR_RAD
+    assert defaults["index_pip_tx"] == 0
+    np.testing.assert_allclose(defaults["wrist_tx"], motion.position_mm[0, 0, 0] / 1000, atol=NEAR_M)
+
+
+def test_a_hinge_that_is_none_turns_about_its_axis_first(right: KnownHand, tmp_path: Path) -> None:
+    motion = ready(right.motion(REPLAYED))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    model = Model.read(tmp_path / "hand.osim")
+    _, labels, table = read_mot(tmp_path / "hand.mot")
+    axes = np.stack([model.axis("index_pip", f"rotation{number}") for number in (1, 2, 3)])
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(np.abs(axes[0] @ motion.axis[motion.index("index_pip")]), 1, atol=1e-9)
+    spread = [np.std(table[:, labels.index(f"index_pip_{w}")]) for w in ("flexion", "abduction", "rotation")]
+    assert spread[0] > 5 * max(spread[1:])
+
+
+def test_sides_have_the_same_signs(tmp_path: Path, right: KnownHand) -> None:
+    """A right hand's mirror image, called left, has the same coordinates for its digits."""
+    motion = ready(right.motion(FITTED))
+    write(motion, TARGET, tmp_path / "right.osim")
+    write(mirror_image(motion), TARGET, tmp_path / "left.osim")
+    _, labels, ours = read_mot(tmp_path / "right.mot")
+    _, theirs_labels, theirs = read_mot(tmp_path / "left.mot")
+    assert set(labels) == set(theirs_labels)
+    turns = [name for name in labels if re.search("_(flexion|abduction|rotation)$", name)]
+    assert len(turns) > 25
+    for name in turns:
+        a, b = ours[:, labels.index(name)], theirs[:, theirs_labels.index(name)]
+        np.testing.assert_allclose(a, b, atol=1e-6, err_msg=name)
+
+
+def mirror_image(motion: SkeletonMotion) -> SkeletonMotion:
+    """In the plane x = 0 of world and bones, which keeps bone frames right-handed."""
+    across, turned = np.array([-1.0, 1, 1]), np.array([1.0, 1, -1, -1])
+    there = motion.receivers
+    return replace(
+        motion,
+        rest_offset_mm=motion.rest_offset_mm * across,
+        rest_rotation=motion.rest_rotation * turned,
+        neutral=motion.neutral * turned,
+        axis=motion.axis * -across,
+        position_mm=motion.position_mm * across,
+        quaternion=motion.quaternion * turned,
+        receivers=replace(
+            there, position_mm=there.position_mm * across, quaternion=there.quaternion * turned
+        ),
+        origin=replace(motion.origin, hand="left"),
+    )
+
+
+def test_coordinates_are_free_in_one_model_and_translations_locked_in_the_other(
+    right: KnownHand, tmp_path: Path
+) -> None:
+    motion = ready(right.motion(REPLAYED))
+    told = write(motion, TARGET, tmp_path / "hand.osim")
+    free, held = (Model.read(tmp_path / name) for name in ("hand.osim", "hand_ik.osim"))
+    assert {c.findtext("locked") for c in free.every("Coordinate")} == {"false"}
+    locked = {c.get("name") for c in held.every("Coordinate") if c.findtext("locked") == "true"}
+    shifts = {str(c.get("name")) for c in free.every("Coordinate") if "_t" in str(c.get("name"))[-3:]}
+    twists = {f"{digit}_cmc_rotation" for digit in ("index", "middle", "ring", "little")}
+    assert locked == {name for name in shifts if not name.startswith("wrist_")} | twists
+    _, labels, table = read_mot(tmp_path / "hand.mot")
+    twist = next(c for c in held.every("Coordinate") if c.get("name") == "ring_cmc_rotation")
+    mean = np.radians(table[:, labels.index("ring_cmc_rotation")].mean())
+    assert float(twist.findtext("default_value", "")) == pytest.approx(mean, abs=1e-9)
+    assert any("coordinates _tx, _ty, _tz" in sentence for sentence in told)
+
+
+def test_ranges_cover_the_motion_and_clamp_nothing(right: KnownHand, tmp_path: Path) -> None:
+    motion = ready(right.motion(REPLAYED))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    _, labels, table = read_mot(tmp_path / "hand.mot")
+    for coordinate in Model.read(tmp_path / "hand.osim").every("Coordinate"):
+        name = str(coordinate.get("name"))
+        low, high = numbers(coordinate, "range")
+        values = table[:, labels.index(name)]
+        values = values if re.search("_t[xyz]$", name) else np.radians(values)
+        assert low < values.min() <= values.max() < high
+        assert coordinate.findtext("clamped") == "false"
+
+
+def test_angles_are_continuous(tmp_path: Path) -> None:
+    motion = made_arm(400)
+    whole_turns = about_axis(np.array([0.0, 1.0, 0.0]), np.linspace(0, 14, 400))
+    turn = motion.quaternion.copy()
+    for index in range(4):
+        turn[:, index] = multiply(whole_turns, turn[:, index])
+    motion = stiffened(replace(motion, quaternion=continuous(turn)))
+    write(motion, TARGET, tmp_path / "arm.osim")
+    _, labels, table = read_mot(tmp_path / "arm.mot")
+    turns = table[:, [i for i, name in enumerate(labels) if re.search(r"_(r[xyz]|turn\d)$", name)]]
+    assert np.abs(np.diff(turns, axis=0)).max() < 30
+    assert np.ptp(turns, axis=0).max() > 360
+
+
+# -- markers
+
+
+def test_a_receiver_that_carries_its_bone_is_where_the_model_has_it(known: KnownHand, tmp_path: Path) -> None:
+    motion = only(ready(known.motion(REPLAYED)), slice(0, 240, 24))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    model, frames = replayed(tmp_path / "hand")
+    _, names, time_s, measured = read_trc(tmp_path / "hand.trc")
+    np.testing.assert_allclose(time_s, motion.time_s - motion.time_s[0], atol=1e-9)
+    receivers = motion.receivers
+    at = measured[:, names.index("index_middle_o")]
+    number = receivers.segments.index("index_middle")
+    np.testing.assert_allclose(at, receivers.position_mm[:, number], atol=1e-6)
+    arm = measured[:, names.index("index_middle_y")] - at
+    np.testing.assert_allclose(arm, 10 * matrix(receivers.quaternion[:, number])[..., 1], atol=3e-6)
+    markers = {str(m.get("name")): m for m in model.every("Marker")}
+    for segment in ("hand", "index_middle", "little_distal"):
+        for point in "oxyz":
+            marker = markers[f"{segment}_{point}"]
+            assert marker.findtext("socket_parent_frame") == f"/bodyset/{segment}"
+            place = numbers(marker, "location")
+            ours = np.array([pose[segment][1] + pose[segment][0] @ place for pose in frames])
+            np.testing.assert_allclose(
+                ours, measured[:, names.index(f"{segment}_{point}")] / 1000, atol=NEAR_M
+            )
+
+
+def test_tips_are_markers_of_the_model_alone(right: KnownHand, tmp_path: Path) -> None:
+    motion = ready(right.motion(FITTED), stiff=True)
+    write(motion, TARGET, tmp_path / "hand.osim")
+    model, frames = replayed(tmp_path / "hand")
+    marker = next(m for m in model.every("Marker") if m.get("name") == "thumb_tip")
+    turn, place = frames[5]["thumb_distal"]
+    np.testing.assert_allclose(
+        place + turn @ numbers(marker, "location"),
+        motion.position_mm[5, motion.index("thumb_tip")] / 1000,
+        atol=1e-9,
+    )
+    assert "thumb_tip" not in read_trc(tmp_path / "hand.trc")[1]
+
+
+def test_a_receiver_without_a_pose_is_a_blank_cell(right: KnownHand, tmp_path: Path) -> None:
+    motion = only(ready(right.motion(FITTED)), slice(0, 20))
+    there = motion.receivers
+    place, turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()
+    last = there.segments.index("little_distal")
+    place[3:6, last], turn[3:6, last], valid[3:6, last] = np.nan, np.nan, False
+    motion = replace(motion, receivers=replace(there, position_mm=place, quaternion=turn, valid=valid))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    _, names, _, measured = read_trc(tmp_path / "hand.trc")
+    blank = np.isnan(measured).any(-1)
+    expected = np.zeros_like(blank)
+    expected[3:6, [names.index(f"little_distal_{point}") for point in "oxyz"]] = True
+    np.testing.assert_array_equal(blank, expected)
+    for ending in (".osim", ".mot", ".trc", "_ik.osim", "_ik_setup.xml"):
+        assert not re.search(r"\b(nan|inf)\b", (tmp_path / f"hand{ending}").read_text("utf-8"))
+
+
+def blinded(motion: SkeletonMotion, row: int) -> SkeletonMotion:
+    """The motion with no receiver valid in one frame."""
+    there = motion.receivers
+    place, turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()
+    place[row], turn[row], valid[row] = np.nan, np.nan, False
+    return replace(motion, receivers=replace(there, position_mm=place, quaternion=turn, valid=valid))
+
+
+def test_a_frame_without_any_receiver_is_not_among_the_markers(right: KnownHand, tmp_path: Path) -> None:
+    motion = blinded(only(ready(right.motion(FITTED)), slice(0, 12)), 4)
+    told = write(motion, TARGET, tmp_path / "hand.osim")
+    _, _, time_s, measured = read_trc(tmp_path / "hand.trc")
+    expected = np.delete(motion.time_s - motion.time_s[0], 4)
+    np.testing.assert_allclose(time_s, expected, atol=1e-9)
+    assert np.isfinite(measured).all()
+    assert len(read_mot(tmp_path / "hand.mot")[2]) == 12
+    assert "frames in which no receiver is valid, 1, are not in the .trc" in told
+
+
+def test_a_receiver_on_no_bone_is_told(right: KnownHand, tmp_path: Path) -> None:
+    told = write(ready(right.motion(FITTED)), TARGET, tmp_path / "hand.osim")
+    assert any(sentence.startswith("receiver forearm, which") for sentence in told)
+    assert not any(name.startswith("forearm") for name in read_trc(tmp_path / "hand.trc")[1])
+
+
+# -- files
+
+
+def test_the_setup_names_files_beside_it_and_every_marker(right: KnownHand, tmp_path: Path) -> None:
+    motion = ready(right.motion(FITTED))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    setup = ET.fromstring((tmp_path / "hand_ik_setup.xml").read_bytes())
+    tool = setup.find("InverseKinematicsTool")
+    assert tool is not None
+    for tag in ("model_file", "marker_file"):
+        assert (tmp_path / tool.findtext(tag, "")).is_file()
+    tasks = [task.get("name") for task in tool.iter("IKMarkerTask")]
+    assert tasks == read_trc(tmp_path / "hand.trc")[1]
+    _, _, table = read_mot(tmp_path / "hand.mot")
+    assert float(tool.findtext("time_range", "").split()[1]) == pytest.approx(table[-1, 0], abs=1e-9)
+
+
+def test_the_same_motion_gives_the_same_bytes(right: KnownHand, tmp_path: Path) -> None:
+    motion = ready(right.motion(REPLAYED))
+    for folder in ("a", "b"):
+        write(motion, TARGET, tmp_path / folder / "hand.osim")
+    names = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert names == ["hand.mot", "hand.osim", "hand.trc", "hand_ik.osim", "hand_ik_setup.xml"]
+    for name in names:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_subjects_of_any_script(right: KnownHand, tmp_path: Path) -> None:
+    motion = only(ready(right.motion(FITTED)), slice(0, 3))
+    origin = replace(motion.origin, subject="母 <é>&\x01=", licence="CC BY 4.0, ask 母")
+    write(replace(motion, origin=origin), TARGET, tmp_path / "sub-母_é.osim")
+    model = Model.read(tmp_path / "sub-母_é.osim")
+    assert "母 <é>&?=" in model.root.findtext("Model/credits", "")
+    assert "CC BY 4.0, ask 母" in model.root.findtext("Model/credits", "")
+    assert model.every("Model")[0].get("name") == "sub__u6bcd__u00e9"
+    header, _, _ = read_mot(tmp_path / "sub-母_é.mot")
+    assert set(header) == {"version", "nRows", "nColumns", "inDegrees"}
+    assert header["inDegrees"] == "yes"
+
+
+def test_masses_are_positive_and_inertias_possible(right: KnownHand, tmp_path: Path) -> None:
+    told = write(ready(right.motion(REPLAYED)), TARGET, tmp_path / "hand.osim")
+    bodies = Model.read(tmp_path / "hand.osim").every("Body")
+    for body in bodies:
+        xx, yy, zz, *products = numbers(body, "inertia")
+        assert min(xx, yy, zz, numbers(body, "mass")[0]) > 0
+        assert 2 * max(xx, yy, zz) <= xx + yy + zz + 1e-18
+        assert products == [0, 0, 0]
+    assert 0.1 < sum(numbers(body, "mass")[0] for body in bodies) < 1
+    assert any("nominal" in sentence for sentence in told)
+
+
+# -- what cannot be written
+
+
+def test_a_motion_with_a_gap_is_refused(right: KnownHand, tmp_path: Path) -> None:
+    motion = ready(right.motion(FITTED))
+    position = motion.position_mm.copy()
+    position[4, 3] = np.nan
+    with pytest.raises(InputError, match="no frame without a pose"):
+        write(replace(motion, position_mm=position), TARGET, tmp_path / "hand.osim")
+    with pytest.raises(InputError, match="no file without a frame"):
+        write(only(motion, slice(0, 0)), TARGET, tmp_path / "hand.osim")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ([0.0, 0.1, np.nan], "--rate-hz"),
+        ([0.0, 0.1, 0.1], "from frame 1 to the next"),
+        ([0.0, 0.2, 0.1], "grow"),
+    ],
+)
+def test_times_must_grow(tmp_path: Path, times: list[float], words: str) -> None:
+    motion = replace(made_arm(3), time_s=np.array(times))
+    with pytest.raises(InputError, match=words):
+        write(motion, TARGET, tmp_path / "arm.osim")
+    assert not list(tmp_path.iterdir())
+
+
+# -- mathematics
+
+quaternions = arrays(float, 4, elements=st.floats(-1, 1)).filter(lambda q: float(q @ q) > 1e-3).map(unit)
+
+
+@given(
+    arrays(float, (5, 4), elements=st.floats(-1, 1)), quaternions, st.permutations(range(3)), st.booleans()
+)
+@settings(max_examples=200)
+def test_turns_about_any_three_axes_give_the_rotation_back(
+    raw: Array, frame: Array, order: list[int], flipped: bool
+) -> None:
+    raw[:, 0] += np.where(np.sum(raw**2, -1) < 1e-3, 1.0, 0.0)
+    relative = unit(raw)
+    axes = matrix(frame)[order] * (-1.0 if flipped else 1.0)
+    first, second, third = turn_angles(relative, axes).T
+    back = multiply(
+        about_axis(axes[0], first), multiply(about_axis(axes[1], second), about_axis(axes[2], third))
+    )
+    assert angle(multiply(conjugate(back), relative)).max() < 1e-6
+    assert abs(second[0]) <= np.pi / 2 + 1e-9
+
+
+def test_turns_go_on_beyond_a_right_angle_of_the_second() -> None:
+    relative = multiply(about_axis(np.eye(3)[0], 0.3), about_axis(np.eye(3)[1], np.linspace(0, 7, 300)))
+    turns = turn_angles(relative, np.eye(3))
+    np.testing.assert_allclose(turns[:, 1], np.linspace(0, 7, 300), atol=1e-9)
+    np.testing.assert_allclose(turns[:, [0, 2]], np.tile([0.3, 0.0], (300, 1)), atol=1e-9)
+
+
+@given(quaternions)
+@settings(max_examples=200)
+def test_frames_turn_by_body_fixed_angles(quaternion: Array) -> None:
+    assert_same_frame(matrix(quaternion))
+
+
+@pytest.mark.parametrize("second", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9])
+def test_frames_at_a_right_angle_come_back(second: float) -> None:
+    assert_same_frame(axis_turn(np.eye(3)[0], 0.7) @ axis_turn(np.eye(3)[1], second))
+
+
+def assert_same_frame(rotation: Array) -> None:
+    x, y, z = body_fixed_rad(rotation)
+    back = axis_turn(np.eye(3)[0], x) @ axis_turn(np.eye(3)[1], y) @ axis_turn(np.eye(3)[2], z)
+    np.testing.assert_allclose(back, rotation, atol=1e-12)
+
+
+@given(st.lists(st.text(max_size=6), max_size=6))
+def test_names_are_plain_and_each_its_own(words: list[str]) -> None:
+    found = plain_names(words)
+    assert len(set(found)) == len(found) == len(words)
+    assert all(re.fullmatch(r"\w*", name, re.ASCII) for name in found)
+
+
+# -- OpenSim itself
+
+
+def read_with_opensim(stem: Path, *words: str) -> dict[str, Any]:
+    """What OpenSim reads; the test is skipped where it is not installed."""
+    folder = Path(os.environ.get("SHUKOTSU_TOOLS", REPOSITORY / ".tools")).absolute()
+    python = folder / "opensim" / "bin" / "python"
+    if not python.exists():
+        pytest.skip(f"no {python}; SHUKOTSU_TOOLS can name another folder than .tools")
+    out = stem.with_suffix(".npz")
+    subprocess.run(
+        [str(python), str(READER), str(stem), str(out), *words], check=True, capture_output=True, timeout=300
+    )
+    with np.load(out) as found:
+        return dict(found)
+
+
+@pytest.mark.tools
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_opensim_has_every_bone_where_the_motion_has_it(known: KnownHand, tmp_path: Path, model: str) -> None:
+    motion = ready(known.motion(model))
+    stem = tmp_path / "sub-母_hand"
+    write(motion, TARGET, stem.with_suffix(".osim"))
+    found = read_with_opensim(stem)
+    bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
+    np.testing.assert_allclose(found["mot_time_s"], motion.time_s - motion.time_s[0], atol=1e-9)
+    np.testing.assert_allclose(found["mot_place_m"], motion.position_mm[:, bones] / 1000, atol=NEAR_M)
+    apart = angle(multiply(conjugate(motion.quaternion[:, bones]), found["mot_turn"]))
+    assert apart.max() < NEAR_RAD
+    assert found["mot_in_degrees"] == "yes"
+    _, names, _, measured = read_trc(stem.with_suffix(".trc"))
+    assert found["trc_markers"].tolist() == names
+    assert found["trc_units"] == "mm"
+    np.testing.assert_allclose(found["trc_mm"], measured, atol=1e-9)
+
+
+def riding(motion: SkeletonMotion) -> SkeletonMotion:
+    """The same with receivers that sit on their bones without skin, the last one blind in some frames."""
+    there = motion.receivers
+    place, turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()
+    segments = [joint.segment for joint in motion.joints]
+    for number, segment in enumerate(there.segments):
+        if segment in segments:
+            bone = segments.index(segment)
+            stuck = about_axis(unit(np.array([1.0, number, 2.0])), 0.2)
+            turn[:, number] = multiply(motion.quaternion[:, bone], stuck)
+            place[:, number] = motion.position_mm[:, bone] + rotate(
+                motion.quaternion[:, bone], np.array([1.0, 8.0, -15.0])
+            )
+    last = there.segments.index("little_distal")
+    place[4:6, last], turn[4:6, last], valid[4:6, last] = np.nan, np.nan, False
+    return replace(motion, receivers=replace(there, position_mm=place, quaternion=turn, valid=valid))
+
+
+@pytest.mark.tools
+def test_inverse_kinematics_of_opensim_finds_our_angles(known: KnownHand, tmp_path: Path) -> None:
+    """Exact receivers of a fitted hand: to 0.1 deg, but where a receiver was blind and tells nothing.
+
+    In one frame all were.
+    """
+    motion = with_hinges(ready(known.motion(FITTED)), HINGES)
+    motion = blinded(riding(only(motion, slice(0, 240, 12))), 11)
+    write(motion, TARGET, tmp_path / "hand.osim")
+    found = read_with_opensim(tmp_path / "hand", "--ik")
+    assert found["ik_ran"]
+    told = np.delete(np.arange(20), 11)
+    assert len(found["ik_rms_m"]) == len(told)
+    assert found["ik_rms_m"].max() < 1e-5
+    theirs = found["ik_values"][
+        :, [found["ik_coordinates"].tolist().index(n) for n in found["mot_coordinates"]]
+    ]
+    turns = [i for i, name in enumerate(found["mot_coordinates"]) if not re.search("_t[xyz]$", str(name))]
+    seen = motion.receivers.valid[told, motion.receivers.segments.index("little_distal")]
+    apart = (theirs - found["mot_values"][told])[np.ix_(np.flatnonzero(seen), turns)]
+    assert np.isfinite(theirs).all()
+    assert np.abs(apart).max() < 0.1

@@ -1,0 +1,76 @@
+"""Programs that are not ours read a BVH file and have every joint where the tables have it, in every frame.
+
+Skipped where a program is absent; CONTRIBUTING.md says how to get them.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+
+from stages.export.__main__ import write_format
+from stages.export.bvh import AT_REST
+from stages.export.settings import Settings, prepared
+
+READERS = Path(__file__).resolve().parents[2] / "export_samples" / "readers"
+NEAR_M = 1e-5
+ExportTool = Callable[[str], Path]
+
+
+def command(program: str, export_tool: ExportTool) -> list[str]:
+    """What runs a reader, to be followed by the file and where its JSON goes."""
+    if program == "three":
+        modules = export_tool("node_modules/three").parents[1]
+        return ["node", str(READERS / "read_with_three.mjs"), str(modules)]
+    python = "blender/bin/python" if program == "blender" else "python/bin/python"
+    if program != "blender":
+        found = list(export_tool(python).parents[1].glob(f"lib/*/site-packages/{program}"))
+        if not found:
+            pytest.skip(f"{program} is not installed beside {python} of the export tools")
+    return [str(export_tool(python)), str(READERS / f"read_with_{program}.py")]
+
+
+def ends_of(joints: Any) -> dict[str, str]:
+    """Tips by the joint before them."""
+    return {joints[joint.parent].name: joint.name for joint in joints if joint.tip}
+
+
+@pytest.mark.tools
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+@pytest.mark.parametrize(
+    ("program", "stiff"),
+    [
+        ("bvhsdk", True),
+        ("bvhsdk", False),
+        ("pybvh", True),  # refuses positions of joints that are not the root
+        ("three", True),
+        ("three", False),
+        ("blender", True),
+        ("blender", False),
+    ],
+)
+def test_a_program_has_every_joint_where_it_is(
+    known: KnownHand, tmp_path: Path, export_tool: ExportTool, program: str, stiff: bool, model: str
+) -> None:
+    words = command(program, export_tool)
+    settings = Settings(stiff=stiff, gaps="cut", rig="webxr")
+    motion = known.motion(model)
+    write_format(motion, settings, "bvh", tmp_path / "motion.bvh")
+    expected = prepared(motion, settings, holds_gaps=False, up="y")
+    files = [str(tmp_path / name) for name in ("motion.bvh", "found.json")]
+    subprocess.run([*words, *files], check=True, capture_output=True, timeout=300)
+    found = json.loads((tmp_path / "found.json").read_text("utf-8"))
+    tips = ends_of(expected.joints)
+    series = found["joints"] | {tips[name]: end for name, end in found["ends"].items() if name in tips}
+    assert {name for name in series if not name.endswith(AT_REST)} == set(expected.names)
+    for index, name in enumerate(expected.names):
+        off_m = np.abs(np.array(series[name]) / 100 - expected.position_mm[:, index] / 1000)
+        assert off_m.shape == (len(expected.frame), 3)
+        assert off_m.max() < NEAR_M, name

@@ -1,0 +1,128 @@
+"""Other rates and ranges: constant speed stays constant, device time counts, gaps stay gaps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from export_samples.made_motion import made_motion
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from kinematics.rotations import about_axis, angle, conjugate, multiply, unit
+from schemas.errors import InputError
+from stages.export.interpolation import bracketed, slerped
+from stages.export.motion import SkeletonMotion
+from stages.export.resampling import in_range, largest_time_error_s, resampled, with_rate
+
+
+def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float) -> SkeletonMotion:
+    """Every bone turns about one axis at one speed, and moves along it at another."""
+    motion = made_motion(len(time_s))
+    turn = about_axis(axis, speed * time_s)[:, None].repeat(6, 1)
+    place = (time_s[:, None, None] * axis * 30).repeat(6, 1)
+    return replace(motion, time_s=time_s, rate_hz=rate_hz, position_mm=place, quaternion=turn)
+
+
+@given(
+    st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1),
+    st.floats(-40, 40),
+    st.floats(5, 300),
+    st.integers(0, 2**31),
+)
+def test_a_constant_angular_velocity_stays_one(
+    axis: list[float], speed: float, fps: float, seed: int
+) -> None:
+    """At uneven times too, and through half turns; up to 0.2 rad between frames as recorded."""
+    rng = np.random.default_rng(seed)
+    time_s = 3 + np.cumsum(rng.uniform(0.002, 0.005, 60))
+    along = unit(np.array(axis))
+    motion = spinning(time_s, along, speed, 1 / 0.0035)
+    found = resampled(motion, fps)
+    even = time_s[0] + np.arange(len(found.frame)) / fps
+    np.testing.assert_allclose(found.time_s, even, atol=1e-9)
+    assert time_s[-1] - 1 / fps < found.time_s[-1] <= time_s[-1]
+    truth = about_axis(along, speed * found.time_s)
+    assert angle(multiply(conjugate(truth), found.quaternion[:, 0])).max() < 1e-7
+    np.testing.assert_allclose(found.position_mm[:, 3], found.time_s[:, None] * along * 30, atol=1e-9)
+    assert (np.sum(found.quaternion[1:] * found.quaternion[:-1], -1) >= -1e-9).all()
+    assert found.rate_hz == fps
+
+
+@given(st.integers(0, 2**31))
+def test_slerp_is_scipys(seed: int) -> None:
+    keys = Rotation.random(8, random_state=seed)
+    at = np.sort(np.random.default_rng(seed).uniform(0, 7, 40))
+    before, after, share = bracketed(at, np.arange(8.0))
+    quaternion = np.roll(keys.as_quat(), 1, -1)
+    found = Rotation.from_quat(np.roll(slerped(quaternion[before], quaternion[after], share), -1, -1))
+    assert (Slerp(np.arange(8.0), keys)(at).inv() * found).magnitude().max() < 1e-7
+
+
+def test_resampling_to_its_own_rate_changes_nothing() -> None:
+    motion = made_motion(50)
+    found = resampled(motion, motion.rate_hz)
+    np.testing.assert_allclose(found.position_mm, motion.position_mm, atol=1e-9)
+    np.testing.assert_array_equal(found.frame, motion.frame)
+
+
+def test_a_gap_that_was_kept_stays_a_gap() -> None:
+    motion = made_motion(100)
+    position = motion.position_mm.copy()
+    position[40:50, 2] = np.nan
+    found = resampled(replace(motion, position_mm=position), 30)
+    inside = (found.time_s > motion.time_s[39]) & (found.time_s < motion.time_s[50])
+    np.testing.assert_array_equal(~found.known[:, 2], inside)
+    assert found.known[:, 0].all()
+    assert inside.sum() == 3
+
+
+def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
+    motion = made_motion(100).take(np.r_[0:40, 50:100])
+    found = resampled(motion, 30)
+    inside = (found.time_s > motion.time_s[39]) & (found.time_s < motion.time_s[40])
+    np.testing.assert_array_equal(~found.whole, inside)
+    assert not found.receivers.valid[inside].any()
+    assert found.receivers.valid[~inside].all()
+    assert resampled(motion, 30, widest_s=0.2).whole.all()
+
+
+def test_one_frame_stays_one_frame() -> None:
+    motion = made_motion(1)
+    found = resampled(motion, 60)
+    assert len(found.frame) == 1
+    np.testing.assert_array_equal(found.position_mm, motion.position_mm)
+
+
+def test_times_that_do_not_tell_are_refused() -> None:
+    motion = made_motion(10)
+    timeless = replace(motion, time_s=np.full(10, np.nan), rate_hz=np.nan)
+    with pytest.raises(InputError, match="--rate-hz"):
+        resampled(timeless, 60)
+    assert with_rate(timeless, 50.0).time_s[-1] == pytest.approx(9 / 50)
+    with pytest.raises(InputError, match="has device times of its own"):
+        with_rate(motion, 50.0)
+    time_s = motion.time_s.copy()
+    time_s[5] = time_s[4]
+    with pytest.raises(InputError, match="does not grow from frame 11"):
+        resampled(replace(motion, time_s=time_s), 60)
+
+
+def test_a_range_goes_by_recorded_frame_numbers() -> None:
+    motion = made_motion(50)
+    np.testing.assert_array_equal(in_range(motion, 20, 30).frame, np.arange(20, 31))
+    np.testing.assert_array_equal(in_range(motion, None, 9).frame, [7, 8, 9])
+    assert in_range(motion, None, None) is motion
+    assert len(in_range(motion, 20, 30).receivers.valid) == 11
+    with pytest.raises(InputError, match="it has 7 to 56"):
+        in_range(motion, 100, 900)
+
+
+def test_times_off_an_even_rate_are_measured() -> None:
+    motion = made_motion(50)
+    assert largest_time_error_s(motion) < 1e-12
+    time_s = motion.time_s.copy()
+    time_s[30:] += 0.25
+    assert largest_time_error_s(replace(motion, time_s=time_s)) == pytest.approx(0.25)

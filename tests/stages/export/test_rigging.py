@@ -1,0 +1,121 @@
+"""Other rigs: the right names, and no motion lost with the bones that they lack."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from export_samples.made_motion import made_motion
+from scipy.spatial.transform import Rotation
+
+from kinematics.rotations import rotate
+from schemas.errors import InputError
+from stages.export.motion import local_motion, rest_pose
+from stages.export.names import RIGS, ascii_name
+from stages.export.rigging import folded, on_rig
+
+COUNTS = {"webxr": 25, "openxr": 26, "vrm": 21, "unity": 21, "unreal": 25, "mixamo": 21}
+LACKING = ["index_cmc", "middle_cmc", "ring_cmc", "little_cmc"]
+
+
+@pytest.mark.parametrize("rig", list(RIGS))
+def test_every_rig_keeps_every_joint_where_it_is(known: KnownHand, rig: str) -> None:
+    motion = known.motion(FITTED)
+    there = on_rig(motion, rig)
+    assert len(there.joints) == COUNTS[rig]
+    assert len(set(there.names)) == COUNTS[rig]
+    names = RIGS[rig].names(known.recording.hand.hand)
+    for joint, name in ((joint, names[joint.name]) for joint in motion.joints[1:] if joint.name in names):
+        np.testing.assert_array_equal(
+            there.position_mm[:, there.index(name)], motion.position_mm[:, motion.index(joint.name)]
+        )
+        np.testing.assert_array_equal(
+            there.quaternion[:, there.index(name)], motion.quaternion[:, motion.index(joint.name)]
+        )
+    assert all(joint.parent < index for index, joint in enumerate(there.joints))
+
+
+def test_a_metacarpal_lives_on_in_the_proximal_phalanx(known: KnownHand) -> None:
+    """What the wrist's frame shows of the MCP joint is the same, though no bone is left between them."""
+    motion = known.motion(REPLAYED)
+    there = folded(motion, LACKING)
+    mcp = there.index("little_mcp")
+    assert there.joints[mcp].parent == 0
+    local = local_motion(there)
+    before = motion.index("little_mcp")
+    world = motion.position_mm[:, 0] + rotate(motion.quaternion[:, 0], local.offset_mm[:, mcp])
+    np.testing.assert_allclose(world, motion.position_mm[:, before], atol=1e-9)
+    rest, rest_before = rest_pose(there), rest_pose(motion)
+    np.testing.assert_allclose(rest[0][mcp], rest_before[0][before], atol=1e-9)
+    np.testing.assert_allclose(rest[1][mcp], rest_before[1][before], atol=1e-9)
+    assert there.joints[mcp].dof == 0
+    assert np.isnan(there.axis[mcp]).all()
+    np.testing.assert_array_equal(there.axis[mcp + 1], motion.axis[before + 1])
+    assert there.notes[-1] == f"{', '.join(LACKING)} folded into the bones after them"
+
+
+def test_angles_of_a_folded_joint_count_from_both_bones(known: KnownHand) -> None:
+    """From where both are straight; of a metacarpal that is fixed in the hand, from how it stands."""
+    motion = known.motion(FITTED)
+    there = folded(motion, LACKING)
+    for digit, before in (("ring", motion.neutral), ("index", motion.rest_rotation)):
+        cmc, mcp = motion.index(f"{digit}_cmc"), motion.index(f"{digit}_mcp")
+        both = Rotation.from_quat(np.roll([before[cmc], motion.neutral[mcp]], -1, -1))
+        found = Rotation.from_quat(np.roll(there.neutral[there.index(f"{digit}_mcp")], -1))
+        assert ((both[0] * both[1]).inv() * found).magnitude() < 1e-9
+    assert np.isnan(motion.neutral[motion.index("index_cmc")]).all()
+
+
+def test_the_palm_is_the_middle_of_the_middle_metacarpal(known: KnownHand) -> None:
+    motion = known.motion(FITTED)
+    there = on_rig(motion, "openxr")
+    assert there.names[:2] == ("XR_HAND_JOINT_WRIST_EXT", "XR_HAND_JOINT_PALM_EXT")
+    base, head = motion.index("middle_cmc"), motion.index("middle_mcp")
+    middle = (motion.position_mm[:, base] + motion.position_mm[:, head]) / 2
+    np.testing.assert_allclose(there.position_mm[:, 1], middle)
+    np.testing.assert_array_equal(there.quaternion[:, 1], motion.quaternion[:, base])
+    thumb = there.index("XR_HAND_JOINT_THUMB_PROXIMAL_EXT")
+    assert there.names[there.joints[thumb].parent] == "XR_HAND_JOINT_THUMB_METACARPAL_EXT"
+
+
+def test_names_are_the_rigs_own() -> None:
+    """A few of each, looked up in the rigs' own documents, not in our tables."""
+    right, left = ({rig: set(RIGS[rig].names(hand).values()) for rig in RIGS} for hand in ("right", "left"))
+    assert {
+        "wrist",
+        "thumb-phalanx-distal",
+        "index-finger-phalanx-intermediate",
+        "pinky-finger-tip",
+    } <= right["webxr"]
+    assert {"XR_HAND_JOINT_LITTLE_INTERMEDIATE_EXT", "XR_HAND_JOINT_THUMB_TIP_EXT"} <= right["openxr"]
+    assert {"rightHand", "rightThumbMetacarpal", "rightLittleDistal"} <= right["vrm"]
+    assert {"LeftHand", "LeftThumbProximal", "LeftThumbIntermediate", "LeftIndexProximal"} <= left["unity"]
+    assert {"hand_l", "thumb_01_l", "index_metacarpal_l", "pinky_03_l"} <= left["unreal"]
+    assert {"mixamorig:LeftHand", "mixamorig:LeftHandThumb4", "mixamorig:LeftHandPinky1"} <= left["mixamo"]
+    assert "rightIndexMetacarpal" not in right["vrm"]
+
+
+def test_a_rig_that_does_not_fit_is_refused(known: KnownHand) -> None:
+    motion = known.motion(FITTED)
+    with pytest.raises(InputError, match="no rig 'maya'"):
+        on_rig(motion, "maya")
+    with pytest.raises(InputError, match="layout made has no middle metacarpal"):
+        on_rig(made_motion(3), "openxr")
+
+
+def test_a_skeleton_that_is_no_hand_is_refused() -> None:
+    motion = made_motion(3)
+    arm = replace(
+        motion, joints=(motion.joints[0], replace(motion.joints[1], name="elbow"), *motion.joints[2:])
+    )
+    with pytest.raises(InputError, match="names the joints of a hand, and layout made has elbow"):
+        on_rig(arm, "webxr")
+
+
+def test_names_in_ascii_stay_apart() -> None:
+    assert ascii_name("index_cmc") == "index_cmc"
+    assert ascii_name("mixamorig:LeftHand") == "mixamorig:LeftHand"
+    assert ascii_name("肘 1").isascii()
+    assert len({ascii_name(name) for name in ("肘", "膝", "a b", "a_b", "ä")}) == 5

@@ -1,0 +1,73 @@
+"""A motion made ready for a format: what the user asked, in an order that loses nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, KnownHand
+from export_samples.made_motion import made_motion
+
+from schemas.errors import InputError
+from stages.export.motion import SkeletonMotion, translation_mm
+from stages.export.settings import Settings, prepared
+
+
+def with_gap(motion: SkeletonMotion) -> SkeletonMotion:
+    turn = motion.quaternion.copy()
+    turn[10:13, 2] = np.nan
+    return replace(motion, quaternion=turn)
+
+
+def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
+    motion = with_gap(made_motion(40))
+    kept = prepared(motion, Settings(), holds_gaps=True, up="")
+    np.testing.assert_array_equal(kept.whole, motion.whole)
+    assert prepared(motion, Settings(gaps="hold"), holds_gaps=True, up="").whole.all()
+    with pytest.raises(InputError, match="joint index_mcp has no pose in frames 17 to 19"):
+        prepared(motion, Settings(), holds_gaps=False, up="y")
+    outside = prepared(motion, Settings(first=20), holds_gaps=False, up="y")
+    assert outside.whole.all()
+    assert outside.frame[0] == 20
+
+
+def test_gaps_are_closed_before_the_rate_is_changed() -> None:
+    motion = with_gap(made_motion(40))
+    assert prepared(motion, Settings(gaps="interpolate", fps=30), holds_gaps=False, up="y").whole.all()
+
+
+def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
+    """Frame numbers go on, time does not: nobody knows what the hand did meanwhile."""
+    motion = made_motion(40)
+    time_s = motion.time_s.copy()
+    time_s[20:] += 0.3
+    jumped = replace(motion, time_s=time_s)
+    with pytest.raises(InputError, match=r"nothing was recorded about 0\.2\d\d s \(frame 26\)"):
+        prepared(jumped, Settings(fps=30), holds_gaps=False, up="y")
+    assert not prepared(jumped, Settings(fps=30), holds_gaps=True, up="").whole.all()
+    wide = Settings(fps=30, gaps="interpolate", max_gap_s=0.5)
+    assert prepared(jumped, wide, holds_gaps=False, up="y").whole.all()
+
+
+def test_stiff_bones_stay_stiff_on_a_rig_that_lacks_some(known: KnownHand) -> None:
+    ready = prepared(known.motion(FITTED), Settings(stiff=True, rig="vrm"), holds_gaps=False, up="y")
+    assert translation_mm(ready).max() < 1e-9
+
+
+def test_a_bone_without_length_is_refused() -> None:
+    motion = made_motion(5)
+    offset = motion.rest_offset_mm.copy()
+    offset[2] = 0.0
+    with pytest.raises(InputError, match="the bone from index_cmc to index_mcp has no length"):
+        prepared(replace(motion, rest_offset_mm=offset), Settings(), holds_gaps=False, up="y")
+    offset = motion.rest_offset_mm.copy()
+    offset[4] = 0.0  # a digit that starts at the wrist
+    assert prepared(replace(motion, rest_offset_mm=offset), Settings(), holds_gaps=False, up="y").whole.all()
+
+
+def test_a_recording_without_times_gets_them_from_its_frames() -> None:
+    motion = replace(made_motion(11), time_s=np.full(11, np.nan), rate_hz=np.nan)
+    ready = prepared(motion, Settings(rate_hz=50.0, fps=25), holds_gaps=False, up="y")
+    np.testing.assert_allclose(ready.time_s, np.arange(6) / 25)
+    np.testing.assert_array_equal(ready.frame, motion.frame[::2])

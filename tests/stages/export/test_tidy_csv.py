@@ -1,0 +1,93 @@
+"""A CSV file holds the motion, gaps as empty cells, its angles as the tables have them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from export_samples.made_motion import made_motion
+
+from kinematics.joint_angles import angles_of_hand
+from kinematics.rotations import angle, conjugate, multiply
+from stages.export.formats import Target
+from stages.export.motion import rest_pose
+from stages.export.tidy_csv import bone_angles_deg, write
+from stages.fit_hand.chain import rest_rotations
+from stages.simulate.anatomy import BONES
+
+PLAIN = Target("mm", "")
+
+
+def test_every_pose_comes_back(known: KnownHand, tmp_path: Path) -> None:
+    motion = known.motion(REPLAYED)
+    assert write(motion, PLAIN, tmp_path / "a.csv") == ()
+    rows = pd.read_csv(tmp_path / "a.csv")
+    assert list(rows.columns) == ["frame", "time_s", "joint", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
+    np.testing.assert_array_equal(rows["frame"], motion.frame.repeat(25))
+    np.testing.assert_allclose(rows["time_s"], motion.time_s.repeat(25))
+    assert list(rows["joint"][:25]) == list(motion.names)
+    place = rows[["x_mm", "y_mm", "z_mm"]].to_numpy().reshape(motion.position_mm.shape)
+    turn = rows[["qw", "qx", "qy", "qz"]].to_numpy().reshape(motion.quaternion.shape)
+    np.testing.assert_allclose(place, motion.position_mm, atol=1e-6)
+    known_rows = motion.known
+    assert angle(multiply(conjugate(turn), motion.quaternion))[known_rows].max() < 1e-8
+
+
+def test_gaps_are_empty_cells(tmp_path: Path) -> None:
+    motion = made_motion(4)
+    place, turn = motion.position_mm.copy(), motion.quaternion.copy()
+    place[1, 2], turn[1, 2] = np.nan, np.nan
+    timeless = replace(motion, position_mm=place, quaternion=turn, time_s=np.full(4, np.nan))
+    write(timeless, PLAIN, tmp_path / "a.csv")
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    assert lines[1 + 6 + 2] == '8,,"index_mcp",,,,,,,'
+    assert len(lines) == 1 + 4 * 6
+    assert sum(line.endswith(",,,,,,,") for line in lines) == 1
+    assert not (tmp_path / "a_angles.csv").exists(), "no anatomy, no angles"
+
+
+def test_angles_are_those_of_the_bones(known: KnownHand) -> None:
+    """As joint_angles has them of the same bones; the thumb has a test of its own."""
+    motion, truth, hand = known.motion(FITTED), known.made.truth, known.recording.hand.hand
+    names, found = bone_angles_deg(motion)
+    ours = truth.bone_quaternion
+    expected = angles_of_hand(
+        BONES, ours, ours[:, BONES.index("hand")], known.layout, hand, rest_rotations(known.layout, hand)
+    )
+    compared = [name for name in names if name in expected and not name.startswith("thumb_")]
+    assert {name for name in names if not name.startswith("thumb_")} == set(compared)
+    assert len(compared) == 14
+    for name in compared:
+        np.testing.assert_allclose(found[:, names.index(name)], expected[name], atol=1e-6, err_msg=name)
+    np.testing.assert_allclose(found[:, names.index("thumb_ip")], expected["thumb_ip"], atol=1e-6)
+
+
+def test_a_thumb_that_bends_opposes(known: KnownHand) -> None:
+    """MCP flexion is what the simulation bent it by, for the metacarpal faces its nail's side."""
+    motion = known.motion(FITTED)
+    names, found = bone_angles_deg(motion)
+    flexion = found[:, names.index("thumb_mcp"), 0]
+    assert np.abs(found[:, names.index("thumb_mcp"), 1:]).max() < 40
+    assert flexion.max() - flexion.min() > 1
+
+
+def test_the_header_says_what_the_columns_mean(known: KnownHand, tmp_path: Path) -> None:
+    motion = known.motion(FITTED)
+    motion = replace(motion, origin=replace(motion.origin, licence="CC0", subject="山田 太郎"))
+    write(motion.noting("resampled"), PLAIN, tmp_path / "a.csv")
+    header = json.loads((tmp_path / "a.json").read_text("utf-8"))
+    columns = {*pd.read_csv(tmp_path / "a.csv").columns, *pd.read_csv(tmp_path / "a_angles.csv").columns}
+    assert set(header["columns"]) == columns
+    assert header["subject"] == "山田 太郎"
+    assert header["licence"] == "CC0"
+    assert header["notes"] == ["resampled"]
+    assert header["parent"]["index_pip"] == "index_mcp"
+    assert header["inputs_sha256"] == motion.origin.inputs
+    offset = header["rest_offset_mm"]["index_pip"]
+    at_rest = rest_pose(motion)[0]
+    span = at_rest[motion.index("index_pip")] - at_rest[motion.index("index_mcp")]
+    assert abs(np.linalg.norm(offset) - np.linalg.norm(span)) < 1e-5

@@ -1,0 +1,104 @@
+"""A study that asks for exports gets every format of every model, and is told what could not be written."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from studies.running import StudyRun, hashes, record, write_study
+
+from schemas.study import read_study
+from stages.export.formats import FORMATS
+
+pytestmark = pytest.mark.slow
+
+MODELS = ("paper-fig4", "rigid")
+FORMATS_ASKED = ("bvh", "glb", "osim", "c3d", "bids", "csv")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
+    """Two subjects, one recording each; the second's index fingertip is lost every 50 frames."""
+    folder = tmp_path_factory.mktemp("exports")
+    record(folder / "01.csv", subject="01", frames=120)
+    record(folder / "02.csv", subject="02", frames=120)
+    lines = (folder / "02.csv").read_text("utf-8").splitlines()
+    kept = [line for line in lines if ',"index_distal",' not in line or int(line.split(",")[0]) % 50]
+    assert len(kept) < len(lines)
+    (folder / "02.csv").write_text("\n".join(kept) + "\n", "utf-8")
+    rows = [f"{name}\tright\trom\tboth\t{name}.csv" for name in ("01", "02")]
+    made = write_study(
+        folder,
+        "moving",
+        rows,
+        list(MODELS),
+        exports=f"[{', '.join(FORMATS_ASKED)}]",
+        export_settings="{rig: webxr, licence: CC-BY-4.0}",
+    )
+    made.run()
+    return made
+
+
+def _files(study: StudyRun, model: str, subject: str) -> set[str]:
+    (recording,) = [r for r in read_study(study.file).shown if r.hand.subject == subject]
+    folder = study.results.exports(model, recording)
+    return {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_format_of_every_model(study: StudyRun, model: str) -> None:
+    stem = f"sub-01_hand-right_task-rom_model-{model}"
+    wanted = {stem + end for name in FORMATS_ASKED if name != "bids" for end in FORMATS[name].extensions}
+    assert _files(study, model, "01") == {*wanted, f"{stem}.bvh.txt"}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_gap_is_refused_format_by_format_and_told(study: StudyRun, model: str) -> None:
+    """Formats that hold gaps are written; those that do not say why they are not."""
+    stem = f"sub-02_hand-right_task-rom_model-{model}"
+    found = _files(study, model, "02")
+    holding = {name for name in FORMATS_ASKED if FORMATS[name].holds_gaps and name != "bids"}
+    assert {stem + FORMATS[name].extensions[0] for name in holding} <= found
+    failed = {f"{stem}_{name}.failed.txt" for name in ("bvh", "glb", "osim")}
+    assert failed <= found
+    page = study.page()
+    for name in failed:
+        assert name.removesuffix(".failed.txt") in page
+    assert "choose --gaps hold, cut or interpolate" in page
+
+
+def test_the_dataset_is_valid(study: StudyRun) -> None:
+    """Both subjects, both models; the validator of BIDS finds no error."""
+    folder = study.results.dataset
+    assert {path.name for path in folder.glob("sub-*")} == {"sub-01", "sub-02"}
+    assert study.results.dataset_failures.read_text("utf-8") == ""
+    program = Path(sys.executable).with_name("bids-validator-deno")
+    done = subprocess.run(
+        [program, str(folder), "--format", "json"], capture_output=True, text=True, check=False
+    )
+    assert '"severity":"error"' not in done.stdout.replace(" ", "")
+    assert done.returncode == 0, done.stdout[-2000:]
+
+
+def test_nothing_is_left_to_do_and_other_settings_export_again(study: StudyRun) -> None:
+    assert study.planned() == set()
+    before = study.file.read_text("utf-8")
+    study.file.write_text(before.replace("rig: webxr", "rig: vrm"), "utf-8")
+    try:
+        jobs = study.planned()
+    finally:
+        study.file.write_text(before, "utf-8")
+    rules = {job.rule for job in jobs}
+    assert {"export", "export_dataset"} <= rules
+    assert not rules & {"capture", "solve_joints", "evaluate_tips", "subject_pages"}
+    assert len([job for job in jobs if job.rule == "export"]) == len(MODELS) * 2
+
+
+def test_the_same_files_again(study: StudyRun) -> None:
+    """Exported again, every byte is the same."""
+    folder = study.results.folder / "exports"
+    before = hashes(folder)
+    study.snakemake("--forcerun", "export", "export_dataset", cores=2)
+    assert hashes(folder) == before
