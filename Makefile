@@ -15,7 +15,7 @@ demo: ## run the demo study, print its four tables and name its report
 
 test: ## run the fast tests
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest -m "not slow and not tools"
+	@$(python) -m pytest -m "not slow and not tools and not slurm" -n auto --dist loadfile
 
 test-slow: ## run the rest: whole studies through Snakemake, planted wrong signs
 	@./bootstrap requirements-dev.lock
@@ -30,7 +30,7 @@ test-tools: tools ## read exported files with these programs
 
 coverage: ## run the fast tests and print the lines that none of them reaches
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest -m "not slow and not tools" --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
+	@$(python) -m pytest -m "not slow and not tools and not slurm" -n auto --dist loadfile --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
 
 lint: ## check style, types and the Snakefile
 	@./bootstrap requirements-dev.lock

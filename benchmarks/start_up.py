@@ -83,7 +83,14 @@ def tiny(folder: Path) -> list[Job]:
         stage_chain.scores(hand, scores, poses),
         Job("gather", whole),
         Job("report", (*whole, "--out", str(results / "report.html"))),
+        Job("draw_figures", (*whole, "--out", str(results / "figures"))),
+        Job("export", _export(whole, results / "exports")),
     ]
+
+
+def _export(whole: tuple[str, ...], out: Path) -> tuple[str, ...]:
+    of = "--subject=01", "--hand=right", "--recording=opposition", f"--model={MODEL}"
+    return (*whole, *of, "--formats=bvh,glb,osim,c3d,csv", f"--out={out}")
 
 
 def _without_pandas(folder: Path) -> Path:

@@ -32,7 +32,7 @@ def build_parser() -> argparse.ArgumentParser:
     made.add_argument("--results", type=Path, help="its results (default: results/ and the study's name)")
     made.add_argument("--subject", required=True, help="whose hand")
     made.add_argument(
-        "--hand", choices=tuple(HANDS), required=True, help="which hand; both: in one file, glb alone can"
+        "--hand", choices=tuple(HANDS), required=True, help="which hand; both: in one file, of glb and usd"
     )
     made.add_argument("--recording", required=True, help="the task, or TASK_TRIAL")
     made.add_argument("--model", required=True, help="a skeleton model of the study")

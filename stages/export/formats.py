@@ -105,6 +105,18 @@ def _csv(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
     return write(motion, target, path)
 
 
+def _usd(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
+    from stages.export.usd import write
+
+    return write(motion, target, path)
+
+
+def _usd_scene(motions: Sequence[SkeletonMotion], target: Target, path: Path) -> tuple[str, ...]:
+    from stages.export.usd import write_scene
+
+    return write_scene(motions, target, path)
+
+
 FORMATS: Mapping[str, Format] = {
     "bvh": Format(
         "skeleton and motion for animation programs",
@@ -167,5 +179,16 @@ FORMATS: Mapping[str, Format] = {
         holds_gaps=True,
         embeds_note=True,
         drops="receivers",
+    ),
+    "usd": Format(
+        "skeleton, a body of bones and motion for film, Omniverse and Blender",
+        (".usda",),
+        ("m", "cm", "mm"),
+        ("y", "z"),
+        _usd,
+        holds_gaps=False,
+        embeds_note=True,
+        drops="frame numbers but the first, receivers",
+        write_scene=_usd_scene,
     ),
 }

@@ -4,11 +4,11 @@ Written here and not by OpenUSD's own library, so that an export needs nothing m
 same file every time, and can be read by eye. Every USD program reads text; a binary crate of the same holds a
 third of the bytes and is one command away (docs/usd.md).
 
-`/World` is the default prim. In it a hand is a SkelRoot `right_hand` or `left_hand` with a Skeleton, below
-that its SkelAnimation, and beside it meshes that ride rigidly on the joints: `bones`, and `nails` where there
-are any. Joints are named as in WebXR Hand Input where no other rig was asked for, with `_` for what no USD
-identifier may have. At rest, which is also the pose that the meshes are bound in, the root is where the first
-frame has it, fingers straight and level, back up.
+`/World` is the default prim. In it a hand is a SkelRoot `right_hand` or `left_hand`: a Skeleton, below that
+its SkelAnimation, and beside it meshes that ride rigidly on the joints, `right_hand_bones` and, where there
+are any, `right_hand_nails`. Joints are named as in WebXR Hand Input where no other rig was asked for, with
+`_` for what no USD identifier may have. At rest, which is also the pose that the meshes are bound in, the
+root is where the first frame has it, fingers straight and level, back up.
 
 A sample a frame, at the device time counted from the first frame, in time codes: whole ones where the times
 are even. Between them USD blends positions linearly and rotations by slerp. Values are told to 1e-8 m, and
@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.rotations import Array, matrix, multiply, rotate, unit
+from kinematics.rotations import Array, matrix, multiply, rotate
 from schemas import PROGRAM, VERSION
 from schemas.errors import InputError
 from schemas.files import replacing
@@ -75,9 +75,9 @@ class _Hand:
     rest_turn: Array
 
     @property
-    def path(self) -> str:
-        """Where it is in the file."""
-        return f"/World/{self.name}"
+    def skeleton(self) -> str:
+        """Name of its Skeleton; programs that know no paths want one that no other hand has."""
+        return f"{self.name}_skeleton"
 
 
 @dataclass(frozen=True)
@@ -235,11 +235,11 @@ def _skeleton(hand: _Hand) -> Iterator[str]:
         yield f"uniform matrix4d[] bindTransforms = {_matrices(hand.rest_mm * hand.scale, hand.rest_turn)}"
         yield f"uniform token[] joints = {_words(hand.joints)}"
         yield f"uniform matrix4d[] restTransforms = {_matrices(local_mm * hand.scale, local_turn)}"
-        yield f"rel skel:animationSource = <{hand.path}/skeleton/motion>"
+        yield f"rel skel:animationSource = </World/{hand.name}/{hand.skeleton}/motion>"
         yield from _animation(hand)
 
     metadata = ['prepend apiSchemas = ["SkelBindingAPI"]', *_within(_entries(custom), "customData = {", "}")]
-    yield from _prim('Skeleton "skeleton"', metadata, body())
+    yield from _prim(f'Skeleton "{hand.skeleton}"', metadata, body())
 
 
 def _animation(hand: _Hand) -> Iterator[str]:
@@ -252,7 +252,7 @@ def _animation(hand: _Hand) -> Iterator[str]:
         yield from _samples(
             "float3[] translations", hand.codes, local.offset_mm * hand.scale, 3, hand.decimals
         )
-        yield from _samples("quatf[] rotations", hand.codes, unit(local.quaternion), 4, TURN_DECIMALS)
+        yield from _samples("quatf[] rotations", hand.codes, local.quaternion, 4, TURN_DECIMALS)
 
     yield from _prim('SkelAnimation "motion"', [], body())
 
@@ -289,11 +289,11 @@ def _mesh(hand: _Hand, part: _Part) -> Iterator[str]:
         yield from _within(riding, f"int[] primvars:skel:jointIndices = {joints} (", ")")
         weights = _listed(["1"] * len(part.joint))
         yield from _within(riding, f"float[] primvars:skel:jointWeights = {weights} (", ")")
-        yield f"rel skel:skeleton = <{hand.path}/skeleton>"
+        yield f"rel skel:skeleton = </World/{hand.name}/{hand.skeleton}>"
         yield 'uniform token subdivisionScheme = "none"'
 
     metadata = ['prepend apiSchemas = ["SkelBindingAPI", "MaterialBindingAPI"]']
-    yield from _prim(f'Mesh "{part.kind}s"', metadata, body())
+    yield from _prim(f'Mesh "{hand.name}_{part.kind}s"', metadata, body())
 
 
 def _material(kind: str) -> Iterator[str]:
