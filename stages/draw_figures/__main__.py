@@ -35,7 +35,8 @@ def build_parser() -> argparse.ArgumentParser:
         "--against",
         default="",
         metavar="MODEL",
-        help="the model that the others' differences are taken from; the study's first unless given",
+        help="the model that the others' differences are taken from; unless given the paper's skeleton (the "
+        "last of its tables without corrections by hand), or else the study's first model",
     )
     return parser
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from schemas.errors import InputError
+from schemas.model import the_papers
 from stages.draw_figures.drawing import NoDataError
 from stages.draw_figures.judging import PRIOR, Judge, judges
 from stages.draw_figures.marks import Array, dots, scattered
@@ -40,7 +41,7 @@ class _Panel:
 
 
 def paired_differences(results: StudyResults, base: str = "") -> tuple[Figure, str]:
-    """Draw every model less `base`, the study's first unless named.
+    """Draw every model less `base`: unless named the paper's skeleton, or else the study's first model.
 
     Where the truth is not known, fitted hands' left-out errors are held against the reference prior-only:
     a replay's are another test. Raises NoDataError where no two models have numbers of one subject, and
@@ -63,7 +64,7 @@ def paired_differences(results: StudyResults, base: str = "") -> tuple[Figure, s
 
 def _compared(results: StudyResults, judge: Judge, base: str) -> _Panel:
     left_out = judge.metric.name == "left_out_mean_mm"
-    base = PRIOR if left_out else base or next(iter(results.models))
+    base = PRIOR if left_out else base or the_papers(results.models.values()) or next(iter(results.models))
     pairs = [(model, base) for model in judge.models if model != base]
     made = study_comparisons(results, judge.metric, held_out=judge.held_out, pairs=pairs, digits={ALL_DIGITS})
     return _Panel(judge, base, tuple((each, each.found) for each in made if each.found is not None))
