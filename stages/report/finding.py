@@ -165,4 +165,4 @@ def _doubts(results: StudyResults, models: Iterable[str]) -> str:
             f"No joint{f' of {listed(names)}' if names != list(results.models) else ''} is marked doubtful."
         )
     parts = "; ".join(f"{text} ({listed(models)})" for text, models in groups.items())
-    return f"Doubtful: {parts}; see “Joints” for the reasons."
+    return f"Doubtful: {parts}; see “Which joints to believe” for the reasons."

@@ -244,7 +244,8 @@ def test_finding_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
         f"was not told, by {_mean(mine, 'left_out_mean_mm')} mm on average (anatomy alone, without data: "
         f"6.72 mm). Made from rom, its joints are {np.median(ours):.1f} mm from the true ones in the median "
         f"and 0 of 29 are more than 5 mm off; those of paper-fig4 {np.median(theirs):.1f} mm and {far} of 29."
-        " Doubtful: 1 weak and 1 failed of 40 joints (whole-hand); see “Joints” for the reasons."
+        " Doubtful: 1 weak and 1 failed of 40 joints (whole-hand); see “Which joints to believe” for the "
+        "reasons."
     )
 
 
