@@ -1,7 +1,7 @@
 """A Slurm of one node on loopback, in a folder of its own: real daemons, started and stopped by a test.
 
-It needs root, Debian's packages slurm-wlm and munge, and a machine without an /etc/slurm/slurm.conf: Slurm's
-programs look for that file wherever the environment does not lead them, so it is a link while the daemons run.
+It needs root, Debian's packages slurm-wlm and munge, and a machine without an /etc/slurm/slurm.conf: that is
+where Slurm's programs look in the end, so it is a link while the daemons run.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from pathlib import Path
 
 SYSTEM_CONF = Path("/etc/slurm/slurm.conf")
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "sinfo")
-PLUGIN = "snakemake_executor_plugin_slurm"
+PLUGIN = "snakemake_executor_plugin_cluster_generic"
 STOPPING = ("slurmd", "slurmctld", "munged")
 PARTITION = "all"
+CPUS = 6
+"""What Slurm believes the node has; a job that sleeps must not keep others waiting."""
 TEMPLATE = """
 ClusterName=private
 SlurmctldHost={host}(127.0.0.1)
@@ -49,7 +51,8 @@ AccountingStorageType=accounting_storage/none
 MpiDefault=none
 ReturnToService=2
 DefMemPerCPU=500
-{node} NodeAddr=127.0.0.1 State=UNKNOWN
+SlurmdParameters=config_overrides
+NodeName={host} NodeAddr=127.0.0.1 CPUs={cpus} RealMemory={memory_mb} State=UNKNOWN
 PartitionName={partition} Nodes={host} Default=YES MaxTime=60 State=UP
 """
 
@@ -62,7 +65,7 @@ def missing() -> str:
     if absent:
         return f"a private Slurm needs Debian's slurm-wlm and munge; absent: {', '.join(absent)}"
     if importlib.util.find_spec(PLUGIN) is None:
-        return "needs Snakemake's Slurm plugin: requirements-cluster.lock"
+        return "needs what requirements-cluster.lock has"
     if SYSTEM_CONF.exists() or SYSTEM_CONF.is_symlink():
         return f"this machine has a Slurm of its own: {SYSTEM_CONF}"
     return ""
@@ -101,14 +104,15 @@ class PrivateSlurm:
         if SYSTEM_CONF.is_symlink() and SYSTEM_CONF.readlink() == self._conf:
             SYSTEM_CONF.unlink()
 
-    def jobs(self, state: str = "PENDING,RUNNING,COMPLETING") -> list[str]:
-        """Give the numbers of the jobs that are in one of the states."""
-        return _run("squeue", "--noheader", "--format=%i", f"--states={state}").split()
+    def jobs(self, states: str = "PENDING,RUNNING,COMPLETING", folder: Path | None = None) -> list[str]:
+        """Give the numbers of the jobs that are in one of the states, submitted from the folder."""
+        return list(self.states(folder, states))
 
-    def reasons(self) -> dict[str, str]:
-        """Give every job's state, such as COMPLETED or TIMEOUT, by its number."""
-        listed = _run("squeue", "--noheader", "--format=%i %T", "--states=all")
-        return dict(line.split() for line in listed.splitlines())  # type: ignore[misc]
+    def states(self, folder: Path | None = None, states: str = "all") -> dict[str, str]:
+        """Give the state, such as COMPLETED or TIMEOUT, of every such job by its number."""
+        listed = _run("squeue", "--noheader", "--format=%i|%T|%Z", f"--states={states}").splitlines()
+        rows = [line.split("|", 2) for line in listed]
+        return {job: state for job, state, origin in rows if folder is None or Path(origin) == folder}
 
     @property
     def _conf(self) -> Path:
@@ -122,7 +126,8 @@ class PrivateSlurm:
                 folder=self.folder,
                 controller_port=controller_port,
                 node_port=node_port,
-                node=_run("slurmd", "-C").splitlines()[0],
+                cpus=CPUS,
+                memory_mb=_memory_mb(),
                 partition=PARTITION,
             ),
             "utf-8",
@@ -134,9 +139,10 @@ class PrivateSlurm:
         key = self.folder / "munge.key"
         key.write_bytes(secrets.token_bytes(128))
         key.chmod(0o600)
-        places = {"key-file": "key", "socket": "socket", "pid-file": "pid", "log-file": "log", "seed-file": "seed"}
-        _run("munged", *(f"--{word}={self.folder}/munge.{ending}" for word, ending in places.items()))
-        (self.folder / "munged.pid").symlink_to(self.folder / "munge.pid")
+        self.folder.chmod(0o755)  # munged wants its socket within everyone's reach; the key stays root's
+        files = {"key-file": key.name, "socket": "munge.socket", "pid-file": "munged.pid"}
+        files |= {"log-file": "munged.log", "seed-file": "munged.seed"}
+        _run("munged", *(f"--{word}={self.folder / name}" for word, name in files.items()))
 
     def _idle(self) -> bool:
         done = subprocess.run(["sinfo", "-h", "-o", "%T"], capture_output=True, text=True, check=False)
@@ -176,6 +182,11 @@ def _run(*words: str) -> str:
     if done.returncode:
         raise RuntimeError(f"{' '.join(words)} ended with {done.returncode}: {done.stderr.strip()}")
     return done.stdout
+
+
+def _memory_mb() -> int:
+    """Memory that Slurm finds in this machine."""
+    return int(_run("slurmd", "-C").split("RealMemory=")[1].split()[0])
 
 
 def _free_ports(count: int) -> list[int]:
