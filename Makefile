@@ -1,6 +1,6 @@
 # `make demo` and `make test` set up all they need; the rest is for those who change the code.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow test-tools tools coverage lint format lock docs bench clean
+.PHONY: help demo test test-slow test-tools test-slurm tools coverage lint format lock docs bench clean
 
 python := .venv/bin/python
 cores ?= all
@@ -27,6 +27,11 @@ tools: ## put programs by others that read exports into .tools (some 1.4 GB), an
 test-tools: tools ## read exported files with these programs
 	@./bootstrap requirements-dev.lock
 	@$(python) -m pytest -m tools
+
+test-slurm: ## run a study on a private Slurm (root, Debian's slurm-wlm and munge)
+	@./bootstrap requirements-dev.lock
+	@./bootstrap requirements-cluster.lock
+	@$(python) -m pytest -m slurm
 
 coverage: ## run the fast tests and print the lines that none of them reaches
 	@./bootstrap requirements-dev.lock
@@ -56,6 +61,7 @@ bench: ## print what the stages cost, as ratios to others on the same data
 lock: ## resolve the dependencies anew (needs uv)
 	uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-dev.lock
+	uv pip compile pyproject.toml --group cluster --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-cluster.lock
 	uv pip compile pyproject.toml --group dev --group bench --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements-dev.lock --upgrade -o requirements-bench.lock
 
 clean: ## remove results and the demo's recordings

@@ -17,6 +17,7 @@ BENCHMARKS = {
     "accuracy": "every estimator, and published software, on simulated hands against their truth",
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
     "demo_study": "the demo study: cold, unchanged, and after one change",
+    "cluster_plan": "a study of thousands on a cluster: jobs, hours, files, and what ends first",
     "report_pages": "the report: seconds to make its pages, their bytes, how a browser shows them",
 }
 
