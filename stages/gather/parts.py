@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,23 +12,37 @@ from schemas.catalogue import POSES, RECEIVERS
 from schemas.errors import InputError
 from schemas.results import FIT_TABLES, Part, Results
 from schemas.study import Recording
-from schemas.tables import Table, read_metadata, read_table, rows_of
+from schemas.tables import ROW_GROUP_ROWS, Table, read_metadata, read_table, rows_of
 
 Row = dict[str, Any]
 
 
-def whole_table(table: Table, parts: Sequence[Part]) -> tuple[pa.Table, list[Row]]:
-    """Concatenate one table over hands and models; a part that failed becomes a row of problems."""
-    found: list[pa.Table] = []
-    problems: list[Row] = []
+def in_groups(table: Table, parts: Iterable[Part], problems: list[Row]) -> Iterator[pa.Table]:
+    """One table over hands and models, some ROW_GROUP_ROWS at a time, for a study may not fit into memory.
+
+    A part that failed becomes a row of problems.
+    """
+    bare = table.arrow_schema({}).remove_metadata()
+    held: list[pa.Table] = []
     for part in parts:
         try:
-            found.append(read_table(part.path, table).replace_schema_metadata(None))
+            held.append(read_table(part.path, table).replace_schema_metadata(None).cast(bare))
         except InputError as error:
             problems.append({"where": part.whose, "stage": part.stage, "message": str(error)})
-    bare = table.arrow_schema({}).remove_metadata()
-    whole = pa.concat_tables([part.cast(bare) for part in found]) if found else bare.empty_table()
-    return whole, problems
+        if sum(own.num_rows for own in held) >= ROW_GROUP_ROWS:
+            yield pa.concat_tables(held)
+            held = []
+    if held:
+        yield pa.concat_tables(held)
+
+
+def whole_table(table: Table, parts: Iterable[Part]) -> tuple[pa.Table, list[Row]]:
+    """One table over hands and models, whole; a part that failed becomes a row of problems."""
+    problems: list[Row] = []
+    found = list(in_groups(table, parts, problems))
+    return pa.concat_tables(found) if found else table.arrow_schema(
+        {}
+    ).remove_metadata().empty_table(), problems
 
 
 def receiver_problems(receivers: pa.Table) -> list[Row]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import yaml
 
 from schemas import PROGRAM, VERSION
@@ -15,10 +13,10 @@ from schemas.config_files import read_config
 from schemas.files import file_sha256, write_text
 from schemas.layout import read_layout
 from schemas.model import read_model
-from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Results
+from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Part, Results
 from schemas.study import Study, correction_problems, read_corrections
-from schemas.tables import Provenance, columns_from_rows, write_table
-from stages.gather.parts import receiver_problems, recording_row, whole_table
+from schemas.tables import Provenance, columns_from_rows, write_table, write_table_in_parts
+from stages.gather.parts import Row, in_groups, receiver_problems, recording_row, whole_table
 
 
 def gather_study(study: Study, results: Results) -> None:
@@ -29,11 +27,9 @@ def gather_study(study: Study, results: Results) -> None:
     fitted = [name for name, model in models.items() if model.fitting is not None]
     for name in (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES):
         parts = results.parts(name, study.hands, models, fitted)
-        whole, lacking = whole_table(TABLES[name], parts)
-        problems += lacking
+        _write_whole(results, name, parts, problems)
         if name == RECEIVERS.name:
-            problems += receiver_problems(whole)
-        _write_whole(results, name, whole, [part.path for part in parts])
+            problems += receiver_problems(whole_table(TABLES[name], parts)[0])
     problems += _uncalibrated(study) + _correction_problems(study)
     _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
@@ -76,9 +72,15 @@ def _correction_problems(study: Study) -> list[dict[str, Any]]:
     return [{"where": path.name, "stage": "project_planes", "message": message} for message in messages]
 
 
-def _write_whole(results: Results, name: str, whole: pa.Table, files: Sequence[Path]) -> None:
-    columns = {column.name: whole.column(column.name) for column in TABLES[name].columns}
+def _write_whole(results: Results, name: str, parts: Sequence[Part], problems: list[Row]) -> None:
+    table = TABLES[name]
     hashed = [
-        (path.relative_to(results.folder).as_posix(), file_sha256(path)) for path in files if path.is_file()
+        (part.path.relative_to(results.folder).as_posix(), file_sha256(part.path))
+        for part in parts
+        if part.path.is_file()
     ]
-    write_table(results.study_table(name), TABLES[name], columns, Provenance(tuple(hashed)))
+    groups = (
+        {column.name: group.column(column.name) for column in table.columns}
+        for group in in_groups(table, parts, problems)
+    )
+    write_table_in_parts(results.study_table(name), table, groups, Provenance(tuple(hashed)))

@@ -18,7 +18,7 @@ import pytest
 from cluster.private_slurm import PrivateSlurm, missing
 from studies.running import REPOSITORY, StudyRun, hashes, record, write_study
 
-pytestmark = [pytest.mark.slurm, pytest.mark.slow]
+pytestmark = pytest.mark.slurm
 
 Done = subprocess.CompletedProcess[str]
 PROFILE = ["--workflow-profile", str(REPOSITORY / "config" / "profiles" / "slurm")]
