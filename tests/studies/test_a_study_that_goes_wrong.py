@@ -261,7 +261,8 @@ def test_the_report_gives_every_reason(study: StudyRun) -> None:
     assert REASON in text
     assert "10 of 15 recordings were used" in text
     for subject in ("good", HOSTILE, JAPANESE, SLASHED):
-        assert f"Subject {subject}" in text
+        page = study.results.subject_page(subject).read_text("utf-8")
+        assert f"Subject {subject}" in read_page(page).text
 
 
 def test_every_job_has_its_log_at_a_predictable_path(study: StudyRun) -> None:

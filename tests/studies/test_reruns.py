@@ -21,7 +21,7 @@ ROWS = [
 CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t{}\t0\t0\n"
 OF_A_HAND = ["solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips"]
 OF_ALL_MODELS = "evaluate_skeletons"
-AT_THE_END = {"gather", "report", "subject_pages"}
+AT_THE_END = {"gather", "report", "subject_pages", "draw_figures"}
 FRAMES = 700  # a CSV recording above 1 MB, the size from which Snakemake goes by the time of a file
 
 
@@ -89,7 +89,7 @@ def test_a_touched_recording_reruns_its_subject_only(study: StudyRun) -> None:
     jobs = study.planned()
     assert _rules(jobs) == {"capture", "check_calibration", *OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "subject") == {"01"}
-    assert len(jobs) == 2 + 2 * len(OF_A_HAND) + 1 + 3
+    assert len(jobs) == 2 + 2 * len(OF_A_HAND) + 1 + 4
 
 
 def test_a_changed_recording_changes_its_subject_only(study: StudyRun) -> None:
