@@ -13,10 +13,9 @@ from stages.report.comparison import (
     Comparison,
     Metric,
     Paired,
-    SubjectPair,
     missing_in_words,
 )
-from stages.report.data_table import DASH, Block, DataTable, Folded, counted, listed, number
+from stages.report.data_table import DASH, Block, DataTable, counted, listed, number
 
 LEFT_OUT = ("left_out_mean_mm", "left_out_p95_mm")
 TRUE_TIP = ("true_tip_mean_mm", "true_tip_p95_mm")
@@ -76,28 +75,6 @@ def comparison_table(comparisons: Sequence[Comparison]) -> DataTable | None:
         _notes(comparisons),
         frozenset({0, 6}),
     )
-
-
-def subject_tables(comparisons: Sequence[Comparison]) -> list[Folded]:
-    """Every subject with both models, and what is missing: a folded table a pair, a block a digit."""
-    folded = []
-    for (model, other), of_pair in _by_pair(comparisons).items():
-        metric = of_pair[0].metric
-        header = (
-            f"{model} [{metric.unit}]",
-            f"{other} [{metric.unit}]",
-            "Difference",
-            "Compared in",
-            "Missing",
-        )
-        blocks = tuple(
-            Block((_digit(each.digit), *header), tuple(_subject_cells(pair) for pair in each.subjects))
-            for each in of_pair
-        )
-        caption = f"{model} against {other}, subject by subject: {_heading(metric)}, {_kind(of_pair[0])}."
-        table = DataTable(caption, blocks, (), frozenset({0, 4, 5}))
-        folded.append(Folded(f"{model} against {other}, subject by subject", table))
-    return folded
 
 
 def p_in_words(p: float) -> str:
@@ -200,17 +177,6 @@ def _cells(comparison: Comparison) -> tuple[str, ...]:
 
 def _p_cell(p: float | None) -> str:
     return DASH if p is None else p_in_words(p).removeprefix("p ").removeprefix("= ")
-
-
-def _subject_cells(pair: SubjectPair) -> tuple[str, ...]:
-    return (
-        pair.subject,
-        number(pair.value),
-        number(pair.other),
-        number(pair.difference),
-        f"{pair.n_shared} of {pair.n_places}",
-        missing_in_words(pair.missing),
-    )
 
 
 def _notes(comparisons: Sequence[Comparison]) -> tuple[str, ...]:

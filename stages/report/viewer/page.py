@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from schemas import VERSION
 from stages.report.hand_picture import hand_picture, window_of
 from stages.report.posed_skeleton import Chain, Point
+from stages.report.templates import render
 from stages.report.viewer.motion import Array, HandMotion, SkeletonMotion, seen, shown_first
 from stages.report.viewer.motion_data import NOMINAL_HZ, Block, motion_text
-
-_REPORT = Path(__file__).parent.parent
 
 
 @dataclass(frozen=True)
@@ -64,8 +59,7 @@ def view_of(
 
 def page_of_viewer(title: str, motion: HandMotion) -> str:
     """A page that shows one moving hand and asks nothing of any other computer."""
-    template = _environment().get_template("viewer/page.html.j2")
-    return template.render(view=view_of(title, motion), version=VERSION) + "\n"
+    return render("viewer/page.html.j2", view=view_of(title, motion))
 
 
 def still_frame(motion: HandMotion) -> int:
@@ -74,17 +68,6 @@ def still_frame(motion: HandMotion) -> int:
     counts = np.where(valid[:, motion.base], valid.sum(1), 0)
     best = np.flatnonzero(counts == counts.max())
     return int(best[np.argmin(np.abs(best - (len(counts) - 1) / 2))])
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_REPORT),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
 
 
 def _still(title: str, motion: HandMotion, skeleton: SkeletonMotion, frame: int) -> Markup:

@@ -42,7 +42,6 @@ from stages.report.comparison_words import (
     comparison_table,
     p_in_words,
     sentence,
-    subject_tables,
 )
 from stages.report.study_results import StudyResults
 
@@ -452,14 +451,7 @@ def test_tables_hold_every_number_and_every_subject() -> None:
         *(f"{found.effect:.2f}", "8 of 8"),
     )
     assert rigid.rows[0][:3] == ("All digits", "0 of 9", "–")
-    folded = subject_tables(made)
-    assert [each.summary for each in folded] == [
-        "whole-hand against paper-fig4, subject by subject",
-        "rigid against paper-fig4, subject by subject",
-    ]
-    assert folded[0].table.blocks[0].rows[-1] == ("S99", "4.00", "–", "–", "0 of 1", "paper-fig4: not scored")
-    for each in (table, *(each.table for each in folded)):
-        assert all(len(row) == len(block.header) for block in each.blocks for row in block.rows)
+    assert all(len(row) == len(block.header) for block in table.blocks for row in block.rows)
     assert "corrected by Holm over 2 comparisons" in table.notes[0]
     assert comparison_table([]) is None
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from report_samples.made_study import HOSTILE, hand_points
 
-from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.model import read_model
 from stages.report.error_chart import error_chart, error_scale
@@ -17,7 +15,7 @@ from stages.report.hand_picture import hand_picture, window_of
 from stages.report.posed_skeleton import Chain, Point, middle_posture, receiver_points, skeleton_chains
 from stages.report.study_results import StudyResults
 from stages.report.svg import element, free_place
-from stages.report.tip_traces import Trace, read_traces, thin
+from stages.report.tip_traces import Trace, thin
 
 
 def _trace(error: np.ndarray, columns: int = 240) -> Trace:
@@ -71,16 +69,6 @@ def test_gross_failure_makes_the_scale_logarithmic() -> None:
     assert error_scale([small, large]).logarithmic
     assert not error_scale([small, _trace(np.full(10, 3.0))]).logarithmic
     assert error_scale([]).high_mm > 0
-
-
-def test_traces_of_the_study(results: StudyResults) -> None:
-    """Each digit with errors has a trace, in seconds, its extremes those of the statistics."""
-    traces = read_traces(results.paths.study_table("tips"))
-    for row in results.tip_errors:
-        if row["binding"] == "least-squares" and row["max_mm"] is not None:
-            trace = traces[tuple(row[k] for k in ("subject", "hand", "task", "trial", "model", "digit"))]
-            assert trace.in_seconds
-            assert (trace.high_mm.max(), trace.low_mm.min()) == (row["max_mm"], row["min_mm"])
 
 
 @pytest.mark.parametrize("hand", ["right", "left"])
@@ -137,16 +125,3 @@ def test_labels_keep_apart() -> None:
     """A label goes to the nearest free place, or to its own where all are taken."""
     assert free_place(50.0, range(0, 100, 5), 10.0, 0.0, 100.0) == 50.0
     assert abs(free_place(50.0, [50.0], 10.0, 0.0, 100.0) - 50.0) == 10.0
-
-
-def test_tips_that_do_not_stand_together_are_refused(tmp_path: Path) -> None:
-    """A digit's rows in two places would be drawn wrongly."""
-    from report_samples.made_study import write
-
-    from schemas.catalogue import TIPS
-
-    who = {"subject": "A", "hand": "right", "task": "t", "trial": "", "model": "m"}
-    rows = [{**who, "digit": digit, "frame": k, "error_mm": 1.0} for k, digit in enumerate("aba")]
-    write(tmp_path / "tips.parquet", TIPS, rows)
-    with pytest.raises(InputError, match="do not stand together"):
-        read_traces(tmp_path / "tips.parquet")
