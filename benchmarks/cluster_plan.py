@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,8 @@ DEMO_SUBJECTS = 2
 PLANNED, PLANNED_INSIDE = (5, 20, 80), (20, 320, 1280)
 """Subjects of the studies that are planned, not run, to see how Snakemake's own cost grows: by what submits
 them all, and by what runs inside one subject's job."""
+GATHERED = (4, 8)
+"""Subjects of the studies whose tables are gathered to see how its memory grows."""
 JOB_CORES = 4  # as in config/profiles/slurm
 SHARD, SHARD_CORES = 100, 16
 WHOLE_STUDY = ("gather", "report", "draw_figures")
@@ -66,7 +69,7 @@ class Line:
 
     def reaches(self, value: float) -> float:
         """Subjects at which it reaches the value."""
-        return max(0.0, (value - self.none) / self.each)
+        return max(0.0, (value - self.none) / self.each) if self.each else float("inf")
 
 
 @dataclass(frozen=True)
@@ -98,11 +101,11 @@ def _demo(folder: Path) -> tuple[dict[str, Costs], dict[str, Line]]:
     rules = _costs(log)
     results = folder / "results" / "demo"
     files = [path for path in results.rglob("*") if path.is_file()]
-    gathered = [_gather_mb(folder, study, count) for count in (1, DEMO_SUBJECTS)]
+    gathered = _fitted(GATHERED, [_gather_mb(folder, study, count) for count in GATHERED])
     return rules, {
         "files": Line(0.0, len(files) / DEMO_SUBJECTS),
         "megabytes": Line(0.0, sum(path.stat().st_size for path in files) / 1e6 / DEMO_SUBJECTS),
-        "gather_mb": Line(2 * gathered[0] - gathered[1], gathered[1] - gathered[0]),
+        "gather_mb": gathered,
     }
 
 
@@ -133,14 +136,18 @@ def _costs(log: Path) -> dict[str, Costs]:
 
 
 def _gather_mb(folder: Path, study: Path, subjects: int) -> float:
-    """Largest memory of gather on the first subjects of the demo."""
-    sheet = folder / "data" / "demo" / "recordings.tsv"
+    """Largest memory of gather on so many copies of the demo's first subject."""
+    sheet, results = folder / "data" / "demo" / "recordings.tsv", folder / "results" / "demo"
     whole = sheet.read_text("utf-8")
     head, *rows = whole.splitlines(keepends=True)
-    first = list(dict.fromkeys(row.split("\t")[0] for row in rows))[:subjects]
-    sheet.write_text(head + "".join(row for row in rows if row.split("\t")[0] in first), "utf-8")
-    words = ["-m", "stages.gather", "--study", str(study), "--results", str(folder / "results" / "demo")]
-    memory_mb = _measure(words)[1]
+    first = rows[0].split("\t")[0]
+    names = [f"copy-{index}" for index in range(subjects)]
+    for own in [path for path in results.rglob(f"sub-{first}") if "logs" not in path.parts]:
+        for name in names:
+            shutil.copytree(own, own.with_name(f"sub-{name}"), dirs_exist_ok=True)
+    mine = [row.removeprefix(first) for row in rows if row.startswith(f"{first}\t")]
+    sheet.write_text(head + "".join(name + row for name in names for row in mine), "utf-8")
+    memory_mb = _measure(["-m", "stages.gather", "--study", str(study), "--results", str(results)])[1]
     sheet.write_text(whole, "utf-8")
     return memory_mb
 
@@ -226,7 +233,8 @@ def _grown(grows: dict[str, Line]) -> TextTable:
         (("what", ""), ("for none", ".1f"), ("for each", ".4f")),
         [(words[name], line.none, line.each) for name, line in grows.items()],
         f"Snakemake's: lines through dry runs of {', '.join(map(str, PLANNED))} subjects, inside a job "
-        f"{', '.join(map(str, PLANNED_INSIDE))}. gather's: the demo's first subject, and both.",
+        f"{', '.join(map(str, PLANNED_INSIDE))}. gather's: {' and '.join(map(str, GATHERED))} copies of the "
+        "demo's first subject.",
     )
 
 
