@@ -14,8 +14,8 @@ from kinematics.rotations import Array, about_axis, matrix, multiply, rotate, un
 from schemas.layout import Joint, Plane
 from schemas.poses import Poses
 from stages.solve_joints.closed import JointSolution, solve_closed
-from stages.solve_joints.moments import JointMoments
-from stages.solve_joints.solve import BLOCK_FRAMES, add_block
+from stages.solve_joints.moments import BLOCK_FRAMES, JointMoments
+from stages.solve_joints.solve import add_block
 from stages.solve_joints.stacked import StackedSolution, solve_stacked
 
 NOISE_MM, NOISE_DEG = 0.10, 0.06

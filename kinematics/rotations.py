@@ -6,6 +6,8 @@ Directions: `rotate(q, v)` and `matrix(q) @ v` take v from the receiver's frame 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -88,6 +90,79 @@ def rotate(quaternion: Array, vector: Array) -> Array:
     out[..., 1] = b + w * v + z * u - x * t
     out[..., 2] = c + w * t + x * v - y * u
     return out
+
+
+def left_matrix(quaternion: Array) -> Array:
+    """Matrix (4, 4) of a quaternion (4,), so that `left_matrix(q) @ other` is `multiply(q, other)`."""
+    w, x, y, z = quaternion
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+
+
+def relative_parts(first: Sequence[Array], second: Sequence[Array], out: Array | None = None) -> Array:
+    """Rotations `second` seen from `first`, conj(first) second, number by number.
+
+    first, second : the four numbers w, x, y, z of unit quaternions, each of shape (T,). Returns shape (4, T),
+    `out` where it is given. The same as `multiply(conjugate(first), second)` to the last bit, and quicker
+    over long series, since each step goes through memory in order.
+    """
+    (aw, ax, ay, az), (bw, bx, by, bz) = first, second
+    out, scratch = np.empty((4, len(aw))) if out is None else out, np.empty(len(aw))
+    for row, (own, *others) in zip(
+        out,
+        (
+            ((aw, bw), (True, ax, bx), (True, ay, by), (True, az, bz)),
+            ((aw, bx), (False, ax, bw), (False, ay, bz), (True, az, by)),
+            ((aw, by), (True, ax, bz), (False, ay, bw), (False, az, bx)),
+            ((aw, bz), (False, ax, by), (True, ay, bx), (False, az, bw)),
+        ),
+        strict=True,
+    ):
+        np.multiply(*own, out=row)
+        _add_products(row, scratch, others)
+    return out
+
+
+def rotate_back_parts(
+    quaternion: Sequence[Array], vector: Sequence[Array], out: Array | None = None
+) -> Array:
+    """Vectors rotated by the inverses of unit quaternions, number by number.
+
+    quaternion : the four numbers w, x, y, z, vector : the three numbers, each of shape (T,). Returns shape
+    (3, T), `out` where it is given. The same as `rotate(conjugate(quaternion), vector)` to the last bit.
+    """
+    w, x, y, z = quaternion
+    a, b, c = vector
+    out, scratch = np.empty((3, len(w))) if out is None else out, np.empty(len(w))
+    across = [np.empty(len(w)) for _ in range(3)]
+    for row, pair, other in zip(
+        across, ((y, c), (z, a), (x, b)), ((False, z, b), (False, x, c), (False, y, a)), strict=True
+    ):
+        np.multiply(*pair, out=row)
+        _add_products(row, scratch, (other,))
+        row *= 2.0
+    u, v, t = across
+    for row, start, own, others in zip(
+        out,
+        (a, b, c),
+        (u, v, t),
+        (
+            ((True, y, t), (False, z, v)),
+            ((True, z, u), (False, x, t)),
+            ((True, x, v), (False, y, u)),
+        ),
+        strict=True,
+    ):
+        np.multiply(w, own, out=row)
+        np.subtract(start, row, out=row)
+        _add_products(row, scratch, others)
+    return out
+
+
+def _add_products(row: Array, scratch: Array, terms: Iterable[tuple[bool, Array, Array]]) -> None:
+    """Add each product to the row (T,), or subtract it where its sign is False."""
+    for positive, one, other in terms:
+        np.multiply(one, other, out=scratch)
+        (np.add if positive else np.subtract)(row, scratch, out=row)
 
 
 def about_axis(axis: Array, angle_rad: Array | float) -> Array:

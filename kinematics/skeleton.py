@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array, rotate
+from kinematics.rotations import Array, conjugate, rotate
 from schemas.errors import InputError
 from schemas.layout import Digit, Layout
 from schemas.model import SkeletonModel
@@ -90,10 +90,20 @@ def _point(row: Mapping[str, Any], side: str) -> Array:
     return np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"], float)
 
 
+def turned(poses: Poses, segment: str) -> Array:
+    """Quaternions (T, 4) of one segment's receiver, each component's frames side by side in memory."""
+    return np.asfortranarray(poses.quaternion[:, poses.index(segment)])
+
+
 def ride(poses: Poses, segment: str, point_mm: Array) -> Array:
     """Positions (T, 3) in the transmitter frame of a point fixed in a segment's receiver frame."""
-    index = poses.index(segment)
-    return np.asarray(rotate(poses.quaternion[:, index], point_mm) + poses.position_mm[:, index])
+    return np.asarray(rotate(turned(poses, segment), point_mm) + poses.position_mm[:, poses.index(segment)])
+
+
+def seen_from(poses: Poses, base: str, segment: str, point_mm: Array) -> Array:
+    """Positions (T, 3) in the base's receiver frame of a point fixed in a segment's receiver frame."""
+    offset = ride(poses, segment, point_mm) - poses.position_mm[:, poses.index(base)]
+    return rotate(conjugate(turned(poses, base)), offset)
 
 
 def all_valid(poses: Poses, segments: tuple[str, ...]) -> npt.NDArray[np.bool_]:

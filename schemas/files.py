@@ -6,6 +6,7 @@ import hashlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 
 from schemas.errors import InputError
@@ -37,6 +38,17 @@ def write_text(path: Path, text: str) -> None:
 
 
 def file_sha256(path: Path) -> str:
-    """Give the SHA-256 of a file's bytes, read a piece at a time."""
+    """Give the SHA-256 of a file's bytes, read a piece at a time; once for as long as it stays as it is."""
+    return _sha256(path.absolute(), *file_state(path))
+
+
+def file_state(path: Path) -> tuple[int, int, int]:
+    """Give what changes when a file does: which one it is on the disk, its size and its time."""
+    found = path.stat()
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+@lru_cache(maxsize=4096)
+def _sha256(path: Path, *_: int) -> str:
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from schemas.config_files import config_path, read_config
 from schemas.errors import InputError
+from schemas.files import file_state
 
 Vector = tuple[float, float, float]
 
@@ -113,6 +115,11 @@ class Layout:
 def read_layout(name: str | Path, folder: Path = Path()) -> Layout:
     """Read a layout by name or path (relative to `folder`); InputError where it is wrong."""
     path = config_path(str(name), "layout", folder)
+    return _read(path, *file_state(path))
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, *_: int) -> Layout:
     return _layout(read_config(path, "layout"), str(path))
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from schemas.config_files import config_path, read_config
 from schemas.errors import InputError
+from schemas.files import file_state
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,11 @@ def the_papers(models: Iterable[SkeletonModel]) -> str:
 def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
     """Read a model by name or path (relative to `folder`); InputError where it is wrong."""
     path = config_path(str(name), "model", folder)
+    return _read(path, *file_state(path))
+
+
+@lru_cache(maxsize=32)
+def _read(path: Path, *_: int) -> SkeletonModel:
     config = read_config(path, "model")
     if config["model"] != path.stem:
         raise InputError(

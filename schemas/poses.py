@@ -6,9 +6,13 @@ of every segment, and a recording need never be in memory at once.
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +26,10 @@ from schemas.tables import column_array, open_table, read_metadata
 Array = npt.NDArray[np.float64]
 
 BLOCK_FRAMES = 1 << 16
+
+KEPT_BYTES = 200 * 10**6
+"""Of recordings that were read whole, together; one that takes more than a quarter of it is not kept."""
+
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
 
@@ -71,6 +79,27 @@ class Poses:
         )
 
 
+@dataclass(frozen=True)
+class ReceiverSeries:
+    """One receiver over T frames, every number an array (T,) of its own, as a table has them.
+
+    position_mm : x, y, z; quaternion : unit, w, x, y, z, receiver to transmitter frame; valid : (T,) bool.
+    Where not valid, numbers may be NaN.
+    """
+
+    position_mm: tuple[Array, ...]
+    quaternion: tuple[Array, ...]
+    valid: npt.NDArray[np.bool_]
+
+    def take(self, rows: slice | npt.NDArray[np.int64]) -> ReceiverSeries:
+        """Only some of the frames."""
+        return ReceiverSeries(
+            tuple(number[rows] for number in self.position_mm),
+            tuple(number[rows] for number in self.quaternion),
+            self.valid[rows],
+        )
+
+
 def recording_name(path: Path) -> RecordingName:
     """Give the recording's name from a poses file's metadata, also where its making failed."""
     if not path.is_file():
@@ -88,31 +117,158 @@ def recording_name(path: Path) -> RecordingName:
 
 
 def read_poses(path: Path, segments: Sequence[str]) -> Poses:
-    """Read the poses of those segments, whole; a segment that the file lacks is never valid."""
-    blocks = list(pose_blocks(path, segments, block_frames=None))
-    return blocks[0]
+    """Read the poses of those segments, whole; a segment that the file lacks is never valid.
+
+    The arrays cannot be written to: whoever reads a short recording next gets the same ones, see KEPT_BYTES.
+    """
+    stat = path.stat() if path.is_file() else None
+    key = None if stat is None else (path.absolute(), stat.st_size, stat.st_mtime_ns, tuple(segments))
+    if key is not None and key in _kept:
+        _kept.move_to_end(key)
+        return _kept[key]
+    (poses,) = pose_blocks(path, segments, block_frames=None)
+    for array in _arrays(poses):
+        array.flags.writeable = False
+    if key is not None and _size_bytes(poses) <= KEPT_BYTES // 4:
+        _kept[key] = poses
+        while sum(map(_size_bytes, _kept.values())) > KEPT_BYTES:
+            _kept.popitem(last=False)
+    return poses
+
+
+_kept: OrderedDict[tuple[Path, int, int, tuple[str, ...]], Poses] = OrderedDict()
+"""Recordings by their file's path, size and time, and by segments; last the one that was asked for last."""
+
+
+def _arrays(poses: Poses) -> tuple[npt.NDArray[Any], ...]:
+    return poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid
+
+
+def _size_bytes(poses: Poses) -> int:
+    return sum(array.nbytes for array in _arrays(poses))
 
 
 def pose_blocks(
     path: Path, segments: Sequence[str], block_frames: int | None = BLOCK_FRAMES
 ) -> Iterator[Poses]:
-    """Read the poses of those segments in blocks of at most `block_frames` frames (None: one block).
+    """Read the poses of those segments in blocks of `block_frames` frames (None: one block).
 
-    Gives at least one block, which is empty where the recording has no frame. Raises InputError where
-    the file is no poses table or its segments do not share their frames.
+    The last block is shorter. Gives at least one block, which is empty where the recording has no frame.
+    Raises InputError where the file is no poses table or its segments do not share their frames.
     """
     with open_table(path, POSES) as file:
-        groups = _row_groups(file)
-        known = [segment for segment in segments if segment in groups]
-        if not known or not file.metadata.num_rows:
-            yield _empty(segments)
-            return
-        size = block_frames or max(1, file.metadata.num_rows)
-        streams = {segment: file.iter_batches(size, row_groups=groups[segment]) for segment in known}
-        batches = {segment: next(stream, None) for segment, stream in streams.items()}
-        while any(batch is not None for batch in batches.values()):
-            yield _block(path, segments, batches)
-            batches = {segment: next(stream, None) for segment, stream in streams.items()}
+        rows = _rows_by_segment(path, file, segments, ("frame", *_NUMBERS, "valid"))
+        times = {segment: own.of(("time_s",)) for segment, own in rows.items()}
+        n_frames = next((one.n_rows for one in rows.values()), 0)
+        size = block_frames or max(1, n_frames)
+        for start in range(0, max(1, n_frames), size):
+            block = _empty(segments, min(size, n_frames - start))
+            for segment, own in rows.items():
+                _fill(block, segment, own, start, first=segment == next(iter(rows)))
+            for own in times.values():
+                if not np.isnan(block.time_s).any():
+                    break
+                for at, piece in own.pieces(start, len(block.frame)):
+                    known = block.time_s[at]
+                    np.copyto(known, column_array(piece, "time_s"), where=np.isnan(known))
+            yield block
+
+
+def receiver_series(path: Path, segments: Sequence[str]) -> Iterator[dict[str, ReceiverSeries]]:
+    """Read the poses of those segments a row group at a time; numbers stay where the file's reader put them.
+
+    Gives the same frames of every segment that the file has, and nothing where the recording has no frame.
+    What was given is emptied when the next is asked for, so that they are not in memory together. Raises
+    InputError as `pose_blocks` does.
+    """
+    with open_table(path, POSES) as file:
+        rows = _rows_by_segment(path, file, segments, ("frame", *_NUMBERS, "valid"))
+        start, n_frames = 0, next((one.n_rows for one in rows.values()), 0)
+        while start < n_frames:
+            count = min(one.left_in_group(start) for one in rows.values())
+            found, frame = {}, None
+            for segment, own in rows.items():
+                piece = own.piece(start, count)
+                frame = own.shared_frames(piece, frame)
+                numbers = [column_array(piece, name) for name in _NUMBERS]
+                valid = column_array(piece, "valid")
+                found[segment] = ReceiverSeries(tuple(numbers[:3]), tuple(numbers[3:]), valid)
+            yield found
+            found.clear()
+            start += count
+
+
+def frame_count(path: Path) -> int:
+    """Give the number of frames of a poses file, which its footer tells."""
+    with open_table(path, POSES) as file:
+        groups = next(iter(_row_groups(file).values()), [])
+        return sum(file.metadata.row_group(group).num_rows for group in groups)
+
+
+class _SegmentRows:
+    """Columns of one segment's rows, of which one row group at a time is in memory."""
+
+    def __init__(
+        self, path: Path, segment: str, file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str]
+    ) -> None:
+        self._path, self._segment, self._file = path, segment, file
+        self._groups, self._columns = groups, list(columns)
+        self._ends: list[int] = list(accumulate(file.metadata.row_group(group).num_rows for group in groups))
+        self._place, self._table = -1, pa.table({})
+        self.n_rows: int = self._ends[-1]
+
+    def of(self, columns: Sequence[str]) -> _SegmentRows:
+        """Give other columns of the same rows."""
+        return _SegmentRows(self._path, self._segment, self._file, self._groups, columns)
+
+    def left_in_group(self, start: int) -> int:
+        """Rows from number `start` to the end of its row group."""
+        return self._ends[bisect_right(self._ends, start)] - start
+
+    def piece(self, start: int, count: int) -> pa.Table:
+        """Give `count` rows of one row group."""
+        place = bisect_right(self._ends, start)
+        if place != self._place:
+            self._place, self._table = place, pa.table({})
+            self._table = self._read(self._groups[place])
+        return self._table.slice(self._table.num_rows - self.left_in_group(start), count)
+
+    def pieces(self, start: int, count: int) -> Iterator[tuple[slice, pa.Table]]:
+        """Give `count` rows of any row groups, and where each piece stands among them."""
+        done = 0
+        while done < count:
+            more = min(count - done, self.left_in_group(start + done))
+            yield slice(done, done + more), self.piece(start + done, more)
+            done += more
+
+    def shared_frames(self, piece: pa.Table, others: npt.NDArray[np.int64] | None) -> npt.NDArray[np.int64]:
+        """Give the piece's frames; raises InputError where they are not those of the segments before."""
+        own = column_array(piece, "frame")
+        if others is not None and not np.array_equal(own, others):
+            raise _unshared(self._path, self._segment)
+        return own
+
+    def _read(self, group: int) -> pa.Table:
+        try:
+            return self._file.read_row_group(group, columns=self._columns, use_threads=False)
+        except (OSError, ValueError, pa.ArrowException) as error:
+            raise InputError(f"{self._path}: damaged Parquet file ({error}); make it again") from error
+
+
+def _rows_by_segment(
+    path: Path, file: pq.ParquetFile, segments: Sequence[str], columns: Sequence[str]
+) -> dict[str, _SegmentRows]:
+    """Those of the segments that have a row; InputError where they have not equally many."""
+    groups = _row_groups(file)
+    found = {
+        segment: _SegmentRows(path, segment, file, groups[segment], columns)
+        for segment in segments
+        if segment in groups
+    }
+    for segment, own in found.items():
+        if own.n_rows != next(iter(found.values())).n_rows:
+            raise _unshared(path, segment)
+    return found
 
 
 def _row_groups(file: pq.ParquetFile) -> dict[str, list[int]]:
@@ -126,39 +282,29 @@ def _row_groups(file: pq.ParquetFile) -> dict[str, list[int]]:
     return groups
 
 
-def _block(path: Path, segments: Sequence[str], batches: dict[str, pa.RecordBatch | None]) -> Poses:
-    tables = {s: pa.Table.from_batches([batch]) for s, batch in batches.items() if batch is not None}
-    first = next(iter(tables.values()))
-    frame = column_array(first, "frame")
-    block = _empty(segments, frame.astype(np.int64), np.full(len(frame), np.nan))
-    for index, segment in enumerate(segments):
-        table = tables.get(segment)
-        if table is None and segment not in batches:
-            continue
-        if table is None or not np.array_equal(column_array(table, "frame"), frame):
-            raise InputError(
-                f"{path}: segment {segment} does not have the frames of the others; make it again"
-            )
-        time_s = column_array(table, "time_s").astype(float)
-        np.copyto(block.time_s, time_s, where=np.isnan(block.time_s))
-        numbers = [column_array(table, name) for name in _NUMBERS]
-        block.position_mm[:, index] = np.stack(numbers[:3], -1)
-        block.quaternion[:, index] = np.stack(numbers[3:], -1)
-        block.valid[:, index] = column_array(table, "valid")
-    return block
+def _unshared(path: Path, segment: str) -> InputError:
+    return InputError(f"{path}: segment {segment} does not have the frames of the others; make it again")
 
 
-def _empty(
-    segments: Sequence[str],
-    frame: npt.NDArray[np.int64] | None = None,
-    time_s: Array | None = None,
-) -> Poses:
-    frame = np.empty(0, np.int64) if frame is None else frame
-    shape = (len(frame), len(segments))
+def _fill(block: Poses, segment: str, rows: _SegmentRows, start: int, *, first: bool) -> None:
+    """Put a segment's rows from number `start` on into the block; of the first one the frames, too."""
+    column = block.index(segment)
+    for at, piece in rows.pieces(start, len(block.frame)):
+        frame = rows.shared_frames(piece, None if first else block.frame[at])
+        if first:
+            block.frame[at] = frame
+        for axis, name in enumerate(_NUMBERS):
+            numbers = block.position_mm if axis < 3 else block.quaternion
+            numbers[at, column, axis if axis < 3 else axis - 3] = column_array(piece, name)
+        block.valid[at, column] = column_array(piece, "valid")
+
+
+def _empty(segments: Sequence[str], n_frames: int) -> Poses:
+    shape = (n_frames, len(segments))
     return Poses(
         tuple(segments),
-        frame,
-        np.empty(0) if time_s is None else time_s,
+        np.empty(n_frames, np.int64),
+        np.full(n_frames, np.nan),
         np.full((*shape, 3), np.nan),
         np.full((*shape, 4), np.nan),
         np.zeros(shape, bool),

@@ -64,6 +64,11 @@ class Results:
         return self.folder / "figures"
 
     @property
+    def made(self) -> Path:
+        """Folder of what each job says it made; the workflow goes by it."""
+        return self.folder / "made"
+
+    @property
     def dataset(self) -> Path:
         """Folder of the Motion-BIDS dataset of all exported recordings."""
         return self.folder / "exports" / "bids"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +85,14 @@ class Study:
     @property
     def hands(self) -> tuple[Hand, ...]:
         """Every hand of the study, in the sheet's order."""
-        return tuple(dict.fromkeys(recording.hand for recording in self.recordings))
+        return tuple(self._by_hand)
+
+    @cached_property
+    def _by_hand(self) -> dict[Hand, list[Recording]]:
+        found: dict[Hand, list[Recording]] = {}
+        for recording in self.recordings:
+            found.setdefault(recording.hand, []).append(recording)
+        return found
 
     @property
     def subjects(self) -> tuple[str, ...]:
@@ -105,7 +113,8 @@ class Study:
 
     def of(self, hand: Hand, roles: Iterable[str]) -> list[Recording]:
         """The hand's recordings in those roles that are not excluded."""
-        return [r for r in self.recordings if r.hand == hand and r.role in set(roles) and not r.exclude]
+        wanted = set(roles)
+        return [r for r in self._by_hand.get(hand, ()) if r.role in wanted and not r.exclude]
 
     @property
     def shown(self) -> tuple[Recording, ...]:
@@ -136,7 +145,7 @@ class Study:
 
     def layout_of(self, hand: Hand) -> Path:
         """The one layout of the hand's recordings."""
-        return next(r.layout for r in self.recordings if r.hand == hand)
+        return self._by_hand[hand][0].layout
 
 
 def path_token(text: str) -> str:

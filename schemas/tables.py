@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ METADATA_KEY = b"shukotsu"
 """Schema-level metadata: one JSON object, for programs that do not keep Arrow's field metadata."""
 
 ROW_GROUP_ROWS = 1 << 17
+
+_UNIT: ContextVar[str] = ContextVar("unit", default="")
 
 
 @dataclass(frozen=True)
@@ -95,10 +98,25 @@ class Provenance:
 
     def metadata(self) -> dict[str, Any]:
         """Give the part of a file's metadata that says where it came from."""
+        unit = {"unit": _UNIT.get()} if _UNIT.get() else {}
         return {
             "inputs": [{"file": name, "sha256": digest} for name, digest in self.inputs],
             "parameters": dict(self.parameters),
+            **unit,
         }
+
+
+@contextmanager
+def made_by(unit: str) -> Iterator[None]:
+    """Put this key into the metadata of every table that is written meanwhile, as `unit`.
+
+    It stands for code, words and inputs together (see `stages.each`), so that a table can be told up to date.
+    """
+    token = _UNIT.set(unit)
+    try:
+        yield
+    finally:
+        _UNIT.reset(token)
 
 
 def write_table(
@@ -190,7 +208,8 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
     """
     with open_table(path, table) as file:
         try:
-            return file.read(columns=None if columns is None else list(columns))
+            threads = file.metadata.num_rows > ROW_GROUP_ROWS // 2  # a few rows are read before they start
+            return file.read(columns=None if columns is None else list(columns), use_threads=threads)
         except (OSError, ValueError, pa.ArrowException) as error:
             raise InputError(f"{path}: damaged Parquet file ({error}); make it again") from error
 
@@ -198,7 +217,7 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
 def open_table(path: Path, table: Table) -> pq.ParquetFile:
     """Open a table for reading piece by piece, its schema checked as `read_table` does."""
     try:
-        file = pq.ParquetFile(path)
+        file = pq.ParquetFile(path, pre_buffer=False)  # not far ahead: some are read in parts
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; expected a {table.name} table") from error
     except (OSError, ValueError, pa.ArrowException) as error:

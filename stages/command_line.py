@@ -68,3 +68,17 @@ def config_files(arguments: argparse.Namespace) -> list[Path]:
 
     kinds = ("layout", "model")
     return [config_path(getattr(arguments, kind), kind, Path()) for kind in kinds]
+
+
+def keep_pandas_out() -> None:
+    """Let nothing find pandas in this process, one of those that a study runs by the hundred: pyarrow imports
+    it where it is installed, which takes longer than most stages' work and serves nothing.
+    """
+    sys.meta_path.insert(0, _WithoutPandas)
+
+
+class _WithoutPandas:
+    @staticmethod
+    def find_spec(name: str, *_: object) -> None:
+        if name == "pandas":
+            raise ModuleNotFoundError("pandas is not for the stages", name=name)

@@ -45,7 +45,7 @@ COLUMNS = (
 )
 
 SYNC_SECONDS = 1.0
-_WINDOW_BYTES = 32 << 20
+_WINDOW_BYTES = 8 << 20
 _END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 _CONTINUATION = b"\xff\xff\xff\xff"
 
@@ -200,6 +200,11 @@ class Archive:
     _mapped: mmap.mmap
     _first: int
     _schema: pa.Schema
+
+    @property
+    def size_bytes(self) -> int:
+        """How long the file is."""
+        return len(self._mapped)
 
     def pieces(self) -> Iterator[Piece]:
         """Give the batches in turn; a last empty piece may tell of bytes at the end that were none."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,44 +51,59 @@ def main(arguments: list[str]) -> int:
 
 def import_recording(arguments: argparse.Namespace) -> None:
     """Read the recording, check it, write the table; notes on what is not there go to stderr."""
-    from schemas.catalogue import POSES
-    from schemas.config_files import config_path
     from schemas.layout import read_layout
     from schemas.mapping import read_mapping
-    from schemas.tables import Provenance, write_table
-    from stages.capture.formats.readers import find_reader
-    from stages.capture.poses import poses_table
-    from stages.capture.samples import ReadingOptions
+    from stages.capture.formats.readers import find_parts_reader
+    from stages.capture.poses import poses_of_parts
+    from stages.capture.samples import ReadingOptions, Samples
+    from stages.capture.spool import Spool
 
     layout = read_layout(arguments.layout)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
-    read = find_reader(arguments.recording, arguments.format, mapping)
-    samples = read(arguments.recording, layout, ReadingOptions(mapping, arguments.repair_hemisphere))
+    read = find_parts_reader(arguments.recording, arguments.format, mapping)
+    options = ReadingOptions(mapping, arguments.repair_hemisphere)
+    told = _Told()
+
+    def parts() -> Iterator[Samples]:
+        for part in read(arguments.recording, layout, options):
+            told.notes.extend(part.notes)
+            told.losses.extend(part.losses)
+            told.missing_frames += part.missing_frames
+            yield part
+
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
-    poses = poses_table(samples, parents)
-    for note in samples.notes:
-        print(f"note: {arguments.recording}: {note}", file=sys.stderr)
-    absent = _absent(layout, poses)
+    with Spool(arguments.out.parent) as spool:
+        poses = poses_of_parts(parts, parents, spool)
+        _write(arguments, layout, poses, told)
+
+
+@dataclass
+class _Told:
+    """What the reader says of the whole recording, see `Samples`."""
+
+    notes: list[str] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+    missing_frames: int = 0
+
+
+def _write(arguments: argparse.Namespace, layout: Layout, poses: PosesTable, told: _Told) -> None:
+    from schemas.catalogue import POSES
+    from schemas.config_files import config_path
+    from schemas.tables import Provenance, write_table_in_parts
+
+    absent, doubt = _absent(layout, poses), unit_doubt(poses)
+    notes = list(told.notes)
     if absent:
-        print(
-            f"note: {arguments.recording}: no pose of {', '.join(absent)} "
-            f"({len(absent)} of {len(layout.measured)} segments)",
-            file=sys.stderr,
-        )
-    for segment in poses.frozen:
-        print(
-            f"note: {arguments.recording}: segment {segment} never moves though its parent does; not used",
-            file=sys.stderr,
-        )
-    doubt = unit_doubt(poses)
-    if doubt:
-        print(f"note: {arguments.recording}: {doubt}", file=sys.stderr)
+        notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
+    notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
+    notes += [doubt] if doubt else []
+    for note in notes:
+        print(f"note: {arguments.recording}: {note}", file=sys.stderr)
     inputs = [arguments.recording, config_path(arguments.layout, "layout", Path())]
     inputs += [] if arguments.mapping is None else [arguments.mapping]
-    told = {**_parameters(arguments, layout.name, absent), "doubt": doubt, "notes": list(samples.notes)}
-    told |= {"losses": list(samples.losses), "missing_frames": samples.missing_frames}
-    provenance = Provenance.of(inputs, **told)
-    write_table(arguments.out, POSES, poses.columns, provenance, row_group_rows=poses.row_groups)
+    parameters = {**_parameters(arguments, layout.name, absent), "doubt": doubt, "notes": told.notes}
+    parameters |= {"losses": told.losses, "missing_frames": told.missing_frames}
+    write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 
 def unit_doubt(poses: PosesTable) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import bisect
 import difflib
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,6 +43,33 @@ class Samples:
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
     missing_frames: int = 0
+
+
+def joined(parts: Iterable[Samples]) -> Samples:
+    """Put the parts of a recording together, at least one, in order."""
+    found = list(parts)
+    starts = [0, *itertools.accumulate(len(part.segment) for part in found)]
+
+    def place(sample: int) -> str:
+        part = bisect.bisect_right(starts, sample) - 1
+        return found[part].place(sample - starts[part])
+
+    flags = {flag for part in found for flag in part.marks}
+    return Samples(
+        found[0].segments,
+        np.concatenate([part.segment for part in found]),
+        np.concatenate([part.frame for part in found]),
+        np.concatenate([part.time_s for part in found]),
+        np.concatenate([part.numbers for part in found]),
+        place,
+        {
+            flag: np.concatenate([p.marks.get(flag, np.zeros(len(p.segment), bool)) for p in found])
+            for flag in sorted(flags)
+        },
+        tuple(note for part in found for note in part.notes),
+        tuple(loss for part in found for loss in part.losses),
+        sum(part.missing_frames for part in found),
+    )
 
 
 @dataclass(frozen=True)

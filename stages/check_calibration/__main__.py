@@ -45,7 +45,7 @@ def check(arguments: argparse.Namespace) -> None:
     from schemas.layout import read_layout
     from schemas.poses import one_hand, usable_poses
     from stages.check_calibration.advice import advise
-    from stages.solve_joints.anatomical import HandSample, check_hand_length, fit_hand
+    from stages.solve_joints.anatomical import check_hand_length
     from stages.solve_joints.solve import stream
 
     if arguments.out is not None and arguments.out.suffix not in ENDINGS:
@@ -53,15 +53,14 @@ def check(arguments: argparse.Namespace) -> None:
     check_hand_length(arguments.hand_length_mm)
     layout = read_layout(arguments.layout)
     subject, hand = one_hand(arguments.poses, arguments.subject, arguments.hand)
-    sample = HandSample(layout.solvable)
     usable, reasons = usable_poses(arguments.poses)
     if not usable and arguments.record_failure and arguments.out is not None:
         _write(arguments, [])  # what became of the recordings stands with them
         return
     if not usable:
         raise InputError(f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
-    moments, _ = stream(usable, layout, sample)
-    found = advise(fit_hand(sample, moments, layout, hand, arguments.hand_length_mm), sample, layout)
+    fit = stream(usable, layout, spread=True).fit(layout, hand, arguments.hand_length_mm)
+    found = advise(fit, layout)
     print(as_text(found))
     if arguments.out is not None:
         rows = [{"subject": subject, "hand": hand, **vars(one)} for one in found]

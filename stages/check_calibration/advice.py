@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.rotations import Array, about_axis, from_matrix, matrix, multiply
 from schemas.layout import Joint, Layout
-from stages.solve_joints.anatomical import MAX_EFFECTIVE, HandFit, HandSample, centre_sd_mm
+from stages.solve_joints.anatomical import MAX_EFFECTIVE, HandFit, centre_sd_mm
 from stages.solve_joints.evidence import JointEvidence, joint_evidence, weigh
 from stages.solve_joints.posterior import Information, posterior
 from stages.solve_joints.spread import SpreadFrames
@@ -33,11 +33,11 @@ class Advice:
     advice: str
 
 
-def advise(fit: HandFit | None, sample: HandSample, layout: Layout) -> list[Advice]:
-    """Give an advice for every joint of the sample, in its order."""
+def advise(fit: HandFit | None, layout: Layout) -> list[Advice]:
+    """Give an advice for every solvable joint of the layout, in its order."""
     rows = {} if fit is None else {index: row for row, index in enumerate(fit.joints)}
     found = []
-    for index, joint in enumerate(sample.joints):
+    for index, joint in enumerate(layout.solvable):
         if fit is not None and index in rows:
             found.append(_advice(fit, rows[index], fit.joints[index], layout))
         elif not (layout.segments[joint.parent_receiver].optional or layout.segments[joint.child].optional):

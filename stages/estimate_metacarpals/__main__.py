@@ -46,11 +46,20 @@ def build_parser() -> argparse.ArgumentParser:
 
 def estimate(arguments: argparse.Namespace) -> None:
     """Read poses and joints, write the three tables."""
+    from kinematics.recordings import Recordings
     from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
     from schemas.layout import read_layout
     from schemas.model import read_model
-    from schemas.poses import one_hand, read_poses, usable_poses
-    from schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_table
+    from schemas.poses import one_hand, usable_poses
+    from schemas.table_rows import in_row_groups
+    from schemas.tables import (
+        Provenance,
+        columns_from_rows,
+        read_table,
+        rows_of,
+        table_in_parts,
+        write_table,
+    )
     from stages.estimate_metacarpals.hand import build_hand, pose_metacarpals
 
     layout, model = read_layout(arguments.layout), read_model(arguments.model)
@@ -59,7 +68,7 @@ def estimate(arguments: argparse.Namespace) -> None:
         [*arguments.calibration, *arguments.poses], table[0]["subject"], table[0]["hand"]
     )
     names = {"subject": subject, "hand": hand, "model": model.name}
-    calibration = [read_poses(path, layout.measured) for path in usable_poses(arguments.calibration)[0]]
+    calibration = Recordings(usable_poses(arguments.calibration)[0], layout.measured)
     fitted = _fitted(arguments, model)
     built = build_hand({row["joint"]: row for row in table}, layout, model, calibration, fitted)
     files = [arguments.joints, *arguments.calibration, *arguments.poses]
@@ -73,8 +82,10 @@ def estimate(arguments: argparse.Namespace) -> None:
     write_table(arguments.out_joints, JOINT_CENTRES, joints, provenance)
     bones = columns_from_rows(BONE_LENGTHS, [{**row, **names} for row in built.bones])
     write_table(arguments.out_bones, BONE_LENGTHS, bones, provenance)
-    columns = pose_metacarpals(built, layout, model, usable_poses(arguments.poses)[0])
-    write_table(arguments.out, METACARPALS, columns, provenance)
+    parts = pose_metacarpals(built, layout, model, usable_poses(arguments.poses)[0])
+    with table_in_parts(arguments.out, METACARPALS, provenance) as write:
+        for part in in_row_groups(parts):
+            write(part)
 
 
 def _fitted(arguments: argparse.Namespace, model: SkeletonModel) -> Fitted | None:

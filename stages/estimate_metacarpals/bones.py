@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from kinematics.rotations import Array, conjugate, rotate
-from kinematics.skeleton import DigitChain, Rows, all_valid, ride
+from kinematics.long_sample import LongSample
+from kinematics.recordings import blocks_with
+from kinematics.rotations import Array
+from kinematics.skeleton import DigitChain, Rows, all_valid, seen_from
 from schemas.layout import Layout
 from schemas.model import SkeletonModel
 from schemas.poses import Poses
@@ -76,15 +78,16 @@ def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
     """
     own = chain.child_mm[1]
     assert own is not None, "a metacarpal is followed by a measured phalanx"
-    hand = poses.index(chain.digit.base)
-    offset = ride(poses, chain.digit.segments[1], own) - poses.position_mm[:, hand]
-    return rotate(conjugate(poses.quaternion[:, hand]), offset) - chain.base_point_mm
+    return seen_from(poses, chain.digit.base, chain.digit.segments[1], own) - chain.base_point_mm
 
 
 def digit_bones(
-    chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: Sequence[Poses]
+    chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: Iterable[Poses]
 ) -> list[Bone]:
-    """Give the digit's bones from the base outward, lengths from the calibration recordings."""
+    """Give the digit's bones from the base outward, lengths from the calibration recordings.
+
+    calibration : poses in blocks of frames, which are gone through more than once.
+    """
     bones = []
     for index, segment in enumerate(chain.digit.segments):
         if index == 0 and mode != "none":
@@ -102,7 +105,7 @@ def digit_bones(
 
 
 def _metacarpal(
-    chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: Sequence[Poses]
+    chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: Iterable[Poses]
 ) -> Bone:
     segment, mcp = chain.digit.segments[0], chain.digit.joints[1]
     length, spread = _length_over_frames(chain, calibration)
@@ -121,27 +124,26 @@ def _metacarpal(
     return Bone(segment, length, sd_mm, spread, vector, driver)
 
 
-def _length_over_frames(chain: DigitChain, calibration: Sequence[Poses]) -> tuple[float, float]:
+def _length_over_frames(chain: DigitChain, calibration: Iterable[Poses]) -> tuple[float, float]:
     """Mean and SD of |v(k)| over the calibration frames; NaN where there is none."""
-    lengths = []
-    for poses in calibration:
-        valid = all_valid(poses, (chain.digit.base, chain.digit.segments[1]))
-        lengths.append(np.linalg.norm(metacarpal_vectors(chain, poses)[valid], axis=-1))
-    together = np.concatenate(lengths) if lengths else np.empty(0)
-    if not len(together):
+    lengths_mm, ends = LongSample(), (chain.digit.base, chain.digit.segments[1])
+    for poses in blocks_with(calibration, *ends):
+        length_mm = np.linalg.norm(metacarpal_vectors(chain, poses), axis=-1)
+        lengths_mm.add(length_mm[all_valid(poses, ends)])
+    if not len(lengths_mm):
         return float("nan"), float("nan")
-    return float(together.mean()), float(together.std())
+    return lengths_mm.mean(), lengths_mm.sd()
 
 
-def _base_seen_from(segment: str, chain: DigitChain, calibration: Sequence[Poses]) -> Array:
+def _base_seen_from(segment: str, chain: DigitChain, calibration: Iterable[Poses]) -> Array:
     """Mean position (3,) of the digit's base in a segment's receiver frame, mm."""
-    seen = []
-    for poses in calibration:
-        own = poses.index(segment)
-        valid = all_valid(poses, (chain.digit.base, segment))
-        offset = ride(poses, chain.digit.base, chain.base_point_mm) - poses.position_mm[:, own]
-        seen.append(rotate(conjugate(poses.quaternion[:, own]), offset)[valid])
-    return np.asarray(np.concatenate(seen).mean(0))
+    total, count = np.zeros((1, 3)), 0
+    for poses in blocks_with(calibration, chain.digit.base, segment):
+        seen = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
+        seen = np.ascontiguousarray(seen[all_valid(poses, (chain.digit.base, segment))])
+        total = np.concatenate([total, seen]).sum(0, keepdims=True)
+        count += len(seen)
+    return np.asarray(total[0] / count)
 
 
 def _half(rows: Rows, joint: str, side: str) -> Array:

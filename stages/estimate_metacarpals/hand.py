@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from kinematics.skeleton import DigitChain, Rows, digit_chain
-from schemas.catalogue import METACARPALS
+from kinematics.recordings import BLOCK_FRAMES, Recordings
+from kinematics.skeleton import Rows, digit_chain
 from schemas.layout import Layout
 from schemas.model import SkeletonModel
-from schemas.poses import Poses, read_poses, recording_name
-from stages.estimate_metacarpals.bones import Bone, as_fitted, digit_bones, metacarpal_mode
+from schemas.poses import Poses, recording_name
+from schemas.table_rows import constant
+from stages.estimate_metacarpals.bones import as_fitted, digit_bones, metacarpal_mode
 from stages.estimate_metacarpals.fitted import Fitted
-from stages.estimate_metacarpals.recording import metacarpal_columns
+from stages.estimate_metacarpals.recording import Placed, metacarpal_blocks
 from stages.estimate_metacarpals.wrist_row import wrist_row
 
 
@@ -26,7 +25,7 @@ class BuiltHand:
 
     joints: list[dict[str, Any]]
     bones: list[dict[str, Any]]
-    metacarpals: list[tuple[DigitChain, str, Bone]]
+    metacarpals: list[Placed]
     fitted: Fitted | None
 
 
@@ -34,12 +33,13 @@ def build_hand(
     rows: Rows,
     layout: Layout,
     model: SkeletonModel,
-    calibration: Sequence[Poses],
+    calibration: Iterable[Poses],
     fitted: Fitted | None = None,
 ) -> BuiltHand:
     """Add the wrist point to a hand's joints and measure its bones.
 
-    rows : joint_centres of one hand and model, by joint. fitted : of a model that fits the whole hand. A
+    rows : joint_centres of one hand and model, by joint. calibration : poses in blocks of frames, which are
+    gone through more than once. fitted : of a model that fits the whole hand. A
     digit with a failed joint has bones without lengths that say so.
     """
     joints = {name: dict(row) for name, row in rows.items()}
@@ -64,28 +64,27 @@ def build_hand(
             ]
         bones += [{"digit": digit.name, **bone.row()} for bone in found]
         if mode != "none":
-            posed.append((chain, mode, found[0]))
+            posed.append(Placed(chain, mode, found[0]))
     return BuiltHand(list(joints.values()), bones, posed, fitted)
 
 
 def pose_metacarpals(
-    built: BuiltHand, layout: Layout, model: SkeletonModel, recordings: Sequence[Path]
-) -> dict[str, Any]:
-    """Give the columns of the metacarpals table over all recordings."""
-    parts = []
+    built: BuiltHand,
+    layout: Layout,
+    model: SkeletonModel,
+    recordings: Sequence[Path],
+    block_frames: int = BLOCK_FRAMES,
+) -> Iterator[dict[str, Any]]:
+    """Give the columns of the metacarpals table: recording by recording, digit by digit, in blocks."""
     for path in recordings:
-        name, poses = recording_name(path), read_poses(path, layout.measured)
-        n = len(poses.frame)
+        name, recording = recording_name(path), Recordings([path], layout.measured, block_frames)
         words = {"subject": name.subject, "hand": name.hand, "task": name.task, "trial": name.trial}
-        for chain, mode, bone in built.metacarpals:
-            constant = words | {"model": model.name, "digit": chain.digit.name}
-            posture = None
-            if mode == "fitted":
+        for placed in built.metacarpals:
+            fitted = None
+            if placed.mode == "fitted":
                 assert built.fitted is not None, "a model with fitted metacarpals fits the hand"
-                posture = built.fitted.metacarpal(name.task, name.trial, bone.segment)
-            parts.append(
-                {key: np.full(n, value) for key, value in constant.items()}
-                | metacarpal_columns(chain, mode, bone, layout, model, poses, posture)
-            )
-    names = [column.name for column in METACARPALS.columns]
-    return {name: np.concatenate([part[name] for part in parts]) if parts else [] for name in names}
+                fitted = built.fitted.poses.of(name.task, name.trial, placed.bone.segment)
+            of_digit = words | {"model": model.name, "digit": placed.chain.digit.name}
+            for block in metacarpal_blocks(placed, layout, model, recording, fitted):
+                count = len(block["frame"])
+                yield {key: constant(word, count) for key, word in of_digit.items()} | block

@@ -37,14 +37,33 @@ class Posture:
     twist_singular: npt.NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class Reference:
+    """The frame that the paper calls 1, seen from the hand.
+
+    vector_mm : (3,) from the metacarpal's base to the MCP joint, not zero. normal : (3,) unit, the
+    metacarpal's, at right angles to it. twist_rad : from it to the proximal phalanx's normal (Fig. 6).
+    """
+
+    vector_mm: Array
+    normal: Array
+    twist_rad: float
+
+    @classmethod
+    def of(cls, vector_mm: Array, normal: Array, normal_proximal: Array) -> Reference:
+        """Give the reference from the vector and the normals, (3,) unit, of metacarpal and phalanx."""
+        angle, _ = twist(vector_mm[None], normal[None], normal_proximal[None])
+        return cls(vector_mm, normal, float(angle[0]))
+
+
 def swing(start: Array, vector: Array) -> tuple[Array, Array]:
     """Eq. 8-10: the shortest rotation that takes `start` (3,) to each `vector` (T, 3).
 
     Returns unit quaternions (T, 4) and angles (T,) in radians. The angle is atan2(|a|, v1 . vk): acos
     loses half the digits of a small angle. Where both vectors are parallel the rotation is none.
     """
-    axis = np.cross(start, vector)
-    angle = np.arctan2(np.linalg.norm(axis, axis=-1), vector @ start)
+    axis = _cross(start, vector)
+    angle = np.arctan2(np.sqrt(_dot(axis, axis)), _dot(vector, start))
     return about_axis(unit(axis), angle), angle
 
 
@@ -56,26 +75,24 @@ def twist(vector: Array, normal_metacarpal: Array, normal_proximal: Array) -> tu
     (T,) of the proximal normal's component across it: 1 at no MCP flexion, 0 where the angle is lost.
     """
     along = unit(vector)
-    across = normal_proximal - along * np.sum(along * normal_proximal, -1, keepdims=True)
-    sine = np.sum(along * np.cross(normal_metacarpal, across), -1)
-    cosine = np.sum(normal_metacarpal * across, -1)
-    return np.arctan2(sine, cosine), np.linalg.norm(across, axis=-1)
+    across = normal_proximal - along * _dot(along, normal_proximal)[:, None]
+    sine = _dot(along, _cross(normal_metacarpal, across))
+    cosine = _dot(normal_metacarpal, across)
+    return np.arctan2(sine, cosine), np.sqrt(_dot(across, across))
 
 
 def estimate_posture(
-    vector: Array, normal_proximal: Array, normal_reference: Array, reference: int, twist_factor: float
+    vector: Array, normal_proximal: Array, reference: Reference, twist_factor: float
 ) -> Posture:
     """Swing first, then twist about the swung bone, both relative to the reference frame.
 
     vector : (T, 3) mm from the metacarpal's base to the MCP joint, v(k). normal_proximal : (T, 3) unit.
-    normal_reference : (3,) unit, the metacarpal's normal in the reference frame, at right angles to v.
-    reference : the frame that the paper calls 1, whose vector must not be zero.
     twist_factor : Eq. 11's factor between the metacarpal's twist and the proximal phalanx's.
     """
-    swung, swing_rad = swing(vector[reference], vector)
-    carried = rotate(swung, normal_reference)
+    swung, swing_rad = swing(reference.vector_mm, vector)
+    carried = rotate(swung, reference.normal)
     angle, across = twist(vector, carried, normal_proximal)
-    relative = np.angle(np.exp(1j * (angle - angle[reference])))
+    relative = np.angle(np.exp(1j * (angle - reference.twist_rad)))
     twist_rad = twist_factor * relative
     return Posture(
         change=multiply(about_axis(unit(vector), twist_rad), swung),
@@ -86,6 +103,20 @@ def estimate_posture(
     )
 
 
+def _cross(first: Array, second: Array) -> Array:
+    """Cross products (..., 3); a component at a time, which takes a fraction of np.cross' time."""
+    a, b, c = np.moveaxis(first, -1, 0)
+    x, y, z = np.moveaxis(second, -1, 0)
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], -1)
+
+
+def _dot(first: Array, second: Array) -> Array:
+    """Scalar products (...) of vectors (..., 3), each frame's the same whatever frames are beside it."""
+    a, b, c = np.moveaxis(first, -1, 0)
+    x, y, z = np.moveaxis(second, -1, 0)
+    return np.asarray(a * x + b * y + c * z)
+
+
 def bone_frame(direction: Array, dorsal: Array) -> Array:
     """Rotation matrices (..., 3, 3) of a bone's frame: x along `direction`, z towards `dorsal`.
 
@@ -94,8 +125,3 @@ def bone_frame(direction: Array, dorsal: Array) -> Array:
     x = unit(direction)
     z = unit(dorsal - x * np.sum(x * dorsal, -1, keepdims=True))
     return np.stack([x, np.cross(z, x), z], -1)
-
-
-def circular_mean_rad(angle_rad: Array) -> float:
-    """Mean direction of angles, radians."""
-    return float(np.angle(np.mean(np.exp(1j * angle_rad))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -37,9 +38,20 @@ def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
     samples / sd^2 * sum over digits of var_k |MCP(k) - w| + |w - nominal|^2 / sd_nominal^2
     by Gauss-Newton steps.
     """
-    nominal = np.asarray(nominal_mm, float)
+    digits = tuple(
+        positions[:: max(1, len(positions) // MAX_FRAMES)].T.tobytes()
+        for positions in mcp_mm
+        if len(positions)
+    )
+    return _estimate(digits, tuple(map(float, nominal_mm)))
+
+
+@lru_cache(maxsize=4)
+def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
+    """The same of positions (3, T) as bytes, kept: a hand's models differ beyond the MCP joints."""
+    digits = [np.frombuffer(one).reshape(3, -1) for one in positions]
+    nominal = np.array(nominal_mm)
     point = nominal.copy()
-    digits = [positions[:: max(1, len(positions) // MAX_FRAMES)] for positions in mcp_mm if len(positions)]
     hessian = np.eye(3) / NOMINAL_SD_MM**2
     for _ in range(50):
         hessian, gradient = _normal_equations(digits, point, nominal)
@@ -47,18 +59,25 @@ def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
         point = point - step
         if np.linalg.norm(step) < 1e-9:
             break
-    return WristPoint(point, np.asarray(np.linalg.inv(hessian)))
+    covariance = np.linalg.inv(hessian)
+    for array in (point, covariance):
+        array.flags.writeable = False
+    return WristPoint(point, np.asarray(covariance))
 
 
 def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tuple[Array, Array]:
+    """Hessian and gradient at a point; digits : (3, T) positions, an axis at a time."""
     hessian = np.eye(3) / NOMINAL_SD_MM**2
     gradient = (point - nominal) / NOMINAL_SD_MM**2
     for positions in digits:
-        offset = positions - point
-        distance = np.linalg.norm(offset, axis=-1)
-        slope = -offset / distance[:, None]
-        slope = slope - slope.mean(0)
-        weight = INDEPENDENT_SAMPLES / DISTANCE_SD_MM**2 / len(positions)
+        count = positions.shape[1]
+        x, y, z = positions - point[:, None]
+        distance = np.sqrt(x * x + y * y + z * z)
+        slope = np.empty((count, 3))
+        for axis, offset in enumerate((x, y, z)):
+            along = -offset / distance
+            slope[:, axis] = along - np.cumsum(along)[-1] / count  # summed in order, as rows of (T, 3) are
+        weight = INDEPENDENT_SAMPLES / DISTANCE_SD_MM**2 / count
         hessian = hessian + weight * slope.T @ slope
         gradient = gradient + weight * slope.T @ (distance - distance.mean())
     return hessian, gradient

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from kinematics.rotations import Array, conjugate, rotate
-from kinematics.skeleton import Rows, all_valid, ride
+from kinematics.recordings import blocks_with
+from kinematics.rotations import Array
+from kinematics.skeleton import Rows, all_valid, seen_from
 from schemas.layout import Layout, Wrist
 from schemas.model import SkeletonModel
 from schemas.poses import Poses
-from stages.estimate_metacarpals.wrist import WristPoint, estimate_wrist
+from stages.estimate_metacarpals.wrist import MAX_FRAMES, WristPoint, estimate_wrist
 
 WEAK_SD_MM = 5.0
 """Beyond this the wrist point is more the average hand's than this person's."""
 
 
 def wrist_row(
-    rows: Rows, layout: Layout, model: SkeletonModel, calibration: Sequence[Poses]
+    rows: Rows, layout: Layout, model: SkeletonModel, calibration: Iterable[Poses]
 ) -> dict[str, Any] | None:
     """Give the wrist's row (names of subject, hand and model left out); None where no wrist is needed.
 
@@ -53,8 +54,10 @@ def wrist_row(
     return _point_row(wrist, point, "weak" if sd_mm > WEAK_SD_MM else "ok", message, "estimated point")
 
 
-def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: Sequence[Poses]) -> list[Array]:
-    """Per digit whose metacarpal carries no receiver: (T, 3) mm of its MCP joint seen from the hand."""
+def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: Iterable[Poses]) -> list[Array]:
+    """Per digit whose metacarpal carries no receiver: (N, 3) mm of its MCP joint seen from the hand, in
+    evenly spaced frames.
+    """
     found = []
     for digit in layout.digits.values():
         if layout.segments[digit.segments[0]].measured or digit.base != wrist.segment:
@@ -63,16 +66,23 @@ def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: Sequen
         if row is None or row["status"] == "failed":
             continue
         own = np.array([row[f"child_{axis}_mm"] for axis in "xyz"])
-        seen = []
-        for poses in calibration:
-            valid = all_valid(poses, (digit.base, digit.segments[1]))
-            hand = poses.index(digit.base)
-            offset = ride(poses, digit.segments[1], own) - poses.position_mm[:, hand]
-            seen.append(rotate(conjugate(poses.quaternion[:, hand]), offset)[valid])
-        together = np.concatenate(seen) if seen else np.empty((0, 3))
+        together = _even_frames(calibration, digit.base, digit.segments[1], own)
         if len(together):
             found.append(together)
     return found
+
+
+def _even_frames(calibration: Iterable[Poses], base: str, segment: str, point_mm: Array) -> Array:
+    """Positions (N, 3) of a segment's point seen from the base, in every n-th frame that shows both."""
+    both = (base, segment)
+    count = sum(int(all_valid(poses, both).sum()) for poses in blocks_with(calibration, *both))
+    step, start = max(1, count // MAX_FRAMES), 0
+    found = [np.empty((0, 3))]
+    for poses in blocks_with(calibration, *both):
+        valid = np.flatnonzero(all_valid(poses, both))
+        found.append(seen_from(poses, base, segment, point_mm)[valid[-start % step :: step]])
+        start += len(valid)
+    return np.concatenate(found)
 
 
 def _point_row(

@@ -47,11 +47,13 @@ def _score_rows(
         if recording.message:
             distal_receiver.append(recording.row(digit.name, DISTAL_RECEIVER))
             continue
-        poses = recording.poses(digit)
-        for sd_mm, folder in zip(wrist_mcp, scored, strict=True):
-            sd_mm[digit.name] = wrist_mcp_sd(poses, digit, layout, folder.stated.joints)
-        distal_receiver.append(distal_receiver_row(recording, digit, poses))
-        true_skeleton.append(true_skeleton_row(recording, digit, poses))
+        ends = recording.blocks(digit.base, *digit.segments[1:2])
+        found = wrist_mcp_sd(ends, digit, layout, [folder.stated.joints for folder in scored])
+        for sd_mm, value in zip(wrist_mcp, found, strict=True):
+            sd_mm[digit.name] = value
+        distal_receiver.append(distal_receiver_row(recording, digit))
+        if digit.name in recording.truth:
+            true_skeleton.append(true_skeleton_row(recording, digit, recording.poses(digit)))
     for sd_mm, folder in zip(wrist_mcp, scored, strict=True):
         yield from score_folder(recording, folder, sd_mm)
     yield from [] if prior is None else prior_rows(prior, recording)

@@ -9,14 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from kinematics.long_sample import LongSample
+from kinematics.recordings import Recordings
 from kinematics.rotations import Array, conjugate, rotate
 from kinematics.skeleton import Rows, all_valid, ride
 from schemas.errors import InputError
 from schemas.layout import Digit, Layout
-from schemas.poses import BLOCK_FRAMES, Poses, pose_blocks, read_poses, usable_poses
+from schemas.poses import Poses, usable_poses
 from stages.evaluate_skeletons.scores import (
     Recording,
     Row,
+    known,
     mean_and_p95,
     metacarpal_deg,
     true_tip_numbers,
@@ -79,7 +82,7 @@ def fit_prior(
     if not usable:
         return Prior(layout, None, f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
     try:
-        recordings = [some_frames(path, layout, MOST_FRAMES) for path in usable]
+        recordings = [some_frames(Recordings([path], layout.measured), MOST_FRAMES) for path in usable]
         nothing_moves = Settings(most_steps=0, rounds=0)
         fit = fit_hand(recordings, layout, hand, hand_length_mm=hand_length_mm, settings=nothing_moves)
     except InputError as error:
@@ -87,44 +90,34 @@ def fit_prior(
     return Prior(layout, fit, "")
 
 
-def some_frames(path: Path, layout: Layout, most: int, block_frames: int = BLOCK_FRAMES) -> Poses:
-    """Read at most so many frames of a recording, evenly spaced, a block at a time."""
-    totals = (len(read_poses(path, (segment,)).frame) for segment in layout.measured)
-    step, start = max(1, -(-next((total for total in totals if total), 0) // most)), 0
-    parts: list[Poses] = []
-    for block in pose_blocks(path, layout.measured, block_frames):
-        parts.append(block.take(np.arange(-start % step, len(block.frame), step)))
-        start += len(block.frame)
-    names = ("frame", "time_s", "position_mm", "quaternion", "valid")
-    return Poses(
-        layout.measured, *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    )
+def some_frames(recording: Recordings, most: int) -> Poses:
+    """Read at most so many frames of a recording, evenly spaced."""
+    return recording.every(max(1, -(-recording.n_frames() // most)))
 
 
 def prior_rows(prior: Prior, recording: Recording) -> list[Row]:
     """Rows of the prior's hand in one recording, a digit each."""
-    known = {digit.name for digit in known_digits(recording.layout)}
+    anatomy = {digit.name for digit in known_digits(recording.layout)}
     rows = [
         recording.row(
-            name, PRIOR_ONLY, prior.message if name in known else "no published anatomy of this digit"
+            name, PRIOR_ONLY, prior.message if name in anatomy else "no published anatomy of this digit"
         )
         for name in recording.layout.digits
     ]
-    if prior.fit is None or recording.message:
+    if prior.fit is None or recording.poses_in_blocks is None or recording.message:
         return rows
-    poses = some_frames(recording.path, recording.layout, MOST_FRAMES)
+    poses = some_frames(recording.poses_in_blocks, MOST_FRAMES)
     posed = pose_hand(prior.fit, poses)
     tips = [digit.tip for digit in recording.layout.digits.values() if digit.tip in posed.receivers]
     left_out = pose_hand(prior.fit, poses, dict.fromkeys(tips, (0.0, 1.0)))
     joints = prior.stated.joints
     for row in rows:
         digit = recording.layout.digits[row["digit"]]
-        if row["digit"] in known and digit.tip in posed.receivers:
-            error = receiver_error_mm(posed, poses, digit.tip)
-            row |= {"n_frames": int(np.isfinite(error).sum())}
-            row |= {"posed_mean_mm": mean_and_p95("posed", error).get("posed_mean_mm")}
-            row |= mean_and_p95("left_out", receiver_error_mm(left_out, poses, digit.tip))
-            row |= {"wrist_mcp_sd_mm": wrist_mcp_sd(poses, digit, recording.layout, joints)}
+        if row["digit"] in anatomy and digit.tip in posed.receivers:
+            error_mm = known(receiver_error_mm(posed, poses, digit.tip))
+            row |= {"n_frames": len(error_mm), "posed_mean_mm": error_mm.mean() if len(error_mm) else None}
+            row |= mean_and_p95("left_out", known(receiver_error_mm(left_out, poses, digit.tip)))
+            (row["wrist_mcp_sd_mm"],) = wrist_mcp_sd([poses], digit, recording.layout, [joints])
             row |= _prior_against_truth(posed, poses, digit, recording.truth.get(digit.name))
     return rows
 
@@ -146,20 +139,20 @@ def _prior_against_truth(posed: PosedHand, poses: Poses, digit: Digit, true: Tru
     return found
 
 
-def distal_receiver_row(recording: Recording, digit: Digit, poses: Poses) -> Row:
-    """The tip taken to be where the distal receiver is: no tip error, and the true tip as far as it is.
-
-    poses : with the digit's receivers.
-    """
-    index = poses.index(digit.tip)
-    valid = poses.valid[:, index]
-    row = recording.row(digit.name, DISTAL_RECEIVER)
-    row |= mean_and_p95("replay", np.zeros(int(valid.sum()))) | {"n_frames": int(valid.sum())}
-    true = recording.truth.get(digit.name)
-    if true is not None:
-        tip_mm = np.where(valid[:, None], poses.position_mm[:, index], np.nan)
-        row |= true_tip_numbers(tip_mm, poses.frame, true)
-    return row
+def distal_receiver_row(recording: Recording, digit: Digit) -> Row:
+    """The tip taken to be where the distal receiver is: no tip error, and the true tip as far as it is."""
+    row, true = recording.row(digit.name, DISTAL_RECEIVER), recording.truth.get(digit.name)
+    off_mm = LongSample()
+    for poses in recording.blocks(digit.tip):
+        valid = all_valid(poses, (digit.tip,))
+        row["n_frames"] += int(valid.sum())
+        if true is not None:
+            tip_mm = at_frames(true.tip_mm, true.frame, poses.frame)
+            apart = np.linalg.norm(poses.position_mm[:, poses.index(digit.tip)] - tip_mm, axis=-1)
+            off_mm.add_known(apart[valid])
+    if row["n_frames"]:
+        row |= {"replay_mean_mm": 0.0, "replay_p95_mm": 0.0}
+    return row | mean_and_p95("true_tip", off_mm)
 
 
 def true_skeleton_row(recording: Recording, digit: Digit, poses: Poses) -> Row | None:
@@ -184,8 +177,8 @@ def true_skeleton_row(recording: Recording, digit: Digit, poses: Poses) -> Row |
     replayed = replayed - rotate(poses.quaternion[:, last], own)
     error = np.where(usable, np.linalg.norm(replayed - poses.position_mm[:, last], axis=-1), np.nan)
     row = recording.row(digit.name, TRUE_SKELETON) | {"n_frames": int(np.isfinite(error).sum())}
-    row |= mean_and_p95("replay", error) | mean_and_p95("left_out", error)
-    row["wrist_mcp_sd_mm"] = wrist_mcp_sd(poses, digit, recording.layout, joints)
+    row |= mean_and_p95("replay", known(error)) | mean_and_p95("left_out", known(error))
+    (row["wrist_mcp_sd_mm"],) = wrist_mcp_sd([poses], digit, recording.layout, [joints])
     row["metacarpal_deg"] = 0.0
     tip_mm = ride(poses, digit.tip, own + _point(bones[digit.tip], ""))
     valid = poses.valid[:, last]

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import pyarrow as pa
-import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from kinematics.rotations import Array
@@ -19,7 +16,11 @@ from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, POSED_TI
 from schemas.errors import InputError
 from schemas.poses import RecordingName
 from schemas.study import path_token
+from schemas.table_rows import TableRows
 from schemas.tables import Table, open_table, read_metadata, read_table, rows_of
+
+Columns = Mapping[str, Array]
+"""Numbers (T,) by the name of their column."""
 
 WITHOUT = "without-"
 """A folder of this name and a task holds the skeleton that was made without that task's recordings."""
@@ -131,49 +132,31 @@ def joined(reasons: Sequence[str]) -> str:
     return "; ".join(dict.fromkeys(reason for reason in reasons if reason))
 
 
-def read_digits(
+def digit_runs(
     path: Path, table: Table, columns: Sequence[str], name: RecordingName
-) -> dict[str, dict[str, npt.NDArray[Any]]]:
-    """Give numeric columns of one recording, by digit, in the order of the file; gaps are NaN.
+) -> Iterator[tuple[str, Array]]:
+    """Give numeric columns (N, columns) of one recording, some rows of a digit at a time, in the order of the
+    file; gaps are NaN.
 
     table : one that has a row for every recording, digit and frame. Reads those columns alone and skips row
     groups of other recordings. Raises InputError where the table failed or cannot be read.
     """
-    open_table(path, table).close()
-    own = (ds.field("task") == name.task) & (ds.field("trial") == name.trial)
-    parts: dict[str, list[list[npt.NDArray[Any]]]] = {}
-    try:
-        for batch in ds.dataset(path).to_batches(
-            columns=["digit", *columns], filter=own, batch_readahead=1, fragment_readahead=1
-        ):
-            digits = batch.column("digit").dictionary_encode()
-            code, arrays = np.asarray(digits.indices), [np.asarray(batch.column(name)) for name in columns]
-            for index, digit in enumerate(digits.dictionary.to_pylist()):
-                parts.setdefault(digit, []).append([array[code == index] for array in arrays])
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{path}: damaged Parquet file ({error}); make it again") from error
-    return {
-        digit: dict(zip(columns, map(np.concatenate, zip(*found, strict=True)), strict=True))
-        for digit, found in parts.items()
-    }
+    rows = TableRows(path, table, ("task", "trial", "digit"), columns)
+    for words, numbers in rows.runs(name.task, name.trial):
+        yield words[-1], numbers
 
 
-def stack(columns: Mapping[str, npt.NDArray[Any]], names: Sequence[str]) -> Array:
+def read_digits(path: Path, table: Table, columns: Sequence[str], name: RecordingName) -> dict[str, Columns]:
+    """Give numeric columns of one recording, by digit; see `digit_runs`."""
+    parts: dict[str, list[Array]] = {}
+    for digit, numbers in digit_runs(path, table, columns, name):
+        parts.setdefault(digit, []).append(numbers)
+    return {digit: dict(zip(columns, np.concatenate(found).T, strict=True)) for digit, found in parts.items()}
+
+
+def stack(columns: Columns, names: Sequence[str]) -> Array:
     """Columns side by side, (T, len(names))."""
     return np.stack([np.asarray(columns[name], float) for name in names], -1)
-
-
-def _check_hand(path: Path, subject: str, hand: str) -> None:
-    """Raise InputError where a readable table's first row is of another hand."""
-    with pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(1, columns=["subject", "hand"]):
-            row = batch.to_pylist()[0]
-            if (row["subject"], row["hand"]) != (subject, hand):
-                raise InputError(
-                    f"{path}: is of subject {row['subject']}, {row['hand']} hand; expected subject "
-                    f"{subject}, {hand} hand; give one hand's files"
-                )
-            break
 
 
 def check_tables(path: Path, tables: Sequence[Table], subject: str, hand: str) -> None:
@@ -183,10 +166,32 @@ def check_tables(path: Path, tables: Sequence[Table], subject: str, hand: str) -
     for table in tables:
         file = path / f"{table.name}.parquet"
         try:
-            open_table(file, table).close()
+            opened = open_table(file, table)
         except InputError:
             continue
-        _check_hand(file, subject, hand)
+        with opened:
+            found = _whose(opened)
+        if found not in (None, (subject, hand)):
+            raise InputError(
+                f"{file}: is of subject {found[0]}, {found[1]} hand; expected subject "
+                f"{subject}, {hand} hand; give one hand's files"
+            )
+
+
+def _whose(file: pq.ParquetFile) -> tuple[str, str] | None:
+    """Subject and hand of a table's first row; None where it has none. A row group of one hand says it."""
+    if not file.metadata.num_rows:
+        return None
+    group = file.metadata.row_group(0)
+    told = [
+        group.column(index).statistics
+        for name in ("subject", "hand")
+        for index in [file.schema_arrow.get_field_index(name)]
+    ]
+    if all(one is not None and one.has_min_max and one.min == one.max for one in told):
+        return told[0].min, told[1].min
+    row = next(file.iter_batches(1, columns=["subject", "hand"])).to_pylist()[0]
+    return row["subject"], row["hand"]
 
 
 def _parameters(path: Path) -> Mapping[str, Any]:

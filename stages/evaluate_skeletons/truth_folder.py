@@ -125,7 +125,7 @@ def _digits(path: Path, name: RecordingName) -> dict[str, TrueDigit]:
             frame,
             stack(tips[digit], TIP),
             tips[digit]["error_mm"],
-            at_frames(stack(bone, QUATERNION), bone["frame"], frame),
+            at_frames(stack(bone, QUATERNION), np.asarray(bone["frame"], np.int64), frame),
             float(bone["length_mm"][0]),
         )
     return found

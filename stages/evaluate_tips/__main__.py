@@ -40,33 +40,26 @@ def build_parser() -> argparse.ArgumentParser:
 
 def evaluate(arguments: argparse.Namespace) -> None:
     """Read the skeleton, replay every recording, write both tables."""
-    import numpy as np
-
     from schemas.catalogue import TIP_ERRORS, TIPS
     from schemas.poses import one_hand
-    from schemas.tables import Provenance, columns_from_rows, write_table
+    from schemas.table_rows import in_row_groups
+    from schemas.tables import Provenance, columns_from_rows, table_in_parts, write_table
     from stages.evaluate_tips.recording import evaluate_recording
 
     skeleton, subject, hand = _read_skeleton(arguments)
     one_hand([*arguments.poses, *arguments.calibration], subject, hand)
     calibration = {path.resolve() for path in arguments.calibration}
-    blocks: list[dict[str, Any]] = []
-    rows: list[dict[str, Any]] = []
-    for path in arguments.poses:
-        found = evaluate_recording(path, skeleton, held_out=path.resolve() not in calibration)
-        blocks += found[0]
-        rows += found[1]
     files = [*arguments.poses, arguments.joints, arguments.bones, arguments.metacarpals]
     provenance = Provenance.of([*files, *command_line.config_files(arguments)])
-    columns: dict[str, Any] = {
-        column.name: np.concatenate(
-            [np.broadcast_to(block[column.name], len(block["frame"])) for block in blocks]
-        )
-        if blocks
-        else []
-        for column in TIPS.columns
-    }
-    write_table(arguments.out, TIPS, columns, provenance)
+    rows: list[dict[str, Any]] = []
+    blocks = (
+        block
+        for path in arguments.poses
+        for block in evaluate_recording(path, skeleton, rows, held_out=path.resolve() not in calibration)
+    )
+    with table_in_parts(arguments.out, TIPS, provenance) as write:
+        for part in in_row_groups(blocks):
+            write(part)
     write_table(arguments.out_errors, TIP_ERRORS, columns_from_rows(TIP_ERRORS, rows), provenance)
 
 
@@ -75,22 +68,21 @@ def _read_skeleton(arguments: argparse.Namespace) -> Any:
     from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
     from schemas.layout import read_layout
     from schemas.model import read_model
-    from schemas.tables import column_array, read_table, rows_of
-    from stages.evaluate_tips.recording import Skeleton, metacarpals_by_recording
+    from schemas.table_rows import TableRows
+    from schemas.tables import read_table, rows_of
+    from stages.evaluate_tips.recording import Skeleton
 
     joints = {row["joint"]: row for row in rows_of(read_table(arguments.joints, JOINT_CENTRES))}
     bones: dict[str, dict[str, Any]] = {}
     for row in rows_of(read_table(arguments.bones, BONE_LENGTHS)):
         bones.setdefault(row["digit"], {})[row["bone"]] = row
-    names = ("task", "trial", "digit", "qw", "qx", "qy", "qz")
-    metacarpals = read_table(arguments.metacarpals, METACARPALS, names)
-    columns = {name: column_array(metacarpals, name) for name in names}
+    turns = [f"q{part}" for part in "wxyz"]
     skeleton = Skeleton(
         read_layout(arguments.layout),
         read_model(arguments.model),
         joints,
         bones,
-        metacarpals_by_recording(columns),
+        TableRows(arguments.metacarpals, METACARPALS, ("task", "trial", "digit"), turns),
     )
     first = next(iter(joints.values()))
     return skeleton, first["subject"], first["hand"]

@@ -9,13 +9,16 @@ The error of either is a sum of joint gaps (docs/method.md, "what the tip error 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from kinematics.long_sample import LongSample
 from kinematics.rotations import Array, conjugate, multiply, rotate
-from kinematics.skeleton import DigitChain, all_valid, ride
+from kinematics.skeleton import DigitChain, all_valid, ride, turned
 from schemas.poses import Poses
 
 
@@ -42,47 +45,75 @@ def replay_least_squares(
             tip = tip + rotate(metacarpal, np.array([bone["length_mm"], 0.0, 0.0]))
         else:
             vector = np.array([bone[f"{axis}_mm"] for axis in "xyz"])
-            tip = tip + rotate(poses.quaternion[:, poses.index(bone["driven_by"])], vector)
+            tip = tip + rotate(turned(poses, bone["driven_by"]), vector)
     return np.where(usable_frames(chain, poses, metacarpal)[:, None], tip, np.nan)
 
 
-def replay_first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None, *, at_rest: bool) -> Array:
+@dataclass(frozen=True)
+class Binding:
+    """Bones as they were in one frame: vectors_mm, (3,) from joint to joint in the transmitter frame, and how
+    what turns each of them stood, (4,).
+    """
+
+    vectors_mm: tuple[Array, ...]
+    turns: tuple[Array, ...]
+
+
+def bind(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> Binding | None:
+    """Bind the bones in the first usable frame; None where there is none.
+
+    metacarpal : see `usable_frames`.
+    """
+    usable = usable_frames(chain, poses, metacarpal)
+    if not usable.any():
+        return None
+    first = int(np.argmax(usable))
+    frame = poses.take(slice(first, first + 1))
+    points = [ride(frame, chain.digit.base, chain.base_point_mm)[0], *_joints(chain, frame)]
+    turns = [
+        metacarpal[first]
+        if index == 0 and metacarpal is not None
+        else frame.quaternion[0, frame.index(segment)]
+        for index, segment in enumerate(chain.digit.segments)
+    ]
+    return Binding(tuple(end - start for start, end in pairwise(points)), tuple(turns))
+
+
+def replay_first_frame(
+    chain: DigitChain,
+    poses: Poses,
+    metacarpal: Array | None,
+    *,
+    at_rest: bool,
+    binding: Binding | None = None,
+) -> Array:
     """Tip positions (T, 3) mm in the transmitter frame, bound in the first usable frame.
 
     In that frame the joints are where the child halves put them and the tip is the distal receiver, so
     the error there is zero; except with a metacarpal `at_rest`, which was never bound to anything.
+    binding : of an earlier block of frames; None to bind in these.
     """
-    usable = usable_frames(chain, poses, metacarpal)
-    tip = np.full((len(usable), 3), np.nan)
-    if not usable.any():
-        return tip
-    first = int(np.argmax(usable))
-    base = ride(poses, chain.digit.base, chain.base_point_mm)
-    points = [base[first], *_joints_in_frame(chain, poses, first)]
-    replayed = base[usable]
+    binding = binding or bind(chain, poses, metacarpal)
+    if binding is None:
+        return np.full((len(poses.frame), 3), np.nan)
+    tip = ride(poses, chain.digit.base, chain.base_point_mm)
     for index, segment in enumerate(chain.digit.segments):
-        bone = points[index + 1] - points[index]
-        if index == 0 and metacarpal is not None:
-            turn = metacarpal[usable]
-            if at_rest:
-                replayed = replayed + rotate(turn, np.array([np.linalg.norm(bone), 0.0, 0.0]))
-                continue
-            start = metacarpal[first]
+        bone = binding.vectors_mm[index]
+        turn = metacarpal if index == 0 and metacarpal is not None else turned(poses, segment)
+        if turn is metacarpal and at_rest:
+            tip = tip + rotate(turn, np.array([np.linalg.norm(bone), 0.0, 0.0]))
         else:
-            turn = poses.quaternion[usable, poses.index(segment)]
-            start = poses.quaternion[first, poses.index(segment)]
-        replayed = replayed + rotate(multiply(turn, conjugate(start)), bone)
-    tip[usable] = replayed
-    return tip
+            tip = tip + rotate(multiply(turn, conjugate(binding.turns[index])), bone)
+    return np.where(usable_frames(chain, poses, metacarpal)[:, None], tip, np.nan)
 
 
-def _joints_in_frame(chain: DigitChain, poses: Poses, frame: int) -> list[Array]:
-    """Every joint after the base by its child half, and the tip, in one frame."""
+def _joints(chain: DigitChain, frame: Poses) -> list[Array]:
+    """Every joint after the base by its child half, and the tip, in a single frame."""
     points = []
     for segment, own in zip(chain.digit.segments[1:], chain.child_mm[1:], strict=True):
         assert own is not None, "only a metacarpal may lack a joint of its own"
-        points.append(ride(poses, segment, own)[frame])
-    points.append(poses.position_mm[frame, poses.index(chain.digit.tip)])
+        points.append(ride(frame, segment, own)[0])
+    points.append(frame.position_mm[0, frame.index(chain.digit.tip)])
     return points
 
 
@@ -91,17 +122,17 @@ def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:
     return np.asarray(np.linalg.norm(tip - poses.position_mm[:, poses.index(chain.digit.tip)], axis=-1))
 
 
-def error_statistics(error_mm: Array) -> dict[str, Any]:
-    """Max, min, mean, SD (divided by n), median and 95th percentile over the frames that have an error."""
-    known = error_mm[np.isfinite(error_mm)]
-    if not len(known):
+def error_statistics(known_mm: LongSample) -> dict[str, Any]:
+    """Max, min, mean, SD (divided by n), median and 95th percentile of the errors that are known."""
+    if not len(known_mm):
         return {"n_frames": 0}
+    least, largest = known_mm.extremes()
     return {
-        "max_mm": float(known.max()),
-        "min_mm": float(known.min()),
-        "mean_mm": float(known.mean()),
-        "sd_mm": float(known.std()),
-        "median_mm": float(np.median(known)),
-        "p95_mm": float(np.percentile(known, 95)),
-        "n_frames": len(known),
+        "max_mm": largest,
+        "min_mm": least,
+        "mean_mm": known_mm.mean(),
+        "sd_mm": known_mm.sd(),
+        "median_mm": known_mm.median(),
+        "p95_mm": known_mm.percentile(95),
+        "n_frames": len(known_mm),
     }

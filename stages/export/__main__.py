@@ -248,6 +248,22 @@ def _recording(study: Study, arguments: argparse.Namespace, hand: str) -> Record
     return (exact or found)[0]
 
 
+def inputs(arguments: argparse.Namespace) -> list[Path]:
+    """Everything of the results that a recording's export is made from (see `stages.each`).
+
+    A change of the layout or the model changes these tables too, for the digests of both are in them.
+    """
+    from schemas.results import Results
+    from schemas.study import Hand
+
+    results, found = Results(arguments.results), []
+    for side in HANDS[arguments.hand]:
+        hand = Hand(arguments.subject, side)
+        found.append(results.skeleton(arguments.model, hand))
+        found.append(results.folder / hand.folder / arguments.recording / "poses.parquet")
+    return found
+
+
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write the reason into a text file where the first format's file would be."""
     from schemas.files import write_text

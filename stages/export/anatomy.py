@@ -7,44 +7,79 @@ nail's side, as its phalanges do.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from kinematics.joint_angles import mirrored
-from kinematics.rotations import Array, conjugate, from_matrix, matrix, multiply, rotate
+from kinematics.rotations import Array, conjugate, from_matrix, matrix, multiply
 from kinematics.thumb_facing import faces_nail
 from schemas.layout import Layout
+from stages.export.frames import regrouped, release, slices
 from stages.export.motion import Joint
 from stages.fit_hand.anatomy_priors import DIGITS
 from stages.fit_hand.chain import known_digits, rest_rotations
 
+TOGETHER = 1 << 16
+"""Frames that go into one sum of products: of as many the sum does not depend on the size of blocks."""
 
-def facing_nail(
-    layout: Layout, hand: str, joints: Sequence[Joint], turn: Array, axis: Array
-) -> tuple[Array, Array]:
-    """Rotations (T, J, 4) and axes (J, 3), in the bone frames of our tables, with the metacarpal turned.
 
-    The same where the skeleton has no thumb of known anatomy, or where it faces the nail's side already. It
-    turns by the angle between the two backs of the average thumb.
+def to_nail_side(
+    layout: Layout, hand: str, joints: Sequence[Joint], turns: Sequence[Array]
+) -> dict[int, Array]:
+    """By what rotation (4,) in its own frame a thumb's metacarpal is to be turned, by its index.
+
+    turns : of every joint its rotations (T, 4) in the bone frames of our tables. Nothing where the skeleton
+    has no thumb of known anatomy, or where it faces the nail's side already. It turns by the angle between
+    the two backs of the average thumb.
     """
     places = {(joint.digit, joint.segment): i for i, joint in enumerate(joints) if not joint.tip}
     thumbs = [d for d in known_digits(layout) if d.name == "thumb" and ("thumb", d.segments[0]) in places]
     if not thumbs:
-        return turn, axis
+        return {}
     metacarpal, proximal = (places["thumb", segment] for segment in thumbs[0].segments[:2])
-    relative = multiply(conjugate(turn[:, metacarpal]), turn[:, proximal])
-    relative = relative[np.isfinite(relative).all(-1)]
+    relative = _some(relative_rotations(turns[metacarpal], turns[proximal]))
     frames = [replace(DIGITS["thumb"], faces_nail=nail).frames() for nail in (True, False)]
     rests = [_of_hand(from_matrix(bones[0].T @ bones[1]), hand) for bones in frames]
-    to_nail = _of_hand(from_matrix(frames[1][0].T @ frames[0][0]), hand)
     if not len(relative) or faces_nail(matrix(relative), *(matrix(rest) for rest in rests)):
-        return turn, axis
-    turn, axis = turn.copy(), axis.copy()
-    turn[:, metacarpal] = multiply(turn[:, metacarpal], to_nail)
-    axis[metacarpal] = rotate(conjugate(to_nail), axis[metacarpal])
-    return turn, axis
+        return {}
+    return {metacarpal: _of_hand(from_matrix(frames[1][0].T @ frames[0][0]), hand)}
+
+
+def _some(parts: Iterable[Array]) -> Array:
+    """Rotations (n, 4) of all parts, or of every second, third and so on where they are many."""
+    kept, step, passed = np.empty((0, 4)), 1, 0
+    for part in parts:
+        kept = np.concatenate([kept, part[-passed % step :: step]])
+        passed += len(part)
+        while len(kept) > TOGETHER:
+            kept, step = kept[::2], step * 2
+    return kept
+
+
+def relative_rotations(above: Array, turn: Array) -> Iterator[Array]:
+    """The second of (T, 4) in the frame of the first, where both are known: TOGETHER rows at a time."""
+
+    def parts() -> Iterator[Array]:
+        for rows in slices(len(turn)):
+            relative = multiply(conjugate(above[rows]), turn[rows])
+            release(above, turn)
+            yield relative[np.isfinite(relative).all(-1)]
+
+    return regrouped(parts(), TOGETHER)
+
+
+def mean_rotation(above: Array, turn: Array) -> Array:
+    """The rotation (4,) nearest to all of the second of (T, 4) in the frame of the first; identity of none.
+
+    Signs aside (Markley et al. 2007, J Guid Control Dyn 30:1193).
+    """
+    total = [known.T @ known for known in relative_rotations(above, turn)]
+    if not total:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    mean = np.linalg.eigh(sum(total[1:], start=total[0]))[1][:, -1]
+    return np.asarray(-mean if mean[0] < 0 else mean)
 
 
 def neutral_rotations(layout: Layout, hand: str, joints: Sequence[Joint]) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.rotations import Array, about_axis, multiply, rotate
+from stages.export.frames import changed
 from stages.export.motion import SkeletonMotion
 
 UNITS_PER_MM = {"m": 1e-3, "cm": 0.1, "mm": 1.0}
@@ -41,6 +42,10 @@ def upright(transmitter_up: str, up: str) -> Array:
 
 def turned(motion: SkeletonMotion, turn: Array) -> SkeletonMotion:
     """The motion in a world that is turned by the quaternion (4,): new = turn * old. Still in mm."""
+    return changed(motion, lambda block: _turned(block, turn))
+
+
+def _turned(motion: SkeletonMotion, turn: Array) -> SkeletonMotion:
     receivers = motion.receivers
     return replace(
         motion,

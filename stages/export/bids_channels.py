@@ -46,10 +46,13 @@ class System:
         return any(column.name == "time" for column in self.columns)
 
 
-def receiver_system(motion: SkeletonMotion) -> System:
-    """Every receiver's pose, tracked points being the segments that they ride on; n/a where not valid."""
+def receiver_system(motion: SkeletonMotion, start_s: float) -> System:
+    """Every receiver's pose, tracked points being the segments that they ride on; n/a where not valid.
+
+    start_s : the recording's first time, from which LATENCY counts; NaN where it has none.
+    """
     there = motion.receivers
-    columns = list(_frame_and_time(motion))
+    columns = list(_frame_and_time(motion, start_s))
     position = _texts(there.position_mm, _MM_TO_M)
     turn = _texts(there.quaternion)
     for index, segment in enumerate(there.segments):
@@ -62,9 +65,12 @@ def receiver_system(motion: SkeletonMotion) -> System:
     return System(tuple(columns), there.segments, bones=False)
 
 
-def skeleton_system(motion: SkeletonMotion) -> System:
-    """Every joint's position, the rotation of the bone that starts there, and the angles of known anatomy."""
-    columns = list(_frame_and_time(motion))
+def skeleton_system(motion: SkeletonMotion, start_s: float) -> System:
+    """Every joint's position, the rotation of the bone that starts there, and the angles of known anatomy.
+
+    start_s : as of `receiver_system`.
+    """
+    columns = list(_frame_and_time(motion, start_s))
     position = _texts((motion.position_mm / 1000).round(9))
     turn = _texts(motion.quaternion.round(9))
     for index, joint in enumerate(motion.joints):
@@ -128,14 +134,13 @@ def _texts(values: Array, shift: int = 0) -> list[list[pa.Array]]:
     ]
 
 
-def _frame_and_time(motion: SkeletonMotion) -> Iterator[Column]:
+def _frame_and_time(motion: SkeletonMotion, start_s: float) -> Iterator[Column]:
     """Frame number, LATENCY to a microsecond as BIDS wants it, and the device's own time in all digits."""
     number = pa.array(motion.frame).cast(pa.string())
     yield Column(number, "frame", "n/a", "MISC", "n/a", "n/a", "frame number of the tracker")
-    known = motion.time_s[np.isfinite(motion.time_s)]
-    if not len(known):
+    if not np.isfinite(start_s):
         return
-    since = [f"{value:.6f}" if np.isfinite(value) else None for value in motion.time_s - known[0]]
+    since = [f"{value:.6f}" if np.isfinite(value) else None for value in motion.time_s - start_s]
     told = "time since the first sample"
     yield Column(pa.array(since, pa.string()), "latency", "n/a", "LATENCY", "n/a", "s", told)
     yield Column(text_of(motion.time_s), "time", "n/a", "MISC", "n/a", "s", "time of the tracker")

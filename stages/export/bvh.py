@@ -25,6 +25,7 @@ from schemas.errors import InputError
 from schemas.files import replacing
 from stages.export.axes import UNITS_PER_MM
 from stages.export.formats import Target
+from stages.export.frames import blocks, slices
 from stages.export.motion import SkeletonMotion, rest_pose
 from stages.export.names import ascii_name
 from stages.export.resampling import largest_time_error_s
@@ -41,7 +42,7 @@ AT_REST = "_rest"
 """Ends the name of the joint that has the OFFSET of one that moves."""
 
 _PLACES, _TURNS = "Xposition Yposition Zposition", "Zrotation Yrotation Xrotation"
-_BLOCK_FRAMES = 1024
+_TEXT_FRAMES = 1024
 _TOLD_S = 5e-4
 
 
@@ -57,22 +58,25 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
             "or interpolate"
         )
     seconds = _frame_time_s(motion, path)
-    offset, local_mm, turn = _rest_and_motion(motion)
-    moves = np.abs(local_mm - offset).max((0, 2)) > MOVES_MM
+    offset = _rest_offset_mm(motion)
+    beyond_mm = [np.abs(_local(block)[0] - offset).max((0, 2)) for block in blocks(motion)]
+    moves = np.asarray(np.max(beyond_mm, axis=0) > MOVES_MM)
     moves[0] = True
-    beyond_mm = local_mm - np.where(np.arange(len(offset))[:, None] > 0, offset, 0.0)
+    root_mm = np.where(np.arange(len(offset))[:, None] > 0, offset, 0.0)
     order = _depth_first(motion)
     scale, decimals = UNITS_PER_MM[target.unit], LENGTH_DECIMALS[target.unit]
-    sites = [i for i in order if motion.joints[i].tip and not moves[i]]
-    columns, pattern = _channels(
-        beyond_mm * scale, euler_zyx_deg(turn), [i for i in order if i not in sites], moves, decimals
-    )
+    order = [i for i in order if moves[i] or not motion.joints[i].tip]
+    angles = EulerAngles()
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
         stream.writelines(_hierarchy(motion, offset * scale, moves, decimals))
-        stream.write(f"MOTION\nFrames: {len(columns)}\nFrame Time: {seconds:.10f}\n")
-        for start in range(0, len(columns), _BLOCK_FRAMES):
-            block = columns[start : start + _BLOCK_FRAMES]
-            stream.write(pattern * len(block) % tuple(block.ravel().tolist()))
+        stream.write(f"MOTION\nFrames: {len(motion.frame)}\nFrame Time: {seconds:.10f}\n")
+        for block in blocks(motion):
+            local_mm, turn = _local(block)
+            beyond = (local_mm - root_mm) * scale
+            columns, pattern = _channels(beyond, angles.zyx_deg(turn), order, moves, decimals)
+            for rows in slices(len(columns), _TEXT_FRAMES):
+                part = columns[rows]
+                stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
     return _dropped(motion, moves)
 
 
@@ -83,6 +87,46 @@ def euler_zyx_deg(quaternion: Array) -> Array:
     frame before; then unwrapped. The first frame has y within [-90, 90]. At 90, where z and x are not told
     apart, x is what z leaves of the rotation.
     """
+    return EulerAngles().zyx_deg(quaternion)
+
+
+class EulerAngles:
+    """Gives the angles of `euler_zyx_deg` block by block; remembers how the block before ended."""
+
+    def __init__(self) -> None:
+        self._first: Array | None = None  # the last frame's first triple (1, N, 3)
+        self._second: Array | None = None  # whether its second one was chosen (N,)
+        self._chosen: Array | None = None  # its chosen triple, before whole turns are added (1, N, 3)
+        self._turns: Array | None = None  # what was added (1, N, 3)
+
+    def zyx_deg(self, quaternion: Array) -> Array:
+        """Angles (n, N, 3) of the next rotations (n, N, 4)."""
+        angles = _first_triple(quaternion)
+        before = angles[:1] if self._first is None else self._first
+        other = angles * np.array([1.0, -1.0, 1.0]) + np.pi
+        former = np.concatenate([before, angles[:-1]])
+        swapped = _apart(other, former) < _apart(angles, former)
+        # the second triple is as far from the second before as the first from the first
+        swapped[0] = swapped[0] ^ self._second if self._second is not None else False
+        second = np.logical_xor.accumulate(swapped, axis=0)
+        chosen = np.where(second[..., None], other, angles)
+        step = np.diff(chosen, axis=0, prepend=chosen[:1] if self._chosen is None else self._chosen)
+        near = np.mod(step + np.pi, 2 * np.pi) - np.pi
+        near = np.where((near == -np.pi) & (step > 0), np.pi, near)
+        added = np.where(np.abs(step) < np.pi, 0.0, near - step)
+        if self._turns is not None:
+            added[:1] += self._turns
+        added = np.cumsum(added, axis=0)
+        whole = chosen + added
+        if self._first is None:
+            whole[0] = chosen[0]  # to the sign of a zero
+        self._first, self._second = angles[-1:], second[-1]
+        self._chosen, self._turns = chosen[-1:], added[-1:]
+        return np.asarray(np.degrees(whole))
+
+
+def _first_triple(quaternion: Array) -> Array:
+    """Angles (n, N, 3) about z, y, x in rad, y within [-90, 90] deg."""
     m = matrix(quaternion)
     z = np.arctan2(m[..., 1, 0], m[..., 0, 0])
     y = np.arctan2(-m[..., 2, 0], np.hypot(m[..., 0, 0], m[..., 1, 0]))
@@ -90,14 +134,7 @@ def euler_zyx_deg(quaternion: Array) -> Array:
         np.sin(z) * m[..., 0, 2] - np.cos(z) * m[..., 1, 2],
         np.cos(z) * m[..., 1, 1] - np.sin(z) * m[..., 0, 1],
     )
-    angles = np.stack([z, y, x], -1)
-    other = angles * np.array([1.0, -1.0, 1.0]) + np.pi
-    swapped = _apart(other[1:], angles[:-1]) < _apart(angles[1:], angles[:-1])
-    # the second triple is as far from the second before as the first from the first
-    second = np.zeros(angles.shape[:2], bool)
-    second[1:] = np.logical_xor.accumulate(swapped, axis=0)
-    chosen = np.where(second[..., None], other, angles)
-    return np.degrees(np.unwrap(chosen, axis=0))
+    return np.stack([z, y, x], -1)
 
 
 def _apart(first: Array, second: Array) -> Array:
@@ -113,21 +150,27 @@ def _frame_time_s(motion: SkeletonMotion, path: Path) -> float:
     raise InputError(f"{path}: the recording has no device time, and BVH needs a rate; say it with --rate-hz")
 
 
-def _rest_and_motion(motion: SkeletonMotion) -> tuple[Array, Array, Array]:
-    """Rest offsets (J, 3) mm, and positions (T, J, 3) mm and rotations (T, J, 4) of each joint in its parent.
+def _rest_offset_mm(motion: SkeletonMotion) -> Array:
+    """Rest offsets (J, 3) mm, in frames that stand like the world's at rest."""
+    rest_mm, _ = rest_pose(motion)
+    offset = rest_mm.copy()
+    offset[1:] -= rest_mm[motion.parents[1:]]
+    return offset
+
+
+def _local(motion: SkeletonMotion) -> tuple[Array, Array]:
+    """Positions (T, J, 3) mm and rotations (T, J, 4) of each joint in its parent.
 
     In frames that stand like the world's at rest: each bone's own, turned back by its rest rotation.
     """
-    rest_mm, rest_turn = rest_pose(motion)
+    _, rest_turn = rest_pose(motion)
     parents = motion.parents
-    offset = rest_mm.copy()
-    offset[1:] -= rest_mm[parents[1:]]
     world = multiply(motion.quaternion, conjugate(rest_turn))
     local_mm, turn = motion.position_mm.copy(), world.copy()
     back = conjugate(world[:, parents[1:]])
     local_mm[:, 1:] = rotate(back, motion.position_mm[:, 1:] - motion.position_mm[:, parents[1:]])
     turn[:, 1:] = multiply(back, world[:, 1:])
-    return offset, local_mm, turn
+    return local_mm, turn
 
 
 def _depth_first(motion: SkeletonMotion) -> list[int]:

@@ -22,6 +22,7 @@ from stages.export.axes import UNITS_PER_MM
 from stages.export.c3d_bytes import MOST_FRAMES, Content, Floats, can_hold_rotations, split
 from stages.export.c3d_bytes import write as write_bytes
 from stages.export.formats import Target
+from stages.export.frames import release_motion
 from stages.export.motion import SkeletonMotion, Whole
 from stages.export.names import ascii_name
 from stages.export.note import text
@@ -67,11 +68,11 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     timing = _timing(motion, path)
     content, dropped = _content(motion, target, timing)
     scale = UNITS_PER_MM[target.unit]
-    rotations: Iterable[Floats] = _blocks(timing.row, lambda rows: _poses(motion, rows, scale), NO_POSE)
+    rotations: Iterable[Floats] = _blocks(motion, timing.row, lambda part: _poses(part, scale), NO_POSE)
     write_bytes(
         path,
         content,
-        _blocks(timing.row, lambda rows: _points(motion, rows, scale), NO_POINT),
+        _blocks(motion, timing.row, lambda part: _points(part, scale), NO_POINT),
         rotations if content.rotations else (),
     )
     return (*unseen, *dropped)
@@ -213,33 +214,36 @@ def _origin(
     }
 
 
-def _blocks(row: Whole, numbers: Callable[[slice], Array], blank: Array) -> Iterator[Floats]:
+def _blocks(
+    motion: SkeletonMotion, row: Whole, numbers: Callable[[SkeletonMotion], Array], blank: Array
+) -> Iterator[Floats]:
     """The numbers of all rows in parts, blank (n,) where there is no frame."""
     for start in range(0, len(row), _BLOCK_FRAMES):
         rows = slice(start, start + _BLOCK_FRAMES)
-        known, first = numbers(rows), row[start]
+        known, first = numbers(motion.take(rows)), row[start]
+        release_motion(motion)
         stop = row[start + _BLOCK_FRAMES] if start + _BLOCK_FRAMES < len(row) else row[-1] + 1
         part = np.broadcast_to(blank, (stop - first, *known.shape[1:])).astype(np.float32)
         part[row[rows] - first] = known
         yield part
 
 
-def _points(motion: SkeletonMotion, rows: slice, scale: float) -> Array:
+def _points(motion: SkeletonMotion, scale: float) -> Array:
     """The points of those frames, (n, P, 4)."""
     receivers = motion.receivers
-    origin = receivers.position_mm[rows, :, None]
-    axes = np.swapaxes(matrix(receivers.quaternion[rows]), -1, -2)
+    origin = receivers.position_mm[:, :, None]
+    axes = np.swapaxes(matrix(receivers.quaternion), -1, -2)
     four = np.concatenate([origin, origin + ARM_MM * axes], 2).reshape(len(origin), -1, 3)
-    position = np.concatenate([motion.position_mm[rows], four], 1) * scale
+    position = np.concatenate([motion.position_mm, four], 1) * scale
     return _filled(np.concatenate([position, np.zeros((*position.shape[:2], 1))], -1), NO_POINT)
 
 
-def _poses(motion: SkeletonMotion, rows: slice, scale: float) -> Array:
+def _poses(motion: SkeletonMotion, scale: float) -> Array:
     """The poses of those frames, (n, R, 17): 4x4 matrices column by column, and the reliability."""
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     receivers = motion.receivers
-    position = np.concatenate([motion.position_mm[rows][:, bones], receivers.position_mm[rows]], 1) * scale
-    turn = matrix(np.concatenate([motion.quaternion[rows][:, bones], receivers.quaternion[rows]], 1))
+    position = np.concatenate([motion.position_mm[:, bones], receivers.position_mm], 1) * scale
+    turn = matrix(np.concatenate([motion.quaternion[:, bones], receivers.quaternion], 1))
     out = np.zeros((*position.shape[:2], 17))
     columns = out[..., :16].reshape(*position.shape[:2], 4, 4)
     columns[..., :3, :3] = np.swapaxes(turn, -1, -2)

@@ -71,7 +71,7 @@ def find_gaps(motion: SkeletonMotion) -> list[Gap]:
     edges = np.flatnonzero(np.diff(np.concatenate([[True], whole, [True]]).astype(int)))
     found = []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        joint = motion.names[int(np.argmin(motion.known[start]))]
+        joint = motion.names[int(np.argmin(motion.take(slice(start, start + 1)).known[0]))]
         before, after = max(start - 1, 0), min(stop, len(whole) - 1)
         length = float(time_s[after] - time_s[before])
         found.append(Gap(int(motion.frame[start]), int(motion.frame[stop - 1]), joint, length))

@@ -23,11 +23,13 @@ import numpy.typing as npt
 from kinematics.rotations import Array, conjugate, matrix, multiply, rotate, unit
 from schemas import PROGRAM, VERSION
 from schemas.errors import InputError
+from stages.capture.spool import Spool
 from stages.export.axes import UNITS_PER_MM
 from stages.export.bone_mesh import bone_mesh
 from stages.export.formats import Target
+from stages.export.frames import blocks
 from stages.export.glb_document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from stages.export.motion import SkeletonMotion, continuous, rest_pose
+from stages.export.motion import Signs, SkeletonMotion, rest_pose
 from stages.export.names import RIGS
 from stages.export.note import facts
 from stages.export.rigging import on_rig
@@ -77,10 +79,11 @@ def write_scene(
     asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": notes}}
     document = Document(asset | ({"copyright": licence} if licence else {}))
     document.json |= {"scene": 0, "scenes": [{"nodes": []}]}
-    animations = [_add_hand(document, hand) for hand in hands]
-    for animation in _joined(animations) if one_clock else animations:
-        document.add("animations", animation)
-    document.write(path)
+    with Spool(path.parent) as spool:
+        animations = [_add_hand(document, hand, spool) for hand in hands]
+        for animation in _joined(animations) if one_clock else animations:
+            document.add("animations", animation)
+        document.write(path)
     return _told(len(hands), one_clock)
 
 
@@ -126,7 +129,7 @@ def _hand(motion: SkeletonMotion, start_s: float) -> _Hand:
     return _Hand(motion, f"{side}-{what}", np.nan_to_num(motion.time_s - start_s).astype(np.float32))
 
 
-def _add_hand(document: Document, hand: _Hand) -> dict[str, Any]:
+def _add_hand(document: Document, hand: _Hand, spool: Spool) -> dict[str, Any]:
     """Put nodes, skin and body of a hand into the document; give the animation that moves it."""
     motion = hand.motion
     root = document.add("nodes", {"name": hand.name})
@@ -143,7 +146,7 @@ def _add_hand(document: Document, hand: _Hand) -> dict[str, Any]:
     mesh = document.add("meshes", body | {"primitives": _primitives(document, motion)})
     # beside the hand, not below it: what is above a skinned mesh does not move it, and is refused by some
     document.json["scenes"][0]["nodes"] += [root, document.add("nodes", body | {"mesh": mesh, "skin": skin})]
-    return _animation(document, hand, first)
+    return _animation(document, hand, first, spool)
 
 
 def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
@@ -215,22 +218,23 @@ def _material(document: Document, name: str) -> int:
     return document.add("materials", {"name": name, "pbrMetallicRoughness": factors})
 
 
-def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
+def _animation(document: Document, hand: _Hand, first: int, spool: Spool) -> dict[str, Any]:
     motion = hand.motion
     times = document.array(hand.time_s, bounds=True)
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
-    def add(index: int, path: str, values: Array) -> None:
+    def add(index: int, path: str, width: int) -> None:
         channels.append({"sampler": len(samplers), "target": {"node": first + index, "path": path}})
-        output = document.array(values.astype(np.float32))
+        parts = (part for (part,) in spool.take((first, index, path)))
+        output = document.array_in_parts(parts, len(motion.frame), width)
         samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
 
+    beyond_mm = _keep_keys(motion, first, spool)
     for index in range(len(motion.joints)):
-        place_mm, turn = _in_parent(motion, index)
-        if index == 0 or np.abs(place_mm - motion.rest_offset_mm[index]).max() > MOVES_MM:
-            add(index, "translation", place_mm * _SCALE)
-        add(index, "rotation", np.roll(turn, -1, axis=-1))
+        if index == 0 or beyond_mm[index] > MOVES_MM:
+            add(index, "translation", 3)
+        add(index, "rotation", 4)
     words = (hand.name, motion.origin.task, motion.origin.trial)
     start: dict[str, Any] = {"first_frame": int(motion.frame[0])}
     if np.isfinite(motion.time_s[0]):
@@ -243,10 +247,24 @@ def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
     }
 
 
-def _in_parent(motion: SkeletonMotion, index: int) -> tuple[Array, Array]:
+def _keep_keys(motion: SkeletonMotion, first: int, spool: Spool) -> Array:
+    """Put every joint's keys into the spool; give how far each is at most from its place at rest (J,), mm."""
+    beyond_mm = np.zeros(len(motion.joints))
+    signs = [Signs() for _ in motion.joints]
+    for block in blocks(motion):
+        for index in range(len(motion.joints)):
+            place_mm, turn = _in_parent(block, index, signs[index])
+            beyond = np.abs(place_mm - motion.rest_offset_mm[index]).max()
+            beyond_mm[index] = max(beyond_mm[index], beyond)
+            spool.add((first, index, "translation"), ((place_mm * _SCALE).astype(np.float32),))
+            spool.add((first, index, "rotation"), (np.roll(turn, -1, axis=-1).astype(np.float32),))
+    return beyond_mm
+
+
+def _in_parent(motion: SkeletonMotion, index: int, signs: Signs) -> tuple[Array, Array]:
     """Positions (T, 3) mm and unit rotations (T, 4) of a joint in its parent's frame, a root in the world.
 
-    As `stages.export.motion.local_motion`, a joint at a time, which is lighter on long recordings.
+    As `stages.export.motion.local_motion`, a joint at a time; signs : of its rotations before.
     """
     place_mm, turn = motion.position_mm[:, index], motion.quaternion[:, index]
     above = motion.joints[index].parent
@@ -254,7 +272,7 @@ def _in_parent(motion: SkeletonMotion, index: int) -> tuple[Array, Array]:
         back = conjugate(motion.quaternion[:, above])
         place_mm = rotate(back, place_mm - motion.position_mm[:, above])
         turn = multiply(back, turn)
-    return place_mm, continuous(unit(turn)[:, None])[:, 0]
+    return place_mm, signs.continuous(unit(turn)[:, None])[:, 0]
 
 
 def _joined(animations: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

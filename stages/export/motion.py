@@ -28,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.rotations import Array, conjugate, from_matrix, multiply, rotate
+from stages.export.frames import release, slices
 
 Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
@@ -139,7 +140,12 @@ class SkeletonMotion:
     @property
     def whole(self) -> Bools:
         """Frames (T,) in which every joint has a pose."""
-        return np.asarray(self.known.all(1))
+        found = np.ones(len(self.frame), bool)
+        for rows in slices(len(found)):
+            position, turn = self.position_mm[rows], self.quaternion[rows]
+            found[rows] = np.isfinite(position).all((1, 2)) & np.isfinite(turn).all((1, 2))
+            release(position, turn)
+        return found
 
     def index(self, name: str) -> int:
         """Place of the joint of that name; ValueError where there is none."""
@@ -238,16 +244,33 @@ def continuous(quaternion: Array) -> Array:
     """Quaternions (T, N, 4) with signs such that no two known neighbours in time are more than 90 deg apart
     as 4-vectors; the first known of each has w >= 0. NaN stays.
     """
-    out = quaternion.copy()
-    for index in range(out.shape[1]):
-        known = np.flatnonzero(np.isfinite(out[:, index]).all(-1))
-        if not len(known):
-            continue
-        series = out[known, index]
-        turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
-        signs = np.concatenate([[-1.0 if series[0, 0] < 0 else 1.0], turns])
-        out[known, index] = series * np.cumprod(signs)[:, None]
-    return out
+    return Signs().continuous(quaternion)
+
+
+class Signs:
+    """Makes quaternions `continuous` block by block; remembers how the block before ended."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, tuple[Array, float]] = {}
+
+    def continuous(self, quaternion: Array) -> Array:
+        """The next (n, N, 4) of all frames."""
+        out = quaternion.copy()
+        for index in range(out.shape[1]):
+            known = np.flatnonzero(np.isfinite(out[:, index]).all(-1))
+            if not len(known):
+                continue
+            series = out[known, index]
+            if index in self._last:
+                last, start = self._last[index]
+                start *= -1.0 if np.sum(series[0] * last) < 0 else 1.0
+            else:
+                start = -1.0 if series[0, 0] < 0 else 1.0
+            turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
+            signs = np.cumprod(np.concatenate([[start], turns]))
+            self._last[index] = series[-1].copy(), float(signs[-1])
+            out[known, index] = series * signs[:, None]
+        return out
 
 
 def nominal_rate_hz(frame: Whole, time_s: Array) -> float:

@@ -9,7 +9,7 @@ they stand in participants.tsv and motion.json.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ from stages.export.bids_channels import (
     skeleton_system,
 )
 from stages.export.formats import Target
+from stages.export.frames import blocks
 from stages.export.motion import Origin, SkeletonMotion
 from stages.export.note import facts
 from stages.export.receivers import with_seen_receivers
@@ -86,9 +87,9 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
         write_dataset_files(folder, folder.resolve().name, {}, origin.licence)
     _add_participant(folder / "participants.tsv", origin.subject)
     hand = tracking_system(origin.hand)
-    _write_system(motion, target, folder, hand, receiver_system(motion))
+    _write_system(motion, target, folder, hand, receiver_system)
     skeleton = f"{hand}skeleton{label(origin.model)}"
-    _write_system(motion, target, folder, skeleton, skeleton_system(motion))
+    _write_system(motion, target, folder, skeleton, skeleton_system)
     if np.isfinite(motion.rate_hz):
         return unseen
     return (*unseen, f"a sampling frequency, which one frame does not have; {ALONE_HZ:g} Hz stands for it")
@@ -163,8 +164,17 @@ def recording_path(folder: Path, origin: Origin, system: str) -> Path:
     return folder / f"sub-{label(origin.subject)}" / "motion" / f"{stem}_motion.tsv"
 
 
-def _write_system(motion: SkeletonMotion, target: Target, folder: Path, name: str, system: System) -> None:
+def _write_system(
+    motion: SkeletonMotion,
+    target: Target,
+    folder: Path,
+    name: str,
+    system_of: Callable[[SkeletonMotion, float], System],
+) -> None:
     path = recording_path(folder, motion.origin, name)
+    known = motion.time_s[np.isfinite(motion.time_s)]
+    start_s = float(known[0]) if len(known) else float("nan")
+    system = system_of(motion.take(slice(0, 1)), start_s)
 
     def beside(ending: str) -> Path:
         return path.with_name(path.name.removesuffix("_motion.tsv") + ending)
@@ -173,11 +183,12 @@ def _write_system(motion: SkeletonMotion, target: Target, folder: Path, name: st
     write_text(beside("_channels.tsv"), _tsv(rows(system, rate)))
     write_text(beside("_channels.json"), _json(reference_frames(system)))
     write_text(beside("_motion.json"), _json(_motion_json(motion, target, name, system)))
-    texts = [column.text.fill_null("n/a") for column in system.columns]
-    table = pa.table(texts, names=[str(index) for index in range(len(texts))])
     options = pa_csv.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
-    with replacing(path) as temporary:
-        pa_csv.write_csv(table, temporary, options)
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        for block in blocks(motion):
+            texts = [column.text.fill_null("n/a") for column in system_of(block, start_s).columns]
+            table = pa.table(texts, names=[str(index) for index in range(len(texts))])
+            pa_csv.write_csv(table, stream, options)
 
 
 def _motion_json(motion: SkeletonMotion, target: Target, name: str, system: System) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stages.export.frames import changed
 from stages.export.motion import SkeletonMotion
 
 
@@ -20,11 +21,16 @@ def with_seen_receivers(motion: SkeletonMotion) -> tuple[SkeletonMotion, tuple[s
         return motion, ()
     kept = tuple(name for name, known in zip(there.segments, seen, strict=True) if known)
     gone = ", ".join(name for name in there.segments if name not in kept)
-    receivers = replace(
-        there,
-        segments=kept,
-        position_mm=there.position_mm[:, seen],
-        quaternion=there.quaternion[:, seen],
-        valid=there.valid[:, seen],
-    )
-    return replace(motion, receivers=receivers), (f"receivers that have no pose in any frame: {gone}",)
+
+    def only_seen(block: SkeletonMotion) -> SkeletonMotion:
+        own = block.receivers
+        receivers = replace(
+            own,
+            segments=kept,
+            position_mm=own.position_mm[:, seen],
+            quaternion=own.quaternion[:, seen],
+            valid=own.valid[:, seen],
+        )
+        return replace(block, receivers=receivers)
+
+    return changed(motion, only_seen), (f"receivers that have no pose in any frame: {gone}",)

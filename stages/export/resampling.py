@@ -34,7 +34,9 @@ def in_range(motion: SkeletonMotion, first: int | None, last: int | None) -> Ske
             f"--frames: no frame of the recording is in {'' if first is None else first}:"
             f"{'' if last is None else last}; it has {whole}"
         )
-    out = motion.take(kept)
+    inside = np.flatnonzero(kept)
+    together = slice(int(inside[0]), int(inside[-1]) + 1)
+    out = motion.take(together if kept[together].all() else kept)
     return out.noting(f"frames {out.frame[0]} to {out.frame[-1]} only, as asked")
 
 

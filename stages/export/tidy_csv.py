@@ -7,9 +7,8 @@ bone frame to transmitter frame, to 9 decimals.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -19,10 +18,10 @@ from kinematics.joint_angles import joint_angles
 from kinematics.rotations import Array, conjugate, multiply
 from schemas.files import replacing, write_text
 from stages.export.formats import Target
+from stages.export.frames import blocks
 from stages.export.motion import BONE_TO_WEBXR, SkeletonMotion
 from stages.export.note import facts
 
-_BLOCK_ROWS = 1 << 18
 _POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
 _MEANING = {
@@ -43,11 +42,11 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     Angles are those of the joint_angles table where the hand was fitted, made from the poses written; of
     joints of which no anatomy is known there are none, and without any there is no such file.
     """
-    poses = np.concatenate([motion.position_mm.round(6), motion.quaternion.round(9)], -1)
-    _write_long(path, motion, motion.names, _POSE, poses)
-    names, angles = bone_angles_deg(motion)
+    _write_long(path, motion, motion.names, _POSE, _poses)
+    names, _ = bone_angles_deg(motion.take(slice(0)))
     if names:
-        _write_long(path.with_name(f"{path.stem}_angles.csv"), motion, names, _ANGLES, angles.round(6))
+        angles = path.with_name(f"{path.stem}_angles.csv")
+        _write_long(angles, motion, names, _ANGLES, lambda block: bone_angles_deg(block)[1].round(6))
     tree = {joint.name: motion.names[joint.parent] for joint in motion.joints[1:]}
     rest = {
         name: row.round(6).tolist() for name, row in zip(motion.names, motion.rest_offset_mm, strict=True)
@@ -78,28 +77,32 @@ def bone_angles_deg(motion: SkeletonMotion) -> tuple[tuple[str, ...], Array]:
 
 
 def _write_long(
-    path: Path, motion: SkeletonMotion, joints: Sequence[str], columns: Sequence[str], values: Array
+    path: Path,
+    motion: SkeletonMotion,
+    joints: Sequence[str],
+    columns: Sequence[str],
+    values: Callable[[SkeletonMotion], Array],
 ) -> None:
-    """Rows frame after frame, in each joint after joint; values : (T, N, columns)."""
+    """Rows frame after frame, in each joint after joint; values : gives (n, N, columns) of n frames."""
     with replacing(path) as temporary, temporary.open("wb") as stream:
         options = pc.WriteOptions(include_header=False, quoting_style="needed")
         stream.write((",".join(("frame", "time_s", "joint", *columns)) + "\n").encode())
-        for block in _blocks(motion, joints, columns, values):
-            pc.write_csv(pa.table(dict(block)), stream, options)
+        for block in blocks(motion):
+            pc.write_csv(_table(block, joints, columns, values(block)), stream, options)
 
 
-def _blocks(
-    motion: SkeletonMotion, joints: Sequence[str], columns: Sequence[str], values: Array
-) -> Iterator[Mapping[str, Any]]:
-    step = max(1, _BLOCK_ROWS // len(joints))
-    names = pa.array(joints)
-    for start in range(0, len(motion.frame), step):
-        rows = slice(start, start + step)
-        n = len(motion.frame[rows])
-        block = {
-            "frame": np.repeat(motion.frame[rows], len(joints)),
-            "time_s": pa.array(np.repeat(motion.time_s[rows], len(joints)), from_pandas=True),
-            "joint": names.take(pa.array(np.tile(np.arange(len(joints)), n))),
-        }
-        flat = values[rows].reshape(n * len(joints), -1)
-        yield block | {name: pa.array(flat[:, index], from_pandas=True) for index, name in enumerate(columns)}
+def _table(motion: SkeletonMotion, joints: Sequence[str], columns: Sequence[str], values: Array) -> pa.Table:
+    n = len(motion.frame)
+    flat = values.reshape(n * len(joints), -1)
+    known = {
+        "frame": np.repeat(motion.frame, len(joints)),
+        "time_s": pa.array(np.repeat(motion.time_s, len(joints)), from_pandas=True),
+        "joint": pa.array(joints).take(pa.array(np.tile(np.arange(len(joints)), n))),
+    }
+    return pa.table(
+        known | {name: pa.array(flat[:, index], from_pandas=True) for index, name in enumerate(columns)}
+    )
+
+
+def _poses(motion: SkeletonMotion) -> Array:
+    return np.concatenate([motion.position_mm.round(6), motion.quaternion.round(9)], -1)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.rotations import Array
-from stages.fit_hand.operations import Branch, Reached
+from stages.fit_hand.operations import Branch, Reached, cross
 
 Index = npt.NDArray[np.int64]
 
@@ -175,7 +175,7 @@ def weighted_jacobian(
     for i, (mark, s) in enumerate(receivers):
         arm = reached.position_mm[mark] - point.root_mm
         root[i, :, :3, :3] = point.root
-        root[i, :, :3, 3:] = np.cross(point.root.swapaxes(-1, -2), arm[:, None]).swapaxes(-1, -2)
+        root[i, :, :3, 3:] = cross(point.root.swapaxes(-1, -2), arm[:, None]).swapaxes(-1, -2)
         root[i, :, 3:, 3:] = point.root
         back = np.swapaxes(problem.frames.rotation[:, s], -1, -2)
         spin = _inverse_left_jacobian(r[i, :, 3:] * problem.sd[s, 1]) @ back

@@ -177,14 +177,9 @@ class Branch:
         root. skin : False to leave the receivers where they are on the bones when no joint is bent.
         """
         own = y[:, self.states]
-        amount = self._constant + self._by_unknown @ x[self.unknowns]
-        amount = amount[:, None] + self.per_state(x, skin=skin) @ own.T
-        turning = [
-            _rotation(cross_, square, angle if moves else angle[:1])
-            for cross_, square, angle, moves in zip(
-                self._cross, self._square, amount, self._moves, strict=True
-            )
-        ]
+        steady = self._constant + self._by_unknown @ x[self.unknowns]
+        amount = steady[:, None] + self.per_state(x, skin=skin) @ own.T
+        turning = self._turning(steady, amount)
         R, t = root, root_mm
         n_frames = len(y)
         rotation = np.empty((len(self.marks), n_frames, 3, 3))
@@ -194,13 +189,13 @@ class Branch:
         left = []
         for what, index, constant in self._plan:
             if what == "rotate":
-                axis[index], origin[index] = R @ constant, t
-                R = R @ turning[index]
+                axis[index], origin[index] = _times(R, constant), t
+                R = R @ turning[index] if self._moves[index] else _times(R, turning[index])
             elif what == "translate":
-                axis[index], origin[index] = R @ constant, t
+                axis[index], origin[index] = _times(R, constant), t
                 t = t + axis[index] * amount[index][:, None]
             elif what == "turn":
-                R = R @ constant
+                R = _times(R, constant)
             elif what == "mark":
                 rotation[index], position[index] = R, t
             elif what == "leave":
@@ -209,20 +204,35 @@ class Branch:
                 R, t = left.pop()
         return Reached(rotation, position, axis, origin)
 
+    def _turning(self, steady: Array, amount: Array) -> list[Array]:
+        """Rotation matrices (Rodrigues) of every operation: (F, 3, 3) by its amounts (O, F), or (3, 3) by its
+        steady one (O,) where it does not move.
+        """
+        found: list[Array] = [NOTHING] * len(amount)
+        for moves, angles in ((False, steady), (True, amount)):
+            which = np.flatnonzero(self._rotates & (self._moves == moves))
+            angle = angles[which][..., None, None]
+            shape = (len(which), *(1,) * (angle.ndim - 3), 3, 3)
+            once, twice = self._cross[which].reshape(shape), self._square[which].reshape(shape)
+            turned = np.eye(3) + np.sin(angle) * once + (1.0 - np.cos(angle)) * twice
+            for operation, own in zip(which, turned, strict=True):
+                found[operation] = own
+        return found
+
     def by_operation(self, reached: Reached, marks: Sequence[int], which: Index | None = None) -> Array:
         """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation.
 
         which : operations to give; all where None.
         """
         chosen = np.arange(len(self._rotates)) if which is None else which
-        axis, origin_mm = reached.axis[chosen], reached.origin_mm[chosen]
-        rotates = self._rotates[chosen, None, None]
-        out = np.empty((len(marks), axis.shape[1], 6, len(chosen)))
+        out = np.zeros((len(marks), reached.axis.shape[1], 6, len(chosen)))
         for i, mark in enumerate(marks):
-            turned = np.where(rotates, cross(axis, reached.position_mm[mark] - origin_mm), axis)
-            spun = np.where(rotates, axis, 0.0)
-            both = np.concatenate([turned, spun], -1) * self._upstream[mark, chosen, None, None]
-            out[i] = both.transpose(1, 2, 0)
+            before = self._upstream[mark, chosen]
+            turning, sliding = before & self._rotates[chosen], before & ~self._rotates[chosen]
+            axis, origin_mm = reached.axis[chosen[turning]], reached.origin_mm[chosen[turning]]
+            out[i, :, :3, turning] = cross(axis, reached.position_mm[mark] - origin_mm)
+            out[i, :, 3:, turning] = axis
+            out[i, :, :3, sliding] = reached.axis[chosen[sliding]]
         return out
 
     def by_unknown(self, by_operation: Array, y: Array, *, skin: bool = True) -> Array:
@@ -238,10 +248,10 @@ class Branch:
         return np.asarray(np.concatenate([by_operation, products], -1) @ self._by_unknown_and_product)
 
 
-def _rotation(cross_matrix: Array, square: Array, angle_rad: Array) -> Array:
-    """Rotation matrices (F, 3, 3) about the axis of a cross product matrix, by angles (F,) (Rodrigues)."""
-    angle = angle_rad[:, None, None]
-    return np.asarray(np.eye(3) + np.sin(angle) * cross_matrix + (1.0 - np.cos(angle)) * square)
+def _times(rotation: Array, constant: Array) -> Array:
+    """Rotations (F, 3, 3) of one vector (3,) or matrix (3, 3), as one product."""
+    flat = np.ascontiguousarray(rotation).reshape(-1, 3) @ constant
+    return np.asarray(flat.reshape(-1, *constant.shape))
 
 
 def cross(a: Array, b: Array) -> Array:

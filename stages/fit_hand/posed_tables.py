@@ -13,7 +13,7 @@ import numpy.typing as npt
 from kinematics.joint_angles import angles_of_hand, mirrored
 from kinematics.rotations import Array, from_matrix, multiply
 from schemas.layout import Layout
-from schemas.poses import Poses, RecordingName, pose_blocks, recording_name
+from schemas.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
 from stages.fit_hand.building import KINDS
 from stages.fit_hand.chain import known_digits, rest_rotations
 from stages.fit_hand.fingertips import Fingertips
@@ -41,16 +41,12 @@ def posed_blocks(tips: Fingertips, model: str, recordings: Sequence[Path]) -> It
     segments = tips.fit.evidence.layout.measured
     for path in recordings:
         name = recording_name(path)
-        step = max(1, -(-_n_frames(path, segments) // LEFT_OUT_FRAMES))
+        step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
         first = 0
         for poses in pose_blocks(path, segments, BLOCK_FRAMES):
             tried = np.arange((-first) % step, len(poses.frame), step)
             yield _block(tips, name, model, poses, tried)
             first += len(poses.frame)
-
-
-def _n_frames(path: Path, segments: Sequence[str]) -> int:
-    return sum(len(poses.frame) for poses in pose_blocks(path, segments[:1]))
 
 
 def _block(

@@ -13,7 +13,7 @@ from schemas.poses import Poses
 from stages.fit_hand.building import bone, receiver
 from stages.fit_hand.chain import known_digits, root_of
 from stages.fit_hand.fit import HandFit
-from stages.fit_hand.normal_equations import Frames, Point, Problem, residuals
+from stages.fit_hand.normal_equations import Frames, Problem, Residuals, residuals
 from stages.fit_hand.posing import first_guess, pose
 
 CHUNK_FRAMES = 512
@@ -119,13 +119,13 @@ def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, 
     origins = np.stack(
         [fit.evidence.convention.world(*marks[receiver(name)])[1] for name in fit.evidence.model.receivers], 1
     )
-    return point.y, position, from_matrix(rotation), origins, _rms_mm(problem, point)
+    return point.y, position, from_matrix(rotation), origins, _rms_mm(problem, found)
 
 
-def _rms_mm(problem: Problem, point: Point) -> Array:
+def _rms_mm(problem: Problem, found: Residuals) -> Array:
     """Root mean square distance, (F,), of predicted to measured receivers that are valid."""
-    total, count = np.zeros(len(point.y)), np.zeros(len(point.y))
-    for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
+    total, count = np.zeros(len(found.frame_cost)), np.zeros(len(found.frame_cost))
+    for receivers, (r, _, _) in zip(problem.receivers, found.branches, strict=True):
         for i, (_, s) in enumerate(receivers):
             if problem.sd[s, 0] < _UNSEEN / 1e3:
                 total += (r[i, :, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2

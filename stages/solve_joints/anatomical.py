@@ -97,7 +97,8 @@ def _only(segment: str, among: list[str]) -> int | None:
 class HandFit:
     """A hand's joints weighed against anatomy, by their place in the sample; only joints that have a frame.
 
-    told : what each joint's frames say; found : the centres, six rows a joint, in the same order.
+    told : what each joint's frames say; found : the centres, six rows a joint, in the same order. free : the
+    fit of all six values to all frames, which anatomy has no part in; None of a joint that did not move.
     """
 
     joints: dict[int, JointEvidence]
@@ -105,7 +106,7 @@ class HandFit:
     told: list[Information]
     found: HandPosterior
     looseness: float
-    effective: dict[int, float]
+    free: dict[int, JointSolution | None]
 
     def covariance(self, row: int, found: HandPosterior) -> Array:
         """Covariance (6, 6) of one joint's (p, q) under `found`, with what skin adds that no frame shows."""
@@ -131,9 +132,8 @@ def fit_hand(
     joints = _evidence(sample, layout, hand)
     if not joints:
         return None
-    effective = {
-        index: solve_closed(moments, index, 6).n_effective if is_solvable(moments, index) else 1.0
-        for index in joints
+    free = {
+        index: solve_closed(moments, index, 6) if is_solvable(moments, index) else None for index in joints
     }
     prior = hand_prior(
         [one.joint for one in joints.values()],
@@ -147,7 +147,7 @@ def fit_hand(
     looseness = 1.0
     for _ in range(ROUNDS):
         told = [
-            weigh(one, centre, layout, looseness, min(effective[index], MAX_EFFECTIVE))
+            weigh(one, centre, layout, looseness, min(_n_effective(free[index]), MAX_EFFECTIVE))
             for (index, one), centre in zip(joints.items(), centres, strict=True)
         ]
         found = posterior(prior, told)
@@ -156,18 +156,26 @@ def fit_hand(
             np.where(np.diag(covariance) < UNKNOWN_MM2, mean, found.mean[6 * row : 6 * row + 6])
             for row, (mean, covariance) in enumerate(own)
         ]
-    return HandFit(joints, prior, told, found, looseness, effective)
+    return HandFit(joints, prior, told, found, looseness, free)
+
+
+def _n_effective(free: JointSolution | None) -> float:
+    return 1.0 if free is None else free.n_effective
 
 
 def solve_hand(
     sample: HandSample, moments: JointMoments, layout: Layout, hand: str, hand_length_mm: float | None
 ) -> dict[str, JointSolution]:
     """Solve all joints that have a frame, as `fit_hand`; the others are left out."""
-    fit = fit_hand(sample, moments, layout, hand, hand_length_mm)
+    return solutions(fit_hand(sample, moments, layout, hand, hand_length_mm), moments)
+
+
+def solutions(fit: HandFit | None, moments: JointMoments) -> dict[str, JointSolution]:
+    """Give a fitted hand's joints in the terms of the closed form."""
     if fit is None:
         return {}
     return {
-        one.joint.name: _solution(one, index, _placed(fit, row), moments, fit.effective[index])
+        one.joint.name: _solution(one, index, _placed(fit, row), moments, fit.free[index])
         for row, (index, one) in enumerate(fit.joints.items())
     }
 
@@ -223,13 +231,12 @@ def _placed(fit: HandFit, row: int) -> _Placed:
 
 
 def _solution(
-    one: JointEvidence, index: int, placed: _Placed, moments: JointMoments, n_effective: float
+    one: JointEvidence, index: int, placed: _Placed, moments: JointMoments, free: JointSolution | None
 ) -> JointSolution:
     """The joint in the terms of the closed form, which gives what its best fit alone can say."""
     p_mm, q_mm = placed.mean[:3], placed.mean[3:]
     gap = gap_rms_mm(moments, index, p_mm, q_mm)
-    mean_rotation = matrix(moments.reference[index]) @ (np.eye(3) + moments.mean(index)[:9].reshape(3, 3))
-    free = solve_closed(moments, index, 6) if is_solvable(moments, index) else None
+    mean_rotation = moments.first_turn[index] @ (np.eye(3) + moments.mean(index)[:9].reshape(3, 3))
     s = np.clip(np.linalg.svd(mean_rotation, compute_uv=False), 0.0, 1.0)
     return JointSolution(
         p_mm=p_mm,
@@ -246,18 +253,17 @@ def _solution(
         spread_deg=float(np.degrees(np.sqrt(np.average(one.motion.angle_rad**2, weights=one.weights)))),
         axis_sd_deg=90.0 if free is None else free.axis_sd_deg,
         n_frames=int(moments.count[index]),
-        n_effective=n_effective,
+        n_effective=_n_effective(free),
         message="; ".join(_doubts(one, placed)),
     )
 
 
 def gap_rms_mm(moments: JointMoments, joint: int, p_mm: Array, q_mm: Array) -> float:
     """Rms gap over every frame of a centre given in the parent's and the child's receiver frame."""
-    mean, covariance = moments.mean(joint), moments.covariance(joint)
-    middle = matrix(moments.reference[joint]).T @ p_mm - q_mm - moments.reference_mm[joint]
+    mean, (C_DD, C_Dd, C_dd) = moments.mean(joint), moments.spread(joint)
+    middle = moments.first_turn[joint].T @ p_mm - q_mm - moments.reference_mm[joint]
     middle = middle - mean[:9].reshape(3, 3) @ q_mm - mean[9:]
-    take = np.concatenate([np.kron(np.eye(3), q_mm), np.eye(3)], 1)
-    return float(np.sqrt(max(middle @ middle + np.einsum("ri,ij,rj", take, covariance, take), 0.0)))
+    return float(np.sqrt(max(middle @ middle + q_mm @ C_DD @ q_mm + 2 * q_mm @ C_Dd + C_dd, 0.0)))
 
 
 def _doubts(one: JointEvidence, placed: _Placed) -> list[str]:

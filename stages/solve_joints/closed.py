@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array, from_matrix, matrix
+from kinematics.rotations import Array
 from stages.solve_joints.moments import JointMoments
 from stages.solve_joints.stacked import EXACT_HINGE
 
@@ -54,7 +54,7 @@ class _Normal:
     """Normal equations of one joint, in the frame of its first pose.
 
     M, u, w : means of R, d and R^T d (at the minimum p = M q + u). C_DD = I - M^T M, C_Dd, C_dd : covariances
-    of D and d, summed over their rows; covariance : (12, 12) of all of them. offset_mm : d of the first pose.
+    of D and d, summed over their rows.
     """
 
     R0: Array
@@ -64,30 +64,22 @@ class _Normal:
     C_DD: Array
     C_Dd: Array
     C_dd: float
-    covariance: Array
-    offset_mm: Array
 
     def gap_rms_mm(self, p: Array, q: Array) -> float:
         """Root mean square gap of the centre (p, q), p in the frame of the first pose."""
         offset = p - self.M @ q - self.u
-        mean_square = offset @ offset + q @ self.C_DD @ q + 2 * q @ self.C_Dd + self.C_dd
-        return float(np.sqrt(max(float(mean_square), 0.0)))
-
-    def batch_gaps(self, means: Array, p: Array, q: Array) -> Array:
-        """Mean gaps (B, 3) of the centre (p, q) over short batches with these means (B, 12) of (D, d)."""
-        return np.asarray((p - q - self.offset_mm) - means[:, :9].reshape(-1, 3, 3) @ q - means[:, 9:])
+        return float(np.sqrt(max(float(offset @ offset) + self.gap_variance(q), 0.0)))
 
     def gap_variance(self, q: Array) -> float:
         """Variance of the gap over single frames, summed over its components."""
-        take = np.concatenate([np.kron(np.eye(3), q), np.eye(3)], 1)
-        return float(np.einsum("ri,ij,rj", take, self.covariance, take))
+        return float(q @ self.C_DD @ q + 2 * q @ self.C_Dd + self.C_dd)
 
 
 def is_solvable(moments: JointMoments, joint: int) -> bool:
     """Whether the joint moved at all: five of its six unknowns have an answer."""
     if moments.count[joint] < 2:
         return False
-    return bool(np.linalg.eigvalsh(_normal(moments, joint).C_DD)[1] > _SINGULAR)
+    return bool(np.linalg.eigvalsh(moments.spread(joint)[0])[1] > _SINGULAR)
 
 
 def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> JointSolution:
@@ -108,14 +100,14 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
     free = (p, q) if one_minus_s2[0] < 2 * EXACT_HINGE else _centre(normal, one_minus_s2, s, U, V, 6)
     gap = normal.gap_rms_mm(p, q)
     n_frames = int(moments.count[joint])
-    means = moments.batch_means(joint)
-    n_effective = effective_samples(normal.batch_gaps(means, p, q), normal.gap_variance(q), n_frames)
-    turns = from_matrix(np.eye(3) + means[:, :9].reshape(-1, 3, 3))
-    off_axis = effective_samples(2 * turns[:, 1:] @ V[:, 1:], float(one_minus_s2[0]), n_frames)
+    n_effective = effective_samples(moments.batch_gaps_mm(joint, p, q).T, normal.gap_variance(q), n_frames)
+    turns = moments.batch_turns(joint)
+    off_axis = effective_samples((2 * V[:, 1:].T @ turns[1:]).T, float(one_minus_s2[0]), n_frames)
     angle_deg = _angles_deg(turns, V[:, 0])
     small = one_minus_s2 / (1.0 + s)  # 1 - s without cancellation
     covariance = gap**2 / 3 / n_effective * _inverse_normal(small, s, U, V, n_singular_values)
-    turn = np.kron(np.diag([1.0, 0.0]), normal.R0) + np.kron(np.diag([0.0, 1.0]), np.eye(3))
+    turn = np.eye(6)
+    turn[:3, :3] = normal.R0
     return JointSolution(
         p_mm=normal.R0 @ p,
         q_mm=q,
@@ -136,22 +128,11 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
 
 
 def _normal(moments: JointMoments, joint: int) -> _Normal:
-    mean, covariance = moments.mean(joint), moments.covariance(joint)
-    blocks = covariance[:9, :9].reshape(3, 3, 3, 3)
-    M, offset_mm = np.eye(3) + mean[:9].reshape(3, 3), moments.reference_mm[joint]
-    u = offset_mm + mean[9:]
-    C_Dd = np.einsum("rir->i", covariance[:9, 9:].reshape(3, 3, 3))
-    return _Normal(
-        R0=matrix(moments.reference[joint]),
-        M=M,
-        u=u,
-        w=M.T @ u + C_Dd,  # mean of R^T d: product of the means and covariance
-        C_DD=np.einsum("riRj,rR->ij", blocks, np.eye(3)),
-        C_Dd=C_Dd,
-        C_dd=float(np.trace(covariance[9:, 9:])),
-        covariance=covariance,
-        offset_mm=offset_mm,
-    )
+    mean = moments.mean(joint)
+    C_DD, C_Dd, C_dd = moments.spread(joint)
+    M, u = np.eye(3) + mean[:9].reshape(3, 3), moments.reference_mm[joint] + mean[9:]
+    w = M.T @ u + C_Dd  # mean of R^T d: product of the means and covariance
+    return _Normal(moments.first_turn[joint], M, u, w, C_DD, C_Dd, C_dd)
 
 
 def _left_vectors(M: Array, V: Array) -> Array:
@@ -190,14 +171,10 @@ def _centre(
 
 def _inverse_normal(small: Array, s: Array, U: Array, V: Array, n_singular_values: int) -> Array:
     """(6, 6) inverse of [[I, -M], [-M^T, I]], the left-out direction with zeros."""
-    inverse = np.zeros((6, 6))
-    for i in range(3):
-        together = np.concatenate([U[:, i], V[:, i]]) / np.sqrt(2)
-        apart = np.concatenate([U[:, i], -V[:, i]]) / np.sqrt(2)
-        inverse += np.outer(apart, apart) / (1.0 + s[i])
-        if i >= 6 - n_singular_values:
-            inverse += np.outer(together, together) / max(small[i], _SINGULAR)
-    return inverse
+    apart, together = np.concatenate([U, -V]), np.concatenate([U, V])
+    kept = np.arange(3) >= 6 - n_singular_values
+    weights = np.where(kept, 1.0 / np.maximum(small, _SINGULAR), 0.0)
+    return np.asarray((apart / (1.0 + s)) @ apart.T + (together * weights) @ together.T) / 2
 
 
 def _axis_sd_deg(one_minus_s2: Array, n_effective: float) -> float:
@@ -224,16 +201,30 @@ def effective_samples(series: Array, variance: float, n_frames: int) -> float:
     blocks = len(series)
     if blocks < 4 or variance <= 0.0:
         return float(max(blocks, 1))
-    length = 1 << (2 * blocks - 1).bit_length()
-    spectrum = np.fft.rfft((series - series.mean(0)).T, length)
-    autocovariance = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, 0))[:blocks] / blocks
-    crossing = int(np.argmax(autocovariance <= 0)) if np.any(autocovariance <= 0) else blocks
+    centred = (series - series.mean(0)).T
+    for reach in (blocks // 8, blocks - 1):  # lags that do not wrap around; the crossing is mostly early
+        length = _quick_length(blocks + reach)
+        spectrum = np.fft.rfft(centred, length)
+        power = np.sum(spectrum.real**2 + spectrum.imag**2, 0)
+        autocovariance = np.fft.irfft(power, length)[: reach + 1] / blocks
+        crossing = int(np.argmax(autocovariance <= 0))
+        if crossing:
+            break
+    else:
+        crossing = blocks
     variance_of_mean = (2 * autocovariance[:crossing].sum() - autocovariance[0]) / blocks
     return float(np.clip(variance / max(variance_of_mean, 1e-300), 1.0, n_frames))
 
 
+def _quick_length(least: int) -> int:
+    """Give an even length of at least so many, 2^a 3^b 5^c, of which a Fourier transform is quick."""
+    odd = (1, 3, 5, 9, 15, 25, 45, 75, 225)
+    return min(one << max(1, int(-(-least // one) - 1).bit_length()) for one in odd)
+
+
 def _angles_deg(turns: Array, axis: Array) -> Array:
-    """Angles (B,) about the axis of quaternions (B, 4), relative to their circular mean, deg."""
-    angle = 2 * np.arctan2(turns[:, 1:] @ axis, turns[:, 0])
-    middle = np.angle(np.mean(np.exp(1j * angle)))
-    return np.asarray(np.degrees(np.angle(np.exp(1j * (angle - middle)))))
+    """Angles (B,) about the axis of quaternions (4, B), relative to their circular mean, deg."""
+    half = turns[0] + 1j * (axis @ turns[1:])
+    whole = half * half
+    whole /= np.abs(whole)
+    return np.asarray(np.degrees(np.angle(whole * np.conj(whole.mean()))))

@@ -51,13 +51,13 @@ def joint_motion(quaternion: Array, weights: Array, hint_child: Array) -> JointM
     The axis is the leading singular pair of the mean rotation matrix (SARA, Ehrig et al. 2007); hint_child :
     (3,) direction in the child's frame on whose side it shall point.
     """
-    mean = np.einsum("n,nij->ij", weights / weights.sum(), matrix(quaternion))
+    mean = ((weights / weights.sum()) @ matrix(quaternion).reshape(-1, 9)).reshape(3, 3)
     left, _, right = np.linalg.svd(mean)
     sign = 1.0 if right[0] @ hint_child >= 0 else -1.0
     axis_child, axis_parent = sign * right[0], sign * left[:, 0]
     middle = nearest_rotation(mean)
     turn = turns_from(middle, quaternion)
-    covariance = np.einsum("n,ni,nj->ij", weights / weights.sum(), turn, turn)
+    covariance = (turn.T * (weights / weights.sum())) @ turn
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[::-1], 0.0))
     return JointMotion(axis_parent, axis_child, middle, turn, turn @ axis_child, spread)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -52,6 +53,11 @@ class JointEvidence:
     scatter_mm: float = FIRST_SCATTER_MM
     remainder_mm2: Array | None = None
 
+    @cached_property
+    def rotation(self) -> Array:
+        """The frames' rotations (N, 3, 3), child to parent frame."""
+        return matrix(self.frames.quaternion)
+
     @property
     def compound(self) -> bool:
         """Whether a bone between the two receivers carries none and moves."""
@@ -96,9 +102,8 @@ def weigh(
     centre_mm : (6,) (p, q) as expected, for the levers of the skin and as the point on a hinge's axis.
     looseness : of the hand's skin, 1 for a typical one. n_effective : what all the frames together count.
     """
-    rotation = matrix(own.frames.quaternion)
-    moving = skin.stacked(_drifts(own, rotation, centre_mm, layout, looseness))
-    centre = np.concatenate([np.broadcast_to(np.eye(3), rotation.shape), -rotation], -1)
+    moving = skin.stacked(_drifts(own, own.rotation, centre_mm, layout, looseness))
+    centre = np.concatenate([np.broadcast_to(np.eye(3), own.rotation.shape), -own.rotation], -1)
     right = own.frames.position_mm
     if own.dof == 1:  # a hinge says nothing about where on its axis the centre is
         along = np.concatenate([own.motion.axis_parent, own.motion.axis_child]) / np.sqrt(2)
@@ -106,7 +111,8 @@ def weigh(
         right = right - centre @ (open_part @ centre_mm)
         centre = centre @ (np.eye(6) - open_part)
     whiten = _whitening(own)
-    design = np.einsum("ab,nbk->nak", whiten, np.concatenate([centre, moving.columns], -1))
+    unknowns = np.concatenate([centre, moving.columns], -1)
+    design = np.tensordot(whiten, unknowns, (1, 1)).swapaxes(0, 1)
     tempered = own.weights * own.doubt * n_effective / own.weights.sum()
     told = information(design, right @ whiten.T, tempered, moving.mean, moving.covariance)
     spread = robust_scale(told.residual)

@@ -64,10 +64,11 @@ def information(
 
     Unknowns after the sixth have the prior mean (K,) and covariance (K, K) and are integrated out.
     """
-    reduced = right - design[..., 6:] @ prior_mean
-    weighted = weights[:, None, None] * design
-    normal = np.einsum("nak,nal->kl", weighted, design)
-    vector = np.einsum("nak,na->k", weighted, reduced)
+    rows = design.swapaxes(0, 1).reshape(-1, design.shape[-1])
+    reduced = right.T.reshape(-1) - rows[:, 6:] @ prior_mean
+    weighted = (np.tile(weights, design.shape[1])[:, None] * rows).T
+    normal = weighted @ rows
+    vector = weighted @ reduced
     if len(prior_mean):
         normal[6:, 6:] += np.linalg.inv(prior_covariance)
     own = np.linalg.lstsq(normal, vector, rcond=1e-12)[0]
@@ -75,7 +76,7 @@ def information(
     return Information(
         normal[:6, :6] - normal[:6, 6:] @ across,
         vector[:6] - across.T @ vector[6:],
-        reduced - design @ own,
+        (reduced - rows @ own).reshape(design.shape[1], -1).T,
     )
 
 

@@ -72,3 +72,24 @@ def test_unit_keeps_zero() -> None:
     np.testing.assert_array_equal(
         rotations.unit(np.array([[0.0, 0, 0], [0, 3, 4]])), [[0, 0, 0], [0, 0.6, 0.8]]
     )
+
+
+@given(SEEDS, SEEDS)
+def test_number_by_number_is_the_same_to_the_last_bit(first: int, second: int) -> None:
+    """What works on whole columns gives what the functions of (N, 4) arrays give, also into given memory."""
+    a, b = quaternions(some(first)), quaternions(some(second))
+    vector = np.random.default_rng(second).normal(size=(20, 3))
+    relative = rotations.multiply(rotations.conjugate(a), b)
+    np.testing.assert_array_equal(rotations.relative_parts(a.T, b.T).T, relative)
+    turned = rotations.rotate(rotations.conjugate(a), vector)
+    np.testing.assert_array_equal(rotations.rotate_back_parts(a.T, vector.T).T, turned)
+    out = np.empty((7, 20))
+    assert rotations.relative_parts(a.T, b.T, out[:4]).base is out
+    rotations.rotate_back_parts(a.T, vector.T, out[4:])
+    np.testing.assert_array_equal(out.T, np.concatenate([relative, turned], 1))
+
+
+@given(SEEDS, SEEDS)
+def test_left_matrix_multiplies_from_the_left(first: int, second: int) -> None:
+    a, b = quaternions(some(first, 1))[0], quaternions(some(second))
+    np.testing.assert_allclose((rotations.left_matrix(a) @ b.T).T, rotations.multiply(a, b), atol=1e-15)

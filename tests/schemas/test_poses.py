@@ -5,11 +5,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from schemas import poses as poses_module
 from schemas.catalogue import POSES
 from schemas.errors import InputError
-from schemas.poses import one_hand, pose_blocks, read_poses, recording_name, usable_poses
+from schemas.poses import (
+    frame_count,
+    one_hand,
+    pose_blocks,
+    read_poses,
+    receiver_series,
+    recording_name,
+    usable_poses,
+)
 from schemas.tables import Provenance, write_failure, write_table
 
+NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 NAME = {"subject": "01", "hand": "right", "task": "rom", "trial": ""}
 
 
@@ -65,6 +75,100 @@ def test_segments_that_do_not_share_their_frames(
     path = write(tmp_path / "p.parquet", {"hand": [1, 2, 3], "thumb": thumb})
     with pytest.raises(InputError, match="does not have the frames of the others; make it again"):
         list(pose_blocks(path, ("hand", "thumb"), block_frames))
+
+
+def moving(path: Path, frames: int, group_frames: int, lost: slice = slice(0)) -> Path:
+    """Write two receivers that move, the thumb without a pose in the frames `lost`."""
+    rng = np.random.default_rng(frames)
+    numbers = rng.normal(size=(2, frames, 7))
+    numbers[1, lost] = np.nan
+    columns = {
+        "segment": np.repeat(["hand", "thumb"], frames).tolist(),
+        "frame": np.tile(np.arange(frames), 2),
+        "time_s": np.where(np.arange(2 * frames) % 7 == 0, np.nan, np.tile(np.arange(frames) / 240, 2)),
+        **{name: numbers[..., i].ravel() for i, name in enumerate(NUMBERS)},
+        "valid": np.isfinite(numbers).all(-1).ravel(),
+        "flags": [""] * (2 * frames),
+    }
+    groups = [min(group_frames, frames - start) for start in range(0, frames, group_frames)]
+    write_table(path, POSES, columns, Provenance(parameters=NAME), row_group_rows=groups * 2)
+    return path
+
+
+@pytest.mark.parametrize("group_frames", [1, 3, 7, 20])
+@pytest.mark.parametrize("block_frames", [1, 4, 6, 20, None])
+def test_blocks_do_not_depend_on_row_groups(
+    tmp_path: Path, group_frames: int, block_frames: int | None
+) -> None:
+    """Blocks of the size asked for, which together are the whole recording, times and gaps too."""
+    path = moving(tmp_path / "p.parquet", 20, group_frames, slice(5, 9))
+    whole = read_poses(path, ("thumb", "hand"))
+    assert not whole.valid[5:9, 0].any()
+    assert whole.valid[:, 1].all()
+    assert np.isnan(whole.position_mm[5:9, 0]).all()
+    np.testing.assert_array_equal(whole.time_s, np.arange(20) / 240)  # where one lacks it, the other's
+    assert np.flatnonzero(np.isnan(read_poses(path, ("hand",)).time_s)).tolist() == [0, 7, 14]
+    blocks = list(pose_blocks(path, ("thumb", "hand"), block_frames))
+    assert [len(block.frame) for block in blocks[:-1]] == [block_frames] * (len(blocks) - 1)
+    for name in ("frame", "time_s", "position_mm", "quaternion", "valid"):
+        joined = np.concatenate([getattr(block, name) for block in blocks])
+        np.testing.assert_array_equal(joined, getattr(whole, name), err_msg=name)
+
+
+def test_series_are_the_same_numbers(tmp_path: Path) -> None:
+    """Row group by row group; a segment that the file lacks is not there; what was given is emptied."""
+    path = moving(tmp_path / "p.parquet", 20, 8, slice(5, 9))
+    whole = read_poses(path, ("hand", "thumb"))
+    start, given = 0, []
+    for series in receiver_series(path, ("hand", "thumb", "index")):
+        assert list(series) == ["hand", "thumb"]
+        assert not any(given)
+        for place, own in enumerate(series.values()):
+            rows = slice(start, start + len(own.valid))
+            np.testing.assert_array_equal(np.stack(own.position_mm, -1), whole.position_mm[rows, place])
+            np.testing.assert_array_equal(np.stack(own.quaternion, -1), whole.quaternion[rows, place])
+            np.testing.assert_array_equal(own.valid, whole.valid[rows, place])
+        start += len(own.valid)
+        given.append(series)
+    assert start == frame_count(path) == 20
+    assert frame_count(write(tmp_path / "empty.parquet", {})) == 0
+    assert list(receiver_series(tmp_path / "empty.parquet", ("hand",))) == []
+
+
+@pytest.mark.parametrize("thumb", [[1, 2, 4], [1, 2]])
+def test_series_of_segments_that_do_not_share_their_frames(tmp_path: Path, thumb: list[int]) -> None:
+    path = write(tmp_path / "p.parquet", {"hand": [1, 2, 3], "thumb": thumb})
+    with pytest.raises(InputError, match="thumb does not have the frames of the others; make it again"):
+        list(receiver_series(path, ("hand", "thumb")))
+
+
+def test_a_damaged_column_is_said(tmp_path: Path) -> None:
+    path = moving(tmp_path / "p.parquet", 2000, 2000)
+    content = bytearray(path.read_bytes())
+    content[4:100_000] = bytes(100_000 - 4)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"p\.parquet: damaged Parquet file"):
+        read_poses(path, ("hand", "thumb"))
+
+
+def test_recordings_are_kept_until_they_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same arrays, which nobody can write to; another file under the same name is read again."""
+    path = moving(tmp_path / "p.parquet", 20, 20)
+    first = read_poses(path, ("hand", "thumb"))
+    assert read_poses(path, ("hand", "thumb")) is first
+    assert read_poses(path, ("thumb",)).segments == ("thumb",)
+    with pytest.raises(ValueError, match="read-only"):
+        first.position_mm[0] = 0.0
+    moving(path, 30, 30)
+    assert len(read_poses(path, ("hand", "thumb")).frame) == 30
+    others = [moving(tmp_path / f"{n}.parquet", 20, 20) for n in range(6)]
+    size = sum(array.nbytes for array in (first.frame, first.time_s, first.position_mm)) * 3
+    monkeypatch.setattr(poses_module, "KEPT_BYTES", 4 * size)
+    kept = [read_poses(other, ("hand", "thumb")) for other in others]
+    assert read_poses(others[-1], ("hand", "thumb")) is kept[-1]
+    assert read_poses(others[0], ("hand", "thumb")) is not kept[0]
+    monkeypatch.setattr(poses_module, "KEPT_BYTES", 100)
+    assert read_poses(others[1], ("thumb",)) is not read_poses(others[1], ("thumb",))
 
 
 def test_a_recordings_name(tmp_path: Path) -> None:

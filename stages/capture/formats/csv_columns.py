@@ -1,4 +1,4 @@
-"""A CSV file's columns, read at once by pyarrow; what is wrong is looked for only when something is."""
+"""A CSV file's columns, at once or in blocks of rows; what is wrong is looked for when something is."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -22,14 +24,19 @@ EMPTY = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL"]
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
+BLOCK_ROWS = 1 << 16
+READ_BYTES = 1 << 20
+
+Wanted = Callable[[Path, Sequence[str]], list[str]]
+
 
 class CsvColumns(Columns):
-    """The wanted columns of a CSV file, as text until asked for."""
+    """The wanted columns of a CSV file, as text until asked for, from row `start` on."""
 
-    def __init__(self, path: Path, data: bytes, columns: dict[str, pa.ChunkedArray]) -> None:
+    def __init__(self, path: Path, columns: dict[str, pa.ChunkedArray], start: int = 0) -> None:
         self._path = path
-        self._data = data
         self._columns = columns
+        self._start = start
 
     @property
     def names(self) -> list[str]:
@@ -71,7 +78,8 @@ class CsvColumns(Columns):
 
     def place(self, row: int) -> str:
         """File and line of a row, as an editor counts lines."""
-        for index, (line, _) in enumerate(_records(self._data)):
+        row += self._start
+        for index, (line, _) in enumerate(_records(self._path)):
             if index == row + 1:  # record 0 is the header
                 return f"{self._path}: line {line}"
         return f"{self._path}: row {row + 1}"
@@ -82,18 +90,63 @@ class CsvColumns(Columns):
         return text
 
 
-def open_csv(path: Path, wanted: Callable[[Path, Sequence[str]], list[str]]) -> CsvColumns:
+def open_csv(path: Path, wanted: Wanted) -> CsvColumns:
     """Read the wanted columns; `wanted` picks them from the header or refuses it.
 
     Raises InputError where the file cannot be read, is not UTF-8, or a row has another number of cells.
     """
+    with _opened(path) as stream:
+        names, reader = _reader(path, stream, wanted, READ_BYTES)
+        table = reader.read_all()
+    return CsvColumns(path, dict(zip(names, table.columns, strict=True)))
+
+
+def csv_blocks(
+    path: Path, wanted: Wanted, block_rows: int = BLOCK_ROWS, read_bytes: int = READ_BYTES
+) -> Iterator[CsvColumns]:
+    """Read the wanted columns as `open_csv` does, so many rows at a time or some more.
+
+    read_bytes : how much of the file is parsed at a time, which is more than its longest line.
+    """
+    start = 0
+    with _opened(path) as stream:
+        names, reader = _reader(path, stream, wanted, read_bytes)
+        while batches := _next_batches(reader, block_rows):
+            table = pa.Table.from_batches(batches)
+            yield CsvColumns(path, dict(zip(names, table.columns, strict=True)), start)
+            start += table.num_rows
+
+
+def _next_batches(reader: pa_csv.CSVStreamingReader, least_rows: int) -> list[pa.RecordBatch]:
+    batches: list[pa.RecordBatch] = []
+    rows = 0
+    for batch in reader:
+        batches.append(batch)
+        rows += batch.num_rows
+        if rows >= least_rows:
+            break
+    return batches
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
     try:
-        data = path.read_bytes()
+        with path.open("rb") as stream:
+            yield stream
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; expected a recording") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); expected a recording") from error
-    header = _header(path, data)
+    except pa.ArrowInvalid as error:
+        raise _structural_error(path, error) from error
+
+
+def _reader(
+    path: Path, stream: BinaryIO, wanted: Wanted, read_bytes: int
+) -> tuple[list[str], pa_csv.CSVStreamingReader]:
+    """Names of the wanted columns, and what reads them in that order."""
+    header = _header(path, stream)
+    stream.seek(0)
     written = {name.strip(): name for name in header}
     names = wanted(path, [name.strip() for name in header])
     options = pa_csv.ConvertOptions(
@@ -102,15 +155,13 @@ def open_csv(path: Path, wanted: Callable[[Path, Sequence[str]], list[str]]) -> 
         strings_can_be_null=True,
         null_values=EMPTY,
     )
-    try:
-        table = pa_csv.read_csv(pa.BufferReader(data), convert_options=options)
-    except pa.ArrowInvalid as error:
-        raise _structural_error(path, data, len(header), error) from error
-    return CsvColumns(path, data, {name: table.column(written[name]) for name in names})
+    # One thread: of several, each has a block at work and others ahead, and memory is short before time is.
+    reading = pa_csv.ReadOptions(use_threads=False, block_size=read_bytes)
+    return names, pa_csv.open_csv(stream, reading, convert_options=options)
 
 
-def _header(path: Path, data: bytes) -> list[str]:
-    line = next((line for line in io.BytesIO(data) if line.strip()), b"")
+def _header(path: Path, stream: BinaryIO) -> list[str]:
+    line = next((line for line in stream if line.strip()), b"")
     try:
         text = line.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -120,28 +171,41 @@ def _header(path: Path, data: bytes) -> list[str]:
     return next(csv.reader(io.StringIO(text, newline="")))
 
 
-def _structural_error(path: Path, data: bytes, cells: int, error: Exception) -> InputError:
+def _structural_error(path: Path, error: Exception) -> InputError:
     try:
-        for line, record in _records(data):
-            if len(record) != cells:
+        records = _records(path)
+        _, header = next(records)
+        for line, record in records:
+            if len(record) != len(header):
                 return InputError(
-                    f"{path}: line {line}: has {len(record)} cells; expected {cells} as in the header "
+                    f"{path}: line {line}: has {len(record)} cells; expected {len(header)} as in the header "
                     "(a cut-off line, or decimal commas: numbers need a decimal point)"
                 )
-    except UnicodeDecodeError as undecodable:
-        line = data.count(b"\n", 0, undecodable.start) + 1
+    except UnicodeDecodeError:
+        line = _first_undecodable_line(path)
         return InputError(f"{path}: line {line}: is not UTF-8 text; save it as CSV in UTF-8")
     except csv.Error as unreadable:
         return InputError(f"{path}: cannot be read as CSV ({unreadable})")
     return InputError(f"{path}: cannot be read as CSV ({' '.join(str(error).split())})")
 
 
-def _records(data: bytes) -> Iterator[tuple[int, list[str]]]:
+def _first_undecodable_line(path: Path) -> int:
+    with path.open("rb") as stream:
+        for number, line in enumerate(stream, 1):
+            try:
+                line.decode("utf-8")
+            except UnicodeDecodeError:
+                return number
+    raise AssertionError("every line can be decoded")
+
+
+def _records(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Give every record that is not an empty line, with the number of its (last) line."""
-    reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""))
-    for record in reader:
-        if record:
-            yield reader.line_num, record
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        reader = csv.reader(stream)
+        for record in reader:
+            if record:
+                yield reader.line_num, record
 
 
 def _parsed(text: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:

@@ -1,8 +1,9 @@
-"""A Parquet file's columns, in whatever number type their writer chose."""
+"""A Parquet file's columns, in whatever number type their writer chose, at once or in blocks of rows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,20 @@ import pyarrow.parquet as pq
 from schemas.errors import InputError
 from stages.capture.formats.columns import Columns
 
+BLOCK_ROWS = 1 << 16
+_READ_BYTES = 1 << 20
+"""How much of a column is read at a time: one row group may hold the whole recording."""
+
+Wanted = Callable[[Path, Sequence[str]], list[str]]
+
 
 class ParquetColumns(Columns):
-    """The wanted columns of a Parquet file, in whatever number types it has."""
+    """The wanted columns of a Parquet file, in whatever number types it has, from row `start` on."""
 
-    def __init__(self, path: Path, table: pa.Table) -> None:
+    def __init__(self, path: Path, table: pa.Table, start: int = 0) -> None:
         self._path = path
         self._table = table
+        self._start = start
 
     @property
     def names(self) -> list[str]:
@@ -60,7 +68,7 @@ class ParquetColumns(Columns):
 
     def place(self, row: int) -> str:
         """File and row, counted from 1."""
-        return f"{self._path}: row {row + 1}"
+        return f"{self._path}: row {self._start + row + 1}"
 
     def cell(self, name: str, row: int) -> object:
         """The value of a cell; None where it is null."""
@@ -68,15 +76,31 @@ class ParquetColumns(Columns):
         return value
 
 
-def open_parquet(path: Path, wanted: Callable[[Path, Sequence[str]], list[str]]) -> ParquetColumns:
+def open_parquet(path: Path, wanted: Wanted) -> ParquetColumns:
     """Read the wanted columns; `wanted` picks them from the file's names or refuses them.
 
     Raises InputError where the file is absent, is no Parquet file or is damaged.
     """
+    with _opened(path) as file:
+        names = wanted(path, file.schema_arrow.names)
+        return ParquetColumns(path, file.read(columns=names))
+
+
+def parquet_blocks(path: Path, wanted: Wanted, block_rows: int = BLOCK_ROWS) -> Iterator[ParquetColumns]:
+    """Read the wanted columns as `open_parquet` does, some rows at a time."""
+    start = 0
+    with _opened(path) as file:
+        names = wanted(path, file.schema_arrow.names)
+        for batch in file.iter_batches(block_rows, columns=names):
+            yield ParquetColumns(path, pa.Table.from_batches([batch]), start)
+            start += batch.num_rows
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[pq.ParquetFile]:
     try:
-        with pq.ParquetFile(path) as file:
-            names = wanted(path, file.schema_arrow.names)
-            return ParquetColumns(path, file.read(columns=names))
+        with pq.ParquetFile(path, buffer_size=_READ_BYTES, pre_buffer=False) as file:
+            yield file
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; expected a recording") from error
     except (OSError, ValueError, pa.ArrowException) as error:

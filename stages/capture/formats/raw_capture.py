@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +15,17 @@ from schemas.layout import Layout
 from stages.capture.archive import open_archive
 from stages.capture.decode.findings import findings
 from stages.capture.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
+from stages.capture.decode.stream import Block
 from stages.capture.decode.survey import survey_archive
-from stages.capture.samples import ReadingOptions, Samples, segments_of_stations
+from stages.capture.samples import ReadingOptions, Samples, joined, segments_of_stations
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
+
+_MARKS = (*_KEPT, "hemisphere-flip", "hemisphere-repaired")
+
+_KEPT_BYTES = 16 << 20
+"""A capture that is no longer is decoded once, and stays in memory."""
 
 
 def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
@@ -25,45 +33,58 @@ def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Samples
 
     Raises InputError where the file is no capture, holds no pose or a station that the layout does not name.
     """
+    return joined(capture_parts(path, layout, options))
+
+
+def capture_parts(path: Path, layout: Layout, options: ReadingOptions) -> Iterator[Samples]:
+    """Read a raw capture as `read_capture` does, part by part; the last, without samples, has the notes."""
     archive = open_archive(path)
-    survey = survey_archive(archive)
-    losses = findings(survey)
-    parts = [_kept(part, options) for part in flagged_records(archive, survey)]
-    if not sum(len(part[0]) for part in parts):
+    kept: list[Block] | None = [] if archive.size_bytes <= _KEPT_BYTES else None
+    survey = survey_archive(archive, kept)
+    losses = tuple(findings(survey))
+    wanted = [layout.segments[name].receiver for name in layout.measured]
+    there: set[int] = set()
+    for part in flagged_records(archive, survey, kept):
+        columns = _kept(part, options)
+        there.update(int(number) for number in np.unique(columns[0]))
+        known = np.isin(columns[0], [number for number in wanted if number is not None])
+        if known.any():
+            yield _samples(path, layout, [column[known] for column in columns])
+    if not there:
         raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
-    station, frame, time_s, offset, numbers, marks = (
-        np.concatenate(column) for column in zip(*parts, strict=True)
+    left_out = _left_out(path, there, layout)
+    nothing = (*(np.empty(0, np.int64) for _ in range(4)), np.empty((0, 7)), np.empty((0, len(_MARKS)), bool))
+    yield replace(
+        _samples(path, layout, nothing),
+        notes=(*left_out, *losses),
+        losses=losses,
+        missing_frames=survey.missing_frames,
     )
-    known, left_out = _known_stations(path, station, layout)
-    place = _place(path, offset[known])
-    names = (*_KEPT, "hemisphere-flip", "hemisphere-repaired")
+
+
+def _samples(path: Path, layout: Layout, columns: Sequence[npt.NDArray[Any]]) -> Samples:
+    station, frame, time_s, offset, numbers, marks = columns
+    place = _place(path, offset)
     return Samples(
         layout.measured,
-        segments_of_stations(station[known], layout, place),
-        frame[known],
-        time_s[known],
-        numbers[known],
+        segments_of_stations(station, layout, place),
+        frame,
+        time_s,
+        numbers,
         place,
-        {name: marks[known, column] for column, name in enumerate(names)},
-        (*left_out, *losses),
-        tuple(losses),
-        survey.missing_frames,
+        {name: marks[:, column] for column, name in enumerate(_MARKS)},
     )
 
 
-def _known_stations(
-    path: Path, station: npt.NDArray[np.int64], layout: Layout
-) -> tuple[npt.NDArray[np.bool_], list[str]]:
-    """Which records, (N,), are of receivers that the layout names, and a note on the others."""
-    numbers = [layout.segments[name].receiver for name in layout.measured]
-    wanted = [number for number in numbers if number is not None]
-    known = np.isin(station, wanted)
-    if not known.any():
-        has = ", ".join(map(str, np.unique(station)))
-        named = ", ".join(map(str, sorted(wanted))) or "none: its segments have no `receiver:`"
-        raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {named}")
-    others = ", ".join(map(str, np.unique(station[~known])))
-    return known, [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
+def _left_out(path: Path, there: set[int], layout: Layout) -> list[str]:
+    """A note on the stations that came and that the layout does not name; InputError where it names none."""
+    named = {number for s in layout.measured if (number := layout.segments[s].receiver) is not None}
+    if not there & named:
+        has = ", ".join(map(str, sorted(there)))
+        known = ", ".join(map(str, sorted(named))) or "none: its segments have no `receiver:`"
+        raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {known}")
+    others = ", ".join(map(str, sorted(there - named)))
+    return [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
 
 
 def _kept(part: FlaggedRecords, options: ReadingOptions) -> tuple[npt.NDArray[np.generic], ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,21 +16,26 @@ if TYPE_CHECKING:
     from stages.capture.samples import ReadingOptions, Samples
 
     Reader = Callable[[Path, Layout, ReadingOptions], Samples]
+    PartsReader = Callable[[Path, Layout, ReadingOptions], Iterator[Samples]]
 
 
 @dataclass(frozen=True)
 class Format:
-    """One file format: the endings that mean it, and the reader's module and function."""
+    """One file format: the endings that mean it, and the reader's module and function.
+
+    parts : the function that reads the recording part by part, of a format that can be long.
+    """
 
     endings: tuple[str, ...]
     module: str
     function: str
+    parts: str = ""
 
 
 FORMATS = {
-    "csv": Format((".csv",), "stages.capture.formats.tidy", "read_csv"),
-    "parquet": Format((".parquet", ".pq"), "stages.capture.formats.tidy", "read_parquet"),
-    "capture": Format((".arrows",), "stages.capture.formats.raw_capture", "read_capture"),
+    "csv": Format((".csv",), "stages.capture.formats.tidy", "read_csv", "csv_parts"),
+    "parquet": Format((".parquet", ".pq"), "stages.capture.formats.tidy", "read_parquet", "parquet_parts"),
+    "capture": Format((".arrows",), "stages.capture.formats.raw_capture", "read_capture", "capture_parts"),
     "motion-bids": Format(("_motion.tsv",), "stages.capture.formats.motion_bids", "read_motion_bids"),
     "xdf": Format((".xdf", ".xdfz"), "stages.capture.formats.xdf", "read_xdf"),
 }
@@ -53,14 +58,33 @@ def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Re
 
     Raises InputError where the ending is none that is known, or is one that needs a mapping.
     """
-    if mapping is not None:
-        return _function(MAPPED[mapping.format])
-    return _function(FORMATS[_format_by_ending(path) if name == AUTO else name])
-
-
-def _function(found: Format) -> Reader:
+    found = _find(path, name, mapping)
     reader: Reader = getattr(importlib.import_module(found.module), found.function)
     return reader
+
+
+def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
+    """Give the same reader as `find_reader`, one that gives the recording part by part, in order.
+
+    At least one part; what a part notes is of the whole recording. Of a format that is read at once there is
+    one part.
+    """
+    found = _find(path, name, mapping)
+    if found.parts:
+        parts: PartsReader = getattr(importlib.import_module(found.module), found.parts)
+        return parts
+    read = find_reader(path, name, mapping)
+
+    def one_part(path: Path, layout: Layout, options: ReadingOptions) -> Iterator[Samples]:
+        yield read(path, layout, options)
+
+    return one_part
+
+
+def _find(path: Path, name: str, mapping: FileMapping | None) -> Format:
+    if mapping is not None:
+        return MAPPED[mapping.format]
+    return FORMATS[_format_by_ending(path) if name == AUTO else name]
 
 
 def _format_by_ending(path: Path) -> str:

@@ -70,7 +70,7 @@ class TextColumns(CsvColumns):
     """The wanted columns of a table, by their titles; numbers are read once."""
 
     def __init__(self, text: TableText, columns: dict[str, pa.ChunkedArray]) -> None:
-        super().__init__(text.path, text.data, columns)
+        super().__init__(text.path, columns)
         self._text = text
         self._read: dict[str, npt.NDArray[np.float64]] = {}
 

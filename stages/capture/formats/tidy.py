@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,14 @@ import numpy.typing as npt
 from schemas.errors import InputError
 from schemas.layout import Layout
 from stages.capture.formats.columns import Columns
-from stages.capture.samples import NUMBERS, ReadingOptions, Samples, segments_of_names, segments_of_stations
+from stages.capture.samples import (
+    NUMBERS,
+    ReadingOptions,
+    Samples,
+    joined,
+    segments_of_names,
+    segments_of_stations,
+)
 
 SEGMENT, RECEIVER = "segment", "receiver"
 REQUIRED = ("frame", "time_s", *NUMBERS)
@@ -21,18 +28,38 @@ _COMMENTS = ("#", "%", "//")
 """What the first line of a table with comments starts with."""
 
 
-def read_csv(path: Path, layout: Layout, _options: ReadingOptions) -> Samples:
+def read_csv(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
     """Read a tidy CSV file (UTF-8, commas, decimal points). Raises InputError where it is none."""
-    from stages.capture.formats.csv_columns import open_csv
-
-    return read_samples(open_csv(path, wanted_columns), path, layout)
+    return joined(csv_parts(path, layout, options))
 
 
-def read_parquet(path: Path, layout: Layout, _options: ReadingOptions) -> Samples:
+def read_parquet(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
     """Read a tidy Parquet file. Raises InputError where it is none."""
-    from stages.capture.formats.parquet_columns import open_parquet
+    return joined(parquet_parts(path, layout, options))
 
-    return read_samples(open_parquet(path, wanted_columns), path, layout)
+
+def csv_parts(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
+    """Read a tidy CSV file part by part, in its order."""
+    from stages.capture.formats.csv_columns import csv_blocks
+
+    return _parts(csv_blocks(path, wanted_columns), path, layout)
+
+
+def parquet_parts(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
+    """Read a tidy Parquet file part by part, in its order."""
+    from stages.capture.formats.parquet_columns import parquet_blocks
+
+    return _parts(parquet_blocks(path, wanted_columns), path, layout)
+
+
+def _parts(blocks: Iterator[Columns], path: Path, layout: Layout) -> Iterator[Samples]:
+    empty = True
+    for columns in blocks:
+        if columns.rows:
+            empty = False
+            yield read_samples(columns, path, layout)
+    if empty:
+        raise InputError(f"{path}: has a header but no rows; expected one row a receiver and frame")
 
 
 def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
@@ -58,15 +85,13 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
 
 
 def read_samples(columns: Columns, path: Path, layout: Layout) -> Samples:
-    """Turn a file's columns into samples. Raises InputError where a cell is not what its column holds."""
-    if not columns.rows:
-        raise InputError(f"{path}: has a header but no rows; expected one row a receiver and frame")
+    """Turn columns into samples. Raises InputError where a cell is not what its column holds."""
     return Samples(
         layout.measured,
         _segments(columns, path, layout),
         columns.wholes("frame"),
         columns.reals("time_s"),
-        np.stack([columns.reals(name) for name in NUMBERS], -1),
+        np.stack([columns.reals(name) for name in NUMBERS]).T,
         columns.place,
     )
 

@@ -255,9 +255,7 @@ def test_every_mark_of_a_reader_comes_back(tmp_path: Path) -> None:
     samples.numbers[:, 0] += np.arange(frames)
     made = poses_table(samples, {})
     names = {"subject": "1", "hand": "left", "task": "rom", "trial": "pre-op", "layout": "liberty16"}
-    write_table(
-        tmp_path / "poses.parquet", POSES, made.columns, Provenance((), names), row_group_rows=made.row_groups
-    )
+    write_table(tmp_path / "poses.parquet", POSES, made.columns, Provenance((), names))
     assert export(tmp_path / "poses.parquet", tmp_path / "set") == 0
     assert motion(tmp_path / "set").name == "sub-1_task-rom_tracksys-lefthand_acq-preQdop_motion.tsv"
     again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from schemas.catalogue import POSES
 from schemas.errors import InputError
 from schemas.poses import pose_blocks, read_poses
-from schemas.tables import Provenance, write_table
+from schemas.tables import Provenance, write_table_in_parts
 from stages.capture import poses as capture_poses
 from stages.capture.poses import FLAGS, FROZEN_FRAMES, PosesTable
 from stages.capture.samples import Samples
@@ -186,7 +186,7 @@ def test_a_receiver_that_never_moves_while_its_parent_does(frames: int, still: s
 
 
 def write(path: Path, table: PosesTable) -> None:
-    write_table(path, POSES, table.columns, Provenance(), row_group_rows=table.row_groups)
+    write_table_in_parts(path, POSES, table.row_groups(), Provenance())
 
 
 @st.composite

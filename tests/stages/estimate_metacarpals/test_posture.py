@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kinematics.rotations import about_axis, angle, conjugate, matrix, multiply, rotate, unit
+from kinematics.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
 from stages.estimate_metacarpals.posture import (
+    Reference,
     bone_frame,
-    circular_mean_rad,
     estimate_posture,
     swing,
     twist,
@@ -66,12 +66,16 @@ def palm(seed: int, n: int = 120) -> tuple[Rotation, np.ndarray, np.ndarray]:
     return bone, 65 * bone.apply(X), phalanx.apply(Z)
 
 
+def first(vector: Array, normal: Array, normal_reference: Array, frame: int = 0) -> Reference:
+    return Reference.of(vector[frame], normal_reference, normal[frame])
+
+
 @given(SEEDS)
 @settings(max_examples=40)
 def test_posture_of_a_known_metacarpal(seed: int) -> None:
     """Swing, then twist (factor 1) is the bone's own change of posture, to 1e-6 deg."""
     bone, vector, normal = palm(seed)
-    found = estimate_posture(vector, normal, bone[7].apply(Z), 7, 1.0)
+    found = estimate_posture(vector, normal, first(vector, normal, bone[7].apply(Z), 7), 1.0)
     true = quaternions(bone * bone[7].inv())
     error = angle(multiply(conjugate(found.change), true))
     assert np.degrees(error).max() < 1e-6
@@ -84,10 +88,9 @@ def test_hand_and_transmitter_see_the_same_for_factor_one(seed: int) -> None:
     """Seen from a hand that turns, or from the transmitter, the estimated change is the same posture."""
     bone, vector, normal = palm(seed)
     hand = Rotation.from_rotvec(smooth(np.random.default_rng(seed + 1), 120, 3))
-    seen = estimate_posture(
-        hand.inv().apply(vector), hand.inv().apply(normal), hand[0].inv().apply(bone[0].apply(Z)), 0, 1.0
-    )
-    world = estimate_posture(vector, normal, bone[0].apply(Z), 0, 1.0)
+    own = hand.inv().apply(vector), hand.inv().apply(normal)
+    seen = estimate_posture(*own, first(*own, hand[0].inv().apply(bone[0].apply(Z))), 1.0)
+    world = estimate_posture(vector, normal, first(vector, normal, bone[0].apply(Z)), 1.0)
     q = quaternions(hand)
     back = multiply(multiply(q, seen.change), conjugate(q[0]))
     assert np.degrees(angle(multiply(conjugate(back), world.change))).max() < 1e-6
@@ -96,7 +99,8 @@ def test_hand_and_transmitter_see_the_same_for_factor_one(seed: int) -> None:
 def test_twist_factor_scales_the_twist_alone() -> None:
     """Eq. 11: theta_meta = c theta_pro; c = 0 is pure swing, c = 1/2 half the twist."""
     bone, vector, normal = palm(3)
-    whole, half, none = (estimate_posture(vector, normal, bone[0].apply(Z), 0, c) for c in (1.0, 0.5, 0.0))
+    reference = first(vector, normal, bone[0].apply(Z))
+    whole, half, none = (estimate_posture(vector, normal, reference, c) for c in (1.0, 0.5, 0.0))
     np.testing.assert_allclose(half.twist_rad, whole.twist_rad / 2, atol=1e-12)
     np.testing.assert_allclose(none.change, swing(vector[0], vector)[0], atol=1e-12)
     for found in (whole, half, none):
@@ -110,7 +114,7 @@ def test_the_order_is_swing_then_twist() -> None:
     """q_meta * q_swing: the twist is about the swung bone v(k), not about v(1)."""
     vector = np.array([X, Y])
     normal = np.array([Z, X])
-    found = estimate_posture(vector, normal, Z, 0, 1.0)
+    found = estimate_posture(vector, normal, first(vector, normal, Z), 1.0)
     expected = Rotation.from_rotvec(np.pi / 2 * Y) * Rotation.from_rotvec(np.pi / 2 * Z)
     np.testing.assert_allclose(matrix(found.change[1]), expected.as_matrix(), atol=1e-12)
 
@@ -118,8 +122,8 @@ def test_the_order_is_swing_then_twist() -> None:
 def test_singularities_are_flagged() -> None:
     """A phalanx flexed by 85 deg loses the twist, 60 deg does not; a reversed bone loses the swing."""
     vector = np.array([X, X, X, -X + 1e-6 * Y])
-    flexed = [Z, *(np.cos(a) * Z + np.sin(a) * X for a in np.radians([60, 85])), Z]
-    found = estimate_posture(vector, np.array(flexed), Z, 0, 1.0)
+    flexed = np.array([Z, *(np.cos(a) * Z + np.sin(a) * X for a in np.radians([60, 85])), Z])
+    found = estimate_posture(vector, flexed, first(vector, flexed, Z), 1.0)
     assert found.twist_singular.tolist() == [False, False, True, False]
     assert found.swing_singular.tolist() == [False, False, False, True]
 
@@ -129,10 +133,6 @@ def test_bone_frame_is_x_distal_z_dorsal() -> None:
     np.testing.assert_allclose(frame[:, 0], X)
     assert np.linalg.det(frame) == pytest.approx(1)
     assert frame[:, 2] @ [1, 0.5, 2] > 0
-
-
-def test_circular_mean_wraps() -> None:
-    assert abs(circular_mean_rad(np.array([np.pi - 0.1, -np.pi + 0.1]))) == pytest.approx(np.pi)
 
 
 def test_wrist_of_a_rigid_palm_is_the_nominal_one() -> None:

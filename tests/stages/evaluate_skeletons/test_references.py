@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import stage_chain
+from kinematics.recordings import Recordings
 from schemas.layout import read_layout
 from schemas.poses import read_poses
 from schemas.tables import Provenance
@@ -61,13 +62,15 @@ def test_skin_costs_the_true_skeleton_its_tip_error(tmp_path: Path) -> None:
     recording = recorded(tmp_path, Realism.full())
     digit = LAYOUT.digits["index"]
     poses = recording.poses(digit)
-    poses.valid[7, poses.index("index_middle")] = False
+    valid = poses.valid.copy()
+    valid[7, poses.index("index_middle")] = False
+    poses = replace(poses, valid=valid)
     row = true_skeleton_row(recording, digit, poses)
     assert row is not None
     assert 0.2 < row["true_tip_mean_mm"] < row["replay_mean_mm"] < 3.0
     assert row["left_out_p95_mm"] == row["replay_p95_mm"]
     assert row["n_frames"] == 199
-    distal = distal_receiver_row(recording, digit, poses)
+    distal = distal_receiver_row(recording, digit)
     assert (distal["replay_mean_mm"], distal["replay_p95_mm"], distal["n_frames"]) == (0.0, 0.0, 200)
     stated = recording.truth["index"].to_receiver_mm
     assert distal["true_tip_mean_mm"] == pytest.approx(stated.mean())
@@ -79,7 +82,7 @@ def test_without_truth_there_is_no_true_skeleton(tmp_path: Path) -> None:
     digit = LAYOUT.digits["index"]
     poses = recording.poses(digit)
     assert true_skeleton_row(recording, digit, poses) is None
-    assert "true_tip_mean_mm" not in distal_receiver_row(recording, digit, poses)
+    assert "true_tip_mean_mm" not in distal_receiver_row(recording, digit)
 
 
 def test_the_prior_moves_nothing(tmp_path: Path) -> None:
@@ -116,8 +119,8 @@ def test_some_frames_are_evenly_spaced(tmp_path: Path) -> None:
     """200 frames: every third makes 67, and the numbers are those of the recording, whatever the blocks."""
     path = recorded(tmp_path, Realism.full()).path
     whole = read_poses(path, LAYOUT.measured)
-    for block_frames in (200, 64, 2):
-        some = some_frames(path, LAYOUT, 80, block_frames)
+    for block_frames in (200, 64, 2, 1):
+        some = some_frames(Recordings([path], LAYOUT.measured, block_frames), 80)
         np.testing.assert_array_equal(some.frame, whole.frame[::3])
         np.testing.assert_array_equal(some.quaternion, whole.quaternion[::3])
-    np.testing.assert_array_equal(some_frames(path, LAYOUT, 200).frame, whole.frame)
+    np.testing.assert_array_equal(some_frames(Recordings([path], LAYOUT.measured), 200).frame, whole.frame)

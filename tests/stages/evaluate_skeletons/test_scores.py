@@ -11,17 +11,25 @@ from hypothesis import strategies as st
 
 from kinematics.rotations import about_axis
 from schemas.catalogue import TIPS
+from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.poses import RecordingName
 from schemas.tables import Provenance, columns_from_rows, write_table
 from stages.evaluate_skeletons.scores import (
+    known,
     mean_and_p95,
     metacarpal_deg,
     tip_numbers,
     truth_numbers,
     wrist_mcp_sd,
 )
-from stages.evaluate_skeletons.skeleton_folder import SkeletonFolder, Stated, model_of, read_digits
+from stages.evaluate_skeletons.skeleton_folder import (
+    SkeletonFolder,
+    Stated,
+    check_tables,
+    model_of,
+    read_digits,
+)
 from stages.evaluate_skeletons.truth_folder import TrueDigit, at_frames
 
 LAYOUT = read_layout("liberty16")
@@ -39,21 +47,24 @@ def true_digit(frame: list[int], tip_mm: list[list[float]]) -> TrueDigit:
 
 
 def test_mean_and_percentile_of_what_is_known() -> None:
-    found = mean_and_p95("replay", np.array([1.0, NAN, 4.0, 2.0, 3.0]))
+    found = mean_and_p95("replay", known(np.array([1.0, NAN, 4.0, 2.0, 3.0])))
     assert found == {"replay_mean_mm": 2.5, "replay_p95_mm": pytest.approx(3.85)}
-    assert mean_and_p95("replay", np.array([NAN])) == {}
+    assert mean_and_p95("replay", known(np.array([NAN]))) == {}
 
 
 def test_a_replay_is_its_own_left_out_error() -> None:
-    found = tip_numbers({"error_mm": np.array([1.0, 3.0, NAN])}, None, whole_hand=False)
+    found = tip_numbers({"error_mm": known(np.array([1.0, 3.0, NAN]))}, None, whole_hand=False)
     assert (found["replay_mean_mm"], found["left_out_mean_mm"]) == (2.0, 2.0)
     assert (found["posed_mean_mm"], found["n_frames"]) == (None, 2)
 
 
 def test_a_whole_hand_has_a_left_out_error_of_its_own() -> None:
     """It is that of the frames tried; where the hand could not be posed the replay does not stand in."""
-    replayed = {"error_mm": np.array([1.0, 3.0, 5.0])}
-    posed = {"error_mm": np.array([0.5, 0.5, 2.0]), "error_left_out_mm": np.array([NAN, 4.0, NAN])}
+    replayed = {"error_mm": known(np.array([1.0, 3.0, 5.0]))}
+    posed = {
+        "error_mm": known(np.array([0.5, 0.5, 2.0])),
+        "error_left_out_mm": known(np.array([NAN, 4.0, NAN])),
+    }
     found = tip_numbers(replayed, posed, whole_hand=True)
     assert found["replay_mean_mm"] == 3.0
     assert found["posed_mean_mm"] == 1.0
@@ -91,13 +102,19 @@ def test_wrist_to_mcp_is_measured_between_child_halves() -> None:
     wrist = {"status": "ok", "child_x_mm": -30.0, "child_y_mm": 0.0, "child_z_mm": 0.0}
     joints = {"wrist": wrist, "index_mcp": {**wrist, "child_x_mm": -20.0}}
     index = LAYOUT.digits["index"]
-    assert wrist_mcp_sd(poses, index, LAYOUT, joints) == pytest.approx(2.0)
+    assert wrist_mcp_sd([poses], index, LAYOUT, [joints]) == [pytest.approx(2.0)]
+    halves = [poses.take(slice(0, 1)), poses.take(slice(1, 3))]
+    assert wrist_mcp_sd(halves, index, LAYOUT, [joints, {}, joints]) == [
+        pytest.approx(2.0),
+        None,
+        pytest.approx(2.0),
+    ]
     for joint in joints:
         failed = joints | {joint: {**joints[joint], "status": "failed"}}
-        assert wrist_mcp_sd(poses, index, LAYOUT, failed) is None
-    assert wrist_mcp_sd(poses.take(slice(0, 1)), index, LAYOUT, joints) is None
+        assert wrist_mcp_sd([poses], index, LAYOUT, [failed]) == [None]
+    assert wrist_mcp_sd(halves[:1], index, LAYOUT, [joints]) == [None]
     arm = read_layout("arm")
-    assert wrist_mcp_sd(poses, arm.digits["arm"], arm, joints) is None
+    assert wrist_mcp_sd([poses], arm.digits["arm"], arm, [joints]) == [None]
 
 
 @given(st.lists(st.integers(0, 60), unique=True, min_size=1), st.lists(st.integers(-5, 65)))
@@ -163,3 +180,15 @@ def test_a_recording_is_read_whatever_the_order_of_rows(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["thumb"]["error_mm"], [1.0, 2.0])
     np.testing.assert_array_equal(found["index"]["error_mm"], [NAN, 4.0])
     np.testing.assert_array_equal(found["index"]["frame"], [1, 2])
+
+
+def test_a_tables_first_row_says_whose_it_is(tmp_path: Path) -> None:
+    rows = [
+        {"subject": subject, "hand": "right", "task": "rom", "trial": "", "model": "m", "digit": "thumb"}
+        | {"frame": 1, "error_mm": 1.0}
+        for subject in ("02", "01")
+    ]
+    write_table(tmp_path / "tips.parquet", TIPS, columns_from_rows(TIPS, rows), Provenance())
+    check_tables(tmp_path, (TIPS,), "02", "right")
+    with pytest.raises(InputError, match=r"tips\.parquet: is of subject 02, right hand; expected subject 01"):
+        check_tables(tmp_path, (TIPS,), "01", "right")

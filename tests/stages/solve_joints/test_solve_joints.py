@@ -1,19 +1,24 @@
 """Eq. 1-7: known joints come back, both solvers agree, and nothing depends on where the transmitter is."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from chains import Chain, gap_rms_mm, moments_of, quaternions, random_chain, smooth
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from long_poses import long_poses
 from scipy.spatial.transform import Rotation
 
-from kinematics.rotations import Array, matrix
+from kinematics.rotations import Array, from_matrix, matrix
+from schemas.layout import read_layout
+from schemas.model import read_model
 from schemas.poses import Poses
 from stages.solve_joints import moments as moments_module
 from stages.solve_joints.closed import JointSolution, effective_samples, is_solvable, solve_closed
-from stages.solve_joints.moments import BATCH_FRAMES, JointMoments
+from stages.solve_joints.moments import BATCH_FRAMES, JointMoments, RelativePoses, relative_poses
+from stages.solve_joints.solve import solve_recordings
 from stages.solve_joints.stacked import StackedSolution, solve_stacked
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -150,7 +155,7 @@ def test_streaming_and_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
         np.testing.assert_allclose(one.p_mm, stacked(kept, j, 5).p_mm, atol=1e-9)
     monkeypatch.setattr(moments_module, "MAX_BATCHES", 16)
     merged = moments_of(chain, block=3 * BATCH_FRAMES)
-    assert merged.batch_means(0).shape[0] <= 16
+    assert merged.batch_turns(0).shape[1] <= 16
     np.testing.assert_allclose(solve_closed(merged, 0, 5).p_mm, solve_closed(whole, 0, 5).p_mm, atol=1e-10)
 
 
@@ -219,3 +224,80 @@ def test_axis_error_is_of_the_stated_size() -> None:
         sine = np.linalg.norm(np.cross(found.null_child, chain.axis_child[0]))
         ratios.append(np.degrees(np.arcsin(min(sine, 1))) / found.axis_sd_deg)
     assert 0.3 < np.median(ratios) < 2.0
+
+
+def test_batches_do_not_depend_on_what_was_expected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Merged as frames come or of the right length at once: the same batches, of equal length."""
+    monkeypatch.setattr(moments_module, "MAX_BATCHES", 64)
+    monkeypatch.setattr(moments_module, "BLOCK_FRAMES", 64)
+    chain = random_chain(4, 2, 1000, off_axis_rad=0.1, noise_mm=0.1)
+    came, expected = moments_of(chain, block=64), JointMoments(1, 1000)
+    expected.add(joint_poses(chain))
+    assert came.batch_turns(0).shape == expected.batch_turns(0).shape == (4, 63)  # of 16 frames
+    np.testing.assert_allclose(expected.batch_turns(0), came.batch_turns(0), atol=1e-14)
+    gaps = [one.batch_gaps_mm(0, chain.p_mm[0], chain.q_mm[0]) for one in (came, expected)]
+    np.testing.assert_allclose(gaps[1], gaps[0], atol=1e-11)
+
+
+def joint_poses(chain: Chain) -> RelativePoses:
+    poses = chain.poses
+    ends = np.array([0]), np.array([1])
+    return relative_poses(poses.quaternion, poses.position_mm, poses.valid, *ends)
+
+
+def test_moments_are_those_of_the_matrices() -> None:
+    """Means, covariances and batch means against R and d written out, far from the first pose too."""
+    chain = random_chain(8, 2, 500, range_rad=2.0, off_axis_rad=0.5, noise_mm=0.2, in_plane=False)
+    moments = moments_of(chain)
+    q, t = chain.poses.quaternion, chain.poses.position_mm
+    a, b = matrix(q[:, 0]), matrix(q[:, 1])
+    between = a.transpose(0, 2, 1) @ b
+    first = between[0]
+    D = first.T @ between - np.eye(3)
+    d = np.einsum("ji,tkj,tk->ti", first, a, t[:, 1] - t[:, 0])
+    d -= d[0]
+    np.testing.assert_allclose(moments.mean(0), [*D.mean(0).ravel(), *d.mean(0)], atol=1e-12)
+    off, off_d = D - D.mean(0), d - d.mean(0)
+    C_DD, C_Dd, C_dd = moments.spread(0)
+    np.testing.assert_allclose(C_DD, np.einsum("tri,trj->ij", off, off) / 500, atol=1e-12)
+    np.testing.assert_allclose(C_Dd, np.einsum("tri,tr->i", off, off_d) / 500, atol=1e-11)
+    assert C_dd == pytest.approx(np.sum(off_d**2) / 500, rel=1e-12)
+    means = np.eye(3) + D.reshape(250, 2, 3, 3).mean(1)
+    turns = moments.batch_turns(0).T
+    assert turns[:, 0].min() < 0.4  # some need the formula for large rotations
+    np.testing.assert_allclose(turns, from_matrix(means), atol=1e-12)
+
+
+def test_the_same_settings_are_solved_once(tmp_path: Path) -> None:
+    """Models with the same settings share a solution; another file, layout or setting does not."""
+    layout = read_layout("liberty16")
+    path = long_poses(tmp_path / "poses.parquet", 480)
+    one = solve_recordings([path], layout, read_model("paper-fig4"))
+    same = solve_recordings([path], layout, read_model("paper-fig3"))
+    assert same["index_pip"] is one["index_pip"]
+    assert isinstance(one["index_pip"], JointSolution)
+    with pytest.raises(ValueError, match="read-only"):
+        one["index_pip"].p_mm[0] = 0.0
+    six = solve_recordings([path], layout, replace(read_model("paper-fig4"), singular_values=6))
+    assert six["index_pip"] is not one["index_pip"]
+    other = replace(layout, name="another")
+    assert solve_recordings([path], other, read_model("paper-fig4"))["index_pip"] is not one["index_pip"]
+    weighed = [solve_recordings([path], layout, read_model("anatomical"), hand) for hand in ("right", "left")]
+    assert weighed[0]["index_pip"] is not weighed[1]["index_pip"]
+    long_poses(path, 240)
+    again = solve_recordings([path], layout, read_model("paper-fig4"))["index_pip"]
+    assert isinstance(again, JointSolution)
+    assert again.n_frames == 240
+
+
+@pytest.mark.parametrize("waves", [0.5, 1.5, 20.0])
+def test_effective_samples_are_those_of_the_sum_written_out(waves: float) -> None:
+    """Slow and quick series, whose autocovariance crosses zero late and early."""
+    rng = np.random.default_rng(2)
+    series = np.cos(np.linspace(0, 2 * np.pi * waves, 401))[:, None] + 0.1 * rng.normal(size=(401, 2))
+    centred = series - series.mean(0)
+    lags = [np.sum(centred[: 401 - lag] * centred[lag:]) / 401 for lag in range(401)]
+    crossing = next(lag for lag, value in enumerate(lags) if value <= 0)
+    assert (crossing > 401 // 8) == (waves < 2)
+    expected = 2.0 / ((2 * sum(lags[:crossing]) - lags[0]) / 401)
+    assert effective_samples(series, 2.0, 10**9) == pytest.approx(expected, rel=1e-10)

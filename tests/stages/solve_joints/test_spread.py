@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from kinematics.rotations import Array
-from stages.solve_joints.moments import RelativePoses
+from stages.solve_joints.moments import RelativePoses, relative_poses
 from stages.solve_joints.spread import (
     FRAMES_PER_CELL,
     MAX_CELLS,
@@ -18,22 +18,21 @@ from stages.solve_joints.spread import (
 
 
 def poses_of(turn: Rotation, valid: Array | None = None) -> RelativePoses:
-    quaternion = np.roll(turn.as_quat(), 1, -1)[:, None]
-    position_mm = np.arange(3.0 * len(quaternion)).reshape(-1, 1, 3)
-    usable = np.ones((len(quaternion), 1), bool) if valid is None else valid[:, None].astype(bool)
-    return RelativePoses(quaternion, position_mm, usable)
+    """A joint whose parent lies at the origin."""
+    n_frames = len(turn)
+    quaternion = np.stack([np.tile([1.0, 0.0, 0.0, 0.0], (n_frames, 1)), np.roll(turn.as_quat(), 1, -1)], 1)
+    position_mm = np.zeros((n_frames, 2, 3))
+    position_mm[:, 1] = np.arange(3.0 * n_frames).reshape(-1, 3)
+    usable = np.ones((n_frames, 2), bool)
+    if valid is not None:
+        usable[:, 1] = valid.astype(bool)
+    return relative_poses(quaternion, position_mm, usable, np.array([0]), np.array([1]))
 
 
 def sampled(poses: RelativePoses, cuts: list[int]) -> SpreadFrames:
     sample = SpreadSample(0)
-    for start, stop in zip([0, *cuts], [*cuts, len(poses.valid)], strict=True):
-        sample.add(
-            RelativePoses(
-                poses.quaternion[start:stop], poses.position_mm[start:stop], poses.valid[start:stop]
-            ),
-            0,
-            (),
-        )
+    for start, stop in zip([0, *cuts], [*cuts, poses.n_frames], strict=True):
+        sample.add(poses.of(0, slice(start, stop)), 0, ())
     return sample.frames()
 
 
