@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -10,13 +12,16 @@ import yaml
 from schemas import PROGRAM, VERSION
 from schemas.catalogue import PROBLEMS, RECEIVERS, RECORDINGS, TABLES
 from schemas.config_files import read_config
-from schemas.files import file_sha256, write_text
+from schemas.files import write_text
+from schemas.joined_tables import join_tables
 from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Part, Results
 from schemas.study import Study, correction_problems, read_corrections
-from schemas.tables import Provenance, columns_from_rows, write_table, write_table_in_parts
-from stages.gather.parts import Row, in_groups, receiver_problems, recording_row, whole_table
+from schemas.tables import Provenance, columns_from_rows, read_table, write_table
+from stages.gather.parts import Row, failing, receiver_problems, recording_row
+
+TABLES_AT_ONCE = 2
 
 
 def gather_study(study: Study, results: Results) -> None:
@@ -25,11 +30,12 @@ def gather_study(study: Study, results: Results) -> None:
     recordings = [recording_row(recording, results, problems) for recording in study.recordings]
     models = {name: read_model(path.absolute()) for name, path in study.models.items()}
     fitted = [name for name, model in models.items() if model.fitting is not None]
-    for name in (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES):
-        parts = results.parts(name, study.hands, models, fitted)
-        _write_whole(results, name, parts, problems)
-        if name == RECEIVERS.name:
-            problems += receiver_problems(whole_table(TABLES[name], parts)[0])
+    names = (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES)
+    with ThreadPoolExecutor(TABLES_AT_ONCE) as pool:  # copying and hashing run side by side
+        for found in pool.map(
+            lambda name: _write_whole(results, name, results.parts(name, study.hands, models, fitted)), names
+        ):
+            problems += found
     problems += _uncalibrated(study) + _correction_problems(study)
     _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
@@ -72,15 +78,17 @@ def _correction_problems(study: Study) -> list[dict[str, Any]]:
     return [{"where": path.name, "stage": "project_planes", "message": message} for message in messages]
 
 
-def _write_whole(results: Results, name: str, parts: Sequence[Part], problems: list[Row]) -> None:
-    table = TABLES[name]
-    hashed = [
-        (part.path.relative_to(results.folder).as_posix(), file_sha256(part.path))
-        for part in parts
-        if part.path.is_file()
-    ]
-    groups = (
-        {column.name: group.column(column.name) for column in table.columns}
-        for group in in_groups(table, parts, problems)
-    )
-    write_table_in_parts(results.study_table(name), table, groups, Provenance(tuple(hashed)))
+def _write_whole(results: Results, name: str, parts: Sequence[Part]) -> list[Row]:
+    """Write one of the study's tables; give what is wrong in it."""
+
+    def provenance(digests: dict[Path, str]) -> Provenance:
+        return Provenance(
+            tuple((path.relative_to(results.folder).as_posix(), digest) for path, digest in digests.items())
+        )
+
+    problems: list[Row] = []
+    paths = [part.path for part in parts]
+    join_tables(results.study_table(name), TABLES[name], paths, provenance, failing(parts, problems))
+    if name == RECEIVERS.name:
+        problems += receiver_problems(read_table(results.study_table(name), RECEIVERS))
+    return problems

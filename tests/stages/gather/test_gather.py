@@ -1,4 +1,4 @@
-"""The study's tables are those of its hands, all of them, however many fit into memory at once."""
+"""The study's tables are those of its hands, all of them, whether their bytes are copied or their rows."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import pytest
 from report_samples.hand_tables import write_hand_tables
 from report_samples.made_study import make_study
 
+from schemas import joined_tables
 from schemas.catalogue import JOINT_CENTRES, TABLES
 from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Results
 from schemas.study import Hand, Study, read_study
 from schemas.tables import Provenance, read_table, rows_of, write_failure
-from stages.gather import parts
 from stages.gather.study_tables import gather_study
 
 GATHERED = (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES)
@@ -31,17 +31,18 @@ def _rows(results: Results, name: str) -> list[str]:
     return sorted(map(repr, rows_of(read_table(results.study_table(name), TABLES[name]))))
 
 
-@pytest.mark.parametrize("rows_at_once", [7, 1 << 17])
+@pytest.mark.parametrize("copied", [False, True])
 def test_every_row_of_every_hand(
-    study: tuple[Study, Results], monkeypatch: pytest.MonkeyPatch, rows_at_once: int
+    study: tuple[Study, Results], monkeypatch: pytest.MonkeyPatch, copied: bool
 ) -> None:
-    monkeypatch.setattr(parts, "ROW_GROUP_ROWS", rows_at_once)
+    if copied:
+        monkeypatch.setattr(joined_tables, "COPIED_FROM_BYTES", 1)
     before = {name: _rows(study[1], name) for name in GATHERED if study[1].study_table(name).is_file()}
     gather_study(*study)
     for name, rows in before.items():
         assert _rows(study[1], name) == rows, name
     tips = pq.ParquetFile(study[1].study_table("tips"))
-    assert (tips.num_row_groups == 1) == (rows_at_once > 1000)
+    assert (tips.num_row_groups > 1) == copied
 
 
 def test_a_hand_that_failed_is_named_and_the_others_are_there(study: tuple[Study, Results]) -> None:
