@@ -46,22 +46,23 @@ def draw(arguments: argparse.Namespace) -> None:
     from schemas.study import read_study
     from stages.draw_figures import study_figures
     from stages.draw_figures.drawing import save
-    from stages.report.study_results import read_results
+    from stages.report.study_results import few_collections, read_results
 
     if arguments.recording and arguments.against:
         raise InputError("--against: differences are of a study; leave out --recording")
-    results = read_results(read_study(arguments.study), arguments.results)
-    folder = arguments.out
-    if arguments.recording:
-        recording = study_figures.find_recording(results, *arguments.recording)
-        folder /= study_figures.recording_folder(recording)
-        drawings = study_figures.of_recording(results, recording)
-    else:
-        drawings = study_figures.of_study(results, arguments.against)
-    for drawing in drawings:
-        save(folder, drawing)
-        if drawing.missing:
-            print(f"{folder / drawing.name}: {drawing.missing}", file=sys.stderr)
+    with few_collections():
+        results = read_results(read_study(arguments.study), arguments.results)
+        folder = arguments.out
+        if arguments.recording:
+            recording = study_figures.find_recording(results, *arguments.recording)
+            folder /= study_figures.recording_folder(recording)
+            drawings = study_figures.of_recording(results, recording)
+        else:
+            drawings = study_figures.of_study(results, arguments.against)
+        for drawing in drawings:
+            save(folder, drawing)
+            if drawing.missing:
+                print(f"{folder / drawing.name}: {drawing.missing}", file=sys.stderr)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
@@ -77,4 +78,5 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 
 if __name__ == "__main__":
+    command_line.keep_pandas_out()
     sys.exit(command_line.run(build_parser().parse_args(), draw, record_failure))

@@ -54,7 +54,7 @@ def save(folder: Path, drawing: Drawing) -> None:
         with replacing(_with(base, "svg")) as temporary:
             drawing.figure.savefig(temporary, format="svg", metadata={"Date": None})
             temporary.write_text(_rounded(temporary.read_text("utf-8")), "utf-8", newline="\n")
-        drawing.figure.set_layout_engine("none")  # panels have found their places; to search again takes long
+        drawing.figure.set_layout_engine(None)  # panels have found their places; to search again takes long
         with replacing(_with(base, "pdf")) as temporary:
             drawing.figure.savefig(temporary, format="pdf", metadata={"CreationDate": None})
     write_text(_with(base, "txt"), drawing.caption + "\n")

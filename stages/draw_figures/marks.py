@@ -24,7 +24,10 @@ MANY = 40
 
 
 def dots(axes: Axes, x: Array, y: Array, colour: str) -> PathPatch:
-    """Round dots at x, y, each (n,), as one outline: a hundred subjects take little room in the file."""
+    """Round dots at x, y, each (n,), as one outline: a hundred subjects take little room in the file.
+
+    The axes' limits do not take them into account: every panel sets its own, and to measure dots takes long.
+    """
     size_pt = 2.4 if len(x) <= MANY else 1.5
     places = np.repeat(np.column_stack([x, y]), 2, axis=0)
     codes = np.tile([Outline.MOVETO, Outline.LINETO], len(x))
@@ -32,7 +35,7 @@ def dots(axes: Axes, x: Array, y: Array, colour: str) -> PathPatch:
         Outline(places, codes), fill=False, edgecolor=colour, linewidth=size_pt, capstyle="round", alpha=0.6
     )
     patch.get_path().should_simplify = False  # a dot is a line of no length
-    axes.add_patch(patch)
+    axes.add_artist(patch)
     return patch
 
 

@@ -39,14 +39,15 @@ def report(arguments: argparse.Namespace) -> None:
         raise InputError("nothing to do; give --out, --print or both")
     from schemas.results import Results
     from schemas.study import read_study
-    from stages.report.study_results import read_results
+    from stages.report.study_results import few_collections, read_results
 
-    results = read_results(read_study(arguments.study), arguments.results)
-    if arguments.out is not None:
-        from schemas.files import write_text
-        from stages.report.study_page import render_study
+    with few_collections():
+        results = read_results(read_study(arguments.study), arguments.results)
+        if arguments.out is not None:
+            from schemas.files import write_text
+            from stages.report.study_page import render_study
 
-        write_text(arguments.out, render_study(results))
+            write_text(arguments.out, render_study(results))
     if arguments.to_terminal:
         from stages.report.terminal import terminal_tables
 
@@ -66,4 +67,5 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 
 if __name__ == "__main__":
+    command_line.keep_pandas_out()
     sys.exit(command_line.run(build_parser().parse_args(), report, record_failure))

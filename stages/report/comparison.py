@@ -274,6 +274,9 @@ def observed(
     found = []
     for who, rows in groups.items():
         fit = [row for row in rows if _is_fit(row, metric, results, of_kind, held_out)]
+        if len(fit) == 1 and fit[0][metric.name] is not None:  # as it nearly always is
+            found.append(Observation(*who, fit[0][metric.name]))
+            continue
         values = [row[metric.name] for row in fit if row[metric.name] is not None]
         told = "; ".join(dict.fromkeys(row["message"] for row in fit if row.get("message")))
         reason = (told or NO_NUMBER) if fit else UNFIT[held_out]
@@ -311,6 +314,7 @@ def interval_95(differences: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
+@lru_cache(maxsize=64)
 def bootstrap_tail(n: int) -> float:
     """The share of resampled means to leave out at either end: 0.025, less the fewer subjects there are.
 
@@ -370,18 +374,22 @@ def missing_in_words(missing: Iterable[Missing]) -> str:
 
 
 _Places = Mapping[tuple[str, str], Observation]
-_Cells = Mapping[str, Mapping[str, _Places]]
+_OfModel = Mapping[str, Mapping[str, _Places]]
+_Cells = Mapping[str, _OfModel]
 
 
 def _cells(observations: Iterable[Observation]) -> _Cells:
-    """Observations by subject, model, and digit with place."""
-    cells: dict[str, dict[str, dict[tuple[str, str], Observation]]] = defaultdict(lambda: defaultdict(dict))
+    """Observations by subject, model, digit (and ALL_DIGITS), and digit with place."""
+    cells: dict[str, dict[str, dict[str, dict[tuple[str, str], Observation]]]] = defaultdict(
+        lambda: defaultdict(lambda: defaultdict(dict))
+    )
     for each in observations:
-        if (each.digit, each.place) in cells[each.subject][each.model]:
+        of_digit, key = cells[each.subject][each.model], (each.digit, each.place)
+        if key in of_digit[each.digit]:
             raise ValueError(
                 f"two observations of {each.model} in {each.digit}, {each.place}: {each.subject}"
             )
-        cells[each.subject][each.model][each.digit, each.place] = each
+        of_digit[each.digit][key] = of_digit[ALL_DIGITS][key] = each
     return cells
 
 
@@ -401,11 +409,8 @@ def _comparison(
     return Comparison(metric, held_out, digit, *pair, subjects, found, None, None, 0, fitted)
 
 
-def _subject_pair(subject: str, of_model: Mapping[str, _Places], digit: str, pair: Pair) -> SubjectPair:
-    own = [
-        {key: each for key, each in of_model.get(model, {}).items() if digit in (ALL_DIGITS, key[0])}
-        for model in pair
-    ]
+def _subject_pair(subject: str, of_model: _OfModel, digit: str, pair: Pair) -> SubjectPair:
+    own = [of_model.get(model, {}).get(digit, {}) for model in pair]
     places = sorted({*own[0], *own[1]})
     values = [{k: each.value for k, each in mine.items() if each.value is not None} for mine in own]
     shared = [key for key in places if key in values[0] and key in values[1]]

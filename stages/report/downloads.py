@@ -11,7 +11,7 @@ import csv
 import io
 import re
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,6 +48,7 @@ COMPARISON_COLUMNS = (
 )
 """Differences are model - other, in `unit`; an empty digit is all digits."""
 
+_ROWS_AT_ONCE = 2000
 _FORMULA = re.compile(r"^[=+\-@\t\r]")
 _PLAIN_NUMBER = re.compile(r"^[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?$")
 
@@ -87,8 +88,8 @@ def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downl
         (JOINT_ERRORS.name, _columns(JOINT_ERRORS), results.joint_errors),
         (TIP_ERRORS.name, _columns(TIP_ERRORS), results.tip_errors),
     ):
-        file = packed(f"{name}.csv", rows, columns)
-        if sum(len(each.data) for each in (*files, file)) > MOST_BYTES:
+        file = packed(f"{name}.csv", rows, columns, MOST_BYTES - sum(len(each.data) for each in files))
+        if file is None:
             not_packed.append(NotPacked(results.paths.study_table(name).name, len(rows)))
         elif rows:
             files.append(file)
@@ -99,22 +100,43 @@ def _columns(table: Table) -> tuple[str, ...]:
     return tuple(column.name for column in table.columns)
 
 
-def packed(name: str, rows: Sequence[Row], columns: Sequence[str]) -> Download:
-    """Pack rows as one CSV file."""
-    text = csv_of(rows, columns).encode()
-    return Download(name, len(rows), base64.b64encode(zlib.compress(text, 9)).decode("ascii"))
+def packed(
+    name: str, rows: Sequence[Row], columns: Sequence[str], most_bytes: int = MOST_BYTES
+) -> Download | None:
+    """Pack rows as one CSV file; None as soon as it is seen to take more bytes than that."""
+    deflated, n_bytes = [], 0
+    press = zlib.compressobj(9)
+    for text in _csv_in_parts(rows, columns):
+        deflated.append(press.compress(text.encode()))
+        n_bytes += len(deflated[-1])
+        if _in_base64(n_bytes) > most_bytes:
+            return None
+    data = base64.b64encode(b"".join([*deflated, press.flush()])).decode("ascii")
+    return Download(name, len(rows), data) if len(data) <= most_bytes else None
 
 
-def csv_of(rows: Iterable[Row], columns: Sequence[str]) -> str:
+def _in_base64(n_bytes: int) -> int:
+    return -(-n_bytes // 3) * 4
+
+
+def csv_of(rows: Sequence[Row], columns: Sequence[str]) -> str:
     """Rows as CSV (RFC 4180), every column, a header first; null is empty, a truth value true or false.
 
     A text that a spreadsheet would take for a formula gets an apostrophe before it; a number never does.
     """
-    out = io.StringIO(newline="")
-    writer = csv.writer(out, lineterminator="\r\n")
-    writer.writerow(columns)
-    writer.writerows([_cell(row[name]) for name in columns] for row in rows)
-    return out.getvalue()
+    return "".join(_csv_in_parts(rows, columns))
+
+
+def _csv_in_parts(rows: Sequence[Row], columns: Sequence[str]) -> Iterator[str]:
+    """The same, some rows at a time."""
+    for start in range(0, max(len(rows), 1), _ROWS_AT_ONCE):
+        out = io.StringIO(newline="")
+        writer = csv.writer(out, lineterminator="\r\n")
+        if start == 0:
+            writer.writerow(columns)
+        some = rows[start : start + _ROWS_AT_ONCE]
+        writer.writerows(zip(*(_cells([row[name] for row in some]) for name in columns), strict=True))
+        yield out.getvalue()
 
 
 def comparison_row(comparison: Comparison) -> Row:
@@ -156,11 +178,15 @@ def comparison_row(comparison: Comparison) -> Row:
     )
 
 
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
+def _cells(column: list[Any]) -> list[Any]:
+    """A column's values as the CSV writer is to see them: it writes null and numbers as they should be."""
+    words = {value: _cell(value) for value in {v for v in column if isinstance(v, (str, bool))}}
+    return (
+        [words[value] if isinstance(value, (str, bool)) else value for value in column] if words else column
+    )
+
+
+def _cell(value: str | bool) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, str):
-        return f"'{value}" if _FORMULA.match(value) and not _PLAIN_NUMBER.match(value) else value
-    return repr(value)
+    return f"'{value}" if _FORMULA.match(value) and not _PLAIN_NUMBER.match(value) else value

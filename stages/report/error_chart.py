@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from stages.report.svg import element, image
-from stages.report.tip_traces import Trace
+from stages.report.tip_traces import Array, Trace
 
 WIDTH = 400
 LEFT, RIGHT, TOP, BOTTOM = 36, 50, 20, 36
@@ -29,12 +31,12 @@ class ErrorScale:
     high_mm: float
     logarithmic: bool
 
-    def rise_of(self, error_mm: float) -> float:
-        """Pixels above the foot of the strip; an error off the scale stays at its edge."""
-        low, high, value = self.low_mm, self.high_mm, min(max(error_mm, self.low_mm), self.high_mm)
+    def rise_of(self, error_mm: Array) -> Array:
+        """Pixels above the foot of the strip, of any shape; an error off the scale stays at its edge."""
+        low, high, value = self.low_mm, self.high_mm, np.clip(error_mm, self.low_mm, self.high_mm)
         if self.logarithmic:
-            low, high, value = math.log(low), math.log(high), math.log(value)
-        return (value - low) / (high - low) * STRIP
+            low, high, value = math.log(low), math.log(high), np.log(value)
+        return np.asarray((value - low) / (high - low) * STRIP)
 
     def ticks(self) -> list[float]:
         """Where a strip has its numbers, mm."""
@@ -85,13 +87,13 @@ def _strip(
     digit: str,
     foot: float,
     trace: Trace | None,
-    across: Callable[[float], float],
+    across: Callable[[Any], Any],
     scale: ErrorScale,
 ) -> list[Markup]:
     """One digit's grid, name and line."""
     parts = []
     for tick in scale.ticks():
-        y = foot - scale.rise_of(tick)
+        y = float(foot - scale.rise_of(np.array(tick)))
         parts.append(element("path", class_="grid", d=f"M{LEFT} {y:.1f}H{WIDTH - RIGHT}"))
         parts.append(element("text", f"{tick:g}", x=LEFT - 5, y=y + 4, class_="tick end"))
     middle = foot - STRIP / 2 + 4
@@ -104,15 +106,16 @@ def _strip(
     return parts
 
 
-def _path(trace: Trace, across: Callable[[float], float], up: Callable[[float], float]) -> str:
+def _path(trace: Trace, across: Callable[[Array], Array], up: Callable[[Array], Array]) -> str:
     """The line through every column's two extremes, in steps of a tenth of a pixel, pen up at gaps."""
+    ends = np.column_stack([trace.low_mm, trace.high_mm])
+    ends = np.where(trace.rises[:, None], ends, ends[:, ::-1])
+    x_tenths = np.rint(across(trace.x) * 10).astype(int).tolist()
+    y_tenths = np.rint(up(ends) * 10).astype(int).tolist()
     steps: list[str] = []
     at_x = at_y = 0
-    for index in range(len(trace.x)):
-        x = round(across(float(trace.x[index])) * 10)
-        ends = [float(trace.low_mm[index]), float(trace.high_mm[index])]
-        first, second = (round(up(e) * 10) for e in (ends if trace.rises[index] else ends[::-1]))
-        if index == 0 or trace.broken[index]:
+    for x, (first, second), broken in zip(x_tenths, y_tenths, trace.broken.tolist(), strict=True):
+        if not steps or broken:
             steps.append(f"M{x / 10:g} {first / 10:g}h0")
         else:
             steps.append(f"l{_tenths(x - at_x)} {_tenths(first - at_y)}")
@@ -122,6 +125,7 @@ def _path(trace: Trace, across: Callable[[float], float], up: Callable[[float], 
     return "".join(steps).replace(" -", "-")
 
 
+@lru_cache(maxsize=4096)
 def _tenths(value: int) -> str:
     return f"{value / 10:g}".replace("0.", ".", 1) if abs(value) < 10 and value else f"{value / 10:g}"
 

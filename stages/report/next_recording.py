@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.study import Hand
-from stages.fit_hand.gains import Gain, advice
 from stages.report.data_table import Block, DataTable, Folded, counted, number
 from stages.report.study_results import Row, StudyResults
 
@@ -83,6 +82,8 @@ def _gains(model: str, rows: list[Row]) -> ModelGains:
 
 def _sentence(row: Row) -> str:
     """One gain in the fit's own words, and what it does to all joints together."""
+    from stages.fit_hand.gains import Gain, advice  # the whole fit: not for pages that show no gain
+
     gain = Gain(**{name: row[name] for name in Gain.__dataclass_fields__})
     words = advice([gain])
     before, after = number(gain.mean_sd_before_mm), number(gain.mean_sd_after_mm)

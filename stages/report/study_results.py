@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import pyarrow as pa
 
 from schemas.catalogue import RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
@@ -15,7 +20,7 @@ from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.results import Results
 from schemas.study import Hand, Recording, Study
-from schemas.tables import Table, read_metadata, read_table, rows_of
+from schemas.tables import Table, read_metadata, read_table
 from stages.gather.parts import recording_row, whole_table
 
 Row = dict[str, Any]
@@ -157,6 +162,17 @@ class StudyResults:
         return sorted(mine, key=lambda hand: hand.hand != "right")
 
 
+@contextmanager
+def few_collections() -> Iterator[None]:
+    """Let Python seldom look for cycles meanwhile: the rows of a large study are many objects without any."""
+    before = gc.get_threshold()
+    gc.set_threshold(200_000, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
 def recording_key(recording: Recording) -> tuple[str, str, str, str]:
     """Subject, hand, task and trial: what the tables call the recording."""
     return recording.hand.subject, recording.hand.hand, recording.task, recording.trial
@@ -190,7 +206,7 @@ def read_subject(study: Study, folder: Path, subject: str) -> StudyResults:
         if name not in ("recordings", "problems"):
             whole, lacking = whole_table(TABLES[name], paths.parts(name, own.hands, models, fitted))
             problems += lacking
-            rows[name] = list(rows_of(whole))
+            rows[name] = _plain_rows(whole)
     return _results(own, paths, models, rows | {"problems": problems})
 
 
@@ -214,11 +230,12 @@ def _failed_exports(study: Study, paths: Results) -> list[Row]:
 def _results(
     study: Study, paths: Results, models: dict[str, SkeletonModel], rows: dict[str, list[Row]]
 ) -> StudyResults:
+    file_of = {recording.hand: recording.layout for recording in reversed(study.recordings)}
     return StudyResults(
         study=study,
         paths=paths,
         models=models,
-        layouts={hand: read_layout(study.layout_of(hand).absolute()) for hand in study.hands},
+        layouts={hand: read_layout(file_of[hand].absolute()) for hand in study.hands},
         **{attribute: rows[name] for name, attribute in _READ.items()},
     )
 
@@ -234,7 +251,36 @@ def _read_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
     if failure is not None:
         failures.append({"where": path.name, "stage": "report", "message": failure})
         return []
-    return list(rows_of(read_table(path, table)))
+    columns = [column.name for column in table.columns if _shown(column.type)]
+    return _plain_rows(read_table(path, table, columns))
+
+
+def _shown(kind: pa.DataType) -> bool:
+    """Whether pages may show a column of that type: not of lists, which are most of what there is to read."""
+    return not pa.types.is_fixed_size_list(kind)
+
+
+def _plain_rows(table: pa.Table) -> list[Row]:
+    """The rows of a table without its columns of lists, column by column: `rows_of` is for fewer rows."""
+    shown = [name for name, kind in zip(table.column_names, table.schema.types, strict=True) if _shown(kind)]
+    return [
+        dict(zip(shown, values, strict=True))
+        for values in zip(*(_values(table.column(name)) for name in shown), strict=True)
+    ]
+
+
+def _values(column: pa.ChunkedArray) -> list[Any]:
+    """A column's values, null as None; every text is one object however often it is there."""
+    if pa.types.is_string(column.type):
+        coded = column.combine_chunks().dictionary_encode()
+        words = [*coded.dictionary.to_pylist(), None]
+        return [words[index] for index in coded.indices.fill_null(-1).to_pylist()]
+    filler = pa.scalar(0).cast(column.type)
+    values: list[Any] = column.fill_null(filler).to_numpy().tolist()
+    if column.null_count:
+        for index in np.flatnonzero(column.is_null().to_numpy()).tolist():
+            values[index] = None
+    return values
 
 
 def _by_hand_and_model(rows: list[Row]) -> dict[HandModel, list[Row]]:

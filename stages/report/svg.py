@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 from markupsafe import Markup, escape
 
@@ -13,9 +14,9 @@ def element(name: str, *children: Markup | str, **attributes: str | float) -> Ma
     Attribute names: `class_` becomes class, other underscores become hyphens. Numbers are pixels, printed
     with one decimal at most.
     """
-    parts = [Markup(' {}="{}"').format(_attribute(k), _value(v)) for k, v in attributes.items()]
-    inside = Markup("").join(escape(child) for child in children)
-    return Markup("<{0}{1}>{2}</{0}>").format(name, Markup("").join(parts), inside)
+    parts = "".join([f' {_attribute(k)}="{_value(v)}"' for k, v in attributes.items()])
+    inside = "".join([escape(child) for child in children])
+    return Markup(f"<{name}{parts}>{inside}</{name}>")  # names are this program's, all else is escaped
 
 
 def image(width: float, height: float, title: str, *children: Markup) -> Markup:
@@ -31,9 +32,10 @@ def free_place(wanted: float, taken: Sequence[float], gap: float, lowest: float,
     return next(free, min(max(wanted, lowest), highest))
 
 
+@cache
 def _attribute(name: str) -> str:
     return name.rstrip("_").replace("_", "-") if name != "viewBox" else name
 
 
 def _value(value: str | float) -> str:
-    return value if isinstance(value, str) else f"{value:.1f}".removesuffix(".0")
+    return escape(value) if isinstance(value, str) else f"{value:.1f}".removesuffix(".0")

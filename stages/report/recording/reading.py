@@ -27,6 +27,7 @@ from schemas.results import Results
 from schemas.study import Hand, Recording, Study
 from schemas.tables import Table, open_table, read_table, rows_of
 from stages.gather.parts import recording_row
+from stages.report.read_once import small_table
 from stages.report.recording.angles import JointAngles, joint_angles_of
 from stages.report.viewer.motion import HandMotion, read_motion
 
@@ -110,12 +111,12 @@ def _read_model_results(paths: Results, recording: Recording, model: SkeletonMod
         return paths.hand_table(model.name, recording.hand, table.name)
 
     def whole(table: Table) -> list[Row]:
-        return list(rows_of(read_table(path_of(table), table)))
+        return list(rows_of(small_table(path_of(table), table)))
 
     for table in (BONE_POSES, RECEIVERS) if model.fitting is not None else ():
         open_table(path_of(table), table).close()
     replayed = POSED_TIPS if model.fitting is not None else TIPS
-    if not _ours(read_table(path_of(replayed), replayed, ["task", "trial"]), recording).num_rows:
+    if not _has_rows(path_of(replayed), replayed, recording):
         raise InputError(f"the {replayed.name} table has no row of this recording")
     joints = whole(JOINT_CENTRES)
     if not joints:
@@ -125,8 +126,25 @@ def _read_model_results(paths: Results, recording: Recording, model: SkeletonMod
         angles = joint_angles_of(
             model.name, _ours(read_table(path_of(JOINT_ANGLES), JOINT_ANGLES), recording)
         )
-    errors = _ours(read_table(path_of(TIP_ERRORS), TIP_ERRORS), recording)
+    errors = _ours(small_table(path_of(TIP_ERRORS), TIP_ERRORS), recording)
     return ModelResults(model.name, joints, whole(JOINT_SOLUTIONS), list(rows_of(errors)), angles)
+
+
+def _has_rows(path: Path, table: Table, recording: Recording) -> bool:
+    """Whether the table has rows of this recording; mostly a row group's least and greatest values say so."""
+    place = {column.name: index for index, column in enumerate(table.columns)}
+    with open_table(path, table) as file:
+        for index in range(file.num_row_groups):
+            group = file.metadata.row_group(index)
+            found = [group.column(place[name]) for name in ("task", "trial")]
+            if all(
+                column.path_in_schema == name
+                and column.statistics is not None
+                and column.statistics.min == column.statistics.max == getattr(recording, name)
+                for name, column in zip(("task", "trial"), found, strict=True)
+            ):
+                return True
+    return bool(_ours(read_table(path, table, ["task", "trial"]), recording).num_rows)
 
 
 def _ours(table: pa.Table, recording: Recording) -> pa.Table:

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,12 +29,16 @@ from schemas.poses import Poses, read_poses
 from schemas.results import Results
 from schemas.study import Recording
 from schemas.tables import Table, column_array, read_table, rows_of
+from stages.report.read_once import small_table
 
 Array = npt.NDArray[np.float64]
 Rows = Mapping[str, Mapping[str, Any]]
 
 MOST_FRAMES = 15_000
 """Frames that a view holds at most: a minute at 240 frames a second."""
+
+_PLACE = ("x_mm", "y_mm", "z_mm")
+_TIP = tuple(f"tip_{name}" for name in _PLACE)
 
 REPLAY_ERROR = "replayed fingertip to the receiver (least-squares binding)"
 FITTED_ERROR = "distal receiver from where the hand posed with all receivers puts it"
@@ -141,19 +146,24 @@ def _read_skeleton(
 ) -> SkeletonMotion:
     hand = recording.hand
 
-    def whole(table: Table) -> pa.Table:
-        return read_table(paths.hand_table(model.name, hand, table.name), table)
+    def path_of(table: Table) -> Path:
+        return paths.hand_table(model.name, hand, table.name)
 
-    def ours(table: Table) -> pa.Table:
-        rows = whole(table)
+    def whole(table: Table) -> pa.Table:
+        return small_table(path_of(table), table)
+
+    def ours(table: Table, columns: Sequence[str]) -> pa.Table:
+        rows = read_table(path_of(table), table, ["task", "trial", "frame", *columns])
         wanted = pc.and_(pc.equal(rows["task"], recording.task), pc.equal(rows["trial"], recording.trial))
         return rows.filter(wanted)
 
     joints = {row["joint"]: row for row in rows_of(whole(JOINT_CENTRES))}
     if model.fitting is None:
-        return ridden_skeleton(layout, model, joints, ours(TIPS), poses)
+        return ridden_skeleton(layout, model, joints, ours(TIPS, ["digit", "error_mm"]), poses)
     worn = {row["segment"]: row for row in rows_of(whole(RECEIVERS))}
-    return fitted_skeleton(layout, model, joints, worn, ours(BONE_POSES), ours(POSED_TIPS), poses)
+    bones = ours(BONE_POSES, ["segment", *_PLACE])
+    tips = ours(POSED_TIPS, ["digit", *_TIP, "error_mm"])
+    return fitted_skeleton(layout, model, joints, worn, bones, tips, poses)
 
 
 def hand_motion(hand: str, layout: Layout, poses: Poses, skeletons: Iterable[SkeletonMotion]) -> HandMotion:
@@ -269,16 +279,15 @@ def fitted_skeleton(
     joints : rows of joint_centres by joint; worn : rows of receivers by segment; bone_poses, posed_tips :
     this recording's rows of those tables.
     """
-    xyz = ("x_mm", "y_mm", "z_mm")
     wrist = layout.wrist
-    places = {wrist.joint: _placed(bone_poses, "segment", wrist.segment, xyz, poses)} if wrist else {}
+    places = {wrist.joint: _placed(bone_poses, "segment", wrist.segment, _PLACE, poses)} if wrist else {}
     chains: list[list[str]] = []
     sd_of_tip: dict[str, float] = {}
     for digit in layout.digits.values():
         for joint, segment in zip(digit.joints, digit.segments, strict=True):
-            places[joint] = _placed(bone_poses, "segment", segment, xyz, poses)
+            places[joint] = _placed(bone_poses, "segment", segment, _PLACE, poses)
         tip = f"{digit.name} tip"
-        places[tip] = _placed(posed_tips, "digit", digit.name, tuple(f"tip_{c}" for c in xyz), poses)
+        places[tip] = _placed(posed_tips, "digit", digit.name, _TIP, poses)
         chains.append([*digit.joints, tip])
         sd_of_tip[tip] = _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
     bones = _bones(list(places), chains, wrist.joint if wrist else None)
