@@ -7,7 +7,7 @@ from shlex import quote
 sys.path.insert(0, workflow.basedir)
 
 from schemas.errors import InputError
-from stages.code_digest import code_digest
+from stages.code_digest import code_digest, keep
 from stages.wiring import Wiring
 
 try:
@@ -19,9 +19,15 @@ except InputError as error:
     sys.exit(2)
 
 results = study.results.folder.as_posix()
-of_recording = "sub-{subject}/{hand}/{recording}"
-of_hand = "models/{model}/sub-{subject}/{hand}{without}"
 stage = f"{quote(sys.executable)} -m stages."
+
+
+def each(name):
+    """Run a stage for all units of a job: a subject's hands and models, or a hand's."""
+    return (
+        f"{stage}each {name} --code {{params.code}} --made {{output:q}} > /dev/null 2> {{log:q}}"
+        " <<'UNITS'\n{params.units}\nUNITS"
+    )
 
 
 report: "captions/workflow.rst"  # the first page of `snakemake --report`
@@ -30,13 +36,15 @@ report: "captions/workflow.rst"  # the first page of `snakemake --report`
 shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} OMP_NUM_THREADS=1; ")
 
 
+onstart:
+    study.prepare(workflow)
+    keep()
+
+
 wildcard_constraints:
     subject="[^/]+",
     hand="right|left",
     task="[^/]+",
-    recording="[^/]+",
-    model="[^/]+",
-    without="(/without-[^/]+)?",  # a skeleton made without a task's recordings, to be scored on them
 
 
 rule all:
@@ -62,7 +70,7 @@ rule simulate:  # only what a study with `simulation` asks for: recordings, and 
 rule stream:  # the simulated tracker's end of the line: recordings -> raw captures
     input:
         study.simulated,
-        layout=study.layout,
+        layout=study.layouts,
     output:
         study.streamed,
     log:
@@ -76,182 +84,142 @@ rule stream:  # the simulated tracker's end of the line: recordings -> raw captu
 
 rule capture:  # section 2: recordings -> poses
     input:
-        study.recording_file,
-        mapping=study.mapping,
-        layout=study.layout,
+        study.recording_files,
+        layouts=study.layouts,
     output:
-        f"{results}/{of_recording}/poses.parquet",
+        study.made("capture"),
     log:
-        f"{results}/logs/capture/sub-{{subject}}/{{hand}}/{{recording}}.log",
+        f"{results}/logs/capture/sub-{{subject}}.log",
     params:
         code=code_digest("capture"),
-        words=study.capture,
+        gone=study.gone("capture"),
+        units=study.capture,
     shell:
-        stage
-        + "capture import --record-failure {params.words} --out {output:q} 2> {log:q}"
+        each("capture.import_recording")
 
 
 rule check_calibration:  # not in the paper: which joints should have moved more
     input:
-        poses=study.calibrating,
-        layout=study.layout,
+        study.of_subject("capture"),
+        layouts=study.layouts,
     output:
-        f"{results}/hands/sub-{{subject}}/{{hand}}/calibration_advice.parquet",
+        study.made("check_calibration"),
     log:
-        f"{results}/logs/check_calibration/sub-{{subject}}/{{hand}}.log",
+        f"{results}/logs/check_calibration/sub-{{subject}}.log",
     params:
         code=code_digest("check_calibration"),
-        whose=study.whose,
+        gone=study.gone("check_calibration"),
+        units=study.check_calibration,
     shell:
-        stage
-        + "check_calibration --record-failure {params.whose} --poses {input.poses:q}"
-        " --layout {input.layout:q} --out {output:q} > /dev/null 2> {log:q}"
+        each("check_calibration")
 
 
 rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     input:
-        poses=study.calibration,
-        layout=study.layout,
-        model=study.model,
+        study.of_subject("capture"),
+        layouts=study.layouts,
+        models=list(study.models.values()),
     output:
-        f"{results}/{of_hand}/joint_solutions.parquet",
+        study.made("solve_joints"),
     log:
-        f"{results}/logs/solve_joints/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
+        f"{results}/logs/solve_joints/sub-{{subject}}.log",
     params:
         code=code_digest("solve_joints"),
-        whose=study.whose,
+        gone=study.gone("solve_joints"),
+        units=study.solve_joints,
     shell:
-        stage + "solve_joints --record-failure {params.whose} --poses {input.poses:q}"
-        " --layout {input.layout:q} --model {input.model:q} --out {output:q} 2> {log:q}"
+        each("solve_joints")
 
 
 rule project_planes:  # end of section 4: the plane that cuts each axis; manual corrections
     input:
-        joints=f"{results}/{of_hand}/joint_solutions.parquet",
-        corrections=study.corrections,
-        layout=study.layout,
-        model=study.model,
+        study.of_subject("solve_joints"),
+        layouts=study.layouts,
+        models=list(study.models.values()),
     output:
-        f"{results}/{of_hand}/projected_joints.parquet",
+        study.made("project_planes"),
     log:
-        f"{results}/logs/project_planes/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
+        f"{results}/logs/project_planes/sub-{{subject}}.log",
     params:
         code=code_digest("project_planes"),
+        gone=study.gone("project_planes"),
+        units=study.project_planes,
+        corrections=study.corrections,
     shell:
-        stage
-        + "project_planes --record-failure --joints {input.joints:q} --corrections {input.corrections:q}"
-        " --layout {input.layout:q} --model {input.model:q} --out {output:q} 2> {log:q}"
+        each("project_planes")
 
 
 rule fit_hand:  # not in the paper: the whole hand at once, and recordings posed with it
     input:
-        poses=study.calibration,
-        joints=f"{results}/{of_hand}/projected_joints.parquet",
-        other=study.other_calibration,
-        replay=study.evaluated,
-        measurements=study.sheet("measurements"),
-        touches=study.sheet("touches"),
-        layout=study.layout,
-        model=study.model,
+        study.of_subject("project_planes"),
+        study.sheets_of_fit,
+        layouts=study.layouts,
+        models=list(study.models.values()),
     output:
-        joints=f"{results}/{of_hand}/fitted_joints.parquet",
-        bones=f"{results}/{of_hand}/fitted_bones.parquet",
-        receivers=f"{results}/{of_hand}/receivers.parquet",
-        gains=f"{results}/{of_hand}/gains.parquet",
-        angles=f"{results}/{of_hand}/joint_angles.parquet",
-        bone_poses=f"{results}/{of_hand}/bone_poses.parquet",
-        tips=f"{results}/{of_hand}/posed_tips.parquet",
+        study.made("fit_hand"),
     log:
-        f"{results}/logs/fit_hand/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
+        f"{results}/logs/fit_hand/sub-{{subject}}/{{hand}}.log",
     params:
         code=code_digest("fit_hand"),
-        sizes=study.sizes,
+        gone=study.gone("fit_hand"),
+        units=study.fit_hand,
     shell:
-        stage
-        + "fit_hand --record-failure {params.sizes} --poses {input.poses:q} --joints {input.joints:q}"
-        " --other-poses {input.other:q} --replay {input.replay:q} --measurements {input.measurements:q}"
-        " --touches {input.touches:q} --layout {input.layout:q} --model {input.model:q}"
-        " --out {output.joints:q} --out-bones {output.bones:q} --out-receivers {output.receivers:q}"
-        " --out-gains {output.gains:q} --out-angles {output.angles:q}"
-        " --out-bone-poses {output.bone_poses:q} --out-tips {output.tips:q} 2> {log:q}"
+        each("fit_hand")
 
 
 rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, metacarpal postures
     input:
-        joints=study.joints,
-        fitted_bones=study.fitted("fitted_bones"),
-        bone_poses=study.fitted("bone_poses"),
-        calibration=study.calibration,
-        poses=study.evaluated,
-        layout=study.layout,
-        model=study.model,
+        study.of_subject("project_planes", "fit_hand"),
+        layouts=study.layouts,
+        models=list(study.models.values()),
     output:
-        joints=f"{results}/{of_hand}/joint_centres.parquet",
-        bones=f"{results}/{of_hand}/bone_lengths.parquet",
-        metacarpals=f"{results}/{of_hand}/metacarpals.parquet",
+        study.made("estimate_metacarpals"),
     log:
-        f"{results}/logs/estimate_metacarpals/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
+        f"{results}/logs/estimate_metacarpals/sub-{{subject}}.log",
     params:
         code=code_digest("estimate_metacarpals"),
+        gone=study.gone("estimate_metacarpals"),
+        units=study.estimate_metacarpals,
     shell:
-        stage + "estimate_metacarpals --record-failure --joints {input.joints:q}"
-        " --calibration {input.calibration:q} --poses {input.poses:q}"
-        " --fitted-bones {input.fitted_bones:q} --bone-poses {input.bone_poses:q}"
-        " --layout {input.layout:q} --model {input.model:q} --out-joints {output.joints:q}"
-        " --out-bones {output.bones:q} --out {output.metacarpals:q} 2> {log:q}"
+        each("estimate_metacarpals")
 
 
 rule evaluate_tips:  # section 6: replay and tip errors
     input:
-        poses=study.evaluated,
-        calibration=study.calibration,
-        joints=f"{results}/{of_hand}/joint_centres.parquet",
-        bones=f"{results}/{of_hand}/bone_lengths.parquet",
-        metacarpals=f"{results}/{of_hand}/metacarpals.parquet",
-        layout=study.layout,
-        model=study.model,
+        study.of_subject("estimate_metacarpals"),
+        layouts=study.layouts,
+        models=list(study.models.values()),
     output:
-        tips=f"{results}/{of_hand}/tips.parquet",
-        errors=f"{results}/{of_hand}/tip_errors.parquet",
+        study.made("evaluate_tips"),
     log:
-        f"{results}/logs/evaluate_tips/{{model}}/sub-{{subject}}/{{hand}}{{without}}.log",
+        f"{results}/logs/evaluate_tips/sub-{{subject}}.log",
     params:
         code=code_digest("evaluate_tips"),
+        gone=study.gone("evaluate_tips"),
+        units=study.evaluate_tips,
     shell:
-        stage
-        + "evaluate_tips --record-failure --poses {input.poses:q} --calibration {input.calibration:q}"
-        " --joints {input.joints:q} --bones {input.bones:q} --metacarpals {input.metacarpals:q}"
-        " --layout {input.layout:q} --model {input.model:q}"
-        " --out {output.tips:q} --out-errors {output.errors:q} 2> {log:q}"
+        each("evaluate_tips")
 
 
 rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that they have not seen
     input:
-        study.skeleton_tables,
-        poses=study.evaluated,
-        calibration=study.calibrating,
-        layout=study.layout,
+        study.of_subject("evaluate_tips"),
+        layouts=study.layouts,
     output:
-        scores=f"{results}/hands/sub-{{subject}}/{{hand}}/skeleton_scores.parquet",
-        errors=f"{results}/hands/sub-{{subject}}/{{hand}}/joint_errors.parquet",
+        study.made("evaluate_skeletons"),
     log:
-        f"{results}/logs/evaluate_skeletons/sub-{{subject}}/{{hand}}.log",
+        f"{results}/logs/evaluate_skeletons/sub-{{subject}}.log",
     params:
         code=code_digest("evaluate_skeletons"),
-        whose=study.whose,
-        skeletons=study.skeletons,
-        truth=study.truth,
+        gone=study.gone("evaluate_skeletons"),
+        units=study.evaluate_skeletons,
     shell:
-        stage
-        + "evaluate_skeletons --record-failure {params.whose} --poses {input.poses:q}"
-        " --calibration {input.calibration:q} --skeletons {params.skeletons:q} --truth {params.truth:q}"
-        " --layout {input.layout:q} --out {output.scores:q} --out-joints {output.errors:q} 2> {log:q}"
+        each("evaluate_skeletons")
 
 
 rule gather:  # the study's tables, and what went wrong
     input:
-        study.poses,
-        study.every_table,
+        study.of_study(*study.last_stages),
         configuration=study.configuration,
     output:
         [f"{results}/{table}.parquet" for table in study.study_tables],
@@ -269,28 +237,24 @@ rule gather:  # the study's tables, and what went wrong
 
 rule export:  # the skeleton and its motion for other programs
     input:
-        study.exported,
-        poses=f"{results}/{of_recording}/poses.parquet",
-        layout=study.layout,
-        model=study.model,
+        study.of_subject("evaluate_tips"),
+        layouts=study.layouts,
+        models=list(study.models.values()),
     output:
-        directory(f"{results}/exports/{{model}}/{of_recording}"),
+        study.made("export"),
     log:
-        f"{results}/logs/export/{{model}}/{of_recording}.log",
+        f"{results}/logs/export/sub-{{subject}}.log",
     params:
         code=code_digest("export"),
-        study=study.file,
-        results=results,
-        words=study.export,
+        gone=study.gone("export"),
+        units=study.export,
     shell:
-        stage
-        + "export --record-failure --study {params.study:q} --results {params.results:q} {params.words}"
-        " --out {output:q} > /dev/null 2> {log:q}"
+        each("export")
 
 
 rule export_dataset:  # all recordings as one Motion-BIDS dataset
     input:
-        study.dataset_sources,
+        study.of_study("capture", "evaluate_tips"),
         list(study.models.values()),
         configuration=study.configuration,
     output:
@@ -310,7 +274,6 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
 
 rule report:
     input:
-        study.poses,
         study.exports,
         [f"{results}/{table}.parquet" for table in study.study_tables],
         list(study.models.values()),
@@ -335,7 +298,7 @@ rule report:
 
 rule subject_pages:  # the report's pages of a subject and of each of its recordings
     input:
-        study.of_subject,
+        study.of_subject(*study.last_stages),
         list(study.models.values()),
     output:
         directory(f"{results}/report/sub-{{subject}}"),

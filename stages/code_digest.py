@@ -8,13 +8,21 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import json
+import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
+
+from schemas.errors import InputError
+from schemas.files import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("stages", "kinematics", "schemas")
 DATA_OF = {"schemas/config_files.py": "schemas/json"}
 """Folders of data that a module reads: the defaults of configuration files stand in their JSON Schemas."""
+KEPT = Path(".snakemake", f"shukotsu-{sys.implementation.cache_tag}.json")
+"""What was read of every module, by the digest of its bytes: reading all their syntax trees takes seconds."""
 
 
 @cache
@@ -23,7 +31,7 @@ def code_digest(stage: str, root: Path = ROOT) -> str:
     digest = hashlib.sha256()
     for module in sorted(modules_of(f"stages.{stage}", root)):
         digest.update(module.relative_to(root).as_posix().encode())
-        digest.update(_content(module))
+        digest.update(_read(module)[0].encode())
     return digest.hexdigest()[:16]
 
 
@@ -37,7 +45,7 @@ def modules_of(name: str, root: Path = ROOT) -> set[Path]:
             found.add(path)
             waiting += (root / DATA_OF.get(path.relative_to(root).as_posix(), "none")).glob("*")
             if path.suffix == ".py":
-                waiting += [file for module in _imports(path) for file in _files(module, root)]
+                waiting += [file for module in _read(path)[1] for file in _files(module, root)]
     return found
 
 
@@ -55,22 +63,49 @@ def _files(name: str, root: Path) -> list[Path]:
     return [path / "__init__.py"]
 
 
-def _imports(path: Path) -> set[str]:
+def keep() -> None:
+    """Write down what was read of the modules, for the next start from this folder."""
+    text = json.dumps(_known(), sort_keys=True)
+    with suppress(OSError, InputError):  # a folder that cannot be written to costs time, and no more
+        if not KEPT.is_file() or KEPT.read_text("utf-8") != text:
+            write_text(KEPT, text)
+
+
+@cache
+def _known() -> dict[str, tuple[str, list[str]]]:
+    """What is known of modules, by the digest of their bytes; grows as they are read."""
+    with suppress(OSError, ValueError):
+        known: dict[str, tuple[str, list[str]]] = json.loads(KEPT.read_text("utf-8"))
+        return known
+    return {}
+
+
+def _read(path: Path) -> tuple[str, list[str]]:
+    """The digest of what a file does, and the in-house names that it imports; of data, of every byte."""
+    content = path.read_bytes()
+    digest = hashlib.sha256(content).hexdigest()
+    if path.suffix != ".py":
+        return digest, []
+    if digest not in _known():
+        tree = ast.parse(content)
+        imports = _imports(tree)
+        _known()[digest] = hashlib.sha256(_without_text(tree)).hexdigest(), imports
+    return _known()[digest]
+
+
+def _imports(tree: ast.Module) -> list[str]:
     """In-house names that a file imports, anywhere in it: stages import the heavy ones inside functions."""
     names: set[str] = set()
-    for node in ast.walk(_tree(path)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return {name for name in names if name.split(".")[0] in PACKAGES}
+    return sorted(name for name in names if name.split(".")[0] in PACKAGES)
 
 
-def _content(path: Path) -> bytes:
-    """What of a file counts: code without docstrings and comments, or, where it is not code, every byte."""
-    if path.suffix != ".py":
-        return path.read_bytes()
-    tree = _tree(path)
+def _without_text(tree: ast.Module) -> bytes:
+    """The code without its docstrings."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             node.body = [part for part in node.body if not _is_text(part)]
@@ -83,7 +118,3 @@ def _is_text(node: ast.stmt) -> bool:
         and isinstance(node.value, ast.Constant)
         and isinstance(node.value.value, str)
     )
-
-
-def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text("utf-8"))

@@ -266,17 +266,21 @@ def test_the_report_gives_every_reason(study: StudyRun) -> None:
 
 
 def test_every_job_has_its_log_at_a_predictable_path(study: StudyRun) -> None:
-    hostile = "A%20%26%20%3Cb%3E%22x%22"
-    wanted = {f"capture/sub-{hostile}/right/rom.log", "capture/sub-a%2Fb%20c/left/rom.log"}
-    wanted |= {"capture/sub-missing/right/rom.log", "capture/sub-山田%20花子/right/rom.log"}
-    for stage in ("solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips"):
-        wanted |= {f"{stage}/{MODEL}/sub-{hostile}/left.log", f"{stage}/{MODEL}/sub-one-sided/left.log"}
+    names = ("A%20%26%20%3Cb%3E%22x%22", "a%2Fb%20c", "missing", "山田%20花子", "one-sided")
+    stages = ("capture", "solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips")
+    wanted = {f"{stage}/sub-{name}.log" for stage in stages for name in names}
     assert wanted | {"gather.log", "report.log"} <= study.logs()
 
 
 def test_the_log_of_a_job_that_failed_says_why(study: StudyRun) -> None:
-    log = study.results.folder / "logs" / "capture" / "sub-missing/right/rom.log"
-    assert log.read_text() == "error: nowhere.parquet: no such file; expected a recording\n"
+    """After the command line that failed, to be run again by hand."""
+    log = study.results.folder / "logs" / "capture" / "sub-missing.log"
+    command, error, count = log.read_text().splitlines()
+    assert command.startswith(
+        "python -m stages.capture.import_recording --record-failure --in=nowhere.parquet"
+    )
+    assert error == "error: nowhere.parquet: no such file; expected a recording"
+    assert "1 made, 0 up to date" in count
 
 
 def test_a_whole_hand_with_a_dead_receiver_is_fitted_and_says_so(whole: StudyRun) -> None:

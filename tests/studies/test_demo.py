@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from itertools import product
 
 import numpy as np
+import pandas as pd
 import pytest
-from studies.running import Row, StudyRun, copy_of_the_program, leftovers, snakemake
+from studies.running import REPOSITORY, Row, StudyRun, copy_of_the_program, leftovers, snakemake
 
 from kinematics.rotations import Array
 from schemas.catalogue import JOINT_CENTRES
@@ -130,6 +132,17 @@ def test_held_out_scores_and_references(demo: StudyRun) -> None:
     }
     average = [row["left_out_mean_mm"] for row in every if row["model"] == "prior-only"]
     assert np.mean(average) > 3
+
+
+def test_the_guides_question_has_an_answer(demo: StudyRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    """docs/querying.md: one subject's rows, by pandas, and of the row groups those that may hold them."""
+    text = (REPOSITORY / "docs" / "querying.md").read_text("utf-8")
+    (line,) = re.findall(r"^(pd\.read_parquet\(.*\))$", text, re.MULTILINE)
+    monkeypatch.chdir(demo.folder)
+    found = eval(line, {"pd": pd})
+    assert set(found["subject"]) == {"01"}
+    assert set(found["model"]) == {"paper-fig4"}
+    assert set(found["hand"]) == {"right", "left"}
 
 
 def test_nothing_went_wrong(demo: StudyRun) -> None:

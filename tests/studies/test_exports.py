@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -93,7 +94,20 @@ def test_nothing_is_left_to_do_and_other_settings_export_again(study: StudyRun) 
     rules = {job.rule for job in jobs}
     assert {"export", "export_dataset"} <= rules
     assert not rules & {"capture", "solve_joints", "evaluate_tips", "subject_pages"}
-    assert len([job for job in jobs if job.rule == "export"]) == len(MODELS) * 2
+    assert {job["subject"] for job in jobs if job.rule == "export"} == {"01", "02"}
+
+
+def test_one_model_more_exports_that_model_only(study: StudyRun) -> None:
+    before = study.file.read_text("utf-8")
+    folder, started = study.results.folder / "exports", time.time_ns()
+    study.file.write_text(before.replace("models: [", "models: [paper-fig3, "), "utf-8")
+    try:
+        study.run()
+    finally:
+        study.file.write_text(before, "utf-8")
+    made = [path for path in folder.rglob("*.bvh") if path.stat().st_mtime_ns > started]
+    assert {path.relative_to(folder).parts[0] for path in made} == {"paper-fig3"}
+    study.run()
 
 
 def test_the_same_files_again(study: StudyRun) -> None:

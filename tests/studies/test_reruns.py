@@ -1,9 +1,10 @@
-"""What is run again after a change: what it touches, and nothing else."""
+"""What is run again after a change: jobs of whom it touches; in them, the tables that it touches."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -60,6 +61,15 @@ def _own(jobs: set[Job], wildcard: str) -> set[str | None]:
     return {job[wildcard] for job in jobs if job[wildcard] is not None}
 
 
+def _made(study: StudyRun) -> set[str]:
+    """Run the study; give the tables of subjects, by their paths, that were made in this run."""
+    started = time.time_ns()
+    study.run()
+    folder = study.results.folder
+    tables = [path for path in folder.rglob("*.parquet") if path.parent != folder]
+    return {path.relative_to(folder).as_posix() for path in tables if path.stat().st_mtime_ns > started}
+
+
 def _edit(file: Path, change: Callable[[str], str]) -> None:
     before = file.read_text("utf-8")
     after = change(before)
@@ -89,7 +99,7 @@ def test_a_touched_recording_reruns_its_subject_only(study: StudyRun) -> None:
     jobs = study.planned()
     assert _rules(jobs) == {"capture", "check_calibration", *OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
     assert _own(jobs, "subject") == {"01"}
-    assert len(jobs) == 2 + 2 * len(OF_A_HAND) + 1 + 4
+    assert len(jobs) == 3 + len(OF_A_HAND) + 4
 
 
 def test_a_changed_recording_changes_its_subject_only(study: StudyRun) -> None:
@@ -106,26 +116,64 @@ def test_a_changed_recording_changes_its_subject_only(study: StudyRun) -> None:
     assert study.planned() == set()
 
 
-def test_a_changed_model_file_reruns_that_model_only(study: StudyRun) -> None:
+def test_another_hand_leaves_the_first_ones_tables(study: StudyRun) -> None:
+    """One job does both hands of a subject, and makes only what the new recording touches."""
+    record(study.folder / "01-left.csv", subject="01", hand="left", frames=FRAMES)
+    _edit(study.folder / "twice.tsv", lambda text: f"{text}01\tleft\trom\tboth\t01-left.csv\n")
+    made = _made(study)
+    assert made
+    assert all("sub-01/left" in name for name in made)
+
+
+def test_a_changed_model_file_makes_that_models_tables_only(study: StudyRun) -> None:
     _edit(study.folder / f"{PLAIN}.yaml", _after("joints: {singular_values: 6}"))
     jobs = study.planned()
     assert _rules(jobs) == {*OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
-    assert _own(jobs, "model") == {PLAIN}
     assert _own(jobs, "subject") == {"01", "02", "late"}
+    made = _made(study)
+    assert {name.split("/")[1] for name in made if name.startswith("models/")} == {PLAIN}
+    assert {name.split("/")[0] for name in made} == {"models", "hands"}
+    assert study.planned() == set()
 
 
-def test_changed_corrections_rerun_models_that_apply_them(study: StudyRun) -> None:
+def test_changed_corrections_make_tables_of_whom_and_what_they_correct(study: StudyRun) -> None:
     (study.folder / "corrections.tsv").write_text(CORRECTIONS.format(2))
     jobs = study.planned()
     assert _rules(jobs) == {*OF_A_HAND[1:], OF_ALL_MODELS, *AT_THE_END}
-    assert _own(jobs, "model") == {CORRECTED}
+    assert _own(jobs, "subject") == {"01"}
+    made = {name for name in _made(study) if name.startswith("models/")}
+    assert made
+    assert all(name.startswith(f"models/{CORRECTED}/sub-01/") for name in made)
 
 
-def test_one_model_more_runs_that_model_only(study: StudyRun) -> None:
+def test_one_model_more_makes_its_tables_only(study: StudyRun) -> None:
     _edit(study.file, lambda text: text.replace("models: [", "models: [rigid, "))
     jobs = study.planned()
     assert _rules(jobs) == {*OF_A_HAND, OF_ALL_MODELS, *AT_THE_END}
-    assert _own(jobs, "model") == {"rigid"}
+    made = _made(study)
+    assert {name.split("/")[1] for name in made if name.startswith("models/")} == {"rigid"}
+    assert not [name for name in made if name.startswith("sub-")]
+
+
+def test_a_table_that_is_gone_is_made_again(study: StudyRun) -> None:
+    """Somebody removed it to have it anew; its bytes are what they were, and then nothing is left to do."""
+    before = hashes(study.results.folder)
+    gone = "models/plain/sub-01/right/joint_centres.parquet"
+    (study.results.folder / gone).unlink()
+    made = _made(study)
+    assert gone in made
+    assert not [name for name in made if "sub-02" in name]
+    assert hashes(study.results.folder) == before
+    study.run()
+    assert study.planned() == set()
+
+
+def test_told_to_do_it_again_it_does(study: StudyRun) -> None:
+    started = time.time_ns()
+    assert study.snakemake("--forcerun", "solve_joints").returncode == 0
+    found = list(study.results.folder.rglob("joint_solutions.parquet"))
+    assert len(found) == 3 * 2
+    assert all(path.stat().st_mtime_ns > started for path in found)
 
 
 def test_one_subject_more_runs_that_subject_only(study: StudyRun) -> None:
@@ -155,7 +203,6 @@ def test_code_of_a_stage_reruns_it_and_what_depends_on_it(study: StudyRun) -> No
     _edit(study.repository / "stages/project_planes/plane.py", _after("MORE = 1"))
     jobs = study.planned()
     assert _rules(jobs) == {*OF_A_HAND[1:], OF_ALL_MODELS, *AT_THE_END}
-    assert _own(jobs, "model") == {PLAIN, CORRECTED}
     assert _own(jobs, "subject") == {"01", "02", "late"}
 
 
