@@ -54,9 +54,9 @@ docs: ## make the pages that are generated from the schemas
 	@./bootstrap requirements-dev.lock
 	@$(python) -m schemas.reference_pages docs
 
-bench: ## print what the stages cost, as ratios to others on the same data
+bench: ## measure what studies and stages cost, beside others, into docs/benchmarks.md
 	@./bootstrap requirements-bench.lock
-	@$(python) -m benchmarks
+	@$(python) -m benchmarks cost
 
 lock: ## resolve the dependencies anew (needs uv)
 	uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock

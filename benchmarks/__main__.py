@@ -8,7 +8,12 @@ import os
 import sys
 import time
 
+from benchmarks.cost import PARTS
+
 BENCHMARKS = {
+    "cost": "studies, long_recordings, solve_hand and joint_solve, into docs/benchmarks.md",
+    "studies": "whole studies of 1, 10 and 100 subjects: seconds, where they go, what a change costs",
+    "long_recordings": "recordings of a minute and an hour through the stages: seconds and memory",
     "joint_solve": "one joint: closed form, stacked SVD and biobuddy on the same data",
     "solve_hand": "all joints of a hand with 16 receivers",
     "start_up": "every stage as a process: its --help, and a job on tiny data",
@@ -29,7 +34,7 @@ def main(words: list[str] | None = None) -> int:
     """Run the benchmarks on the words of a command line; give the exit code."""
     arguments = _parser().parse_args(words)
     os.environ["OMP_NUM_THREADS"] = "1"  # before NumPy is there: one thread each, as in the workflow
-    names = arguments.name or list(BENCHMARKS)
+    names = arguments.name or [name for name in BENCHMARKS if name not in PARTS]
     options = {"accuracy": {"seeds": _seeds(arguments), "write": arguments.write}}
     print("Seconds and milliseconds are of this machine, now; ratios are what to quote.\n")
     for name in names:

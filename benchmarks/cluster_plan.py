@@ -25,7 +25,7 @@ PLANNED, PLANNED_INSIDE = (5, 20, 80), (20, 320, 1280)
 them all, and by what runs inside one subject's job."""
 GATHERED = (4, 8)
 """Subjects of the studies whose tables are gathered to see how its memory grows."""
-JOB_CORES = 4  # as in config/profiles/slurm
+JOB_CORES = 2  # as in config/profiles/slurm
 SHARD, SHARD_CORES = 100, 16
 WHOLE_STUDY = ("gather", "report", "draw_figures")
 ONLY_SIMULATED = ("simulate", "capture emulate")
@@ -100,7 +100,8 @@ def _demo(folder: Path) -> tuple[dict[str, Costs], dict[str, Line]]:
         run_study(folder, study)
     rules = _costs(log)
     results = folder / "results" / "demo"
-    files = [path for path in results.rglob("*") if path.is_file()]
+    notes = folder / ".snakemake" / "metadata"  # Snakemake's own, a file an output
+    files = [path for place in (results, notes) for path in place.rglob("*") if path.is_file()]
     gathered = _fitted(GATHERED, [_gather_mb(folder, study, count) for count in GATHERED])
     return rules, {
         "files": Line(0.0, len(files) / DEMO_SUBJECTS),
@@ -126,7 +127,7 @@ def _costs(log: Path) -> dict[str, Costs]:
     found: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for line in log.read_text("utf-8").splitlines():
         processor_s, memory_mb, command = line.split("\t", 2)
-        stage = re.search(r"-m stages\.(capture \w+|[\w.]+)", command)
+        stage = re.search(r"-m stages\.(?:each )?(capture \w+|[\w.]+)", command)
         if stage is not None:
             found[stage[1]].append((float(processor_s), float(memory_mb)))
     return {

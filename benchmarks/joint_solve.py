@@ -1,4 +1,4 @@
-"""One joint between two receivers: our closed form, our stacked SVD, and biobuddy's SCoRE and SARA."""
+"""Joints between two receivers: our closed form, our stacked SVD, and biobuddy's SCoRE and SARA."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.interleaved import compare
+from benchmarks import solve_hand
+from benchmarks.interleaved import Timing, compare
 from benchmarks.text_table import Cell, TextTable
 from kinematics.rotations import Array, about_axis, matrix, multiply, rotate, unit
-from schemas.layout import Joint, Plane
+from schemas.layout import Joint, Plane, read_layout
 from schemas.poses import Poses
+from stages.simulate.realism import Realism
+from stages.simulate.simulation import simulate
 from stages.solve_joints.closed import JointSolution, solve_closed
 from stages.solve_joints.moments import BLOCK_FRAMES, JointMoments
 from stages.solve_joints.solve import add_block
@@ -39,11 +42,12 @@ class Hinge:
 
 
 def run(
-    sizes: tuple[tuple[int, int], ...] = ((3774, 9), (50_000, 3)), seeds: int = 20
+    sizes: tuple[tuple[int, int], ...] = ((3774, 9), (50_000, 3)), seeds: int = 20, hand_rounds: int = 3
 ) -> Iterator[TextTable]:
-    """Give the tables: times for each (frames, rounds), then agreement over the seeds."""
+    """Give the tables: times for each (frames, rounds), a whole hand's, then agreement over seeds."""
     for n_frames, rounds in sizes:
         yield times(n_frames, rounds)
+    yield times_from_poses(sizes[0][0], hand_rounds)
     yield agreement(sizes[0][0], seeds)
 
 
@@ -76,6 +80,50 @@ def times(n_frames: int, rounds: int) -> TextTable:
         "closed form also gives the centre's sd, range, gap and independent samples, which is most of its "
         "time at few frames; the others do not.",
     )
+
+
+def times_from_poses(n_frames: int, rounds: int) -> TextTable:
+    """Time a hand's joints, and one joint, from the same arrays of poses, each solver's inputs included."""
+    layout = read_layout("liberty16")
+    poses = solve_hand.as_poses(simulate("01", "right", "opposition", 0, Realism.full(), n_frames))
+    joints = solve_hand.solved_joints(layout, poses)
+    peer = peer_solvers()
+    rows: list[tuple[Cell, ...]] = []
+    for own in (joints, joints[:1]):
+        rivals: dict[str, Callable[[], object]] = {CLOSED: _solved_hand(poses, own)}
+        if not isinstance(peer, str):
+            rivals[SCORE + WITH_OUTLIERS] = _scored_hand(peer, poses, own, outliers=True)
+            rivals[SCORE + WITHOUT_OUTLIERS] = _scored_hand(peer, poses, own, outliers=False)
+        found: dict[str, Timing] = compare(rivals, CLOSED, rounds)
+        rows += [(name, len(own), 1e3 * timing.seconds, timing.ratio, "") for name, timing in found.items()]
+        rows += [(SCORE, len(own), None, None, peer)] if isinstance(peer, str) else []
+    return TextTable(
+        f"joint_solve: from poses of {len(poses.segments)} receivers, {n_frames} frames, {rounds} rounds",
+        (("solver", ""), ("joints", "d"), ("median ms", ".1f"), ("x closed form", ".0f"), ("", "")),
+        rows,
+        "From arrays of quaternions and positions (frames, receivers, numbers) to every joint's centre. The "
+        "closed form: the pass over the data, the solution, its sd, range, gap and independent samples, all "
+        "joints. biobuddy, joint after joint: matrices of the two quaternions (our numpy), its two series of "
+        "4 x 4 matrices, and its SCoRE.",
+    )
+
+
+def _solved_hand(poses: Poses, joints: list[Joint]) -> Callable[[], object]:
+    return lambda: solve_hand.closed(poses, joints, SIX)
+
+
+def _scored_hand(
+    peer: Biobuddy, poses: Poses, joints: list[Joint], *, outliers: bool
+) -> Callable[[], object]:
+    pairs = [[poses.index(joint.parent_receiver), poses.index(joint.child)] for joint in joints]
+
+    def work() -> list[Any]:
+        return [
+            peer.score.perform_algorithm(*peer.series(poses, *pair), recursive_outlier_removal=outliers)
+            for pair in pairs
+        ]
+
+    return work
 
 
 def agreement(n_frames: int, seeds: int) -> TextTable:
@@ -184,13 +232,13 @@ class Biobuddy:
     sara: Any
     series_class: Any
 
-    def series(self, poses: Poses) -> tuple[Any, Any]:
-        """Turn the two receivers' poses into biobuddy's series of matrices."""
+    def series(self, poses: Poses, parent: int = 0, child: int = 1) -> tuple[Any, Any]:
+        """Turn two receivers' poses into biobuddy's series of matrices."""
         made = [
             self.series_class.from_rotation_matrix_and_translation(
                 np.moveaxis(matrix(poses.quaternion[:, receiver]), 0, -1), poses.position_mm[:, receiver].T
             )
-            for receiver in (0, 1)
+            for receiver in (parent, child)
         ]
         return made[0], made[1]
 

@@ -10,7 +10,6 @@ from benchmarks.accuracy import estimators, peers, tables
 from benchmarks.accuracy.errors import HandScore
 from benchmarks.accuracy.figure import write_figure
 from benchmarks.accuracy.literature import NOISES, RANGES_DEG, ProtocolRow, protocol_row
-from benchmarks.accuracy.page import write_tables
 from benchmarks.accuracy.people import PersonResult, person_result
 from benchmarks.accuracy.scenarios import (
     ABLATED,
@@ -21,6 +20,7 @@ from benchmarks.accuracy.scenarios import (
     SWEEPS,
     Scenario,
 )
+from benchmarks.page import write_tables
 from benchmarks.text_table import TextTable
 
 SWEEP_PEOPLE = 5
@@ -56,7 +56,8 @@ def run(seeds: Sequence[int], *, write: bool = False, processes: int = 2) -> Ite
         if write:
             scores = {one.name: by_estimator(people[one]) for one in people}
             write_figure(scores, [one.name for one in skin], _whose(seeds))
-            write_tables(made, seeds)
+            command = f"python -m benchmarks accuracy --seeds {min(seeds)}-{max(seeds)} --write"
+            write_tables("accuracy.md", made, [f"As printed by `{command}`:"])
 
 
 def _tables(

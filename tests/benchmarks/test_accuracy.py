@@ -22,12 +22,12 @@ from benchmarks.accuracy.errors import (
     score,
 )
 from benchmarks.accuracy.fingertips import TRUE, tip_error
-from benchmarks.accuracy.page import END, START, with_tables
 from benchmarks.accuracy.people import person_result
 from benchmarks.accuracy.polynomial_skin import HYSTERESIS, LOOP_RAD, hysteretic, slipped
 from benchmarks.accuracy.scenarios import FOREIGN, FULL, STIFF, Scenario
 from benchmarks.accuracy.summary import summary
 from benchmarks.accuracy.trials import Trial, bursts, record, true_length_mm, with_dip_range
+from benchmarks.page import END, START, with_tables
 from benchmarks.paper_accuracy import JOINT_TYPES
 from kinematics.rotations import about_axis, angle, conjugate, matrix, multiply, rotate, unit
 from schemas.errors import InputError

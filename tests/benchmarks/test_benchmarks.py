@@ -40,10 +40,11 @@ def test_rivals_take_turns() -> None:
 
 
 def test_our_solvers_agree_on_one_joint() -> None:
-    timed, agreement = joint_solve.run(sizes=((300, 1),), seeds=2)
+    timed, whole_hand, agreement = joint_solve.run(sizes=((300, 1),), seeds=2, hand_rounds=1)
     ours = [joint_solve.CLOSED, joint_solve.MOMENTS, joint_solve.STACKED]
     assert column(timed, "solver")[:3] == ours
     assert all(isinstance(cell, float) and cell > 0 for cell in column(timed, "median ms")[:3])
+    assert column(whole_hand, "joints")[0] == 15
     apart = dict(zip(column(agreement, "solver"), column(agreement, agreement.columns[1][0]), strict=True))
     assert apart[joint_solve.STACKED] < 1e-6
     assert all(cell < 1.0 for cell in column(agreement, agreement.columns[2][0])[:2])
@@ -63,7 +64,7 @@ def test_biobuddy_is_beside_ours_or_says_why_not() -> None:
 
 def test_a_peer_that_cannot_be_imported_is_named_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(joint_solve, "peer_solvers", lambda: "cannot be imported: as this test says")
-    timed, agreement = joint_solve.run(sizes=((300, 1),), seeds=1)
+    timed, _, agreement = joint_solve.run(sizes=((300, 1),), seeds=1, hand_rounds=1)
     for table in (timed, agreement):
         assert column(table, "")[-2:] == ["cannot be imported: as this test says"] * 2
 

@@ -1,4 +1,4 @@
-"""docs/accuracy.md: prose that stays, tables between two marks that the command makes anew."""
+"""Pages of the guide: prose that stays, tables between two marks that a command makes anew."""
 
 from __future__ import annotations
 
@@ -9,17 +9,15 @@ from benchmarks.text_table import TextTable
 from schemas.errors import InputError
 from schemas.files import write_text
 
-PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 START, END = "<!-- tables: start -->", "<!-- tables: end -->"
 
 
-def write_tables(made: Sequence[TextTable], seeds: Sequence[int]) -> None:
-    """Put the tables into the page, with the command that makes them."""
-    command = f"python -m benchmarks accuracy --seeds {min(seeds)}-{max(seeds)} --write"
+def write_tables(name: str, made: Sequence[TextTable], heads: Sequence[str]) -> None:
+    """Put the tables into docs/NAME, after paragraphs that say which command made them, and where."""
+    page = DOCS / name
     blocks = [f"```text\n{table}\n```" for table in made]
-    write_text(
-        PAGE, with_tables(PAGE.read_text("utf-8"), "\n\n".join([f"As printed by `{command}`:", *blocks]))
-    )
+    write_text(page, with_tables(page.read_text("utf-8"), "\n\n".join([*heads, *blocks])))
 
 
 def with_tables(page: str, tables: str) -> str:
@@ -27,5 +25,5 @@ def with_tables(page: str, tables: str) -> str:
     before, start, rest = page.partition(START)
     _, end, after = rest.partition(END)
     if not (start and end):
-        raise InputError(f"{PAGE}: lacks {START} or {END}; put the marks where the tables are to be")
+        raise InputError(f"the page lacks {START} or {END}; put the marks where the tables are to be")
     return f"{before}{start}\n\n{tables}\n\n{end}{after}"
