@@ -62,7 +62,7 @@ import contextlib, importlib, json, sys
 names = json.loads(sys.argv[1])
 if "pandas" not in names:  # a job may keep it out, see stages.command_line
     from stages import command_line
-    command_line.keep_pandas_out()
+    command_line.begin()
 for name in names:
     with contextlib.suppress(ImportError, AttributeError, KeyError):
         importlib.import_module(name)

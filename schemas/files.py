@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -16,12 +17,14 @@ from schemas.errors import InputError
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary name beside `path` to write to; it takes the place of `path` at the end.
 
-    If writing fails, `path` is left as it was and the temporary file is removed. Raises InputError where
-    the folder cannot be written to.
+    If writing fails, `path` is left as it was and the temporary file is removed; those of processes that were
+    killed are removed first. A file has one writer at a time. Raises InputError where the folder cannot be
+    written to.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(path)
         yield temporary
         temporary.replace(path)
     except OSError as error:
@@ -29,6 +32,20 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # a part of the path that is a file was told above
             temporary.unlink(missing_ok=True)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove what a process that was killed while it wrote `path` has left beside it."""
+    left = re.compile(re.escape(f".{path.name}.") + r"\d+\.tmp")
+    with suppress(OSError):  # no such folder, or one that cannot be written to: its writer will say so
+        for beside in path.parent.iterdir():
+            if left.fullmatch(beside.name):
+                beside.unlink(missing_ok=True)
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Give a folder's files by name; hidden ones, which editors and writers at work leave, do not count."""
+    return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
 
 
 def write_text(path: Path, text: str) -> None:

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 
 from schemas import PROGRAM, VERSION
 from schemas.errors import InputError
-from schemas.files import file_sha256, replacing
+from schemas.files import file_sha256, files_in, replacing
 
 METADATA_KEY = b"shukotsu"
 """Schema-level metadata: one JSON object, for programs that do not keep Arrow's field metadata."""
@@ -92,7 +92,7 @@ class Provenance:
     @classmethod
     def of(cls, inputs: Sequence[Path], **parameters: Any) -> Provenance:
         """Hash the input files that exist, all of a folder's; `parameters` (JSON types) stay as they are."""
-        files = [file for path in inputs for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
+        files = [file for path in inputs for file in (files_in(path) if path.is_dir() else [path])]
         hashed = tuple((file.name, file_sha256(file)) for file in files if file.is_file())
         return cls(hashed, parameters)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -70,11 +71,14 @@ def config_files(arguments: argparse.Namespace) -> list[Path]:
     return [config_path(getattr(arguments, kind), kind, Path()) for kind in kinds]
 
 
-def keep_pandas_out() -> None:
-    """Let nothing find pandas in this process, one of those that a study runs by the hundred: pyarrow imports
-    it where it is installed, which takes longer than most stages' work and serves nothing.
+def begin() -> None:
+    """Begin a process of a study, one of hundreds that a cluster may end at any moment.
+
+    Nothing in it finds pandas: pyarrow imports it where it is installed, which takes longer than most stages'
+    work and serves nothing. When it is told to end, it removes what it had half written first.
     """
     sys.meta_path.insert(0, _WithoutPandas)
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
 
 
 class _WithoutPandas:

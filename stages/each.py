@@ -69,7 +69,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(words: list[str] | None = None) -> int:
     """Run the stage for every unit; give the worst exit code."""
-    from schemas.files import write_text
+    from schemas.files import remove_leftovers, write_text
     from stages.units import unpack
 
     arguments = build_parser().parse_args(words)
@@ -83,6 +83,8 @@ def main(words: list[str] | None = None) -> int:
     for own in units:
         unit = unit_of(module, own, arguments.code)
         before = time.process_time()
+        for path in unit.outputs:
+            remove_leftovers(path)
         if ANEW in os.environ or not unit.is_up_to_date():
             print(f"python -m stages.{arguments.stage} {shlex.join(own)}", file=sys.stderr, flush=True)
             status = max(status, _run(module, unit))
@@ -140,12 +142,12 @@ def _beside(folder: Path) -> Path:
 
 def _content(value: Any) -> Iterator[Any]:
     """What counts of an option's value: of a file or folder its name and bytes, else the value."""
-    from schemas.files import file_sha256
+    from schemas.files import file_sha256, files_in
 
     for one in value if isinstance(value, list) else [value]:
         path = Path(one) if isinstance(one, str | Path) and str(one) else None
         if path is not None and path.is_dir():
-            yield path.name, [(p.name, file_sha256(p)) for p in sorted(path.iterdir()) if p.is_file()]
+            yield path.name, [(p.name, file_sha256(p)) for p in files_in(path)]
         elif path is not None and path.is_file():
             yield path.name, file_sha256(path)
         else:
@@ -168,5 +170,5 @@ def _run(module: ModuleType, unit: Unit) -> int:
 
 
 if __name__ == "__main__":
-    command_line.keep_pandas_out()
+    command_line.begin()
     sys.exit(main())

@@ -78,5 +78,5 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 
 if __name__ == "__main__":
-    command_line.keep_pandas_out()
+    command_line.begin()
     sys.exit(command_line.run(build_parser().parse_args(), draw, record_failure))

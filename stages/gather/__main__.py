@@ -46,5 +46,5 @@ def main(words: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    command_line.keep_pandas_out()
+    command_line.begin()
     sys.exit(main())

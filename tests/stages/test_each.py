@@ -147,3 +147,12 @@ def test_an_output_that_cannot_be_written_is_2_and_lists_nothing(study: Study) -
     study.made.unlink()
     assert study.run(units=units) == 2
     assert not study.made.exists()
+
+
+def test_what_a_killed_job_left_is_removed_though_its_tables_are_up_to_date(study: Study) -> None:
+    left = study.folder / ".rigid.parquet.4194305.tmp"
+    left.write_text("half")
+    before = study.times()
+    assert study.run() == 0
+    assert study.times() == before
+    assert not left.exists()

@@ -1,0 +1,48 @@
+"""Files: whole or not at all, also after a writer was killed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from schemas.errors import InputError
+from schemas.files import files_in, remove_leftovers, write_text
+from schemas.tables import Provenance
+
+
+def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "before")
+    with pytest.raises(UnicodeEncodeError):
+        write_text(path, "whole until \ud800")
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_path_below_a_file_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_text(tmp_path / "file" / "a.txt", "text")
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_writing(tmp_path: Path) -> None:
+    left = tmp_path / ".a.txt.4194305.tmp"
+    others = [tmp_path / name for name in (".a.txt.b.7.tmp", ".aatxt.7.tmp", ".b.txt.7.tmp", ".a.txt.unit")]
+    for path in (left, *others):
+        path.write_text("half")
+    write_text(tmp_path / "a.txt", "whole")
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "a.txt", *others])
+
+
+def test_leftovers_of_a_folder_that_is_not_there_are_none(tmp_path: Path) -> None:
+    remove_leftovers(tmp_path / "none" / "a.txt")
+
+
+def test_hidden_files_are_no_part_of_a_folder(tmp_path: Path) -> None:
+    """Nor of what a table says that it was made from."""
+    for name in ("b.csv", "a.csv", ".a.csv.7.tmp", ".b.csv.swp"):
+        (tmp_path / name).write_text(name)
+    (tmp_path / "folder").mkdir()
+    assert [path.name for path in files_in(tmp_path)] == ["a.csv", "b.csv"]
+    assert [name for name, _ in Provenance.of([tmp_path]).inputs] == ["a.csv", "b.csv"]
