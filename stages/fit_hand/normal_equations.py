@@ -17,6 +17,7 @@ from kinematics.rotations import Array
 from stages.fit_hand.operations import Branch, Reached, cross
 
 Index = npt.NDArray[np.int64]
+Rows = Index | npt.NDArray[np.bool_] | slice
 
 HUBER = 3.55
 """Norm of a receiver's six residuals, over their sd, beyond which they count less: 95 % of normal ones."""
@@ -30,7 +31,7 @@ class Frames:
     position_mm: Array
     valid: npt.NDArray[np.bool_]
 
-    def take(self, rows: Index | slice) -> Frames:
+    def take(self, rows: Rows) -> Frames:
         """Give some of the frames."""
         return Frames(self.rotation[rows], self.position_mm[rows], self.valid[rows])
 
@@ -43,6 +44,10 @@ class Point:
     y: Array
     root: Array
     root_mm: Array
+
+    def take(self, rows: Rows) -> Point:
+        """Give some of the frames."""
+        return Point(self.x, self.y[rows], self.root[rows], self.root_mm[rows])
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,12 @@ class Residuals:
     branches: tuple[tuple[Array, Array, Reached], ...]
     cost: float
     frame_cost: Array
+
+    def take(self, rows: Rows) -> Residuals:
+        """Give some of the frames; their cost, and the rest of the whole's."""
+        branches = tuple((r[:, rows], weight[:, rows], at.take(rows)) for r, weight, at in self.branches)
+        own = self.frame_cost[rows]
+        return Residuals(branches, float(self.cost - self.frame_cost.sum() + own.sum()), own)
 
 
 def log_rotation(rotation: Array) -> Array:

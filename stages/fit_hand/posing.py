@@ -57,26 +57,29 @@ def _first_roots(problem: Problem, point: Point) -> Point:
 
 
 def pose(problem: Problem, point: Point, steps: int = _STEPS) -> Point:
-    """Fit states and roots of every frame with x as it is: Levenberg-Marquardt, each frame on its own."""
-    damping = np.full(len(point.y), 1e-3)
+    """Fit states and roots of every frame with x as it is: Levenberg-Marquardt, each frame on its own and
+    for no longer than it gains.
+    """
+    whole = Point(point.x, point.y.copy(), point.root.copy(), point.root_mm.copy())
+    rows = np.arange(len(point.y))
+    damping = np.full(len(rows), 1e-3)
     found = residuals(problem, point)
     for _ in range(steps):
         reduced = reduce(problem, point, found, damping, fixed_x=True)
         tried = back_substitute(problem, point, reduced, None)
         new = residuals(problem, tried)
         better = new.frame_cost <= found.frame_cost
-        gain = (found.frame_cost - new.frame_cost).sum() / max(found.frame_cost.sum(), 1e-300)
-        point = Point(
-            point.x,
-            np.where(better[:, None], tried.y, point.y),
-            np.where(better[:, None, None], tried.root, point.root),
-            np.where(better[:, None], tried.root_mm, point.root_mm),
-        )
-        damping = np.where(better, damping / 10, damping * 10)
-        if better.all():
-            found = new
-            if gain < _LEAST_GAIN:
-                break
-        else:
-            found = residuals(problem, point)
-    return point
+        for values, of_tried in (
+            (whole.y, tried.y),
+            (whole.root, tried.root),
+            (whole.root_mm, tried.root_mm),
+        ):
+            values[rows[better]] = of_tried[better]
+        goes_on = ~better | (found.frame_cost - new.frame_cost > _LEAST_GAIN * found.frame_cost)
+        if not goes_on.any():
+            break
+        rows, damping = rows[goes_on], np.where(better, damping / 10, damping * 10)[goes_on]
+        problem = replace(problem, frames=problem.frames.take(goes_on))
+        point = whole.take(rows)
+        found = new.take(goes_on) if better[goes_on].all() else residuals(problem, point)
+    return whole
