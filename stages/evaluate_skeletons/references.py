@@ -33,8 +33,10 @@ from stages.fit_hand.replaying import PosedHand, pose_hand
 
 PRIOR_ONLY, DISTAL_RECEIVER, TRUE_SKELETON = "prior-only", "distal-receiver", "true-skeleton"
 
-MOST_FRAMES = 400
-"""Evenly spaced frames of a recording in which the prior's hand is posed."""
+MOST_FRAMES = 200
+"""Evenly spaced frames of a recording in which the prior's hand is posed. A motion repeats itself: eight
+times as many move the means, which are millimetres, by 0.02 mm.
+"""
 
 
 @dataclass(frozen=True)
