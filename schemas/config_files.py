@@ -6,9 +6,12 @@ The schemas are closed: a typo is refused by name. `docs/configuration.md` is ma
 from __future__ import annotations
 
 import difflib
+import hashlib
 import json
 import math
+import os
 from collections.abc import Hashable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +21,8 @@ from schemas.errors import InputError
 
 SCHEMA_FOLDER = Path(__file__).parent / "json"
 CONFIG_FOLDER = Path(__file__).parent.parent / "config"
+FOUND_RIGHT = "SHUKOTSU_FOUND_RIGHT"
+"""Environment variable: digests of configurations, each with its schema, that were found right."""
 
 
 class _StrictLoader(yaml.CSafeLoader):  # type: ignore[misc, unused-ignore]
@@ -67,18 +72,40 @@ def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[st
 
 
 def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
-    """Check a loaded configuration against its schema and fill in the defaults; `where` names the file."""
-    import jsonschema  # 0.08 s: not at start-up
+    """Check a loaded configuration against its schema and fill in the defaults; `where` names the file.
 
+    What the process that started this one has found right, see `tell_children`, is not checked again.
+    """
     schema = json_schema(kind)
+    digest = hashlib.sha256(repr((schema, loaded)).encode("utf-8", "surrogatepass")).hexdigest()
+    if digest not in _found_right():
+        _refuse_unless_right(loaded, schema, where)
+        _found_right().add(digest)
+    assert isinstance(loaded, dict)
+    filled: dict[str, Any] = _with_defaults(loaded, schema, schema)
+    return filled
+
+
+def tell_children() -> None:
+    """Let processes that this one starts know what was found right: to import the checker takes them longer
+    than reading their configuration.
+    """
+    os.environ[FOUND_RIGHT] = " ".join(sorted(_found_right()))
+
+
+@cache
+def _found_right() -> set[str]:
+    return set(os.environ.get(FOUND_RIGHT, "").split())
+
+
+def _refuse_unless_right(loaded: object, schema: dict[str, Any], where: str) -> None:
+    import jsonschema  # slow to import, and mostly not needed
+
     validator = jsonschema.Draft202012Validator(schema)
     errors = sorted(validator.iter_errors(loaded), key=lambda e: [str(part) for part in e.absolute_path])
     sentences = list(dict.fromkeys(_sentence(error) for error in errors)) or _not_finite(loaded)
     if sentences:
         raise InputError(f"{where}: " + "; ".join(sentences[:5]))
-    assert isinstance(loaded, dict)
-    filled: dict[str, Any] = _with_defaults(loaded, schema, schema)
-    return filled
 
 
 def shipped(kind: str) -> list[str]:

@@ -6,12 +6,14 @@ import json
 import os
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from schemas.config_files import read_config
+from schemas.config_files import read_config, tell_children
 from schemas.errors import InputError
+from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.results import STUDY_TABLES, Results
 from schemas.study import (
@@ -81,7 +83,12 @@ class Wiring:
         path = Path(study_files[0]) if study_files else default
         if config and dict(config) != _as_written(path):
             raise InputError(f"--config: a study is described by its file alone; write it into {path}")
-        return cls(path)
+        made = cls(path)
+        for layout in {recording.layout for recording in made.study.recordings}:
+            with suppress(InputError):  # those whose hands need it say so
+                read_layout(layout)
+        tell_children()
+        return made
 
     # --- simulate -------------------------------------------------------------------------------------
 
