@@ -27,6 +27,7 @@ SEED = 42
 PAPER_STYLE = ("paper-fig3-rest", "paper-fig3", "paper-fig4", "paper-fig4-corrected", "rigid")
 ALL_MODELS = (*PAPER_STYLE, "anatomical", "whole-hand")
 TASKS = (("rom", "calibration"), ("opposition", "evaluation"))
+FRAMES = {"rom": 6000, "opposition": 3774}
 HANDS = ("right", "left")
 SIMULATED = ("01", "02")
 """Subjects that are simulated; the others' recordings are theirs under another name."""
@@ -183,7 +184,7 @@ def _simulated(folder: Path) -> Path:
             for task, _ in TASKS:
                 words = [f"--subject={subject}", f"--hand={hand}", f"--task={task}", f"--seed={SEED}"]
                 out = folder / f"{subject}_{hand}_{task}.parquet"
-                measure(["-m", "stages.simulate", *words, f"--out={out}"])
+                measure(["-m", "stages.simulate", *words, f"--frames={FRAMES[task]}", f"--out={out}"])
     return folder
 
 
@@ -273,7 +274,8 @@ def _whole(rows: list[tuple[Cell, ...]]) -> TextTable:
         rows,
         "The whole workflow, report and figures included; Snakemake's own start and planning too. Work is "
         "what the stages' processes take beyond starting Python and importing. Recordings are 16 receivers, "
-        f"7200 and 3774 frames, of {len(SIMULATED)} simulated subjects under as many names as are asked for.",
+        f"{' and '.join(map(str, FRAMES.values()))} frames, of {len(SIMULATED)} simulated subjects under as "
+        "many names as are asked for.",
     )
 
 

@@ -38,6 +38,7 @@ def code_digest(stage: str, root: Path = ROOT) -> str:
 def modules_of(name: str, root: Path = ROOT) -> set[Path]:
     """Files of a module or of a whole package, and of every in-house module reached from them."""
     found: set[Path] = set()
+    names = {name}
     waiting = list(_files(name, root))
     while waiting:
         path = waiting.pop()
@@ -45,7 +46,9 @@ def modules_of(name: str, root: Path = ROOT) -> set[Path]:
             found.add(path)
             waiting += (root / DATA_OF.get(path.relative_to(root).as_posix(), "none")).glob("*")
             if path.suffix == ".py":
-                waiting += [file for module in _read(path)[1] for file in _files(module, root)]
+                new = [module for module in _read(path)[1] if module not in names]
+                names.update(new)
+                waiting += [file for module in new for file in _files(module, root)]
     return found
 
 
