@@ -3,6 +3,8 @@
 .PHONY: help demo test test-slow test-tools test-slurm tools coverage lint format lock docs bench clean
 
 python := .venv/bin/python
+# Tests, and the processes that they start, share the cores already.
+pytest := OMP_NUM_THREADS=1 $(python) -m pytest
 cores ?= all
 
 help: ## say what can be made
@@ -15,27 +17,27 @@ demo: ## run the demo study, print its four tables and name its report
 
 test: ## run the fast tests
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest -m "not slow and not tools and not slurm" -n auto --dist loadfile
+	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile
 
 test-slow: ## run the rest: whole studies through Snakemake, planted wrong signs
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest -m slow
+	@$(pytest) -m slow
 
 tools: ## put programs by others that read exports into .tools (some 1.4 GB), and a browser
 	@./tests/export_tools/install
 
 test-tools: tools ## read exported files with these programs
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest -m tools
+	@$(pytest) -m tools
 
 test-slurm: ## run a study on a private Slurm (root, Debian's slurm-wlm and munge)
 	@./bootstrap requirements-dev.lock
 	@./bootstrap requirements-cluster.lock
-	@$(python) -m pytest -m slurm
+	@$(pytest) -m slurm
 
 coverage: ## run the fast tests and print the lines that none of them reaches
 	@./bootstrap requirements-dev.lock
-	@$(python) -m pytest -m "not slow and not tools and not slurm" -n auto --dist loadfile --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
+	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
 
 lint: ## check style, types and the Snakefile
 	@./bootstrap requirements-dev.lock
