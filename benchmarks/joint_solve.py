@@ -84,19 +84,25 @@ def times(n_frames: int, rounds: int) -> TextTable:
 
 def times_from_poses(n_frames: int, rounds: int) -> TextTable:
     """Time a hand's joints, and one joint, from the same arrays of poses, each solver's inputs included."""
+    from benchmarks.accuracy.peers import QMT, missing  # which imports this module
+
     layout = read_layout("liberty16")
     poses = solve_hand.as_poses(simulate("01", "right", "opposition", 0, Realism.full(), n_frames))
     joints = solve_hand.solved_joints(layout, poses)
     peer = peer_solvers()
+    reasons = missing()
     rows: list[tuple[Cell, ...]] = []
     for own in (joints, joints[:1]):
         rivals: dict[str, Callable[[], object]] = {CLOSED: _solved_hand(poses, own)}
         if not isinstance(peer, str):
             rivals[SCORE + WITH_OUTLIERS] = _scored_hand(peer, poses, own, outliers=True)
             rivals[SCORE + WITHOUT_OUTLIERS] = _scored_hand(peer, poses, own, outliers=False)
+        if QMT not in reasons:
+            rivals[QMT] = _axes_of_hand(poses, own)
         found: dict[str, Timing] = compare(rivals, CLOSED, rounds)
         rows += [(name, len(own), 1e3 * timing.seconds, timing.ratio, "") for name, timing in found.items()]
         rows += [(SCORE, len(own), None, None, peer)] if isinstance(peer, str) else []
+        rows += [(QMT, len(own), None, None, reasons[QMT])] if QMT in reasons else []
     return TextTable(
         f"joint_solve: from poses of {len(poses.segments)} receivers, {n_frames} frames, {rounds} rounds",
         (("solver", ""), ("joints", "d"), ("median ms", ".1f"), ("x closed form", ".0f"), ("", "")),
@@ -104,7 +110,8 @@ def times_from_poses(n_frames: int, rounds: int) -> TextTable:
         "From arrays of quaternions and positions (frames, receivers, numbers) to every joint's centre. The "
         "closed form: the pass over the data, the solution, its sd, range, gap and independent samples, all "
         "joints. biobuddy, joint after joint: matrices of the two quaternions (our numpy), its two series of "
-        "4 x 4 matrices, and its SCoRE.",
+        "4 x 4 matrices, and its SCoRE. qmt finds an axis and no centre, from inertial signals made of the "
+        "poses.",
     )
 
 
@@ -124,6 +131,12 @@ def _scored_hand(
         ]
 
     return work
+
+
+def _axes_of_hand(poses: Poses, joints: list[Joint]) -> Callable[[], object]:
+    from benchmarks.accuracy.peers import hinge_axis, pair_of  # which imports this module
+
+    return lambda: [hinge_axis(pair_of(poses, joint)) for joint in joints]
 
 
 def agreement(n_frames: int, seeds: int) -> TextTable:

@@ -57,18 +57,18 @@ def missing() -> dict[str, str]:
 
 def peer_estimate(trial: Trial, name: str, step: int = 1) -> Estimate:
     """What the peer of that name, which must be importable, makes of one frame in `step` of a hand."""
-    ways: Mapping[str, Callable[[Poses], Centre]] = {SCORE: _score, SARA: _sara, QMT: _hinge_axis}
+    ways: Mapping[str, Callable[[Poses], Centre]] = {SCORE: _score, SARA: _sara, QMT: hinge_axis}
     poses = part(trial.poses, slice(None, None, step))
     joints = solved_joints(read_layout(LAYOUT), poses)
     wanted = [joint for joint in joints if name != QMT or joint.dof == 1]
-    pairs = {joint.name: _pair(poses, joint) for joint in wanted}
+    pairs = {joint.name: pair_of(poses, joint) for joint in wanted}
     started = time.process_time()
     centres = {joint: ways[name](pair) for joint, pair in pairs.items()}
     seconds = time.process_time() - started
     return Estimate(centres, seconds, {} if name == QMT else phalanges_mm(centres))
 
 
-def _pair(poses: Poses, joint: Joint) -> Poses:
+def pair_of(poses: Poses, joint: Joint) -> Poses:
     """Parent's and child's receivers alone, in the frames that have both."""
     both = [poses.index(joint.parent_receiver), poses.index(joint.child)]
     rows = np.flatnonzero(poses.valid[:, both].all(1))
@@ -102,7 +102,7 @@ def _sara(poses: Poses) -> Centre:
     return Centre(found[4], found[5], None, found[2])
 
 
-def _hinge_axis(poses: Poses) -> Centre:
+def hinge_axis(poses: Poses) -> Centre:
     """The axis alone, from what ideal inertial sensors would have measured where the receivers are."""
     qmt: Any = importlib.import_module("qmt")
     gyr, acc = inertial(poses)
