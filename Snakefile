@@ -25,7 +25,7 @@ stage = f"{quote(sys.executable)} -m stages."
 def each(name):
     """Run a stage for all units of a job: a subject's hands and models, or a hand's."""
     return (
-        f"{stage}each {name} --code {{params.code}} --made {{output:q}} > /dev/null 2> {{log:q}}"
+        f"{stage}job each {name} --code {{params.code}} --made {{output:q}} > /dev/null 2> {{log:q}}"
         " <<'UNITS'\n{params.units}\nUNITS"
     )
 
@@ -312,7 +312,7 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
         rows=study.rows_of_subject,
     shell:
         stage
-        + "report.subject --record-failure --study {params.study:q} --results {params.results:q}"
+        + "job report.subject --record-failure --study {params.study:q} --results {params.results:q}"
         " {params.subject} --out {output:q} 2> {log:q}"
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from benchmarks.demo_study import ROOT, copy_study, run_study
 from benchmarks.text_table import Cell, TextTable
+from stages import job
 
 DEMO_SUBJECTS = 2
 PLANNED, PLANNED_INSIDE = (5, 20, 80), (20, 320, 1280)
@@ -112,22 +113,26 @@ def _demo(folder: Path) -> tuple[dict[str, Costs], dict[str, Line]]:
 
 @contextmanager
 def _every_job_timed(folder: Path, log: Path) -> Iterator[None]:
-    """Let Snakemake's jobs write their processor seconds, MB and command into a log."""
+    """Let Snakemake's jobs write their processor seconds, MB and command into a log, each a process of its
+    own as on a cluster.
+    """
     timed, timer = folder / "timed.sh", folder / "timer.py"
     timer.write_text(TIMER, "utf-8")
     timed.write_text(TIMED.format(python=sys.executable, timer=timer, log=log), "utf-8")
-    os.environ["BASH_ENV"] = str(timed)
+    changed = {"BASH_ENV": str(timed), job.ADDRESS: "none"}
+    os.environ |= changed
     try:
         yield
     finally:
-        del os.environ["BASH_ENV"]
+        for name in changed:
+            del os.environ[name]
 
 
 def _costs(log: Path) -> dict[str, Costs]:
     found: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for line in log.read_text("utf-8").splitlines():
         processor_s, memory_mb, command = line.split("\t", 2)
-        stage = re.search(r"-m stages\.(?:each )?(capture \w+|[\w.]+)", command)
+        stage = re.search(r"-m stages\.(?:job )?(?:each )?(capture \w+|[\w.]+)", command)
         if stage is not None:
             found[stage[1]].append((float(processor_s), float(memory_mb)))
     return {

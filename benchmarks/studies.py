@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from schemas.config_files import tell_children
 from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.study import read_study
-from stages.units import pack
 
 ROOT = Path(__file__).resolve().parent.parent
 CORES = 2
@@ -42,6 +40,8 @@ OF_A_SUBJECT = (
     "evaluate_tips",
     "evaluate_skeletons",
 )
+PAGES = "subject_pages"
+FORK = "fork"
 _SPENT = re.compile(r"(\d+) made, \d+ up to date; ([\d.]+) of ([\d.]+) s of processor")
 _MEASURED = """
 import resource, subprocess, sys, time
@@ -148,11 +148,12 @@ def run(subjects: Sequence[int] = SUBJECTS) -> Iterator[TextTable]:
         recordings = _simulated(folder / "simulated")
         studies = [Study(folder / f"{count}", count, PAPER_STYLE) for count in subjects]
         rows: list[tuple[Cell, ...]] = []
-        stages: list[Stage] = []
+        starts: dict[str, float] = {}
         for study in studies:
             study.write(recordings)
             cost = study.run()
-            stages = _stages(study, stages)
+            starts = starts or _starts(study)
+            stages = _stages(study, starts)
             rows.append(_row(f"{study.subjects} subjects, cold", study, cost, stages))
         last = studies[-1]
         rows.append(_row("again, nothing changed", last, last.run()))
@@ -188,18 +189,19 @@ def _simulated(folder: Path) -> Path:
     return folder
 
 
-def _stages(study: Study, known: Sequence[Stage]) -> list[Stage]:
-    """What each stage took in a study that was just run; what one start takes is measured once."""
-    starts = {stage.name: stage.start_s for stage in known} or _starts(study)
+def _stages(study: Study, starts: Mapping[str, float]) -> list[Stage]:
+    """What each stage took in a study that was just run; starts : of a process, by what it runs."""
     stages = []
     for name in OF_A_SUBJECT:
         logs = sorted((study.results / "logs" / name).rglob("*.log"))
         spent = [_SPENT.search(log.read_text("utf-8")) for log in logs]
         processor_s = sum(float(found[3]) for found in spent if found is not None)
         if logs:
-            stages.append(Stage(name, len(logs), processor_s, starts[name]))
+            stages.append(Stage(name, len(logs), processor_s + len(logs) * starts[FORK], starts[FORK]))
     for name, (words, jobs) in _at_the_end(study).items():
-        stages.append(Stage(name, jobs, jobs * measure(words).processor_s, starts[name]))
+        work_s = jobs * (measure(words).processor_s - starts[name])
+        start_s = starts[FORK if name == PAGES else name]
+        stages.append(Stage(name, jobs, work_s + jobs * start_s, start_s))
     return stages
 
 
@@ -208,7 +210,7 @@ def _at_the_end(study: Study) -> dict[str, tuple[list[str], int]]:
     whole = ["--study", str(study.file), "--results", str(study.results)]
     out = study.folder / "again"
     return {
-        "subject_pages": (
+        PAGES: (
             ["-m", "stages.report.subject", *whole, "--subject=0000", f"--out={out}"],
             study.subjects,
         ),
@@ -219,18 +221,13 @@ def _at_the_end(study: Study) -> dict[str, tuple[list[str], int]]:
 
 
 def _starts(study: Study) -> dict[str, float]:
-    """Processor seconds that each stage takes to start Python and import what it uses, on a copy."""
+    """Processor seconds to start Python and import what these use, on a copy; a fork's start is who asks."""
     _tell_what_is_right(study)
     with tempfile.TemporaryDirectory() as name:
         copy = Study(Path(name, "copy"), 1, study.models)
         shutil.copytree(study.folder, copy.folder)
         starts = {stage: _imports_s(words, copy.folder) for stage, (words, _) in _at_the_end(copy).items()}
-        for stage in OF_A_SUBJECT:
-            for log in sorted((copy.results / "logs" / stage).rglob("*.log"))[:1]:
-                _, _, module, *words = shlex.split(log.read_text("utf-8").splitlines()[0])
-                each = ["-m", "stages.each", module.removeprefix("stages."), "--code=0", "--made=made.json"]
-                starts[stage] = _imports_s(each, copy.folder, pack([words]))
-    return starts
+    return starts | {FORK: min(measure(["-c", "import stages.job"]).processor_s for _ in range(9))}
 
 
 def _tell_what_is_right(study: Study) -> None:
@@ -242,13 +239,11 @@ def _tell_what_is_right(study: Study) -> None:
     tell_children()
 
 
-def _imports_s(words: Sequence[str], folder: Path, units: str = "") -> float:
-    """Processor seconds of Python's start and of importing what a job imports, wherever it does so."""
+def _imports_s(words: Sequence[str], folder: Path) -> float:
+    """Processor seconds of Python's start and of importing what a process imports, wherever it does so."""
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-c", _NAMED, *words[1:]]
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=True, cwd=folder, env=environment, input=units
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder, env=environment)
     names = done.stdout.splitlines()[-1]
     return min(measure(["-c", _IMPORTED, names]).processor_s for _ in range(3))
 
@@ -295,8 +290,9 @@ def _by_stage(study: Study, stages: Sequence[Stage]) -> TextTable:
             ("% work", ".0f"),
         ),
         rows,
-        "Processor seconds. Start: Python and the packages, once a job, a job being a subject's hands under "
-        "all models. Work: arithmetic, reading and writing. Of subject_pages one job was measured.",
+        "Processor seconds. A job is a subject's hands under all models. Start: Python and the packages, or, "
+        "of jobs that are forks of the warm process, of who asks for the fork. Work: arithmetic, reading and "
+        "writing. Of subject_pages one job was measured.",
     )
 
 

@@ -25,6 +25,7 @@ from schemas.study import (
     read_participants,
     read_study,
 )
+from stages import warm_process
 from stages.draw_figures.names import KINDS, STUDY_FIGURES
 from stages.each import ANEW
 from stages.units import pack
@@ -159,13 +160,15 @@ class Wiring:
     def prepare(workflow: Any) -> None:
         """Ready Snakemake to run jobs.
 
-        Let jobs do again what is up to date where it was told so, by --forceall or --forcerun. And let it
-        not count jobs a second: 9.27 looks through all jobs once more each second for every job that has
-        ended, until most of a study of hundreds is spent on that.
+        Let jobs do again what is up to date where it was told so, by --forceall or --forcerun. Let it not
+        count jobs a second: 9.27 looks through all jobs once more each second for every job that has ended,
+        until most of a study of hundreds is spent on that. And let jobs of this machine start fast.
         """
         if workflow.dag_settings.forceall or workflow.dag_settings.forcerun:
             os.environ[ANEW] = "1"
         workflow.scheduler.job_rate_limiter = None
+        if workflow.local_exec:
+            warm_process.start()
 
     def layouts(self, wildcards: Wildcards) -> list[str]:
         """Layouts of the subject's hands."""

@@ -69,6 +69,11 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     write_text(arguments.out / "subject.html", render_failure(message))
 
 
+def main(words: list[str] | None = None) -> int:
+    """Run the stage on the words of a command line; give its exit code."""
+    return command_line.run(build_parser().parse_args(words), pages, record_failure)
+
+
 if __name__ == "__main__":
     command_line.begin()
-    sys.exit(command_line.run(build_parser().parse_args(), pages, record_failure))
+    sys.exit(main())
