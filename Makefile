@@ -21,7 +21,8 @@ test: ## run the fast tests
 
 test-slow: ## run the rest: whole studies through Snakemake, planted wrong signs
 	@./bootstrap requirements-dev.lock
-	@$(pytest) -m slow
+	@$(pytest) -m slow --ignore=tests/studies -n auto --dist loadfile
+	@$(pytest) -m slow tests/studies # each has all cores
 
 tools: ## put programs by others that read exports into .tools (some 1.4 GB), and a browser
 	@./tests/export_tools/install
