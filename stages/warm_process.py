@@ -146,4 +146,7 @@ def _end_with(line: socket.socket) -> None:
 
 if __name__ == "__main__":
     with suppress(KeyboardInterrupt), socket.socket(fileno=int(sys.argv[1])) as door:
-        serve(door)
+        try:
+            serve(door)
+        finally:  # who started it may have been killed
+            shutil.rmtree(Path(door.getsockname()).parent, ignore_errors=True)

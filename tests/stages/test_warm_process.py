@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -128,17 +129,23 @@ def test_a_fork_that_is_killed_is_a_failed_job(warm: psutil.Process, waiting: su
     assert waiting.stderr.read() == "error: the job's process was killed before its end\n"
 
 
-def test_it_ends_with_who_started_it(tmp_path: Path) -> None:
-    """Also where that is killed."""
+@pytest.fixture
+def short_folder() -> Iterator[Path]:
+    """A folder whose path leaves room for a socket's (107 bytes)."""
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
+def test_it_ends_with_who_started_it(short_folder: Path) -> None:
+    """Also where that is killed; then, too, it leaves nothing behind."""
     code = "import sys, time; from stages import warm_process; print(warm_process.start().pid, flush=True); "
-    environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": str(short_folder)}
     environment.pop(job.ADDRESS, None)
     words = [sys.executable, "-c", code + "time.sleep(60)"]
-    with subprocess.Popen(
-        words, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True
-    ) as starting:
+    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as starting:
         assert starting.stdout is not None
         process = psutil.Process(int(starting.stdout.readline()))
         starting.kill()
         starting.stdout.close()
     wait_for(lambda: not process.is_running())
+    assert not list(short_folder.iterdir())
