@@ -105,21 +105,28 @@ def _be_the_job(line: socket.socket) -> None:
     """Do what the other end asks for, as if it were this process; answer with the exit code and end."""
     status = 1
     try:
-        words = _become_the_client(line)
-        line.sendall(job.BEGUN)
-        threading.Thread(target=_end_with, args=(line,), daemon=True).start()
-        status = job.run(words)
-    except SystemExit as end:
-        status = end.code if isinstance(end.code, int) else int(end.code is not None)
-    except BaseException:
-        traceback.print_exc()
-    finally:
+        status = _status_of_job(line)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # who is answered closes the line, no more
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError):
                 stream.flush()
         with suppress(OSError):  # whoever waited for the answer is no more
             line.sendall(bytes([status & 255]))
+    finally:  # whatever happened: a fork must never come back to the door
         os._exit(status & 255)
+
+
+def _status_of_job(line: socket.socket) -> int:
+    try:
+        words = _become_the_client(line)
+        line.sendall(job.BEGUN)
+        threading.Thread(target=_end_with, args=(line,), daemon=True).start()
+        return job.run(words)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:
+        traceback.print_exc()
+        return 1
 
 
 def _become_the_client(line: socket.socket) -> list[str]:

@@ -76,11 +76,19 @@ def test_a_fork_writes_the_same_bytes_into_the_folder_of_who_asks(
     monkeypatch.setenv(job.ADDRESS, str(tmp_path / "nobody"))
     here["cold"] = done(EACH, folders[1], units(poses))
     assert [each.returncode for each in here.values()] == [0, 0]
+    assert len(here["warm"].stderr.splitlines()) == 2  # the command line, and what came of it
     assert "1 made, 0 up to date" in here["warm"].stderr
     first, second = ((folder / "joints.parquet").read_bytes() for folder in folders)
     assert first == second
     assert "failure" not in read_metadata(folders[0] / "joints.parquet")
     assert warm.is_running()
+
+
+@pytest.mark.usefixtures("warm")
+def test_a_fork_that_has_answered_says_nothing_more(tmp_path: Path) -> None:
+    """Who is answered closes the line at once, which must not look like an order to end."""
+    said = {done(("each", "--help"), tmp_path).stderr for _ in range(30)}
+    assert said == {""}
 
 
 @pytest.mark.usefixtures("warm")
