@@ -124,7 +124,7 @@ def _status_of_job(line: socket.socket) -> int:
         return job.run(words)
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except BaseException:
+    except BaseException:  # as Python itself ends: said where the job says things, and told by the code
         traceback.print_exc()
         return 1
 

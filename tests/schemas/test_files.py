@@ -37,6 +37,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_writing(tmp_path: Path) ->
 
 def test_leftovers_of_a_folder_that_is_not_there_are_none(tmp_path: Path) -> None:
     remove_leftovers(tmp_path / "none" / "a.txt")
+    assert not (tmp_path / "none").exists()
 
 
 def test_hidden_files_are_no_part_of_a_folder(tmp_path: Path) -> None:
