@@ -53,9 +53,10 @@ format: ## put style right
 	@.venv/bin/ruff format .
 	@.venv/bin/snakefmt Snakefile
 
-docs: ## make the pages that are generated from the schemas
+docs: ## write what is generated of the guide: pages from the schemas, the diagram from the rules
 	@./bootstrap requirements-dev.lock
 	@$(python) -m schemas.reference_pages docs
+	@$(python) -m workflow.diagram
 
 bench: ## measure what studies and stages cost, beside others, into docs/benchmarks.md
 	@./bootstrap requirements-bench.lock

@@ -7,11 +7,13 @@ from shlex import quote
 sys.path.insert(0, workflow.basedir)
 
 from schemas.errors import InputError
-from stages.code_digest import code_digest, keep
-from stages.wiring import Wiring
+from schemas.results import FIT_TABLES, PRIOR_TABLES
+from workflow import warm_process
+from workflow.code_digest import code_digest, write_cache
+from workflow.study_files import StudyFiles
 
 try:
-    study = Wiring.of(
+    study = StudyFiles.of(
         workflow.configfiles, config, Path(workflow.basedir, "config", "demo.yaml")
     )
 except InputError as error:
@@ -19,15 +21,10 @@ except InputError as error:
     sys.exit(2)
 
 results = study.results.folder.as_posix()
-stage = f"{quote(sys.executable)} -m stages."
-
-
-def each(name):
-    """Run a stage for all units of a job: a subject's hands and models, or a hand's."""
-    return (
-        f"{stage}job each {name} --code {{params.code}} --made {{output:q}} > /dev/null 2> {{log:q}}"
-        " <<'UNITS'\n{params.units}\nUNITS"
-    )
+subject = f"{results}/sub-{{subject}}"
+fit = f"{subject}/fits/{{hand}}/{{model}}"
+logs = f"{results}/logs"
+run = f"{quote(sys.executable)} -m workflow.job"
 
 
 report: "captions/workflow.rst"  # the first page of `snakemake --report`
@@ -37,246 +34,341 @@ shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} OMP_NUM_THREADS=
 
 
 onstart:
-    study.prepare(workflow)
-    keep()
+    write_cache()
+    warm_process.start()
 
 
 wildcard_constraints:
     subject="[^/]+",
     hand="right|left",
     task="[^/]+",
+    recording="[^/]+",
+    model="[^/]+",
 
 
 rule all:
     input:
         f"{results}/report.html",
+        study.tables,
         study.subject_pages,
         study.figures,
         study.exports,
 
 
-rule simulate:  # only what a study with `simulation` asks for: recordings, and the truth beside them
+rule plan:  # what the stages need to know of the study about a subject
     output:
-        study.simulated,
+        f"{subject}/plan.json",
     log:
-        f"{results}/logs/simulate/sub-{{subject}}/{{hand}}/{{task}}.log",
+        f"{logs}/plan/sub-{{subject}}.log",
     params:
-        code=code_digest("simulate"),
-        words=study.simulate,
+        code=code_digest("workflow.write_plan"),
+        plan=study.plan,
+        study=study.file,
+        results=results,
+        subject=study.subject,
+    message:
+        "plan: subject {wildcards.subject}"
     shell:
-        stage + "simulate {params.words} --out {output:q} 2> {log:q}"
+        f"{run} workflow.write_plan --study {{params.study:q}} --results {{params.results:q}}"
+        " --subject {params.subject:q} --out {output:q} 2> {log:q}"
+
+
+rule simulate:  # only for a study with `simulation`: recordings, and the truth beside them
+    output:
+        recording=study.simulated,
+        truth=study.simulated_truth,
+    log:
+        f"{logs}/simulate/sub-{{subject}}_hand-{{hand}}_task-{{task}}.log",
+    params:
+        code=code_digest("stages.simulate"),
+        subject=study.subject,
+        seed=study.seed,
+    message:
+        "simulate: subject {wildcards.subject}, {wildcards.hand} hand, {wildcards.task}"
+    shell:
+        f"{run} stages.simulate --subject {{params.subject:q}} --hand {{wildcards.hand}}"
+        " --task {wildcards.task:q} --seed {params.seed} --out {output.recording:q} 2> {log:q}"
 
 
 rule stream:  # the simulated tracker's end of the line: recordings -> raw captures
     input:
-        study.simulated,
-        layout=study.layouts,
+        recording=study.simulated,
+        layout=study.layout,
     output:
         study.streamed,
     log:
-        f"{results}/logs/stream/sub-{{subject}}/{{hand}}/{{task}}.log",
+        f"{logs}/stream/sub-{{subject}}_hand-{{hand}}_task-{{task}}.log",
     params:
-        code=code_digest("capture"),
+        code=code_digest("stages.capture.emulate_tracker"),
+    message:
+        "stream: subject {wildcards.subject}, {wildcards.hand} hand, {wildcards.task}"
     shell:
-        stage
-        + "capture emulate --recording {input[0]:q} --layout {input.layout:q} --archive {output:q} 2> {log:q}"
+        f"{run} stages.capture emulate --recording {{input.recording:q}} --layout {{input.layout:q}}"
+        " --archive {output:q} 2> {log:q}"
 
 
-rule capture:  # section 2: recordings -> poses
+rule capture:  # section 2: a recording -> its poses
     input:
         study.recording_files,
-        layouts=study.layouts,
     output:
-        study.made("capture"),
+        f"{subject}/{{hand}}/{{recording}}/poses.parquet",
     log:
-        f"{results}/logs/capture/sub-{{subject}}.log",
+        f"{logs}/capture/sub-{{subject}}_hand-{{hand}}_{{recording}}.log",
     params:
-        code=code_digest("capture"),
-        gone=study.gone("capture"),
-        units=study.capture,
+        code=code_digest("stages.capture.import_recording"),
+        layout=study.layout_digest,
+        options=study.import_options,
+    message:
+        "capture: subject {wildcards.subject}, {wildcards.hand} hand, {wildcards.recording}"
     shell:
-        each("capture.import_recording")
+        f"{run} stages.capture import --record-failure {{params.options}} --out {{output:q}}"
+        " > /dev/null 2> {log:q}"
 
 
 rule check_calibration:  # not in the paper: which joints should have moved more
     input:
-        study.of_subject("capture"),
-        layouts=study.layouts,
+        study.poses,
+        plan=f"{subject}/plan.json",
     output:
-        study.made("check_calibration"),
+        f"{subject}/calibration_advice.parquet",
     log:
-        f"{results}/logs/check_calibration/sub-{{subject}}.log",
+        f"{logs}/check_calibration/sub-{{subject}}.log",
     params:
-        code=code_digest("check_calibration"),
-        gone=study.gone("check_calibration"),
-        units=study.check_calibration,
+        code=code_digest("stages.solve_joints.check_calibration"),
+    message:
+        "check_calibration: subject {wildcards.subject}"
     shell:
-        each("check_calibration")
+        f"{run} stages.solve_joints.check_calibration --record-failure --plan {{input.plan:q}}"
+        " --out {output:q} > /dev/null 2> {log:q}"
 
 
 rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     input:
-        study.of_subject("capture"),
-        layouts=study.layouts,
-        models=list(study.models.values()),
+        study.poses,
+        plan=f"{subject}/plan.json",
     output:
-        study.made("solve_joints"),
+        f"{subject}/joint_solutions.parquet",
     log:
-        f"{results}/logs/solve_joints/sub-{{subject}}.log",
+        f"{logs}/solve_joints/sub-{{subject}}.log",
     params:
-        code=code_digest("solve_joints"),
-        gone=study.gone("solve_joints"),
-        units=study.solve_joints,
+        code=code_digest("stages.solve_joints"),
+    message:
+        "solve_joints: subject {wildcards.subject}"
     shell:
-        each("solve_joints")
+        f"{run} stages.solve_joints --record-failure --plan {{input.plan:q}} --out {{output:q}} 2> {{log:q}}"
 
 
 rule project_planes:  # end of section 4: the plane that cuts each axis; manual corrections
     input:
-        study.of_subject("solve_joints"),
-        layouts=study.layouts,
-        models=list(study.models.values()),
+        plan=f"{subject}/plan.json",
+        joints=f"{subject}/joint_solutions.parquet",
     output:
-        study.made("project_planes"),
+        f"{subject}/projected_joints.parquet",
     log:
-        f"{results}/logs/project_planes/sub-{{subject}}.log",
+        f"{logs}/project_planes/sub-{{subject}}.log",
     params:
-        code=code_digest("project_planes"),
-        gone=study.gone("project_planes"),
-        units=study.project_planes,
-        corrections=study.corrections,
+        code=code_digest("stages.project_planes"),
+    message:
+        "project_planes: subject {wildcards.subject}"
     shell:
-        each("project_planes")
+        f"{run} stages.project_planes --record-failure --plan {{input.plan:q}}"
+        " --joints {input.joints:q} --out {output:q} 2> {log:q}"
 
 
-rule fit_hand:  # not in the paper: the whole hand at once, and recordings posed with it
+rule plan_fit:  # the same about one hand under one model, so that another model does not concern it
+    output:
+        f"{fit}/plan.json",
+    log:
+        f"{logs}/plan_fit/sub-{{subject}}_hand-{{hand}}_model-{{model}}.log",
+    params:
+        code=code_digest("workflow.write_plan"),
+        plan=study.fit_plan,
+        study=study.file,
+        results=results,
+        subject=study.subject,
+        model=study.model,
+    message:
+        "plan_fit: subject {wildcards.subject}, {wildcards.hand} hand, model {wildcards.model}"
+    shell:
+        f"{run} workflow.write_plan --study {{params.study:q}} --results {{params.results:q}}"
+        " --subject {params.subject:q} --hand {wildcards.hand} --model {params.model:q}"
+        " --out {output:q} 2> {log:q}"
+
+
+rule fit_hand:  # not in the paper: a whole hand at once, and its recordings posed with it
     input:
-        study.of_subject("project_planes"),
-        study.sheets_of_fit,
-        layouts=study.layouts,
-        models=list(study.models.values()),
+        study.poses_of_fit,
+        plan=f"{fit}/plan.json",
     output:
-        study.made("fit_hand"),
+        [f"{fit}/{table}.parquet" for table in FIT_TABLES],
     log:
-        f"{results}/logs/fit_hand/sub-{{subject}}/{{hand}}.log",
+        f"{logs}/fit_hand/sub-{{subject}}_hand-{{hand}}_model-{{model}}.log",
     params:
-        code=code_digest("fit_hand"),
-        gone=study.gone("fit_hand"),
-        units=study.fit_hand,
+        code=code_digest("stages.fit_hand"),
+        model=study.model,
+        folder=fit,
+    message:
+        "fit_hand: subject {wildcards.subject}, {wildcards.hand} hand, model {wildcards.model}"
     shell:
-        each("fit_hand")
+        f"{run} stages.fit_hand --record-failure --plan {{input.plan:q}} --hand {{wildcards.hand}}"
+        " --model {params.model:q} --out {params.folder:q} 2> {log:q}"
+
+
+rule fit_prior:  # not in the paper: the hand that anatomy expects, for comparison
+    input:
+        study.poses,
+        plan=f"{subject}/plan.json",
+    output:
+        [f"{subject}/{table}.parquet" for table in PRIOR_TABLES],
+    log:
+        f"{logs}/fit_prior/sub-{{subject}}.log",
+    params:
+        code=code_digest("stages.fit_hand.prior"),
+        folder=subject,
+    message:
+        "fit_prior: subject {wildcards.subject}"
+    shell:
+        f"{run} stages.fit_hand.prior --record-failure --plan {{input.plan:q}} --out {{params.folder:q}} 2> {{log:q}}"
 
 
 rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, metacarpal postures
     input:
-        study.of_subject("project_planes", "fit_hand"),
-        layouts=study.layouts,
-        models=list(study.models.values()),
+        study.poses,
+        study.fits,
+        plan=f"{subject}/plan.json",
+        joints=f"{subject}/projected_joints.parquet",
     output:
-        study.made("estimate_metacarpals"),
+        joints=f"{subject}/joint_centres.parquet",
+        bones=f"{subject}/bone_lengths.parquet",
+        metacarpals=f"{subject}/metacarpals.parquet",
     log:
-        f"{results}/logs/estimate_metacarpals/sub-{{subject}}.log",
+        f"{logs}/estimate_metacarpals/sub-{{subject}}.log",
     params:
-        code=code_digest("estimate_metacarpals"),
-        gone=study.gone("estimate_metacarpals"),
-        units=study.estimate_metacarpals,
+        code=code_digest("stages.estimate_metacarpals"),
+    message:
+        "estimate_metacarpals: subject {wildcards.subject}"
     shell:
-        each("estimate_metacarpals")
+        f"{run} stages.estimate_metacarpals --record-failure --plan {{input.plan:q}}"
+        " --joints {input.joints:q} --out-joints {output.joints:q} --out-bones {output.bones:q}"
+        " --out {output.metacarpals:q} 2> {log:q}"
 
 
 rule evaluate_tips:  # section 6: replay and tip errors
     input:
-        study.of_subject("estimate_metacarpals"),
-        layouts=study.layouts,
-        models=list(study.models.values()),
+        study.poses,
+        plan=f"{subject}/plan.json",
+        joints=f"{subject}/joint_centres.parquet",
+        bones=f"{subject}/bone_lengths.parquet",
+        metacarpals=f"{subject}/metacarpals.parquet",
     output:
-        study.made("evaluate_tips"),
+        tips=f"{subject}/tips.parquet",
+        errors=f"{subject}/tip_errors.parquet",
     log:
-        f"{results}/logs/evaluate_tips/sub-{{subject}}.log",
+        f"{logs}/evaluate_tips/sub-{{subject}}.log",
     params:
-        code=code_digest("evaluate_tips"),
-        gone=study.gone("evaluate_tips"),
-        units=study.evaluate_tips,
+        code=code_digest("stages.evaluate_tips"),
+    message:
+        "evaluate_tips: subject {wildcards.subject}"
     shell:
-        each("evaluate_tips")
+        f"{run} stages.evaluate_tips --record-failure --plan {{input.plan:q}} --joints {{input.joints:q}}"
+        " --bones {input.bones:q} --metacarpals {input.metacarpals:q} --out {output.tips:q}"
+        " --out-errors {output.errors:q} 2> {log:q}"
 
 
 rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that they have not seen
     input:
-        study.of_subject("evaluate_tips"),
-        layouts=study.layouts,
+        study.poses,
+        study.fits,
+        study.truth,
+        [f"{subject}/{table}.parquet" for table in PRIOR_TABLES],
+        plan=f"{subject}/plan.json",
+        joints=f"{subject}/joint_centres.parquet",
+        bones=f"{subject}/bone_lengths.parquet",
+        metacarpals=f"{subject}/metacarpals.parquet",
+        tips=f"{subject}/tips.parquet",
+        errors=f"{subject}/tip_errors.parquet",
     output:
-        study.made("evaluate_skeletons"),
+        scores=f"{subject}/skeleton_scores.parquet",
+        errors=f"{subject}/joint_errors.parquet",
     log:
-        f"{results}/logs/evaluate_skeletons/sub-{{subject}}.log",
+        f"{logs}/evaluate_skeletons/sub-{{subject}}.log",
     params:
-        code=code_digest("evaluate_skeletons"),
-        gone=study.gone("evaluate_skeletons"),
-        units=study.evaluate_skeletons,
+        code=code_digest("stages.evaluate_skeletons"),
+    message:
+        "evaluate_skeletons: subject {wildcards.subject}"
     shell:
-        each("evaluate_skeletons")
+        f"{run} stages.evaluate_skeletons --record-failure --plan {{input.plan:q}}"
+        " --out {output.scores:q} --out-joints {output.errors:q} 2> {log:q}"
 
 
-rule gather:  # the study's tables, and what went wrong
+rule gather:  # the study's short tables, and what went wrong
     input:
-        study.of_study(*study.last_stages),
+        study.gathered,
+        poses=study.all_poses,
+        plans=study.plans,
         configuration=study.configuration,
     output:
-        [f"{results}/{table}.parquet" for table in study.study_tables],
+        study.study_tables,
         f"{results}/resolved.yaml",
     log:
-        f"{results}/logs/gather.log",
+        f"{logs}/gather.log",
     params:
-        code=code_digest("gather"),
+        code=code_digest("stages.gather"),
         study=study.file,
         results=results,
+    message:
+        "gather: the study's tables"
     shell:
-        stage
-        + "gather --study {params.study:q} --results {params.results:q} 2> {log:q}"
+        f"{run} stages.gather --study {{params.study:q}} --results {{params.results:q}} 2> {{log:q}}"
 
 
-rule export:  # the skeleton and its motion for other programs
+rule export:  # skeletons and their motion for other programs
     input:
-        study.of_subject("evaluate_tips"),
-        layouts=study.layouts,
-        models=list(study.models.values()),
+        study.poses,
+        study.fits,
+        plan=f"{subject}/plan.json",
+        joints=f"{subject}/joint_centres.parquet",
+        bones=f"{subject}/bone_lengths.parquet",
+        metacarpals=f"{subject}/metacarpals.parquet",
     output:
-        study.made("export"),
+        directory(f"{results}/exports/sub-{{subject}}"),
     log:
-        f"{results}/logs/export/sub-{{subject}}.log",
+        f"{logs}/export/sub-{{subject}}.log",
     params:
-        code=code_digest("export"),
-        gone=study.gone("export"),
-        units=study.export,
+        code=code_digest("stages.export"),
+        formats=",".join(study.export_formats),
+        options=study.export_options,
+    message:
+        "export: subject {wildcards.subject}"
     shell:
-        each("export")
+        f"{run} stages.export --record-failure --plan {{input.plan:q}} --formats {{params.formats}}"
+        " {params.options} --out {output:q} > /dev/null 2> {log:q}"
 
 
 rule export_dataset:  # all recordings as one Motion-BIDS dataset
     input:
-        study.of_study("capture", "evaluate_tips"),
-        list(study.models.values()),
+        study.exported,
+        plans=study.plans,
         configuration=study.configuration,
     output:
         directory(f"{results}/exports/bids"),
     log:
-        f"{results}/logs/export_dataset.log",
+        f"{logs}/export_dataset.log",
     params:
-        code=code_digest("export"),
-        study=study.file,
-        results=results,
-        words=study.export_dataset,
+        code=code_digest("stages.export.dataset"),
+        options=study.export_options,
+        participants=study.participants,
+    message:
+        "export_dataset: the study as a Motion-BIDS dataset"
     shell:
-        stage
-        + "export.dataset --record-failure --study {params.study:q} --results {params.results:q}"
-        " {params.words} --out {output:q} > /dev/null 2> {log:q}"
+        f"{run} stages.export.dataset --record-failure --plans {{input.plans:q}} {{params.options}}"
+        " {params.participants} --out {output:q} > /dev/null 2> {log:q}"
 
 
 rule report:
     input:
         study.exports,
-        [f"{results}/{table}.parquet" for table in study.study_tables],
-        list(study.models.values()),
+        study.study_tables,
         configuration=study.configuration,
     output:
         report(
@@ -286,40 +378,39 @@ rule report:
             labels={"page": study.study.name},
         ),
     log:
-        f"{results}/logs/report.log",
+        f"{logs}/report.log",
     params:
-        code=code_digest("report"),
+        code=code_digest("stages.report"),
         study=study.file,
         results=results,
+    message:
+        "report: the study's page"
     shell:
-        stage
-        + "report --study {params.study:q} --results {params.results:q} --out {output:q} 2> {log:q}"
+        f"{run} stages.report --study {{params.study:q}} --results {{params.results:q}} --out {{output:q}}"
+        " 2> {log:q}"
 
 
 rule subject_pages:  # the report's pages of a subject and of each of its recordings
     input:
-        study.of_subject(*study.last_stages),
-        list(study.models.values()),
+        study.poses,
+        study.fits,
+        study.subject_tables,
+        plan=f"{subject}/plan.json",
     output:
         directory(f"{results}/report/sub-{{subject}}"),
     log:
-        f"{results}/logs/subject_pages/sub-{{subject}}.log",
+        f"{logs}/subject_pages/sub-{{subject}}.log",
     params:
-        code=code_digest("report"),
-        study=study.file,
-        results=results,
-        subject=study.subject,
-        rows=study.rows_of_subject,
+        code=code_digest("stages.report.subject"),
+    message:
+        "subject_pages: subject {wildcards.subject}"
     shell:
-        stage
-        + "job report.subject --record-failure --study {params.study:q} --results {params.results:q}"
-        " {params.subject} --out {output:q} 2> {log:q}"
+        f"{run} stages.report.subject --record-failure --plan {{input.plan:q}} --out {{output:q}} 2> {{log:q}}"
 
 
-rule draw_figures:  # the study's figures for print; each is written, if only to say what it lacks
+rule print_figures:  # the study's figures for print; each is written, if only to say what it lacks
     input:
-        [f"{results}/{table}.parquet" for table in study.study_tables],
-        list(study.models.values()),
+        study.study_tables,
         configuration=study.configuration,
     output:
         [
@@ -337,12 +428,13 @@ rule draw_figures:  # the study's figures for print; each is written, if only to
             for kind in ("pdf", "txt")
         ],
     log:
-        f"{results}/logs/draw_figures.log",
+        f"{logs}/print_figures.log",
     params:
-        code=code_digest("draw_figures"),
+        code=code_digest("stages.report.print_figures"),
         study=study.file,
         results=results,
+    message:
+        "print_figures: the study's figures for print"
     shell:
-        stage
-        + "draw_figures --record-failure --study {params.study:q} --results {params.results:q}"
-        " --out {params.results:q}/figures 2> {log:q}"
+        f"{run} stages.report.print_figures --record-failure --study {{params.study:q}}"
+        " --results {params.results:q} --out {params.results:q}/figures 2> {log:q}"

@@ -11,9 +11,10 @@ from itertools import pairwise
 import numpy as np
 
 from schemas.errors import InputError
-from stages.capture.trackers.families import decoder_of
-from stages.capture.trackers.records import Decoded, Decoder, Records, Reply, concatenated
-from stages.capture.trackers.settings import StreamSettings, settings_from_json
+from trackers.families import decoder_of
+from trackers.protocols.piecewise import PiecewiseDecoder as Decoder
+from trackers.protocols.records import Decoded, Records, Reply, concatenated
+from trackers.protocols.stream_settings import StreamSettings, settings_from_json
 
 MOST_FRAMING = 12
 """Bytes of a reply that are not its body, at the most: VIPER's leader and checksum."""
@@ -73,10 +74,10 @@ def check_decoder(settings: StreamSettings, data: bytes, chance: random.Random) 
     return "decoded" if len(decoded.records) else "nothing in it"
 
 
-def check_settings(told: bytes, data: bytes, chance: random.Random) -> str:
+def check_settings(text: bytes, data: bytes, chance: random.Random) -> str:
     """Decode a stream by settings that may be spoilt; they must be refused, or be good enough."""
     try:
-        loaded = json.loads(told)
+        loaded = json.loads(text)
     except (ValueError, RecursionError):
         return "no JSON"
     try:

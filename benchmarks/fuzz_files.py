@@ -28,44 +28,32 @@ class Recording:
     mapping: Mapping[str, Any] | None = None
 
 
-def _rows() -> list[tuple[int, str, tuple[float, ...], tuple[float, ...]]]:
-    return [
-        (frame, segment, *pose(frame, station))
-        for frame in range(FRAMES)
-        for station, segment in SEGMENTS.items()
-    ]
-
-
 def _tidy_csv() -> Recording:
     lines = ["frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz"]
-    lines += [
-        ",".join(map(str, (frame, frame / 240, segment, *position, *q)))
-        for frame, segment, position, q in _rows()
-    ]
+    for frame in range(FRAMES):
+        for station, segment in SEGMENTS.items():
+            position, q = pose(frame, station)
+            lines.append(",".join(map(str, (frame, frame / 240, segment, *position, *q))))
     return Recording("a.csv", {"a.csv": "\n".join(lines).encode()})
 
 
 def _tidy_parquet() -> Recording:
-    import pyarrow as pa
     import pyarrow.parquet as pq
+    from pyarrow import csv
 
-    columns: dict[str, list[Any]] = {"frame": [], "time_s": [], "segment": []}
-    for frame, segment, position, q in _rows():
-        columns["frame"].append(frame)
-        columns["time_s"].append(frame / 240)
-        columns["segment"].append(segment)
-        for name, number in zip(
-            ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"), (*position, *q), strict=True
-        ):
-            columns.setdefault(name, []).append(number)
     out = io.BytesIO()
-    pq.write_table(pa.table(columns), out)
+    pq.write_table(csv.read_csv(io.BytesIO(_tidy_csv().files["a.csv"])), out)
     return Recording("a.parquet", {"a.parquet": out.getvalue()})
+
+
+def _numbers(frame: int) -> list[float]:
+    """Poses of all segments in a frame, one after the other."""
+    return [number for station in SEGMENTS for part in pose(frame, station) for number in part]
 
 
 def capture_bytes() -> bytes:
     """A raw capture of a LIBERTY with two stations."""
-    from stages.capture.archive import ArchiveWriter
+    from trackers.archive import ArchiveWriter
 
     items = (8, 9, 11, 10, 12, 3, 7)
     with tempfile.TemporaryDirectory() as name:
@@ -78,10 +66,6 @@ def capture_bytes() -> bytes:
                 writer.flush()
         writer.close({"records": 2 * FRAMES}, FRAMES * 4_166_667)
         return Path(name, "a.arrows").read_bytes()
-
-
-def _capture() -> Recording:
-    return Recording("a.arrows", {"a.arrows": capture_bytes()})
 
 
 def _mapped_csv() -> Recording:
@@ -97,15 +81,13 @@ def _mapped_csv() -> Recording:
         "csv": {"time": "t", "time_unit": "ms"},
     }
     lines = [",".join(["t", *(f"{a}{n}" for n in SEGMENTS for a in "xyzwijk")])]
-    for frame in range(FRAMES):
-        poses = [number for station in SEGMENTS for part in pose(frame, station) for number in part]
-        lines.append(",".join(map(str, [4.2 * frame, *poses])))
+    lines += [",".join(map(str, [4.2 * frame, *_numbers(frame)])) for frame in range(FRAMES)]
     return Recording("a.txt", {"a.txt": "\r\n".join(lines).encode()}, mapping)
 
 
 def _matrices() -> Recording:
     lines = []
-    for _, _, position, q in _rows():
+    for position, q in (pose(frame, station) for frame in range(FRAMES) for station in SEGMENTS):
         matrix = cosines(q)
         lines += [" ".join(map(str, (*matrix[3 * row : 3 * row + 3], position[row]))) for row in range(3)]
         lines.append("0 0 0 1\n")
@@ -145,10 +127,7 @@ def _motion_bids() -> Recording:
             f"{segment}_{part}\t{part}\t{kind}\t{segment}\t{'m' if kind == 'POS' else 'n/a'}\tlab"
             for part, kind in parts.items()
         ]
-    motion = []
-    for frame in range(FRAMES):
-        poses = [number for station in SEGMENTS for part in pose(frame, station) for number in part]
-        motion.append("\t".join(map(str, poses)))
+    motion = ["\t".join(map(str, _numbers(frame))) for frame in range(FRAMES)]
     files = {
         f"{stem}_motion.tsv": "\n".join(motion) + "\n",
         f"{stem}_channels.tsv": "\n".join(channels) + "\n",
@@ -182,7 +161,7 @@ def _xdf() -> Recording:
         + _xdf_chunk(2, number + head.encode())
     )
     for frame in range(FRAMES):
-        poses = [value for station in SEGMENTS for part in pose(frame, station) for value in part]
+        poses = _numbers(frame)
         sample = struct.pack("<BBBd", 1, 1, 8, frame / 240) + struct.pack(f"<{len(poses)}d", *poses)
         data += _xdf_chunk(3, number + sample)
     data += _xdf_chunk(6, number + f"<info><sample_count>{FRAMES}</sample_count></info>".encode())
@@ -192,7 +171,7 @@ def _xdf() -> Recording:
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "csv": _tidy_csv,
     "parquet": _tidy_parquet,
-    "capture": _capture,
+    "capture": lambda: Recording("a.arrows", {"a.arrows": capture_bytes()}),
     "mapped csv": _mapped_csv,
     "matrices": _matrices,
     "c3d": _c3d,

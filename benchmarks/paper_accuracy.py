@@ -1,135 +1,197 @@
-"""Simulated hands against their truth: how far joint centres and tips are off, and whether the sd says so."""
+"""The paper's stages on simulated hands: how far joints and tips are off, and whether the sd says so."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from importlib import import_module
 from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.simulated_hand import (
-    ESTIMATED,
-    MODEL,
-    TASKS,
-    TRUE,
-    HandErrors,
-    JointError,
-    TipError,
-    hand_errors,
-)
-from benchmarks.text_table import Cell, TextTable
+from benchmarks.accuracy.score import JOINT_TYPES, RADIUS_SD, Centre, joint_error
+from benchmarks.benchmark_table import Cell, TextTable
+from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS
+from schemas.parts import Part, parts_writer
+from schemas.tables import Provenance, read_table, rows_of
+from stages.simulate.realism import Realism
+from stages.simulate.recording import write_recording
+from stages.simulate.simulated_truth import TrueJoint, write_truth
+from stages.simulate.simulation import LAYOUT, Simulated, simulate
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+TASKS = ("opposition", "rom")
+MODEL = "paper-fig4"
+CONFIG = {"layout": LAYOUT, "model": MODEL}
+ESTIMATED, TRUE = "estimated", "true"
 COMPOUND = "MCP 4-5"
-JOINT_TYPES = {
-    "thumb CMC": ("thumb_cmc",),
-    "thumb MCP": ("thumb_mcp",),
-    "thumb IP": ("thumb_ip",),
-    "MCP 2-3": ("index_mcp", "middle_mcp"),
-    COMPOUND: ("ring_mcp", "little_mcp"),
-    "PIP": ("index_pip", "middle_pip", "ring_pip", "little_pip"),
-    "DIP": ("index_dip", "middle_dip", "ring_dip", "little_dip"),
-}
 ALL = "all"
 BINDINGS = ("first-frame", "least-squares")
-
-RADIUS_SD = 1.614
-"""95 % of a three-dimensional error lie within this many sd_mm, if it is as large in every direction."""
 
 NO_CRIME = (
     "Simulator and estimator share no model of the skin: the paper's method has none, and the simulated skin "
     "saturates, lags and wanders."
 )
 
+Row = dict[str, Any]
+
 
 def run(seeds: int = 20, n_frames: int | None = None, processes: int = 2) -> Iterator[TextTable]:
     """Give the tables over that many seeds, right and left hand of each."""
-    hands = [(seed, hand) for seed in range(seeds) for hand in ("right", "left")]
+    import pandas as pd
+
+    people = [(seed, hand, n_frames) for seed in range(seeds) for hand in ("right", "left")]
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        found: list[HandErrors] = list(
-            pool.map(hand_errors, *zip(*hands, strict=True), [n_frames] * len(hands))
-        )
-    joints = [joint for hand in found for joint in hand.joints]
-    whose = f"{len(hands)} simulated hands ({seeds} seeds, right and left), full realism, {MODEL}"
+        hands = list(pool.map(paper_hand, *zip(*people, strict=True)))
+    joints, tips = (pd.DataFrame([row for hand in hands for row in hand[i]]) for i in (0, 1))
+    of = f"{len(hands)} simulated hands ({seeds} seeds, right and left), full realism, {MODEL}"
     for task in TASKS:
-        yield centres([joint for joint in joints if joint.calibration == task], f"{task}, {whose}")
-    yield statuses(joints, whose)
-    yield tips([tip for hand in found for tip in hand.tips], whose)
+        yield centre_table(joints[joints["calibration"] == task], f"{task}, {of}")
+    yield status_table(joints, of)
+    yield tip_table(tips, of)
 
 
-def centres(joints: Sequence[JointError], whose: str) -> TextTable:
+def paper_hand(seed: int, hand: str, n_frames: int | None = None) -> tuple[list[Row], list[Row]]:
+    """Simulate a hand doing every task, solve it from each, replay all of them with each.
+
+    Gives a row a joint and calibration (see `_joint_row`), and a row a digit, calibration, skeleton, binding
+    and replayed recording: its mean tip error in mm.
+    """
+    simulated = {task: simulate("01", hand, task, seed, Realism.full(), n_frames) for task in TASKS}
+    joints: list[Row] = []
+    tips: list[Row] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        poses = {task: _captured(folder / task, recording) for task, recording in simulated.items()}
+        for task in TASKS:
+            folders = {skeleton: folder / f"{task}-{skeleton}" for skeleton in (ESTIMATED, TRUE)}
+            _solve_joints(folders[ESTIMATED], poses[task])
+            _write_true_centres(folders[TRUE], simulated[task])
+            for skeleton, place in folders.items():
+                _replay(place, poses[task], list(poses.values()))
+                rows = rows_of(read_table(place / "tip_errors.parquet", TIP_ERRORS))
+                tips += [{**row, "calibration": task, "skeleton": skeleton} for row in rows]
+            rows = rows_of(read_table(folders[ESTIMATED] / "projected_joints.parquet", JOINT_CENTRES))
+            joints += [_joint_row(task, row, simulated[task].truth.joints[row["joint"]]) for row in rows]
+    return joints, tips
+
+
+def _stage(name: str, *argv: str, **options: object) -> None:
+    """Run a stage in this process; RuntimeError where it fails."""
+    argv = (*argv, *(f"--{option.replace('_', '-')}={value}" for option, value in options.items()))
+    if status := import_module(f"stages.{name}.__main__").main(list(argv)):
+        raise RuntimeError(f"stages.{name} {' '.join(argv)} ended with {status}")
+
+
+def _captured(folder: Path, simulated: Simulated) -> Path:
+    """Write a recording and capture it; give its poses."""
+    recording, poses = folder / "recording.parquet", folder / "poses.parquet"
+    write_recording(recording, simulated)
+    keys = {"subject": simulated.subject, "hand": simulated.hand, "task": simulated.task}
+    _stage("capture", "import", **{"in": recording}, out=poses, layout=LAYOUT, **keys)
+    return poses
+
+
+def _solve_joints(folder: Path, poses: Path) -> None:
+    """Write the folder's projected_joints."""
+    solutions = folder / "joint_solutions.parquet"
+    _stage("solve_joints", **CONFIG, poses=poses, out=solutions)
+    _stage("project_planes", **CONFIG, joints=solutions, out=folder / "projected_joints.parquet")
+
+
+def _write_true_centres(folder: Path, simulated: Simulated) -> None:
+    """Write the true centres as if the model had solved them: the folder's projected_joints."""
+    write_truth(folder / "truth", simulated.truth, simulated.written(), Provenance())
+    rows = rows_of(read_table(folder / "truth" / "joint_centres.parquet", JOINT_CENTRES))
+    with parts_writer(folder / "projected_joints.parquet", JOINT_CENTRES, Provenance()) as table:
+        part = Part(simulated.hand, MODEL, subject=simulated.subject)
+        table.rows(part, [{**row, "model": MODEL} for row in rows])
+
+
+def _replay(folder: Path, calibration: Path, evaluated: Sequence[Path]) -> None:
+    """Build a skeleton from the folder's projected_joints and write its tip_errors."""
+
+    def files(**tables: str) -> dict[str, Path]:
+        return {option: folder / f"{table}.parquet" for option, table in tables.items()}
+
+    poses, config = ("--poses", *map(str, evaluated)), {**CONFIG, "calibration": calibration}
+    made = files(out_joints="joint_centres", out_bones="bone_lengths", out="metacarpals")
+    built = files(joints="joint_centres", bones="bone_lengths", metacarpals="metacarpals")
+    _stage("estimate_metacarpals", *poses, **config, **files(joints="projected_joints"), **made)
+    _stage("evaluate_tips", *poses, **config, **built, **files(out="tips", out_errors="tip_errors"))
+
+
+def _joint_row(calibration: str, row: Mapping[str, Any], true: TrueJoint) -> Row:
+    """One joint against the truth in mm, as JointError has it.
+
+    worse_mm : of the worse half, whose sd the table states as sd_mm. Without numbers where it failed.
+    """
+    key = {"calibration": calibration, "joint": row["joint"], "status": row["status"]}
+    if row["status"] == "failed":
+        return key
+    parent, child = (np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"]) for side in ("parent", "child"))
+    off = joint_error(true, Centre(parent, child), hinge=False)
+    worse_mm = max(off.child_mm, float(np.linalg.norm(parent - true.parent_mm)))
+    sizes = {"child_mm": off.child_mm, "along_mm": off.along_mm, "across_mm": off.across_mm}
+    return {**key, **sizes, "worse_mm": worse_mm, "sd_mm": row["sd_mm"]}
+
+
+def centre_table(joints: pd.DataFrame, of: str) -> TextTable:
     """Errors of the joint centres by joint type."""
-    groups = {
-        name: [joint for joint in joints if joint.joint in members] for name, members in JOINT_TYPES.items()
-    }
-    rows = [_centre_row(name, group) for name, group in [*groups.items(), (ALL, joints)]]
+    rows = [_centre_row(kind, joints[joints["joint"].isin(own)]) for kind, own in JOINT_TYPES.items()]
     return TextTable(
-        f"paper_accuracy: joint centres solved from {whose}",
+        f"paper_accuracy: joint centres solved from {of}",
         (
             ("joints", ""),
             ("n", "d"),
             ("failed", "d"),
-            ("median mm", ".1f"),
-            ("p90 mm", ".1f"),
-            ("along axis mm", ".1f"),
-            ("across axis mm", ".1f"),
+            *((f"{name} mm", ".1f") for name in ("median", "p90", "along axis", "across axis")),
             ("> 5 mm %", ".0f"),
             ("> 50 mm %", ".1f"),
             ("worse half mm", ".1f"),
             ("sd mm", ".1f"),
             ("within 95 % radius %", ".0f"),
         ),
-        rows,
+        [*rows, _centre_row(ALL, joints)],
         "Distance to the true centre in the child's receiver frame, its parts along and across the true axis "
         "(medians), and shares of it; then the worse of both halves (median) beside the sd stated for it "
         f"(median), and how often it is within {RADIUS_SD} sd: 95 % if the sd held everything. {NO_CRIME}",
     )
 
 
-def _centre_row(name: str, group: Sequence[JointError]) -> tuple[Cell, ...]:
-    solved = [joint for joint in group if joint.status != "failed"]
-    failed = len(group) - len(solved)
-    if not solved:
-        return (name, len(group), failed, *[None] * 9)
-    child = _values(joint.child_mm for joint in solved)
-    worse = _values(joint.worse_mm for joint in solved)
-    sd = _values(joint.sd_mm for joint in solved)
-    return (
-        name,
-        len(group),
-        failed,
-        float(np.median(child)),
-        float(np.percentile(child, 90)),
-        float(np.median(_values(joint.along_mm for joint in solved))),
-        float(np.median(_values(joint.across_mm for joint in solved))),
-        100 * float(np.mean(child > 5)),
-        100 * float(np.mean(child > 50)),
-        float(np.median(worse)),
-        float(np.median(sd)),
-        100 * float(np.mean(worse <= RADIUS_SD * sd)),
-    )
+def _centre_row(kind: str, joints: pd.DataFrame) -> tuple[Cell, ...]:
+    solved = joints[joints["status"] != "failed"]
+    counts = (kind, len(joints), len(joints) - len(solved))
+    if solved.empty:
+        return (*counts, *[None] * 9)
+    child, median = solved["child_mm"], solved.median(numeric_only=True)
+    numbers = (child.quantile(0.5), child.quantile(0.9), median["along_mm"], median["across_mm"])
+    shares = (100 * (child > 5).mean(), 100 * (child > 50).mean())
+    covered = 100 * (solved["worse_mm"] <= RADIUS_SD * solved["sd_mm"]).mean()
+    return (*counts, *map(float, (*numbers, *shares, median["worse_mm"], median["sd_mm"], covered)))
 
 
-def statuses(joints: Sequence[JointError], whose: str) -> TextTable:
+def status_table(joints: pd.DataFrame, of: str) -> TextTable:
     """Errors of the joint centres by the status that the pipeline gave them, compound joints apart."""
+    compound = joints["joint"].isin(JOINT_TYPES[COMPOUND])
     rows: list[tuple[Cell, ...]] = []
-    compound = JOINT_TYPES[COMPOUND]
     for task in TASKS:
-        for name, apart in ((f"all but {COMPOUND}", False), (COMPOUND, True)):
-            group = [j for j in joints if j.calibration == task and (j.joint in compound) == apart]
+        for kind, apart in ((f"all but {COMPOUND}", ~compound), (COMPOUND, compound)):
             for status in ("ok", "weak"):
-                child = _values(joint.child_mm for joint in group if joint.status == status)
-                numbers: list[Cell] = [None] * 4
-                if len(child):
-                    p50, p90 = np.percentile(child, [50, 90])
-                    numbers = [float(p50), float(p90), 100 * float(np.mean(child > 5)), float(child.max())]
-                rows.append((task, name, status, len(child), *numbers))
+                some = joints[(joints["calibration"] == task) & apart & (joints["status"] == status)]
+                child = some["child_mm"]
+                numbers = (child.quantile(0.5), child.quantile(0.9), 100 * (child > 5).mean(), child.max())
+                known: list[Cell] = [float(number) for number in numbers] if len(child) else [None] * 4
+                rows.append((task, kind, status, len(child), *known))
     return TextTable(
-        f"paper_accuracy: what the status of a joint is worth, {whose}",
+        f"paper_accuracy: what the status of a joint is worth, {of}",
         (
-            ("solved from", ""),
-            ("joints", ""),
-            ("status", ""),
+            *((name, "") for name in ("solved from", "joints", "status")),
             ("n", "d"),
             ("median mm", ".1f"),
             ("p90 mm", ".1f"),
@@ -143,35 +205,25 @@ def statuses(joints: Sequence[JointError], whose: str) -> TextTable:
     )
 
 
-def tips(found: Iterable[TipError], whose: str) -> TextTable:
+def tip_table(tips: pd.DataFrame, of: str) -> TextTable:
     """Tip errors of estimated and true skeletons, in the recording they were solved from and the other."""
-    errors: dict[tuple[str, str, bool, str], list[float]] = {}
-    for tip in found:
-        key = tip.calibration, tip.skeleton, tip.held_out, tip.binding
-        errors.setdefault(key, []).append(tip.mean_mm)
+    by = tips.groupby(["calibration", "skeleton", "held_out", "binding"])["mean_mm"]
+    quantiles = by.quantile([0.5, 0.9]).unstack([-2, -1])
     rows: list[tuple[Cell, ...]] = []
     for task in TASKS:
         for held_out in (False, True):
             replayed = TASKS[1 - TASKS.index(task)] if held_out else task
             for skeleton in (ESTIMATED, TRUE):
-                by_binding = [errors.get((task, skeleton, held_out, binding), []) for binding in BINDINGS]
-                numbers = [float(f(part)) if part else None for part in by_binding for f in (np.median, _p90)]
+                row = quantiles.loc[task, skeleton, held_out]
+                numbers = [float(row[binding, share]) for binding in BINDINGS for share in (0.5, 0.9)]
                 rows.append((task, replayed, "yes" if held_out else "no", skeleton, *numbers))
     heads = [(f"{binding} {what}", ".1f") for binding in BINDINGS for what in ("median mm", "p90 mm")]
     return TextTable(
-        f"paper_accuracy: tip error, {whose}",
-        (("solved from", ""), ("replayed in", ""), ("held out", ""), ("skeleton", ""), *heads),
+        f"paper_accuracy: tip error, {of}",
+        (*((name, "") for name in ("solved from", "replayed in", "held out", "skeleton")), *heads),
         rows,
         "Mean distance over a recording of the replayed tip to the distal receiver, median and p90 over "
         "digits and hands; the true skeleton has the truth's centres and is replayed alike. The tip error is "
         "a sum of fit residuals: where the truth does no better than centres that are millimetres off, it "
         f"does not measure the skeleton. {NO_CRIME}",
     )
-
-
-def _p90(values: Sequence[float]) -> float:
-    return float(np.percentile(values, 90))
-
-
-def _values(numbers: Iterable[float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.fromiter(numbers, float)

@@ -1,24 +1,16 @@
-"""The report: seconds to make its pages, their bytes, and how a browser shows them by software alone."""
+"""The report: its pages' bytes, and how a browser shows them by software alone."""
 
 from __future__ import annotations
 
-import resource
+import argparse
 import shutil
-import subprocess
-import sys
-import tempfile
-import time
 from collections.abc import Iterator
-from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
-from benchmarks.text_table import Cell, TextTable
-from schemas.study import Hand, read_study
+from benchmarks.benchmark_table import Cell, TextTable
+from benchmarks.processes import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
-STUDY, RESULTS = ROOT / "config" / "demo.yaml", ROOT / "results" / "demo"
-SUBJECTS = 100
+DEMO = ROOT / "results" / "demo"
 # Play for three seconds by the page's own clock and count what was drawn.
 PLAYED = """() => new Promise((done) => {
   const viewer = document.querySelector("[data-hand-viewer]").viewer;
@@ -44,122 +36,61 @@ SCROLLED = """() => new Promise((done) => {
 })"""
 
 
-def run() -> Iterator[TextTable]:
-    """Give the tables: making the pages, then looking at them."""
-    if not (RESULTS / "report.html").is_file():
-        yield TextTable("report_pages", (("needs", ""),), [("the demo's results: run make demo first",)], "")
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the benchmark."""
+    parser.add_argument("--results", type=Path, default=DEMO, help="results of a study (default: the demo's)")
+
+
+def run(results: Path = DEMO) -> Iterator[TextTable]:
+    """Give the tables: how large the pages are, then how a browser shows them."""
+    report = results / "report.html"
+    if not report.is_file():
+        yield TextTable("report_pages", (("needs", ""),), [(f"{report}: run the study first",)], "")
         return
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        yield _making(folder)
-        yield from _looking(folder)
-
-
-def _making(folder: Path) -> TextTable:
-    """Make the demo's pages as jobs do, and the page of a study of many subjects."""
-    study = ["--study", str(STUDY), "--results", str(RESULTS)]
+    pages = sorted((results / "report").rglob("*.html"), key=lambda page: page.stat().st_size)
     rows: list[tuple[Cell, ...]] = [
-        _job(
-            "the study's page",
-            [*study, "--out", str(folder / "report.html")],
-            "report",
-            folder / "report.html",
+        (what, page.relative_to(results).as_posix(), page.stat().st_size / 1000)
+        for what, page in (
+            ("the study", report),
+            ("the smallest other", pages[0]),
+            ("the largest", pages[-1]),
         )
     ]
-    for subject in read_study(STUDY).subjects:
-        out = folder / "report" / f"sub-{subject}"
-        words = [*study, "--subject", subject, "--out", str(out)]
-        rows.append(_job(f"subject {subject}, its page and 2 of recordings", words, "report.subject", out))
-    rows.append(_many(folder / "many.html"))
-    return TextTable(
-        "report_pages: making them",
-        (("what", ""), ("processor s", ".1f"), ("largest page, kB", ".0f")),
+    yield TextTable(
+        "report_pages: size",
+        (("page", ""), ("file", ""), ("kB", ".0f")),
         rows,
-        "A job each, start-up included; the last row without. A recording's page is of 3774 frames and six "
-        f"models. The study of {SUBJECTS} subjects is the demo's two, many times over.",
+        "What it takes to write them is in studies (rules report and subject_pages).",
     )
+    yield _looking(report, next(page for page in pages if page.stem.startswith("opposition")))
 
 
-def _job(what: str, words: list[str], stage: str, out: Path) -> tuple[Cell, ...]:
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([sys.executable, "-m", f"stages.{stage}", *words], check=True, cwd=ROOT)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    pages = [out] if out.is_file() else list(out.rglob("*.html"))
-    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return what, seconds, max(page.stat().st_size for page in pages) / 1000
-
-
-def _many(out: Path) -> tuple[Cell, ...]:
-    """The page of a study of many subjects."""
-    from stages.report.study_page import render_study
-    from stages.report.study_results import few_collections
-
-    results = many_subjects(SUBJECTS)
-    started = time.process_time()
-    with few_collections():  # as the stage does
-        out.write_text(render_study(results), "utf-8")
-    return (
-        f"the page of a study of {SUBJECTS} subjects",
-        time.process_time() - started,
-        out.stat().st_size / 1000,
-    )
-
-
-def many_subjects(count: int) -> Any:
-    """The demo's results with its subjects many times over, by other names."""
-    from stages.report.study_results import read_results
-
-    study = read_study(STUDY)
-    results = read_results(study, RESULTS)
-    own = study.subjects
-    renamed = {name: [f"{name}-{i:03d}" for i in range(count // len(own))] for name in own}
-    recordings = tuple(
-        replace(recording, hand=Hand(name, recording.hand.hand))
-        for recording in study.recordings
-        for name in renamed[recording.hand.subject]
-    )
-    rows: dict[str, Any] = {
-        field.name: [
-            row | {"subject": name}
-            for row in getattr(results, field.name)
-            for name in renamed[row["subject"]]
-        ]
-        for field in fields(results)
-        if field.type == "list[Row]" and field.name != "problems"
-    }
-    layouts = {
-        r.hand: results.layouts[Hand(r.hand.subject.rpartition("-")[0], r.hand.hand)] for r in recordings
-    }
-    return replace(results, study=replace(study, recordings=recordings), layouts=layouts, **rows)
-
-
-def _looking(folder: Path) -> Iterator[TextTable]:
+def _looking(report: Path, recording: Path) -> TextTable:
     """Open pages in Chromium, which draws with the processor alone."""
     program = shutil.which("chromium")
     if program is None:
-        yield TextTable("report_pages: looking at them", (("needs", ""),), [("chromium on the path",)], "")
-        return
+        return TextTable("report_pages: looking at them", (("needs", ""),), [("chromium on the path",)], "")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
-        words = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = driver.chromium.launch(executable_path=program, args=words)
+        options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = driver.chromium.launch(executable_path=program, args=options)
         page = browser.new_page(viewport={"width": 1280, "height": 800})
-        recording = next((folder / "report").rglob("opposition.html"))
         page.goto(recording.as_uri())
         page.wait_for_function("!!document.querySelector('[data-hand-viewer]').viewer")
         played = max(float(page.evaluate(PLAYED)) for _ in range(3))
-        page.goto((folder / "many.html").as_uri())
-        opened = page.evaluate("performance.getEntriesByType('navigation')[0].loadEventEnd") / 1000
-        scrolled = float(page.evaluate(SCROLLED))
+        page.goto(report.as_uri())
+        opened_s = page.evaluate("performance.getEntriesByType('navigation')[0].loadEventEnd") / 1000
+        scrolled_ms = float(page.evaluate(SCROLLED))
         browser.close()
-    yield TextTable(
-        "report_pages: looking at them (Chromium, software rendering, 1280 x 800)",
-        (("what", ""), ("", ".2f"), ("unit", "")),
-        [
-            ("two skeletons of 3774 frames playing, plots following", played, "frames a second"),
-            (f"the page of {SUBJECTS} subjects, until loaded", opened, "s"),
-            (f"the page of {SUBJECTS} subjects, scrolled through: longest frame", scrolled / 1000, "s"),
-        ],
-        "The best of three plays. All three suffer from whatever else runs.",
+    rows: list[tuple[Cell, ...]] = [
+        ("frames a second that the moving hand is drawn in, the best of three times 3 s", played),
+        ("seconds until the study's page is there", opened_s),
+        ("longest time between two frames while scrolling through it, ms", scrolled_ms),
+    ]
+    return TextTable(
+        "report_pages: looking at them",
+        (("what", ""), ("measured", ".1f")),
+        rows,
+        "Chromium without a graphics card, 1280 x 800.",
     )

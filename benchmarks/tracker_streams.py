@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from stages.capture.trackers.settings import StreamSettings
+from trackers.protocols.stream_settings import StreamSettings
 
 Numbers = tuple[float, ...]
 
@@ -119,15 +120,7 @@ def fastrak_binary(frame: int, station: int, items: Sequence[int], status: bytes
 
 def fastrak_text(frame: int, station: int, items: Sequence[int], status: bytes = b" ") -> bytes:
     """A record of FASTRAK in ASCII."""
-    forms = {
-        2: "{:7.2f}",
-        3: "{:7.2f}",
-        4: "{:7.2f}",
-        5: "{:7.4f}",
-        6: "{:7.4f}",
-        7: "{:7.4f}",
-        11: "{:7.4f}",
-    }
+    forms = dict.fromkeys((2, 3, 4), "{:7.2f}") | dict.fromkeys((5, 6, 7, 11), "{:7.4f}")
     fixed = {0: b" ", 1: b"\r\n", 16: b" 1"}
     parts = [
         fixed[item] if item in fixed else _text(forms.get(item, "{: .6E} "), numbers)
@@ -226,53 +219,30 @@ def settings(
     return StreamSettings(family, mode, unit, 240.0, tuple(stations), lists, {}, options)
 
 
-def _station_by_station(frames: int, stations: Sequence[int]) -> list[tuple[int, int]]:
-    return [(frame, station) for frame in range(1, frames + 1) for station in stations]
-
-
 def streams(frames: int = 5) -> dict[str, Stream]:
     """A clean stream of every family and mode, in several output lists, of four stations."""
     four = (1, 2, 3, 4)
-    order = _station_by_station(frames, four)
-    made: dict[str, Stream] = {}
-
-    def add(name: str, how: StreamSettings, pieces: list[bytes]) -> None:
-        made[name] = Stream(how, tuple(pieces))
-
-    for items in _LIBERTY_BINARY:
-        add(
-            f"liberty binary {items}",
-            settings("liberty", "binary", items),
-            [liberty_binary(f, s, items) for f, s in order],
+    order = [(frame, station) for frame in range(1, frames + 1) for station in four]
+    by_items: list[tuple[str, str, Callable[..., bytes], _Lists]] = [
+        ("liberty", "binary", liberty_binary, _LIBERTY_BINARY),
+        ("patriot", "binary", partial(liberty_binary, tag=b"PA"), ((2, 7),)),
+        ("liberty", "ascii", liberty_text, _LIBERTY_ASCII),
+        ("fastrak", "binary", fastrak_binary, _FASTRAK),
+        ("fastrak", "ascii", fastrak_text, _FASTRAK),
+    ]
+    clean = {
+        f"{family} {mode} {items}": Stream(
+            settings(family, mode, items), tuple(record(f, s, items) for f, s in order)
         )
-    add(
-        "patriot binary",
-        settings("patriot", "binary", (2, 7)),
-        [liberty_binary(f, s, (2, 7), b"PA") for f, s in order],
-    )
-    for items in _LIBERTY_ASCII:
-        add(
-            f"liberty ascii {items}",
-            settings("liberty", "ascii", items),
-            [liberty_text(f, s, items) for f, s in order],
-        )
-    for items in _FASTRAK:
-        add(
-            f"fastrak binary {items}",
-            settings("fastrak", "binary", items),
-            [fastrak_binary(f, s, items) for f, s in order],
-        )
-        add(
-            f"fastrak ascii {items}",
-            settings("fastrak", "ascii", items),
-            [fastrak_text(f, s, items) for f, s in order],
-        )
+        for family, mode, record, lists in by_items
+        for items in lists
+    }
     for orientation in ("deg", "rad", "quaternion"):
-        frames_of_all = [viper_frame(f, four, orientation) for f in range(1, 3 * frames + 1)]
-        add(f"viper {orientation}", settings("viper"), frames_of_all)
+        whole = tuple(viper_frame(f, four, orientation) for f in range(1, 3 * frames + 1))
+        clean[f"viper {orientation}"] = Stream(settings("viper"), whole)
     for record in ("position-quaternion", "position-angles", "position-matrix"):
         for group in (False, True):
-            how = settings("trakstar", record=record, group=group, range_inch=36, inverse=True)
-            pieces = [flock_record(f, s, record, group, inverse=True) for f, s in order]
-            add(f"trakstar {record}{' group' if group else ''}", how, pieces)
-    return made
+            options = settings("trakstar", record=record, group=group, range_inch=36, inverse=True)
+            pieces = tuple(flock_record(f, s, record, group, inverse=True) for f, s in order)
+            clean[f"trakstar {record}{' group' if group else ''}"] = Stream(options, pieces)
+    return clean

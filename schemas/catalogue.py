@@ -18,6 +18,9 @@ HAND = Column("hand", TEXT, "", "right or left")
 TASK = Column("task", TEXT, "", "what was done, as in the recordings sheet")
 TRIAL = Column("trial", TEXT, "", "which repetition; empty where the sheet names none")
 MODEL = Column("model", TEXT, "", "the skeleton model")
+MADE_WITHOUT = Column(
+    "made_without", TEXT, "", "task whose recordings the skeleton was made without; empty: of all"
+)
 DIGIT = Column("digit", TEXT, "", "the digit, as the layout names it")
 FRAME = Column("frame", WHOLE, "", "the tracker's own frame number, kept as it came")
 MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing")
@@ -38,7 +41,7 @@ def _quaternion(description: str) -> tuple[Column, ...]:
 POSES = Table(
     "poses",
     1,
-    "segment, frame: every segment of the layout at every frame that any of them has",
+    "every segment of the layout at every frame that any of them has",
     (
         Column("segment", TEXT, "", "the bone's rigid body that the receiver rides on"),
         FRAME,
@@ -90,12 +93,13 @@ CAPTURE_RECORDS = Table(
 
 JOINT_SOLUTIONS = Table(
     "joint_solutions",
-    1,
-    "subject, hand, model, joint: the joint as Eq. 1-7 give it, before the plane",
+    2,
+    "the joint as Eq. 1-7 give it, before the plane",
     (
         SUBJECT,
         HAND,
         MODEL,
+        MADE_WITHOUT,
         Column("joint", TEXT, "", "the joint, as the layout names it"),
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
@@ -137,17 +141,18 @@ JOINT_SOLUTIONS = Table(
         STATUS,
         MESSAGE,
     ),
-    ("subject", "hand", "model", "joint"),
+    ("subject", "hand", "model", "made_without", "joint"),
 )
 
 JOINT_CENTRES = Table(
     "joint_centres",
-    1,
-    "subject, hand, model, joint: the skeleton's joints, the wrist point in use among them",
+    2,
+    "the skeleton's joints, the wrist point in use among them",
     (
         SUBJECT,
         HAND,
         MODEL,
+        MADE_WITHOUT,
         Column("joint", TEXT, "", "the joint, as the layout names it"),
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
@@ -186,19 +191,20 @@ JOINT_CENTRES = Table(
         STATUS,
         MESSAGE,
     ),
-    ("subject", "hand", "model", "joint"),
+    ("subject", "hand", "model", "made_without", "joint"),
 )
 
 METACARPALS = Table(
     "metacarpals",
-    1,
-    "subject, hand, task, trial, model, digit, frame: posture of the digit's metacarpal",
+    2,
+    "posture of the digit's metacarpal",
     (
         SUBJECT,
         HAND,
         TASK,
         TRIAL,
         MODEL,
+        MADE_WITHOUT,
         DIGIT,
         FRAME,
         *_quaternion("metacarpal (x distal, z dorsal) to transmitter frame"),
@@ -207,19 +213,20 @@ METACARPALS = Table(
         Column("length_mm", REAL, "mm", "distance from the bone's base to the MCP joint, |v(k)|", True),
         Column("flags", TEXT, "", "words joined by ';': gap, twist-near-singular, swing-near-singular"),
     ),
-    ("subject", "hand", "task", "trial", "model", "digit", "frame"),
+    ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
 )
 
 TIPS = Table(
     "tips",
-    1,
-    "subject, hand, task, trial, model, digit, frame: the replayed fingertip, least-squares binding",
+    2,
+    "the replayed fingertip, least-squares binding",
     (
         SUBJECT,
         HAND,
         TASK,
         TRIAL,
         MODEL,
+        MADE_WITHOUT,
         DIGIT,
         FRAME,
         Column("time_s", REAL, "s", "device time as recorded", True),
@@ -227,19 +234,20 @@ TIPS = Table(
         Column("error_mm", REAL, "mm", "its distance to the distal receiver", True),
         Column("error_first_frame_mm", REAL, "mm", "the same with the paper's first-frame binding", True),
     ),
-    ("subject", "hand", "task", "trial", "model", "digit", "frame"),
+    ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
 )
 
 TIP_ERRORS = Table(
     "tip_errors",
-    1,
-    "subject, hand, task, trial, model, digit, binding: the paper's table, one cell group a row",
+    2,
+    "the paper's table, one cell group a row",
     (
         SUBJECT,
         HAND,
         TASK,
         TRIAL,
         MODEL,
+        MADE_WITHOUT,
         DIGIT,
         Column("binding", TEXT, "", "first-frame (the paper's) or least-squares"),
         Column("max_mm", REAL, "mm", "largest tip error over the frames", True),
@@ -253,31 +261,37 @@ TIP_ERRORS = Table(
         Column("held_out", YES_NO, "", "whether the joints were solved without this recording"),
         MESSAGE,
     ),
-    ("subject", "hand", "task", "trial", "model", "digit", "binding"),
+    ("subject", "hand", "task", "trial", "model", "made_without", "digit", "binding"),
 )
+
+FINGERTIP, DISTAL_RECEIVER = "fingertip", "distal receiver"
+"""Where a digit's last bone may end."""
 
 BONE_LENGTHS = Table(
     "bone_lengths",
-    1,
-    "subject, hand, model, digit, bone: a bone is named after its segment",
+    2,
+    "a bone is named after its segment",
     (
         SUBJECT,
         HAND,
         MODEL,
+        MADE_WITHOUT,
         DIGIT,
-        Column("bone", TEXT, "", "the segment; a digit's last bone ends at the distal receiver"),
-        Column("length_mm", REAL, "mm", "distance between the bone's two ends", True),
-        *_xyz("", "mm", "the bone as a vector, proximal to distal end, in the frame of driven_by"),
-        Column("driven_by", TEXT, "", "the segment whose receiver turns the bone; empty where none does"),
-        Column("sd_mm", REAL, "mm", "1-sigma error of the length", True),
+        Column("bone", TEXT, "", "the segment"),
         Column(
-            "bone_mm",
-            REAL,
-            "mm",
-            "where the whole hand was fitted: length of the bone itself, joint to joint, the last to its tip",
-            True,
+            "starts_at", TEXT, "", "joint at whose centre it starts: its own, or the wrist if merged with it"
         ),
-        Column("bone_sd_mm", REAL, "mm", "1-sigma error of that", True),
+        Column(
+            "ends_at",
+            TEXT,
+            "",
+            f"joint at whose centre it ends; of a digit's last bone {FINGERTIP!r} where the whole hand was "
+            f"fitted, else {DISTAL_RECEIVER!r}, which the paper takes for the tip",
+        ),
+        Column("length_mm", REAL, "mm", "distance between the two", True),
+        Column("sd_mm", REAL, "mm", "1-sigma error of the length", True),
+        *_xyz("", "mm", "the bone as the replay has it, to the next joint or receiver, in driven_by's frame"),
+        Column("driven_by", TEXT, "", "the segment whose receiver turns the bone; empty where none does"),
         Column(
             "sd_over_frames_mm",
             REAL,
@@ -287,13 +301,13 @@ BONE_LENGTHS = Table(
         ),
         MESSAGE,
     ),
-    ("subject", "hand", "model", "digit", "bone"),
+    ("subject", "hand", "model", "made_without", "digit", "bone"),
 )
 
 CALIBRATION_ADVICE = Table(
     "calibration_advice",
     1,
-    "subject, hand, joint: whether the calibration moves the joint enough, and what more would gain",
+    "whether the calibration moves the joint enough, and what more would gain",
     (
         SUBJECT,
         HAND,
@@ -308,12 +322,13 @@ CALIBRATION_ADVICE = Table(
 
 RECEIVERS = Table(
     "receivers",
-    1,
-    "subject, hand, model, segment: where the receiver sits on its bone and how it behaves, as fitted",
+    2,
+    "where the receiver sits on its bone and how it behaves, as fitted",
     (
         SUBJECT,
         HAND,
         MODEL,
+        MADE_WITHOUT,
         Column("segment", TEXT, "", "the segment that wears the receiver"),
         *(
             column
@@ -340,17 +355,18 @@ RECEIVERS = Table(
         STATUS,
         MESSAGE,
     ),
-    ("subject", "hand", "model", "segment"),
+    ("subject", "hand", "model", "made_without", "segment"),
 )
 
 GAINS = Table(
     "gains",
-    1,
-    "subject, hand, model, quantity: what measuring one more thing on the hand would gain, best first",
+    2,
+    "what measuring one more thing on the hand would gain, best first",
     (
         SUBJECT,
         HAND,
         MODEL,
+        MADE_WITHOUT,
         Column("quantity", TEXT, "", "what could be measured, as measurements.tsv calls it"),
         Column("sd_mm", REAL, "mm", "1-sigma error that the measurement is assumed to have"),
         Column("mean_sd_before_mm", REAL, "mm", "mean sd_mm of the hand's joint centres now"),
@@ -359,19 +375,20 @@ GAINS = Table(
         Column("joint_sd_before_mm", REAL, "mm", "its sd_mm now"),
         Column("joint_sd_after_mm", REAL, "mm", "the same with that measurement"),
     ),
-    ("subject", "hand", "model", "quantity"),
+    ("subject", "hand", "model", "made_without", "quantity"),
 )
 
 JOINT_ANGLES = Table(
     "joint_angles",
-    1,
-    "subject, hand, task, trial, model, joint, frame: the joint's angles with the fitted hand",
+    2,
+    "the joint's angles with the fitted hand",
     (
         SUBJECT,
         HAND,
         TASK,
         TRIAL,
         MODEL,
+        MADE_WITHOUT,
         Column("joint", TEXT, "", "the joint, as the layout names it"),
         FRAME,
         Column(
@@ -382,19 +399,20 @@ JOINT_ANGLES = Table(
         ),
         Column("rotation_deg", REAL, "deg", "axial rotation, signed as docs/joint-angles.md says", True),
     ),
-    ("subject", "hand", "task", "trial", "model", "joint", "frame"),
+    ("subject", "hand", "task", "trial", "model", "made_without", "joint", "frame"),
 )
 
 BONE_POSES = Table(
     "bone_poses",
-    1,
-    "subject, hand, task, trial, model, segment, frame: a bone of the fitted hand, posed with all receivers",
+    2,
+    "a bone of the fitted hand, posed with all receivers",
     (
         SUBJECT,
         HAND,
         TASK,
         TRIAL,
         MODEL,
+        MADE_WITHOUT,
         Column("segment", TEXT, "", "the bone; those that carry no receiver among them"),
         FRAME,
         *_xyz(
@@ -402,19 +420,20 @@ BONE_POSES = Table(
         ),
         *_quaternion("bone (x distal, z dorsal) to transmitter frame"),
     ),
-    ("subject", "hand", "task", "trial", "model", "segment", "frame"),
+    ("subject", "hand", "task", "trial", "model", "made_without", "segment", "frame"),
 )
 
 POSED_TIPS = Table(
     "posed_tips",
-    1,
-    "subject, hand, task, trial, model, digit, frame: a tip of the fitted hand, posed with all receivers",
+    2,
+    "a tip of the fitted hand, posed with all receivers",
     (
         SUBJECT,
         HAND,
         TASK,
         TRIAL,
         MODEL,
+        MADE_WITHOUT,
         DIGIT,
         FRAME,
         Column("time_s", REAL, "s", "device time as recorded", True),
@@ -436,7 +455,7 @@ POSED_TIPS = Table(
         ),
         Column("residual_mm", REAL, "mm", "rms distance of all receivers of the hand in this frame", True),
     ),
-    ("subject", "hand", "task", "trial", "model", "digit", "frame"),
+    ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
 )
 
 CALIBRATED_ON = Column(
@@ -449,7 +468,7 @@ CALIBRATED_ON = Column(
 SKELETON_SCORES = Table(
     "skeleton_scores",
     1,
-    "subject, hand, task, trial, model, calibrated_on, digit: how well a skeleton does in one recording",
+    "how well a skeleton does in one recording",
     (
         SUBJECT,
         HAND,
@@ -507,7 +526,7 @@ SKELETON_SCORES = Table(
 JOINT_ERRORS = Table(
     "joint_errors",
     1,
-    "subject, hand, model, calibrated_on, joint: simulated hands only, how far a joint is from its truth",
+    "simulated hands only, how far a joint is from its truth",
     (
         SUBJECT,
         HAND,
@@ -562,11 +581,16 @@ RECORDINGS = Table(
 
 PROBLEMS = Table(
     "problems",
-    1,
-    "anything that did not go as the study asked",
+    2,
+    "a finding: anything that did not go as the study asked",
     (
-        Column("where", TEXT, "", "the file, or subject, hand, task and model"),
+        Column("subject", TEXT, "", "whose; empty: of the whole study"),
+        Column("hand", TEXT, "", "right or left; empty: of no single hand"),
+        Column("task", TEXT, "", "task, and trial, of the recording; empty: of no single one"),
+        Column("model", TEXT, "", "the skeleton model; empty: of no single one"),
         Column("stage", TEXT, "", "the stage that met it"),
+        Column("kind", TEXT, "", "what it is about: recording, hand, skeleton, receiver or correction"),
+        Column("severity", TEXT, "", "refused (no result), suspect or note"),
         MESSAGE,
     ),
     (),

@@ -6,12 +6,9 @@ The schemas are closed: a typo is refused by name. `docs/configuration.md` is ma
 from __future__ import annotations
 
 import difflib
-import hashlib
 import json
 import math
-import os
-from collections.abc import Hashable, Iterator
-from functools import cache
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +18,6 @@ from schemas.errors import InputError
 
 SCHEMA_FOLDER = Path(__file__).parent / "json"
 CONFIG_FOLDER = Path(__file__).parent.parent / "config"
-FOUND_RIGHT = "SHUKOTSU_FOUND_RIGHT"
-"""Environment variable: digests of configurations, each with its schema, that were found right."""
 
 
 class _StrictLoader(yaml.CSafeLoader):  # type: ignore[misc, unused-ignore]
@@ -30,18 +25,13 @@ class _StrictLoader(yaml.CSafeLoader):  # type: ignore[misc, unused-ignore]
 
 
 def _mapping_without_twins(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
-    seen: set[Any] = set()
+    seen: list[Any] = []
     for key_node, _ in node.value:
         key = loader.construct_object(key_node, deep=True)
-        if not isinstance(key, Hashable):
-            raise yaml.constructor.ConstructorError(
-                None, None, f"{key!r} cannot be a key", key_node.start_mark
-            )
-        if key in seen:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"the key {key!r} is given twice", key_node.start_mark
-            )
-        seen.add(key)
+        if not isinstance(key, Hashable) or key in seen:
+            what = f"the key {key!r} is given twice" if key in seen else f"{key!r} cannot be a key"
+            raise yaml.constructor.ConstructorError(None, None, what, key_node.start_mark)
+        seen.append(key)
     return loader.construct_mapping(node, deep=True)
 
 
@@ -54,58 +44,43 @@ def json_schema(kind: str) -> dict[str, Any]:
     return loaded
 
 
-def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[str, Any]:
-    """Read a configuration file of that kind (study, layout, model), by default with defaults filled in.
+def read_yaml(path: Path, kind: str) -> Any:
+    """Read a YAML file without checking what it says.
 
-    Raises InputError where the file is absent, is not YAML, or does not match its schema.
+    Raises InputError where the file is absent, is not YAML or gives a key twice.
     """
     try:
-        loaded = yaml.load(path.read_text("utf-8"), Loader=_StrictLoader)
+        return yaml.load(path.read_text("utf-8"), Loader=_StrictLoader)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such {kind} file") from error
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as text ({error})") from error
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that no calendar has
         raise InputError(f"{path}: not valid YAML: {_one_line(str(error))}") from error
+
+
+def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[str, Any]:
+    """Read a configuration file of that kind (study, layout, model), by default with defaults filled in.
+
+    Raises InputError where the file is absent, is not YAML, or does not match its schema.
+    """
+    loaded = read_yaml(path, kind)
     checked = check_config(loaded, kind, str(path))
     return checked if with_defaults else dict(loaded)
 
 
 def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
-    """Check a loaded configuration against its schema and fill in the defaults; `where` names the file.
+    """Check a loaded configuration against its schema and fill in the defaults; `where` names the file."""
+    import jsonschema  # slow to import
 
-    What the process that started this one has found right, see `tell_children`, is not checked again.
-    """
     schema = json_schema(kind)
-    digest = hashlib.sha256(repr((schema, loaded)).encode("utf-8", "surrogatepass")).hexdigest()
-    if digest not in _found_right():
-        _refuse_unless_right(loaded, schema, where)
-        _found_right().add(digest)
-    assert isinstance(loaded, dict)
-    filled: dict[str, Any] = _with_defaults(loaded, schema, schema)
-    return filled
-
-
-def tell_children() -> None:
-    """Let processes that this one starts know what was found right: to import the checker takes them longer
-    than reading their configuration.
-    """
-    os.environ[FOUND_RIGHT] = " ".join(sorted(_found_right()))
-
-
-@cache
-def _found_right() -> set[str]:
-    return set(os.environ.get(FOUND_RIGHT, "").split())
-
-
-def _refuse_unless_right(loaded: object, schema: dict[str, Any], where: str) -> None:
-    import jsonschema  # slow to import, and mostly not needed
-
     validator = jsonschema.Draft202012Validator(schema)
     errors = sorted(validator.iter_errors(loaded), key=lambda e: [str(part) for part in e.absolute_path])
     sentences = list(dict.fromkeys(_sentence(error) for error in errors)) or _not_finite(loaded)
     if sentences:
         raise InputError(f"{where}: " + "; ".join(sentences[:5]))
+    filled: dict[str, Any] = _with_defaults(loaded, schema, schema)
+    return filled
 
 
 def shipped(kind: str) -> list[str]:
@@ -153,11 +128,7 @@ def _not_finite(value: Any, place: str = "") -> list[str]:
     """Name every .nan and .inf, which JSON Schema lets pass as numbers."""
     if isinstance(value, float) and not math.isfinite(value):
         return [f"{place}: is {value}; expected a finite number"]
-    parts: list[tuple[object, Any]] = []
-    if isinstance(value, dict):
-        parts = list(value.items())
-    elif isinstance(value, list):
-        parts = list(enumerate(value))
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [
         text for key, part in parts for text in _not_finite(part, f"{place}.{key}" if place else str(key))
     ]
@@ -174,11 +145,5 @@ def _with_defaults(value: Any, schema: dict[str, Any], root: dict[str, Any]) -> 
         return value
     properties: dict[str, Any] = schema.get("properties", {})
     filled = {key: part["default"] for key, part in properties.items() if "default" in part} | value
-    return {key: _with_defaults(part, sub, root) for key, part, sub in _parts(filled, schema)}
-
-
-def _parts(filled: dict[str, Any], schema: dict[str, Any]) -> Iterator[tuple[str, Any, dict[str, Any]]]:
-    others = schema.get("additionalProperties")
-    for key, part in filled.items():
-        fallback = others if isinstance(others, dict) else {}
-        yield key, part, schema.get("properties", {}).get(key, fallback)
+    others = schema.get("additionalProperties") or {}
+    return {key: _with_defaults(part, properties.get(key, others), root) for key, part in filled.items()}

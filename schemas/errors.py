@@ -12,3 +12,10 @@ class InputError(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(" ".join(message.split()))
+
+
+class TableError(InputError):
+    """A table of the pipeline is not what it should be: damaged, of another version, or somebody else's.
+
+    No result of a subject's own data, so a stage that meets it fails and does not record it as one.
+    """

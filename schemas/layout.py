@@ -120,10 +120,11 @@ def read_layout(name: str | Path, folder: Path = Path()) -> Layout:
 
 @lru_cache(maxsize=16)
 def _read(path: Path, *_: int) -> Layout:
-    return _layout(read_config(path, "layout"), str(path))
+    return layout_from_config(read_config(path, "layout"), str(path))
 
 
-def _layout(config: dict[str, Any], where: str) -> Layout:
+def layout_from_config(config: dict[str, Any], where: str) -> Layout:
+    """Make a layout of a checked file's content; `where` names it in the InputError of one that is wrong."""
     axes = _AXES | {k: _vector(v) for k, v in config.get("receiver_axes", {}).items()}
     segments = {name: _segment(name, part, axes, where) for name, part in config["segments"].items()}
     _check_receivers(segments, where)

@@ -8,11 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schemas.config_files import check_config, read_config
+from schemas.config_files import check_config, read_yaml
 from schemas.errors import InputError
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """Millimetres of every unit that a position may come in."""
+
+UNIT_NAMES = {
+    **{unit: unit for unit in MM_PER_UNIT},
+    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+    **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
+    **dict.fromkeys(("in", "inches"), "inch"),
+}
+"""What programs write of a unit, in lower case, and the mapping's name for it."""
 
 
 @dataclass(frozen=True)
@@ -37,32 +46,17 @@ class FileMapping:
 
 def read_mapping(path: Path) -> FileMapping:
     """Read a mapping file. Raises InputError where it is absent, no YAML or does not say enough."""
-    try:
-        loaded = read_config(path, "mapping", with_defaults=False)
-    except InputError:
-        _say_plainly(path)
-        raise
-    return mapping_from_config(loaded, str(path))
+    return mapping_from_config(read_yaml(path, "mapping"), str(path))
 
 
-def _say_plainly(path: Path) -> None:
-    """Raise InputError in words for what the schema refused in patterns; do nothing for what is no YAML."""
-    import yaml
-
-    try:
-        loaded = yaml.safe_load(path.read_text("utf-8"))
-    except (OSError, ValueError, yaml.YAMLError):
-        return
-    if isinstance(loaded, dict):
-        _check_words(loaded, str(path))
-
-
-def mapping_from_config(loaded: Mapping[str, Any], where: str) -> FileMapping:
+def mapping_from_config(loaded: Any, where: str) -> FileMapping:
     """Check a loaded mapping, fill in its defaults; `where` names it in messages."""
-    _check_words(loaded, where)
-    groups = {"csv", "matrices", "c3d", "xdf"} & loaded.keys()
-    config = check_config(dict(loaded), "mapping", where)
-    odd = sorted(groups - {config["format"]})
+    if isinstance(loaded, dict):
+        # Before the schema does, and in words, what a draft or a first mapping most often gets wrong.
+        _check_edited(loaded, where)
+        _check_shapes(loaded, where)
+    config = check_config(loaded, "mapping", where)
+    odd = sorted({"csv", "matrices", "c3d", "xdf"} & loaded.keys() - {config["format"]})
     if odd:
         raise InputError(f"{where}: {odd[0]}: is for another format; format is {config['format']}")
     _check_orientation(config, where)
@@ -85,12 +79,6 @@ _UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")
 """What a drafted mapping has where the file cannot say the truth."""
 
 _SEGMENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
-
-
-def _check_words(loaded: Mapping[str, Any], where: str) -> None:
-    """Say before the schema does, and in words, what a draft or a first mapping most often gets wrong."""
-    _check_edited(loaded, where)
-    _check_shapes(loaded, where)
 
 
 def _check_edited(loaded: Mapping[str, Any], where: str) -> None:
@@ -205,10 +193,7 @@ def _check_csv(config: Mapping[str, Any], where: str) -> None:
         )
     if table["delimiter"] == table["decimal"]:
         raise InputError(f"{where}: csv.decimal: the comma cannot both separate cells and be a decimal mark")
-    if table["rows"] == "long":
-        _check_long(config, where)
-    else:
-        _check_wide(config, where)
+    _check_rows(config, where)
     groups = [("csv", table), *((f"receivers.{name}", part) for name, part in config["receivers"].items())]
     for place, group in groups:
         _check_columns(group, place, config, where)
@@ -223,25 +208,21 @@ def _check_csv(config: Mapping[str, Any], where: str) -> None:
         )
 
 
-def _check_wide(config: Mapping[str, Any], where: str) -> None:
-    odd = [key for key in (*_LONG_KEYS, "quality") if key in config["csv"]]
-    if odd:
-        raise InputError(f"{where}: csv.{odd[0]}: is for long rows; with wide rows give it to each receiver")
-    for segment, receiver in config["receivers"].items():
-        for key in ("position", "orientation"):
-            if key not in receiver:
-                raise InputError(f"{where}: receivers.{segment}: the key {key!r} is missing")
-
-
-def _check_long(config: Mapping[str, Any], where: str) -> None:
-    missing = [key for key in _LONG_KEYS if key not in config["csv"]]
-    if missing:
+def _check_rows(config: Mapping[str, Any], where: str) -> None:
+    """Refuse keys that long rows need or wide rows do not have, and two receivers of one value."""
+    table, long = config["csv"], config["csv"]["rows"] == "long"
+    missing = [key for key in _LONG_KEYS if key not in table]
+    if long and missing:
         raise InputError(f"{where}: csv: long rows need the key {', '.join(map(repr, missing))}")
+    odd = [key for key in (*_LONG_KEYS, "quality") if key in table]
+    if odd and not long:
+        raise InputError(f"{where}: csv.{odd[0]}: is for long rows; with wide rows give it to each receiver")
     seen: dict[str, str] = {}
     for segment, receiver in config["receivers"].items():
-        if "value" not in receiver:
-            raise InputError(f"{where}: receivers.{segment}: the key 'value' is missing")
-        other = seen.setdefault(str(receiver["value"]), segment)
+        for key in ("value",) if long else ("position", "orientation"):
+            if key not in receiver:
+                raise InputError(f"{where}: receivers.{segment}: the key {key!r} is missing")
+        other = seen.setdefault(str(receiver.get("value", segment)), segment)
         if other != segment:
             raise InputError(
                 f"{where}: receivers: {other} and {segment} both have value {receiver['value']!r}"
@@ -256,8 +237,7 @@ def _check_columns(group: Mapping[str, Any], place: str, config: Mapping[str, An
         raise InputError(
             f"{where}: {place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
         )
-    keys = ("position", "orientation", "time", "quality", "frame", "receiver")
-    for key in keys:
+    for key in ("position", "orientation", "time", "quality", "frame", "receiver"):
         named = group.get(key, [])
         for column in named if isinstance(named, list) else [named]:
             if isinstance(column, str) and not config["csv"]["header"]:
@@ -267,14 +247,14 @@ def _check_columns(group: Mapping[str, Any], place: str, config: Mapping[str, An
 
 
 def _check_pair(
-    groups: Sequence[tuple[str, Mapping[str, Any]]], column: str, told: list[str], needed: str, where: str
+    groups: Sequence[tuple[str, Mapping[str, Any]]], column: str, keys: list[str], needed: str, where: str
 ) -> None:
     """Refuse a column without the key that says how to read it, and that key without a column."""
     places = [place for place, group in groups if column in group]
-    if places and not told:
+    if places and not keys:
         raise InputError(f"{where}: {places[0]}.{column}: needs {needed}")
-    if told and not places:
-        raise InputError(f"{where}: csv.{told[0]}: no {column} column is named")
+    if keys and not places:
+        raise InputError(f"{where}: csv.{keys[0]}: no {column} column is named")
 
 
 def _check_matrices(config: Mapping[str, Any], where: str) -> None:

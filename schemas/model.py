@@ -75,20 +75,25 @@ def _read(path: Path, *_: int) -> SkeletonModel:
         raise InputError(
             f"{path}: model: is {config['model']!r}; expected the file's own name, {path.stem!r}"
         )
+    return model_from_config(config, str(path))
+
+
+def model_from_config(config: dict[str, Any], where: str) -> SkeletonModel:
+    """Make a model of a checked file's content; `where` names it in the InputError of one that is wrong."""
     joints, planes, metacarpals = config["joints"], config["planes"], config["metacarpals"]
     if joints["solver"] == "anatomical" and planes["cut"]:
         raise InputError(
-            f"{path}: planes.cut: is true; the solver anatomical gives final centres, so write planes: "
+            f"{where}: planes.cut: is true; the solver anatomical gives final centres, so write planes: "
             "{cut: false}"
         )
     if planes["corrections"] and not planes["cut"]:
-        raise InputError(f"{path}: planes.corrections: is true, but planes.cut: false makes centres final")
+        raise InputError(f"{where}: planes.corrections: is true, but planes.cut: false makes centres final")
     fit = dict(config["fit"])
     whole_hand = fit.pop("whole_hand")
-    _check_fit(path, config, whole_hand=whole_hand)
+    _check_fit(where, config, whole_hand=whole_hand)
     x, y, z = metacarpals["rest_direction"]
     if not (x or y or z):
-        raise InputError(f"{path}: metacarpals.rest_direction: has no length")
+        raise InputError(f"{where}: metacarpals.rest_direction: has no length")
     return SkeletonModel(
         name=config["model"],
         description=config["description"],
@@ -109,21 +114,21 @@ def _read(path: Path, *_: int) -> SkeletonModel:
     )
 
 
-def _check_fit(path: Path, config: dict[str, Any], *, whole_hand: bool) -> None:
+def _check_fit(where: str, config: dict[str, Any], *, whole_hand: bool) -> None:
     """Refuse a model whose joints or metacarpals do not go with its fit of the whole hand, or with none."""
     fitted = [key for key in ("unmeasured", "measured") if config["metacarpals"][key] == "fitted"]
     if fitted and not whole_hand:
         raise InputError(
-            f"{path}: metacarpals.{fitted[0]}: is fitted, but no whole hand is fitted; write fit: "
+            f"{where}: metacarpals.{fitted[0]}: is fitted, but no whole hand is fitted; write fit: "
             "{whole_hand: true}"
         )
     if whole_hand and config["planes"]["cut"]:
         raise InputError(
-            f"{path}: planes.cut: is true; a fit of the whole hand starts from joints that no plane has cut, "
-            "so write joints: {solver: anatomical} and planes: {cut: false}"
+            f"{where}: planes.cut: is true; a fit of the whole hand starts from joints that no plane has "
+            "cut, so write joints: {solver: anatomical} and planes: {cut: false}"
         )
     if whole_hand and len(fitted) < 2:
         raise InputError(
-            f"{path}: metacarpals: a fit of the whole hand poses them all; write metacarpals: "
+            f"{where}: metacarpals: a fit of the whole hand poses them all; write metacarpals: "
             "{unmeasured: fitted, measured: fitted}"
         )

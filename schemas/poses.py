@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from schemas.catalogue import POSES
-from schemas.errors import InputError
+from schemas.errors import InputError, TableError
 from schemas.tables import column_array, open_table, read_metadata
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +30,7 @@ BLOCK_FRAMES = 1 << 16
 KEPT_BYTES = 200 * 10**6
 """Of recordings that were read whole, together; one that takes more than a quarter of it is not kept."""
 
+BYTES_A_POSE = 57
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
 
@@ -79,41 +80,38 @@ class Poses:
         )
 
 
-@dataclass(frozen=True)
-class ReceiverSeries:
-    """One receiver over T frames, every number an array (T,) of its own, as a table has them.
+PosesReader = Callable[..., Iterator[Poses]]
+"""Called with names of segments: a hand's recordings in turn, each whole, with those segments at least."""
 
-    position_mm : x, y, z; quaternion : unit, w, x, y, z, receiver to transmitter frame; valid : (T,) bool.
-    Where not valid, numbers may be NaN.
+
+def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
+    """Give a reader of recordings, of which `segments` are all; it raises InputError as `read_poses` does.
+
+    Short recordings are kept between calls, with all segments; of long ones only what is asked for is read.
     """
 
-    position_mm: tuple[Array, ...]
-    quaternion: tuple[Array, ...]
-    valid: npt.NDArray[np.bool_]
+    def read(*wanted: str) -> Iterator[Poses]:
+        for path in paths:
+            short = frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4
+            yield read_poses(path, segments if short else wanted)
 
-    def take(self, rows: slice | npt.NDArray[np.int64]) -> ReceiverSeries:
-        """Only some of the frames."""
-        return ReceiverSeries(
-            tuple(number[rows] for number in self.position_mm),
-            tuple(number[rows] for number in self.quaternion),
-            self.valid[rows],
-        )
+    return read
 
 
 def recording_name(path: Path) -> RecordingName:
     """Give the recording's name from a poses file's metadata, also where its making failed."""
     if not path.is_file():
-        raise InputError(f"{path}: no such file; expected a {POSES.name} table")
+        raise TableError(f"{path}: no such file; expected a {POSES.name} table")
     metadata = read_metadata(path)
     if metadata["schema"] != POSES.name:
-        raise InputError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
+        raise TableError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
     parameters = metadata.get("parameters", {})
     try:
         return RecordingName(
             parameters["subject"], parameters["hand"], parameters["task"], parameters["trial"]
         )
     except KeyError as error:
-        raise InputError(f"{path}: its metadata lacks {error}; make it with stages.capture") from error
+        raise TableError(f"{path}: its metadata lacks {error}; make it with stages.capture") from error
 
 
 def read_poses(path: Path, segments: Sequence[str]) -> Poses:
@@ -163,39 +161,17 @@ def pose_blocks(
         size = block_frames or max(1, n_frames)
         for start in range(0, max(1, n_frames), size):
             block = _empty(segments, min(size, n_frames - start))
+            for place in (block.index(segment) for segment in segments if segment not in rows):
+                block.position_mm[:, place] = block.quaternion[:, place] = np.nan
             for segment, own in rows.items():
-                _fill(block, segment, own, start, first=segment == next(iter(rows)))
+                _fill(path, block, segment, own, start, first=segment == next(iter(rows)))
             for own in times.values():
                 if not np.isnan(block.time_s).any():
                     break
                 for at, piece in own.pieces(start, len(block.frame)):
                     known = block.time_s[at]
-                    np.copyto(known, column_array(piece, "time_s"), where=np.isnan(known))
+                    np.copyto(known, piece["time_s"], where=np.isnan(known))
             yield block
-
-
-def receiver_series(path: Path, segments: Sequence[str]) -> Iterator[dict[str, ReceiverSeries]]:
-    """Read the poses of those segments a row group at a time; numbers stay where the file's reader put them.
-
-    Gives the same frames of every segment that the file has, and nothing where the recording has no frame.
-    What was given is emptied when the next is asked for, so that they are not in memory together. Raises
-    InputError as `pose_blocks` does.
-    """
-    with open_table(path, POSES) as file:
-        rows = _rows_by_segment(path, file, segments, ("frame", *_NUMBERS, "valid"))
-        start, n_frames = 0, next((one.n_rows for one in rows.values()), 0)
-        while start < n_frames:
-            count = min(one.left_in_group(start) for one in rows.values())
-            found, frame = {}, None
-            for segment, own in rows.items():
-                piece = own.piece(start, count)
-                frame = own.shared_frames(piece, frame)
-                numbers = [column_array(piece, name) for name in _NUMBERS]
-                valid = column_array(piece, "valid")
-                found[segment] = ReceiverSeries(tuple(numbers[:3]), tuple(numbers[3:]), valid)
-            yield found
-            found.clear()
-            start += count
 
 
 def frame_count(path: Path) -> int:
@@ -209,50 +185,39 @@ class _SegmentRows:
     """Columns of one segment's rows, of which one row group at a time is in memory."""
 
     def __init__(
-        self, path: Path, segment: str, file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str]
+        self, path: Path, file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str]
     ) -> None:
-        self._path, self._segment, self._file = path, segment, file
+        self._path, self._file = path, file
         self._groups, self._columns = groups, list(columns)
         self._ends: list[int] = list(accumulate(file.metadata.row_group(group).num_rows for group in groups))
-        self._place, self._table = -1, pa.table({})
+        self._place = -1
+        self._arrays: dict[str, npt.NDArray[Any]] = {}
         self.n_rows: int = self._ends[-1]
 
     def of(self, columns: Sequence[str]) -> _SegmentRows:
         """Give other columns of the same rows."""
-        return _SegmentRows(self._path, self._segment, self._file, self._groups, columns)
+        return _SegmentRows(self._path, self._file, self._groups, columns)
 
-    def left_in_group(self, start: int) -> int:
-        """Rows from number `start` to the end of its row group."""
-        return self._ends[bisect_right(self._ends, start)] - start
-
-    def piece(self, start: int, count: int) -> pa.Table:
-        """Give `count` rows of one row group."""
-        place = bisect_right(self._ends, start)
-        if place != self._place:
-            self._place, self._table = place, pa.table({})
-            self._table = self._read(self._groups[place])
-        return self._table.slice(self._table.num_rows - self.left_in_group(start), count)
-
-    def pieces(self, start: int, count: int) -> Iterator[tuple[slice, pa.Table]]:
-        """Give `count` rows of any row groups, and where each piece stands among them."""
+    def pieces(self, start: int, count: int) -> Iterator[tuple[slice, dict[str, npt.NDArray[Any]]]]:
+        """Give `count` rows from number `start` on, by row group, and where each piece stands among them."""
         done = 0
         while done < count:
-            more = min(count - done, self.left_in_group(start + done))
-            yield slice(done, done + more), self.piece(start + done, more)
+            place = bisect_right(self._ends, start + done)
+            if place != self._place:
+                self._arrays.clear()  # before the next are read
+                self._place, self._arrays = place, self._read(self._groups[place])
+            left = self._ends[place] - (start + done)
+            more, first = min(count - done, left), len(next(iter(self._arrays.values()))) - left
+            rows = {name: array[first : first + more] for name, array in self._arrays.items()}
+            yield slice(done, done + more), rows
             done += more
 
-    def shared_frames(self, piece: pa.Table, others: npt.NDArray[np.int64] | None) -> npt.NDArray[np.int64]:
-        """Give the piece's frames; raises InputError where they are not those of the segments before."""
-        own = column_array(piece, "frame")
-        if others is not None and not np.array_equal(own, others):
-            raise _unshared(self._path, self._segment)
-        return own
-
-    def _read(self, group: int) -> pa.Table:
+    def _read(self, group: int) -> dict[str, npt.NDArray[Any]]:
         try:
-            return self._file.read_row_group(group, columns=self._columns, use_threads=False)
+            table = self._file.read_row_group(group, columns=self._columns, use_threads=False)
         except (OSError, ValueError, pa.ArrowException) as error:
-            raise InputError(f"{self._path}: damaged Parquet file ({error}); make it again") from error
+            raise TableError(f"{self._path}: damaged Parquet file ({error}); make it again") from error
+        return {name: column_array(table, name) for name in self._columns}
 
 
 def _rows_by_segment(
@@ -261,7 +226,7 @@ def _rows_by_segment(
     """Those of the segments that have a row; InputError where they have not equally many."""
     groups = _row_groups(file)
     found = {
-        segment: _SegmentRows(path, segment, file, groups[segment], columns)
+        segment: _SegmentRows(path, file, groups[segment], columns)
         for segment in segments
         if segment in groups
     }
@@ -282,32 +247,34 @@ def _row_groups(file: pq.ParquetFile) -> dict[str, list[int]]:
     return groups
 
 
-def _unshared(path: Path, segment: str) -> InputError:
-    return InputError(f"{path}: segment {segment} does not have the frames of the others; make it again")
+def _unshared(path: Path, segment: str) -> TableError:
+    return TableError(f"{path}: segment {segment} does not have the frames of the others; make it again")
 
 
-def _fill(block: Poses, segment: str, rows: _SegmentRows, start: int, *, first: bool) -> None:
+def _fill(path: Path, block: Poses, segment: str, rows: _SegmentRows, start: int, *, first: bool) -> None:
     """Put a segment's rows from number `start` on into the block; of the first one the frames, too."""
     column = block.index(segment)
     for at, piece in rows.pieces(start, len(block.frame)):
-        frame = rows.shared_frames(piece, None if first else block.frame[at])
         if first:
-            block.frame[at] = frame
+            block.frame[at] = piece["frame"]
+        elif not np.array_equal(piece["frame"], block.frame[at]):
+            raise _unshared(path, segment)
         for axis, name in enumerate(_NUMBERS):
             numbers = block.position_mm if axis < 3 else block.quaternion
-            numbers[at, column, axis if axis < 3 else axis - 3] = column_array(piece, name)
-        block.valid[at, column] = column_array(piece, "valid")
+            numbers[at, column, axis if axis < 3 else axis - 3] = piece[name]
+        block.valid[at, column] = piece["valid"]
 
 
 def _empty(segments: Sequence[str], n_frames: int) -> Poses:
+    """Poses yet to fill in, in memory number by number as the file's columns are; valid nowhere."""
     shape = (n_frames, len(segments))
     return Poses(
         tuple(segments),
         np.empty(n_frames, np.int64),
         np.full(n_frames, np.nan),
-        np.full((*shape, 3), np.nan),
-        np.full((*shape, 4), np.nan),
-        np.zeros(shape, bool),
+        np.empty((*shape, 3), order="F"),
+        np.empty((*shape, 4), order="F"),
+        np.zeros(shape, bool, order="F"),
     )
 
 
@@ -327,11 +294,16 @@ def one_hand(paths: Sequence[Path], subject: str | None, hand: str | None) -> tu
 
 
 def usable_poses(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Split poses files into those that can be read and the reasons why the others cannot."""
+    """Split poses files into those that hold poses and the reasons why others hold none.
+
+    Raises TableError where one is no poses table.
+    """
     usable, reasons = [], []
     for path in paths:
         try:
             open_table(path, POSES).close()
+        except TableError:
+            raise
         except InputError as error:
             reasons.append(str(error))
         else:

@@ -84,8 +84,8 @@ def configuration_page() -> str:
 def _table(table: Table) -> Iterator[str]:
     yield f"## {table.name}"
     yield ""
-    key = f" The key is {', '.join(f'`{name}`' for name in table.key)}." if table.key else ""
-    yield f"Version {table.version}. A row is one {table.row}.{key}"
+    key = f" A row for every {', '.join(f'`{name}`' for name in table.key)}." if table.key else ""
+    yield f"Version {table.version}: {table.row}.{key}"
     yield ""
     yield "| column | type | unit | may be null | meaning |"
     yield "|---|---|---|---|---|"

@@ -1,45 +1,63 @@
-"""Where a study's files are: the one place that knows the scheme of its paths."""
+"""Where a study's results are: the one place that knows the scheme of its paths."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from schemas.study import Hand, Recording, path_token
+from schemas.study import Recording, path_token
 
-HAND_TABLES = {
+SUBJECT_TABLES = {
+    "calibration_advice": "check_calibration",
+    "joint_solutions": "solve_joints",
+    "projected_joints": "project_planes",
     "joint_centres": "estimate_metacarpals",
     "bone_lengths": "estimate_metacarpals",
     "metacarpals": "estimate_metacarpals",
     "tips": "evaluate_tips",
     "tip_errors": "evaluate_tips",
+    "skeleton_scores": "evaluate_skeletons",
+    "joint_errors": "evaluate_skeletons",
 }
-"""The study's tables and the stage that writes each."""
+"""Tables of a subject, of both hands and all models, and the rule that writes each."""
 
-FIT_TABLES = {"receivers": "fit_hand", "gains": "fit_hand"}
-"""The same for models that fit the whole hand."""
+FIT_TABLES = (
+    "fitted_joints",
+    "fitted_bones",
+    "receivers",
+    "gains",
+    "joint_angles",
+    "bone_poses",
+    "posed_tips",
+)
+"""Tables of one hand under one model that fits the whole hand."""
 
-MOTION_TABLES = ("bone_poses", "posed_tips", "joint_angles")
-"""Tables of a hand as posed with a model that fits the whole hand; they stay with the hand."""
+PRIOR_TABLES = ("prior_joints", "prior_bones", "prior_bone_poses", "prior_posed_tips")
+"""Tables of a subject's hands as anatomy alone has them."""
 
-SCORE_TABLES = {
+TRUTH_TABLES = ("joint_centres", "bone_lengths", "metacarpals", "tips")
+"""Tables of the truth beside a simulated recording."""
+
+GATHERED_TABLES = {
+    "joint_centres": "estimate_metacarpals",
+    "bone_lengths": "estimate_metacarpals",
+    "tip_errors": "evaluate_tips",
+    "receivers": "fit_hand",
+    "gains": "fit_hand",
     "skeleton_scores": "evaluate_skeletons",
     "joint_errors": "evaluate_skeletons",
     "calibration_advice": "check_calibration",
 }
-"""Tables of a hand under all models together, or under none, and the stage that writes each."""
+"""Short tables that are gathered for the study, of whole skeletons, and the stage that writes each."""
 
-STUDY_TABLES = (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES, "recordings", "problems")
+STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems")
 
 
-@dataclass(frozen=True)
-class Part:
-    """One hand's share of a study's table: whose it is, in words, the stage that writes it, and its file."""
+STUDY_FIGURES = ("models-by-digit", "paired-differences", "joint-errors", "bone-lengths", "joint-trust")
+"""Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
 
-    whose: str
-    stage: str
-    path: Path
+FIGURE_KINDS = ("svg", "pdf", "txt")
+"""A figure's files: two of the drawing, and its caption."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +82,21 @@ class Results:
         return self.folder / "figures"
 
     @property
-    def made(self) -> Path:
-        """Folder of what each job says it made; the workflow goes by it."""
-        return self.folder / "made"
+    def resolved(self) -> Path:
+        """The study as it was understood: its file, layouts and models with every default filled in."""
+        return self.folder / "resolved.yaml"
+
+    def subject(self, subject: str) -> Path:
+        """Folder of a subject's plan and tables."""
+        return self.folder / f"sub-{path_token(subject)}"
+
+    def plan(self, subject: str) -> Path:
+        """A subject's plan."""
+        return self.subject(subject) / "plan.json"
+
+    def exports(self, subject: str) -> Path:
+        """Folder of a subject's skeletons and motion in other programs' formats."""
+        return self.folder / "exports" / f"sub-{path_token(subject)}"
 
     @property
     def dataset(self) -> Path:
@@ -77,10 +107,6 @@ class Results:
     def dataset_failures(self) -> Path:
         """What is not in that dataset, a line each; beside it, for it may hold its own files alone."""
         return self.dataset.with_name("bids.failed.txt")
-
-    def exports(self, model: str, recording: Recording) -> Path:
-        """Folder of one recording's skeleton and motion in other programs' formats."""
-        return self.folder / "exports" / model / recording.hand.folder / recording.name
 
     def subject_pages(self, subject: str) -> Path:
         """Folder of the report's pages of one subject."""
@@ -94,51 +120,6 @@ class Results:
         """The report's page of one recording."""
         return self.folder / "report" / recording.hand.folder / f"{recording.name}.html"
 
-    @property
-    def resolved(self) -> Path:
-        """The study as it was understood: its file, layouts and models with every default filled in."""
-        return self.folder / "resolved.yaml"
-
-    def poses(self, recording: Recording) -> Path:
-        """A recording's poses."""
-        return self.folder / recording.hand.folder / recording.name / "poses.parquet"
-
-    def hand_table(self, model: str, hand: Hand, table: str) -> Path:
-        """A table of one hand under one skeleton model."""
-        return self.skeleton(model, hand) / f"{table}.parquet"
-
-    def skeleton(self, model: str, hand: Hand, without: str = "") -> Path:
-        """Folder of one hand under one model, made `without` a task's recordings where one is named."""
-        folder = self.folder / "models" / model / hand.folder
-        return folder / f"without-{without}" if without else folder
-
-    def score_table(self, hand: Hand, table: str) -> Path:
-        """A table of one hand that no single model is behind."""
-        return self.folder / "hands" / hand.folder / f"{table}.parquet"
-
     def study_table(self, table: str) -> Path:
         """A table over the whole study."""
         return self.folder / f"{table}.parquet"
-
-    def parts(
-        self, table: str, hands: Iterable[Hand], models: Iterable[str], fitted: Collection[str]
-    ) -> list[Part]:
-        """What a study's table is put together from, model by model.
-
-        fitted : those of the models that fit the whole hand; only they have FIT_TABLES.
-        """
-        hands = list(hands)
-        if table in SCORE_TABLES:
-            stage = SCORE_TABLES[table]
-            return [Part(_whose(hand), stage, self.score_table(hand, table)) for hand in hands]
-        stage = {**HAND_TABLES, **FIT_TABLES}[table]
-        return [
-            Part(f"{_whose(hand)}, model {model}", stage, self.hand_table(model, hand, table))
-            for model in models
-            for hand in hands
-            if table in HAND_TABLES or model in fitted
-        ]
-
-
-def _whose(hand: Hand) -> str:
-    return f"subject {hand.subject}, {hand.hand} hand"

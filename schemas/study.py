@@ -125,24 +125,6 @@ class Study:
         """The recordings that the hand's tips are evaluated on."""
         return self.of(hand, ("evaluation", "both"))
 
-    def calibrating(self, hand: Hand, calibration: str, without: str = "") -> list[Recording]:
-        """The recordings that joints are solved from; `calibration` as in the model file.
-
-        without : a task to leave out.
-        """
-        known = [r for r in self.of(hand, ("calibration", "both")) if r.task != without]
-        scored = [r for r in known if r.role == "both"]
-        return scored if calibration == "evaluated" and scored else known
-
-    def left_out(self, hand: Hand, calibration: str) -> list[str]:
-        """Tasks to leave out in turn: those evaluated that would else be calibrated on as well.
-
-        One without which nothing is left to calibrate on is not among them.
-        """
-        used = {recording.task for recording in self.calibrating(hand, calibration)}
-        tasks = dict.fromkeys(recording.task for recording in self.evaluated(hand))
-        return [task for task in tasks if task in used and self.calibrating(hand, calibration, task)]
-
     def layout_of(self, hand: Hand) -> Path:
         """The one layout of the hand's recordings."""
         return self._by_hand[hand][0].layout

@@ -7,9 +7,8 @@ the hashes of the inputs that it was made from and the program's version. Gaps a
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,15 +19,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from schemas import PROGRAM, VERSION
-from schemas.errors import InputError
+from schemas.errors import InputError, TableError
 from schemas.files import file_sha256, files_in, replacing
 
 METADATA_KEY = b"shukotsu"
 """Schema-level metadata: one JSON object, for programs that do not keep Arrow's field metadata."""
 
 ROW_GROUP_ROWS = 1 << 17
-
-_UNIT: ContextVar[str] = ContextVar("unit", default="")
 
 
 @dataclass(frozen=True)
@@ -44,7 +41,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """One table of the contract: what a row is, its columns and the columns that identify a row."""
+    """One table of the contract: what it holds, its columns and the columns that identify a row."""
 
     name: str
     version: int
@@ -90,33 +87,25 @@ class Provenance:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, inputs: Sequence[Path], **parameters: Any) -> Provenance:
-        """Hash the input files that exist, all of a folder's; `parameters` (JSON types) stay as they are."""
+    def of(cls, inputs: Sequence[Path], folder: Path | None = None, **parameters: Any) -> Provenance:
+        """Hash the input files that exist, all of a folder's; `parameters` (JSON types) stay as they are.
+
+        folder : names of files below it are relative to it; others are named without their folders.
+        """
         files = [file for path in inputs for file in (files_in(path) if path.is_dir() else [path])]
-        hashed = tuple((file.name, file_sha256(file)) for file in files if file.is_file())
+        names = {
+            file: file.relative_to(folder).as_posix() if folder and file.is_relative_to(folder) else file.name
+            for file in files
+        }
+        hashed = tuple((names[file], file_sha256(file)) for file in names if file.is_file())
         return cls(hashed, parameters)
 
     def metadata(self) -> dict[str, Any]:
         """Give the part of a file's metadata that says where it came from."""
-        unit = {"unit": _UNIT.get()} if _UNIT.get() else {}
         return {
             "inputs": [{"file": name, "sha256": digest} for name, digest in self.inputs],
             "parameters": dict(self.parameters),
-            **unit,
         }
-
-
-@contextmanager
-def made_by(unit: str) -> Iterator[None]:
-    """Put this key into the metadata of every table that is written meanwhile, as `unit`.
-
-    It stands for code, words and inputs together (see `stages.each`), so that a table can be told up to date.
-    """
-    token = _UNIT.set(unit)
-    try:
-        yield
-    finally:
-        _UNIT.reset(token)
 
 
 def write_table(
@@ -134,7 +123,7 @@ def write_table(
     Raises ValueError (a bug, not a user's error) where columns are missing, left over or null against
     the declaration.
     """
-    data = _arrow_table(table, columns, table.arrow_schema(provenance.metadata()))
+    data = arrow_table(table, columns, table.arrow_schema(provenance.metadata()))
     if isinstance(row_group_rows, int):
         row_group_rows = [
             min(row_group_rows, data.num_rows - start) for start in range(0, data.num_rows, row_group_rows)
@@ -143,7 +132,7 @@ def write_table(
         raise ValueError(
             f"{table.name}: row groups of {sum(row_group_rows)} rows, but there are {data.num_rows}"
         )
-    with _writer(path, table, data.schema) as writer:
+    with table_writer(path, table, data.schema) as writer:
         start = 0
         for rows in row_group_rows:
             writer.write_table(data.slice(start, rows), row_group_size=rows)
@@ -162,10 +151,10 @@ def write_table_in_parts(
 
     schema = table.arrow_schema(provenance.metadata())
     rows = 0
-    with _writer(path, table, schema) as writer, ThreadPoolExecutor(1) as pool:
+    with table_writer(path, table, schema) as writer, ThreadPoolExecutor(1) as pool:
         written: Future[None] | None = None
         for columns in parts:
-            data = _arrow_table(table, columns, schema)
+            data = arrow_table(table, columns, schema)
             if written is not None:
                 written.result()
             written = pool.submit(writer.write_table, data, row_group_size=max(1, data.num_rows))
@@ -175,28 +164,10 @@ def write_table_in_parts(
     return rows
 
 
-@contextmanager
-def table_in_parts(
-    path: Path, table: Table, provenance: Provenance
-) -> Iterator[Callable[[Mapping[str, Any]], None]]:
-    """Open a table to write some rows at a time, for tables that grow side by side; atomic when it closes.
-
-    Gives a function that writes columns, as in `write_table`, as a row group.
-    """
-    schema = table.arrow_schema(provenance.metadata())
-    with _writer(path, table, schema) as writer:
-
-        def write(columns: Mapping[str, Any]) -> None:
-            data = _arrow_table(table, columns, schema)
-            writer.write_table(data, row_group_size=max(1, data.num_rows))
-
-        yield write
-
-
 def write_failure(path: Path, table: Table, message: str, provenance: Provenance) -> None:
     """Write the table without rows, the reason why it has none in its metadata (see `read_table`)."""
     schema = table.arrow_schema({**provenance.metadata(), "failure": message})
-    with _writer(path, table, schema):
+    with table_writer(path, table, schema):
         pass
 
 
@@ -211,17 +182,12 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
             threads = file.metadata.num_rows > ROW_GROUP_ROWS // 2  # a few rows are read before they start
             return file.read(columns=None if columns is None else list(columns), use_threads=threads)
         except (OSError, ValueError, pa.ArrowException) as error:
-            raise InputError(f"{path}: damaged Parquet file ({error}); make it again") from error
+            raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
 
 
 def open_table(path: Path, table: Table) -> pq.ParquetFile:
     """Open a table for reading piece by piece, its schema checked as `read_table` does."""
-    try:
-        file = pq.ParquetFile(path, pre_buffer=False)  # not far ahead: some are read in parts
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected a {table.name} table") from error
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{path}: not a readable Parquet file ({error})") from error
+    file = open_parquet(path, table.name)
     try:
         _check_schema(path, table, file.schema_arrow)
     except InputError:
@@ -230,12 +196,22 @@ def open_table(path: Path, table: Table) -> pq.ParquetFile:
     return file
 
 
+def open_parquet(path: Path, name: str = "Parquet") -> pq.ParquetFile:
+    """Open a Parquet file; `name` is the table that the TableError of one that is none says was expected."""
+    try:
+        return pq.ParquetFile(path, pre_buffer=False)  # not far ahead: some are read in parts
+    except FileNotFoundError as error:
+        raise TableError(f"{path}: no such file; expected a {name} table") from error
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise TableError(f"{path}: not a readable Parquet file ({error}); make it again") from error
+
+
 def read_metadata(path: Path) -> dict[str, Any]:
     """Give the JSON object that this program wrote into the file; InputError where there is none."""
     try:
         schema = pq.read_schema(path)
     except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{path}: not a readable Parquet file ({error})") from error
+        raise TableError(f"{path}: not a readable Parquet file ({error}); make it again") from error
     return _metadata(path, schema)
 
 
@@ -276,7 +252,8 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
     return array
 
 
-def _arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
+def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
+    """Give columns as one Arrow table of that schema; ValueError where they are not those declared."""
     if set(columns) != {c.name for c in table.columns}:
         odd = sorted(set(columns) ^ {c.name for c in table.columns})
         raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
@@ -285,7 +262,8 @@ def _arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) ->
 
 
 @contextmanager
-def _writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
+def table_writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
+    """Open a Parquet file of the table for writing; it takes its name when it closes."""
     encodings = {}
     for column in table.columns:
         if pa.types.is_floating(column.type):
@@ -309,7 +287,7 @@ def _writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.ParquetW
 def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
     raw = (schema.metadata or {}).get(METADATA_KEY)
     if raw is None:
-        raise InputError(
+        raise TableError(
             f"{path}: a Parquet file, but not one that {PROGRAM} wrote (no {METADATA_KEY.decode()} metadata)"
         )
     loaded: dict[str, Any] = json.loads(raw)
@@ -319,18 +297,18 @@ def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
 def _check_schema(path: Path, table: Table, schema: pa.Schema) -> None:
     found = _metadata(path, schema)
     if found["schema"] != table.name:
-        raise InputError(f"{path}: is a {found['schema']} table; expected {table.name}")
+        raise TableError(f"{path}: is a {found['schema']} table; expected {table.name}")
     if found["schema_version"] != table.version:
-        raise InputError(
+        raise TableError(
             f"{path}: {table.name} version {found['schema_version']}; this program reads version "
             f"{table.version}; make the file again"
         )
     for column in table.columns:
         position = schema.get_field_index(column.name)
         if position < 0:
-            raise InputError(f"{path}: column {column.name} is missing; expected {column.type}")
+            raise TableError(f"{path}: column {column.name} is missing; expected {column.type}")
         if schema.field(position).type != column.type:
-            raise InputError(
+            raise TableError(
                 f"{path}: column {column.name} is {schema.field(position).type}; expected {column.type}"
             )
     if "failure" in found:

@@ -6,83 +6,210 @@ import argparse
 import signal
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from schemas.errors import InputError
+from schemas.errors import InputError, TableError
+
+if TYPE_CHECKING:
+    from schemas.parts import Part, PartsWriter
+    from schemas.plan import SubjectPlan
+    from schemas.tables import Table
 
 EXIT_BAD_INPUT = 2
 
 
-def parser(module: str, description: str, example: str) -> argparse.ArgumentParser:
+def add_plan_options(
+    parser: argparse.ArgumentParser,
+    *,
+    calibration: str = "",
+    evaluated: str = "",
+    sizes: Sequence[str] = (),
+    sheets: Sequence[str] = (),
+) -> None:
+    """Add the options that say which hands a stage works on; `plan_of` reads them.
+
+    A study gives --plan. A hand alone is given by poses files, a layout and a model: calibration, evaluated
+    are names of the options for files, such as --poses, sizes and sheets of those that the stage uses.
+    """
+    parser.add_argument(
+        "--plan", type=Path, help="the subject's plan, in place of the options of a hand alone"
+    )
+    alone = parser.add_argument_group("a hand alone")
+    for dest, option, help_text in (
+        ("calibration", calibration, "poses files that the joints are solved from"),
+        ("evaluated", evaluated, "poses files to evaluate the hand in"),
+    ):
+        if option:
+            alone.add_argument(option, dest=dest, type=Path, nargs="*", default=[], help=help_text)
+    alone.add_argument("--layout", help="a layout that ships, or a path")
+    alone.add_argument("--model", help="a skeleton model that ships, or a path")
+    alone.add_argument("--subject", help="whose hand (default: as the poses say)")
+    alone.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses say)")
+    for name in sizes:
+        alone.add_argument(f"--{name.replace('_', '-')}", type=float, help=_SIZES[name][0])
+    for name in sheets:
+        alone.add_argument(f"--{name}", type=Path, help=f"sheet of {name}")
+
+
+_SIZES = {
+    "hand_length_mm": ("wrist crease to the middle finger's tip (default: not measured)", 50.0, 400.0),
+    "hand_breadth_mm": ("across the knuckles of digits 2 to 5 (default: not measured)", 30.0, 200.0),
+}
+"""Help, least and largest value of the sizes of a hand."""
+
+
+def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = None) -> SubjectPlan:
+    """Read the plan that the options of `add_plan_options` name, or make one of a hand alone.
+
+    joints : a subject table, and which one it is to be, that says whose hand it is where no poses file does.
+    Raises InputError where neither is given, where a size is none that a hand has, and as reading does.
+    """
+    from schemas.layout import read_layout
+    from schemas.model import read_model
+    from schemas.parts import one_hand_of
+    from schemas.plan import plan_of_poses, read_plan
+
+    given: dict[str, Any] = vars(arguments)
+    if arguments.plan is not None:
+        return read_plan(arguments.plan)
+    if arguments.layout is None:
+        raise InputError("--plan or --layout: give the subject's plan, or the poses and the layout of a hand")
+    for name, (_, least, largest) in _SIZES.items():
+        value = given.get(name)
+        if value is not None and not least < value < largest:
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(f"{option}: is {value:g}; expected millimetres, {least:g} to {largest:g}")
+    subject, hand = arguments.subject, arguments.hand
+    if joints is not None and not given.get("calibration") and not given.get("evaluated"):
+        subject, hand = one_hand_of(*joints, subject, hand)
+    return plan_of_poses(
+        given.get("calibration", []),
+        given.get("evaluated", []),
+        read_layout(arguments.layout),
+        [] if arguments.model is None else [read_model(arguments.model)],
+        subject=subject,
+        hand=hand,
+        sizes_mm={name: given.get(name) for name in _SIZES},
+        sheets={name: given.get(name) for name in ("corrections", "measurements", "touches")},
+    )
+
+
+def parser(
+    module: str, description: str, example: str, *, records_failure: bool = True
+) -> argparse.ArgumentParser:
     """Give a parser in the house's style: what it does, an example, one way to record failures."""
-    made = argparse.ArgumentParser(
+    built = argparse.ArgumentParser(
         prog=f"python -m {module}",
         description=description,
         epilog=f"example:\n  {example}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    made.add_argument(
-        "--record-failure",
-        action="store_true",
-        help="on bad input write the reason into the output tables and end with 0, so that a study goes on",
-    )
-    return made
+    if records_failure:
+        built.add_argument(
+            "--record-failure",
+            action="store_true",
+            help="on bad input write the reason into the output tables and end with 0: a study goes on",
+        )
+    return built
 
 
 def run(
     arguments: argparse.Namespace,
     work: Callable[[argparse.Namespace], None],
-    record_failure: Callable[[argparse.Namespace, str], None],
+    record_failure: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> int:
     """Do the stage's work; turn bad input into one sentence on stderr and exit code 2.
 
-    With --record-failure any failure is written into the outputs instead, with exit code 0. That holds
-    for a bug too: it must not cost a study its other subjects, and its traceback stays in the log.
+    record_failure : of a stage whose outputs have no parts; with --record-failure called with the message in
+    place of ending with 2, also for a bug, which must not cost a study its other subjects.
     """
+    message = ""
     try:
-        work(arguments)
-    except InputError as error:
-        message = str(error)
-        print(f"error: {message}", file=sys.stderr)
-        if not arguments.record_failure:
-            return EXIT_BAD_INPUT
-    except Exception as error:
-        if not arguments.record_failure:
-            raise
-        traceback.print_exc()
-        message = f"internal error ({type(error).__name__}: {error}); please report it with the log"
-    else:
-        return 0
-    try:
-        record_failure(arguments, message)
+        with _recorded(record_failure is not None and arguments.record_failure) as messages:
+            work(arguments)
+        if messages and record_failure is not None:
+            message = messages[0]
+            record_failure(arguments, message)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     return 0
 
 
+@contextmanager
+def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsWriter) -> Iterator[None]:
+    """With --record-failure, write why a part of the tables cannot be had into them, and go on.
+
+    That holds for a bug too: it must not cost a study its other hands and models, and its traceback stays in
+    the log. A TableError is no result of the subject's data, and is raised.
+    """
+    with _recorded(arguments.record_failure) as messages:
+        yield
+    for message in messages:
+        for table in tables:
+            table.failure(part, message)
+
+
+@contextmanager
+def _recorded(record: bool) -> Iterator[list[str]]:
+    """Keep and print the message of what is raised inside; raise it without `record`, and a TableError."""
+    messages: list[str] = []
+    try:
+        yield messages
+    except TableError:
+        raise
+    except InputError as error:
+        if not record:
+            raise
+        messages.append(str(error))
+        print(f"error: {error}", file=sys.stderr)
+    except Exception as error:
+        if not record:
+            raise
+        traceback.print_exc()
+        messages.append(f"internal error ({type(error).__name__}: {error}); please report it with the log")
+
+
+def poses_files(plan: SubjectPlan) -> list[Path]:
+    """Give the poses files of every recording of a plan that is not excluded.
+
+    Raises TableError where one is of another recording than the plan says.
+    """
+    from schemas.poses import recording_name
+
+    files = []
+    for recording in plan.recordings:
+        if recording.exclude:
+            continue
+        path, name = plan.poses(recording), recording_name(plan.poses(recording))
+        expected = (plan.subject, recording.hand.hand, recording.task, recording.trial)
+        if (name.subject, name.hand, name.task, name.trial) != expected:
+            raise TableError(
+                f"{path}: is of {name}; expected subject {plan.subject}, {recording.hand.hand} hand, "
+                f"{recording.name}; remove it and run the study again"
+            )
+        files.append(path)
+    return files
+
+
 def config_files(arguments: argparse.Namespace) -> list[Path]:
-    """Give the files behind --layout and --model."""
+    """Give the files that say how a hand is worked on: the plan, or those behind --layout and --model."""
     from schemas.config_files import config_path
 
-    kinds = ("layout", "model")
-    return [config_path(getattr(arguments, kind), kind, Path()) for kind in kinds]
+    given = vars(arguments)
+    if given.get("plan") is not None:
+        return [arguments.plan]
+    names = {kind: given[kind] for kind in ("layout", "model") if given[kind] is not None}
+    return [config_path(name, kind, Path()) for kind, name in names.items()]
 
 
 def begin() -> None:
     """Begin a process of a study, one of hundreds that a cluster may end at any moment.
 
-    Nothing in it finds pandas: pyarrow imports it where it is installed, which takes longer than most stages'
-    work and serves nothing. When it is told to end, it removes what it had half written first.
+    When it is asked to end, it removes what it had half written first.
     """
-    sys.meta_path.insert(0, _WithoutPandas)
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-
-
-class _WithoutPandas:
-    @staticmethod
-    def find_spec(name: str, *_: object) -> None:
-        if name == "pandas":
-            raise ModuleNotFoundError("pandas is not for the stages", name=name)

@@ -6,15 +6,23 @@ on its bone anyhow. Used by the tests of the joint solve, the planes, the metaca
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from kinematics.rotations import Array, matrix
+from benchmarks.solvers import some_frames
 from schemas.layout import Digit, Joint, Layout, Plane, Segment
-from schemas.poses import Poses
+from schemas.model import read_model
+from schemas.poses import Poses, PosesReader
+from skeleton.digit_chain import DigitChain, digit_chain
+from skeleton.posing import Skeleton, ridden_bones
+from skeleton.rotations import Array, matrix
+from stages.estimate_metacarpals.hand import build_hand
+from stages.evaluate_tips.replay import tip_first_frame, tips_least_squares
 from stages.solve_joints.moments import JointMoments
 from stages.solve_joints.solve import add_block
 
@@ -128,21 +136,41 @@ def chain_layout(chain: Chain) -> Layout:
     return Layout("made-up", "made up", segments, joints, digits, None)
 
 
+def reader_of(*recordings: Poses) -> PosesReader:
+    """A reader of poses that are at hand."""
+
+    def read(*_: str) -> Iterator[Poses]:
+        return iter(recordings)
+
+    return read
+
+
+def chain_tips(
+    chain: Chain, poses: Poses, rows: Mapping[str, Mapping[str, Any]]
+) -> dict[str, tuple[DigitChain, Array, Array]]:
+    """Replay a chain's digits under the model rigid: each digit with its tips in both bindings, (T, 3) mm.
+
+    rows : joint_centres by joint. The least-squares binding comes first.
+    """
+    layout, model = chain_layout(chain), read_model("rigid")
+    bones = build_hand(rows, layout, model, reader_of(poses)).bones
+    skeleton = Skeleton(layout, model, rows, {(row["digit"], row["bone"]): row for row in bones})
+    least_squares = tips_least_squares(ridden_bones(skeleton, poses, {}))
+    found = {}
+    for name, digit in layout.digits.items():
+        built = digit_chain(digit, layout, model, rows)
+        assert isinstance(built, DigitChain)
+        first_frame = tip_first_frame(built, poses, None, at_rest=False)
+        found[name] = built, least_squares[name], first_frame
+    return found
+
+
 def moments_of(chain: Chain, poses: Poses | None = None, block: int = 10**6) -> JointMoments:
     """Moments of the chain's joints, added in blocks, over its own poses or other ones."""
     poses = poses or chain.poses
     moments = JointMoments(len(chain.joints))
     for start in range(0, len(poses.frame), block):
-        rows = slice(start, start + block)
-        part = replace(
-            poses,
-            frame=poses.frame[rows],
-            time_s=poses.time_s[rows],
-            position_mm=poses.position_mm[rows],
-            quaternion=poses.quaternion[rows],
-            valid=poses.valid[rows],
-        )
-        add_block(moments, part, chain.joints)
+        add_block(moments, some_frames(poses, slice(start, start + block)), chain.joints)
     return moments
 
 

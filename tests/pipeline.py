@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,24 +56,40 @@ def import_recording(
     return out
 
 
+def run_stages(
+    folder: Path,
+    *common: object,
+    solve: Sequence[object] = (),
+    project: Sequence[object] = (),
+    replay: Sequence[object] = (),
+) -> None:
+    """Run every stage from poses to tip errors, their tables in the folder; a failure fails the test.
+
+    common : arguments of every stage; solve, project, replay : more of them for the joint solve, for the
+    planes, and for both the metacarpals and the tips.
+    """
+    made = {"out-joints": "joint_centres", "out-bones": "bone_lengths", "out": "metacarpals"}
+    built = {"joints": "joint_centres", "bones": "bone_lengths", "metacarpals": "metacarpals"}
+    for stage, own, tables in (
+        (solve_joints, solve, {"out": "joint_solutions"}),
+        (project_planes, project, {"joints": "joint_solutions", "out": "projected_joints"}),
+        (estimate_metacarpals, replay, {"joints": "projected_joints", **made}),
+        (evaluate_tips, replay, {**built, "out": "tips", "out-errors": "tip_errors"}),
+    ):
+        files = [f"--{option}={folder / table}.parquet" for option, table in tables.items()]
+        assert stage([*map(str, (*common, *own)), *files]) == 0, stage.__module__
+
+
 def run_hand(
     calibration: Path, evaluated: Path, model: str, folder: Path, layout: str = "liberty16", *corrections: str
 ) -> HandResults:
     """Run every stage from poses to tip errors on one hand under one model."""
-    done = HandResults(folder)
-    common = ["--layout", layout, "--model", model]
-    solutions, projected = done.path("joint_solutions"), folder / "projected_joints.parquet"
-    poses = ["--poses", evaluated, "--calibration", calibration]
-    joints, bones = done.path("joint_centres"), done.path("bone_lengths")
-    made = ["--out-joints", joints, "--out-bones", bones]
-    built = ["--joints", joints, "--bones", bones, "--metacarpals", done.path("metacarpals")]
-    errors = ["--out-errors", done.path("tip_errors")]
-    steps = [
-        (solve_joints, ["--poses", calibration, "--out", solutions]),
-        (project_planes, ["--joints", solutions, "--out", projected, *corrections]),
-        (estimate_metacarpals, ["--joints", projected, *poses, *made, "--out", done.path("metacarpals")]),
-        (evaluate_tips, [*poses, *built, "--out", done.path("tips"), *errors]),
-    ]
-    for stage, words in steps:
-        assert stage([*common, *map(str, words)]) == 0, stage.__module__
-    return done
+    run_stages(
+        folder,
+        f"--layout={layout}",
+        f"--model={model}",
+        solve=["--poses", calibration],
+        project=corrections,
+        replay=["--poses", evaluated, "--calibration", calibration],
+    )
+    return HandResults(folder)

@@ -4,6 +4,7 @@ import re
 import shlex
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -39,31 +40,63 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), target
 
 
-STAGES = sorted(path.parent.name for path in (REPOSITORY / "stages").glob("*/__main__.py"))
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_of_the_project_are_where_the_guide_says(page: Path) -> None:
+    rooms = "schemas|anatomy|skeleton|trackers|stages|workflow|benchmarks|config|tests|container|profiles"
+    named = re.findall(rf"`((?:{rooms})/[\w./-]+)`", page.read_text("utf-8"))
+    there = [path for path in named if "NAME" in path or (REPOSITORY / path.rstrip(".")).exists()]
+    assert sorted(set(named) - set(there)) == []
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_every_stage_helps_with_an_example(stage: str) -> None:
-    """--help ends with 0 and shows an example whose every option the stage knows."""
-    command = [sys.executable, "-m", f"stages.{stage}", "--help"]
-    shown = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
-    example = shlex.split(shown.split("example:")[1])
-    assert example[:3] == ["python", "-m", f"stages.{stage}"]
-    known = shown.split("example:")[0]
-    assert all(word in known for word in example if word.startswith("--"))
+def commands(page: Path) -> list[tuple[str, ...]]:
+    """Every `python -m` of this project on a page: module and arguments."""
+    text = page.read_text("utf-8").replace("\\\n", " ")
+    found = re.findall(r"python -m ((?:stages|benchmarks|schemas|workflow)\b[^`\n|;>#)]*)", text)
+    return [tuple(argument.rstrip(".,:") for argument in shlex.split(command)) for command in found]
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_help_imports_nothing_heavy(stage: str) -> None:
-    """Start-up costs nothing that the arguments do not need."""
-    code = (
-        "import sys, runpy\nsys.argv = ['stage', '--help']\n"
-        f"try:\n    runpy.run_module('stages.{stage}', run_name='__main__')\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'scipy', 'pandas', 'pyarrow', 'jsonschema', 'jinja2', 'yaml', 'matplotlib'}\n"
-        "heavy &= set(sys.modules)\n"
-        "sys.exit(f'imported {heavy}' if heavy else 0)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=False
-    )
+COMMANDS = sorted({command for page in PAGES for command in commands(page)})
+WITH_SUBCOMMANDS = ("stages.capture", "benchmarks")
+
+
+@cache
+def help_of(*command: str) -> str:
+    """What `--help` of a command prints."""
+    shell = [sys.executable, "-m", *command, "--help"]
+    done = subprocess.run(shell, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_commands_of_the_guide_are_there_with_their_options(command: tuple[str, ...]) -> None:
+    module, *arguments = command
+    named = module in WITH_SUBCOMMANDS and arguments and re.fullmatch(r"[a-z_-]+", arguments[0])
+    known = help_of(module, *arguments[: 1 if named and not arguments[0].startswith("-") else 0])
+    options = [argument.partition("=")[0] for argument in arguments if argument.startswith("--")]
+    assert [option for option in options if option not in known] == []
+
+
+STAGES = sorted(path.parent.name for path in (REPOSITORY / "stages").glob("*/__main__.py"))
+LIGHT_HELP = """
+import runpy, sys
+sys.argv = ["stage", "--help"]
+try:
+    runpy.run_module("stages.{}", run_name="__main__")
+except SystemExit as ended:
+    heavy = {{"numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "yaml", "matplotlib"}}
+    heavy &= set(sys.modules)
+    sys.exit(f"imported {{heavy}}" if heavy else ended.code)
+"""
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_every_stage_helps_with_an_example_and_imports_nothing_heavy(stage: str) -> None:
+    """--help ends with 0, shows an example whose every option the stage knows, and starts quickly."""
+    command = [sys.executable, "-c", LIGHT_HELP.format(stage)]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    known, _, example = done.stdout.partition("example:")
+    argv = shlex.split(example)
+    assert argv[:3] == ["python", "-m", f"stages.{stage}"]
+    assert all(option in known for option in argv if option.startswith("--"))

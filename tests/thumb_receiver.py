@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.rotations import Array, about_axis, conjugate, multiply, rotate
-from schemas.poses import Poses
-from stages.simulate.anatomy import FLEXION, JOINTS
+from skeleton.rotations import Array, about_axis, conjugate, multiply, rotate
+from stages.simulate.random_hand import FLEXION, JOINTS
 from stages.simulate.simulation import Simulated
 
 OWN = "thumb_metacarpal"
@@ -42,9 +41,3 @@ def facing_the_nail(made: Simulated) -> Simulated:
     }
     truth = replace(made.truth, joints=joints)
     return replace(made, position_mm=position, quaternion=quaternion, truth=truth)
-
-
-def poses_of(made: Simulated) -> Poses:
-    """Every receiver valid in every frame."""
-    valid = np.ones(made.position_mm.shape[:2], bool)
-    return Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)

@@ -2,6 +2,40 @@
 
 from __future__ import annotations
 
+import argparse
+
 from benchmarks.accuracy.running import run
 
-__all__ = ["run"]
+__all__ = ["add_options", "run"]
+
+FIRST_SEED = 5010
+"""Of the documented run; seeds below are for development."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the benchmark."""
+    people = parser.add_mutually_exclusive_group()
+    people.add_argument(
+        "--hands",
+        dest="seeds",
+        type=_hands,
+        default=range(FIRST_SEED, FIRST_SEED + 10),
+        help="so many hands, right and left of each seed (default: 20)",
+    )
+    people.add_argument(
+        "--seeds", type=_range, help=f"first-last, both included, in place of --hands from {FIRST_SEED}"
+    )
+    parser.add_argument("--write", action="store_true", help="refresh docs/accuracy.md and .svg, too")
+
+
+def _hands(text: str) -> range:
+    if not text.isdigit() or int(text) < 2 or int(text) % 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of hands; expected an even one, e.g. 20")
+    return range(FIRST_SEED, FIRST_SEED + int(text) // 2)
+
+
+def _range(text: str) -> range:
+    first, _, last = text.partition("-")
+    if not first.isdigit() or not (last or first).isdigit() or int(last or first) < int(first):
+        raise argparse.ArgumentTypeError(f"{text!r} is no range of seeds; expected e.g. 5000-5009")
+    return range(int(first), int(last or first) + 1)

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from benchmarks.accuracy.errors import PHALANGES, Centre, Estimate, phalanges_mm
+from benchmarks import peers
+from benchmarks.accuracy.score import PHALANGES, Centre, Estimate, phalanges_mm
 from benchmarks.accuracy.trials import Trial
-from benchmarks.solve_hand import moments, solved_joints
-from kinematics.rotations import Array, rotate
+from benchmarks.solvers import closed, solved_joints, some_frames
 from schemas.layout import Joint, read_layout
 from schemas.poses import Poses
+from skeleton.rotations import Array, rotate
 from stages.fit_hand.building import Parts
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.measurements import Measurement
 from stages.fit_hand.replaying import pose_hand
 from stages.fit_hand.sharing import share_lengths
 from stages.project_planes.plane import project
-from stages.simulate.anatomy import BONES
+from stages.simulate.random_hand import BONES
 from stages.simulate.simulation import LAYOUT
 from stages.solve_joints.anatomical import HandSample, solve_hand
-from stages.solve_joints.closed import JointSolution, solve_closed
+from stages.solve_joints.closed import JointSolution
 from stages.solve_joints.moments import JointMoments
 from stages.solve_joints.solve import add_block
 
@@ -56,35 +56,57 @@ def joint_by_joint(trial: Trial, kind: str) -> Estimate:
     poses = trial.poses
     joints = solved_joints(read_layout(LAYOUT), poses)
     started = time.process_time()
-    made = moments(poses, joints)
-    solutions = [solve_closed(made, i, 6 if kind == SCORE else 5) for i in range(len(joints))]
-    if kind == PAPER:
-        centres = [_on_plane(joint, found) for joint, found in zip(joints, solutions, strict=True)]
-    else:
-        centres = [
-            Centre(one.p_mm, one.q_mm, one.covariance_mm2 if kind == SCORE else None, one.null_child)
-            for one in solutions
-        ]
+    centres = {}
+    for joint, one in zip(joints, closed(poses, joints, 6 if kind == SCORE else 5), strict=True):
+        stated = one.covariance_mm2 if kind == SCORE else None
+        on_axis = Centre(one.p_mm, one.q_mm, stated, one.null_child)
+        centres[joint.name] = _on_plane(joint, one) if kind == PAPER else on_axis
     seconds = time.process_time() - started
-    named = {joint.name: centre for joint, centre in zip(joints, centres, strict=True)}
-    return Estimate(named, seconds, phalanges_mm(named))
+    return Estimate(centres, seconds, phalanges_mm(centres))
 
 
-def _on_plane(joint: Joint, found: JointSolution) -> Centre:
+def published(trial: Trial, name: str, step: int = 1) -> Estimate:
+    """What the peer of that name, which must be importable, makes of one frame in `step` of a hand.
+
+    It gets every frame in which both receivers of a joint are valid, and has its own defaults.
+    """
+    poses = some_frames(trial.poses, slice(None, None, step))
+    pairs = {
+        joint.name: peers.receiver_pair(poses, joint)
+        for joint in solved_joints(read_layout(LAYOUT), poses)
+        if name != peers.QMT or joint.dof == 1
+    }
+    started = time.process_time()
+    centres = {joint: _peer_centre(name, pair) for joint, pair in pairs.items()}
+    seconds = time.process_time() - started
+    return Estimate(centres, seconds, {} if name == peers.QMT else phalanges_mm(centres))
+
+
+def _peer_centre(name: str, pair: Poses) -> Centre:
+    if name == peers.QMT:
+        unknown = np.full(3, np.nan)
+        return Centre(unknown, unknown, None, peers.hinge_axis(pair))
+    solvers = peers.biobuddy()
+    assert isinstance(solvers, peers.Biobuddy)
+    parent_mm, child_mm, axis = solvers.joint(name, pair)
+    return Centre(parent_mm, child_mm, None, axis)
+
+
+def _on_plane(joint: Joint, solution: JointSolution) -> Centre:
     placed = project(
-        found.p_mm,
-        found.q_mm,
-        found.null_parent,
-        found.null_child,
-        found.covariance_mm2,
-        float(np.radians(found.axis_sd_deg)),
+        solution.p_mm,
+        solution.q_mm,
+        solution.null_parent,
+        solution.null_child,
+        solution.covariance_mm2,
+        float(np.radians(solution.axis_sd_deg)),
         plane_point_mm=np.array(joint.plane.point_mm),
         plane_normal=np.array(joint.plane.normal),
         plane_in_parent=joint.plane.frame == "parent",
     )
     if placed is None:  # an axis in the plane itself: the point that the singular values give
-        return Centre(found.p_mm, found.q_mm, None, found.null_child)
-    return Centre(placed.p_mm, placed.q_mm, placed.covariance_mm2, found.null_child)
+        return Centre(solution.p_mm, solution.q_mm, None, solution.null_child)
+    return Centre(placed.p_mm, placed.q_mm, placed.covariance_mm2, solution.null_child)
 
 
 def anatomical(trial: Trial) -> Estimate:
@@ -92,12 +114,13 @@ def anatomical(trial: Trial) -> Estimate:
     layout = read_layout(LAYOUT)
     joints = solved_joints(layout, trial.poses)
     started = time.process_time()
-    made, sample = JointMoments(len(joints)), HandSample(joints)
-    sample.add(add_block(made, trial.poses, joints))
-    found = solve_hand(sample, made, layout, trial.hand, trial.hand_length_mm)
+    moments, sample = JointMoments(len(joints)), HandSample(joints)
+    sample.add(add_block(moments, trial.poses, joints))
+    solutions = solve_hand(sample, moments, layout, trial.hand, trial.hand_length_mm)
     seconds = time.process_time() - started
     centres = {
-        name: Centre(one.p_mm, one.q_mm, one.covariance_mm2, one.null_child) for name, one in found.items()
+        name: Centre(one.p_mm, one.q_mm, one.covariance_mm2, one.null_child)
+        for name, one in solutions.items()
     }
     return Estimate(centres, seconds, phalanges_mm(centres))
 
@@ -106,8 +129,8 @@ Fits = dict[str, list[tuple[HandFit, float]]]
 """By estimator, for each trial its fit and the processor's seconds."""
 
 
-def whole_hands(trials: Sequence[Trial], wanted: Sequence[str]) -> Fits:
-    """Fit both hands of a person as a whole, in every way that is wanted."""
+def whole_hands(trials: Sequence[Trial], names: Sequence[str]) -> Fits:
+    """Fit both hands of a person as a whole, in every way that is named."""
     ways: dict[str, Callable[[Trial], tuple[HandFit, float]]] = {
         PRIOR: lambda trial: _fit(trial, [], Settings(most_steps=0, rounds=0)),
         WHOLE: lambda trial: _fit(trial, []),
@@ -115,8 +138,8 @@ def whole_hands(trials: Sequence[Trial], wanted: Sequence[str]) -> Fits:
         MEASURED: lambda trial: _fit(trial, measured(trial, mounts=True)),
     }
     ways |= {name: partial(_fit, measurements=[], settings=left) for name, left in ABLATIONS.items()}
-    fits = {name: [way(trial) for trial in trials] for name, way in ways.items() if name in wanted}
-    if BOTH in wanted and len(trials) == 2:
+    fits = {name: [way(trial) for trial in trials] for name, way in ways.items() if name in names}
+    if BOTH in names and len(trials) == 2:
         (one, one_s), (other, other_s) = fits[WHOLE]
         started = time.process_time()
         shared = share_lengths(one, other)
@@ -157,13 +180,13 @@ def of_fit(name: str, trial: Trial, fit: HandFit, seconds: float) -> Estimate:
 
 def palm_deg(trial: Trial, fit: HandFit) -> dict[str, float]:
     """Mean angle over the recording between the true and the fitted direction of the palm's bones."""
-    posed = pose_hand(fit, part(trial.poses, slice(None, None, POSED_EVERY)))
+    posed = pose_hand(fit, some_frames(trial.poses, slice(None, None, POSED_EVERY)))
     distal = np.array([1.0, 0.0, 0.0])
     angles = {}
     for bone in PALM:
         true = rotate(trial.truth.bone_quaternion[::POSED_EVERY, BONES.index(bone)], distal)
-        found = rotate(posed.bone_quaternion[:, posed.bones.index(bone)], distal)
-        angles[bone] = float(np.nanmean(_between_deg(true, found)))
+        fitted = rotate(posed.bone_quaternion[:, posed.bones.index(bone)], distal)
+        angles[bone] = float(np.nanmean(_between_deg(true, fitted)))
     return angles
 
 
@@ -173,24 +196,12 @@ def _between_deg(one: Array, other: Array) -> Array:
     return np.asarray(np.degrees(np.arctan2(sine, (one * other).sum(-1))))
 
 
-def part(poses: Poses, some: slice) -> Poses:
-    """Some frames of a recording."""
-    return replace(
-        poses,
-        frame=poses.frame[some],
-        time_s=poses.time_s[some],
-        position_mm=poses.position_mm[some],
-        quaternion=poses.quaternion[some],
-        valid=poses.valid[some],
-    )
-
-
 def measured(trial: Trial, *, mounts: bool, sd_mm: float = MEASURED_SD_MM) -> list[Measurement]:
     """Measure the hand as a lab would: every phalanx, `mounts` every receiver's place too, with an error."""
     rng = np.random.default_rng([trial.seed, trial.hand == "left"])
     truth = trial.truth
     lateral = -1.0 if trial.hand == "left" else 1.0
-    taken = []
+    measurements = []
     for index, segment in enumerate(truth.mounts.segments):
         if BONES[truth.mounts.bone[index]] == "hand":
             continue
@@ -199,5 +210,5 @@ def measured(trial: Trial, *, mounts: bool, sd_mm: float = MEASURED_SD_MM) -> li
             x, y, z = truth.mounts.position_mm[index]
             true |= {f"{segment}.along": x, f"{segment}.lateral": lateral * y, f"{segment}.height": z}
         for quantity, value in true.items():
-            taken.append(Measurement(quantity, float(value + sd_mm * rng.normal()), sd_mm))
-    return taken
+            measurements.append(Measurement(quantity, float(value + sd_mm * rng.normal()), sd_mm))
+    return measurements

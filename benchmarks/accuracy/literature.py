@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.joint_solve import Biobuddy, peer_solvers
-from kinematics.rotations import Array, about_axis, from_matrix, matrix, nearest_rotation, unit
+from benchmarks.peers import SARA, SCORE, biobuddy
 from schemas.poses import Poses
+from skeleton.rotations import Array, about_axis, from_matrix, matrix, nearest_rotation, unit
 from stages.solve_joints.closed import solve_closed
 from stages.solve_joints.moments import JointMoments, relative_poses
 
@@ -61,18 +61,18 @@ class TwoSegments:
 
 def protocol_row(noise: str, range_deg: float, runs: int, peer_runs: int) -> ProtocolRow:
     """Simulate and solve one noise and range that many times."""
-    peer = peer_solvers()
+    peer = biobuddy()
     errors: dict[str, list[float]] = {"centre": [], "axis": [], "peer centre": [], "peer axis": []}
     for run in range(runs):
         rng = np.random.default_rng([NOISES.index(noise), round(range_deg), run])
         ball, hinge = (two_segments(rng, noise, range_deg, hinge=hinge) for hinge in (False, True))
         errors["centre"].append(_centre_error(ball, _closed(ball)[0]))
         errors["axis"].append(axis_distance_mm(hinge, *_closed(hinge)))
-        if isinstance(peer, Biobuddy) and run < peer_runs:
-            found = peer.score.perform_algorithm(*peer.series(ball.poses))
-            errors["peer centre"].append(_centre_error(ball, found[2]))
-            found = peer.sara.perform_algorithm(*peer.series(hinge.poses))
-            errors["peer axis"].append(axis_distance_mm(hinge, found[5], found[2]))
+        if not isinstance(peer, str) and run < peer_runs:
+            errors["peer centre"].append(_centre_error(ball, peer.joint(SCORE, ball.poses)[1]))
+            _, point_mm, axis = peer.joint(SARA, hinge.poses)
+            assert axis is not None
+            errors["peer axis"].append(axis_distance_mm(hinge, point_mm, axis))
     return ProtocolRow(noise, range_deg, *(_rms(values) for values in errors.values()))
 
 
@@ -130,8 +130,8 @@ def _closed(joint: TwoSegments) -> tuple[Array, Array]:
     poses = joint.poses
     first, second = np.array([0]), np.array([1])
     moments.add(relative_poses(poses.quaternion, poses.position_mm, poses.valid, first, second))
-    found = solve_closed(moments, 0, 6)
-    return found.q_mm, found.null_child
+    solution = solve_closed(moments, 0, 6)
+    return solution.q_mm, solution.null_child
 
 
 def _centre_error(joint: TwoSegments, child_mm: Array) -> float:

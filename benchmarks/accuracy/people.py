@@ -1,14 +1,15 @@
-"""One simulated person, both hands, by every estimator asked for: a process's portion of the benchmark."""
+"""One simulated person, both hands, by every estimator that is compared: the work of one process."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from benchmarks.accuracy import estimators, peers
-from benchmarks.accuracy.errors import Estimate, HandScore, score
-from benchmarks.accuracy.fingertips import TipError, tip_errors
+from benchmarks import peers
+from benchmarks.accuracy import estimators
 from benchmarks.accuracy.scenarios import FULL, STIFF, Scenario
+from benchmarks.accuracy.score import Estimate, HandScore, score
+from benchmarks.accuracy.tip_scores import TipError, tip_errors
 from benchmarks.accuracy.trials import N_FRAMES, Trial, record
 
 HANDS = ("right", "left")
@@ -28,33 +29,33 @@ class PersonResult:
 
 
 def person_result(
-    seed: int, scenario: Scenario, wanted: Sequence[str], n_frames: int = N_FRAMES
+    seed: int, scenario: Scenario, names: Sequence[str], n_frames: int = N_FRAMES
 ) -> PersonResult:
     """Record both hands of a person and score every estimator; in FULL the fingertips of another task too."""
     trials = [record(seed, hand, scenario, n_frames) for hand in HANDS]
-    scores = [score(name, trial, estimate) for trial in trials for name, estimate in _one_hand(trial, wanted)]
-    fits = estimators.whole_hands(trials, wanted)
-    for name, found in fits.items():
-        for trial, (fit, seconds) in zip(trials, found, strict=True):
+    scores = [score(name, trial, estimate) for trial in trials for name, estimate in _one_hand(trial, names)]
+    fits = estimators.whole_hands(trials, names)
+    for name, fitted in fits.items():
+        for trial, (fit, seconds) in zip(trials, fitted, strict=True):
             scores.append(score(name, trial, estimators.of_fit(name, trial, fit, seconds)))
     tips: list[TipError] = []
     if scenario == FULL:
         for i, hand in enumerate(HANDS):
             held_out = record(seed, hand, STIFF, n_frames)
-            tips += tip_errors(trials[i], held_out, {name: found[i][0] for name, found in fits.items()})
+            tips += tip_errors(trials[i], held_out, {name: fitted[i][0] for name, fitted in fits.items()})
     counted = tuple(_counted(one, scenario.counted) for one in scores)
     return PersonResult(scenario.name, counted, tuple(tips))
 
 
-def _one_hand(trial: Trial, wanted: Sequence[str]) -> Iterator[tuple[str, Estimate]]:
+def _one_hand(trial: Trial, names: Sequence[str]) -> Iterator[tuple[str, Estimate]]:
     """Estimators that look at one hand alone, and joint by joint."""
-    for name in wanted:
+    for name in names:
         if name in (estimators.PAPER, estimators.SCORE, estimators.SARA):
             yield name, estimators.joint_by_joint(trial, name)
         elif name == estimators.ANATOMICAL:
             yield name, estimators.anatomical(trial)
         elif name in peers.PEERS:
-            yield name, peers.peer_estimate(trial, name, PEER_STEP)
+            yield name, estimators.published(trial, name, PEER_STEP)
 
 
 def _counted(one: HandScore, ending: str) -> HandScore:

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from kinematics.rotations import Array, rotate
-from stages.simulate.anatomy import FLEXION
+from skeleton.rotations import Array, rotate
 from stages.simulate.artefact import Skin, turned
-from stages.simulate.motion import RATE_HZ
+from stages.simulate.random_hand import FLEXION
+from stages.simulate.task_motion import RATE_HZ
 
 SLIDE_MM, TILT_RAD = (1.0, 0.25, 0.4), (0.03, 0.04, 0.02)
 """Per term at one radian, along, lateral, dorsal; about x, y, z of the receiver's bone."""

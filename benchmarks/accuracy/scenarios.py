@@ -39,10 +39,12 @@ STIFF = Scenario("stiff DIPs: opposition", task="opposition")
 ABLATED = Scenario("parts of the fit left out")
 FOREIGN = Scenario("polynomial skin x1", law=POLYNOMIAL)
 
-ARTEFACTS = tuple(Scenario(f"skin x{scale:g}", artefact=scale) for scale in (0.0, 0.5, 2.0))
-"""Besides FULL, which is x1."""
-
-FOREIGN_ARTEFACTS = (FOREIGN, Scenario("polynomial skin x2", law=POLYNOMIAL, artefact=2.0))
+_NO_SKIN, _HALF, _DOUBLE = (Scenario(f"skin x{scale:g}", artefact=scale) for scale in (0.0, 0.5, 2.0))
+SKIN = (
+    *(_NO_SKIN, _HALF, FULL, _DOUBLE, FOREIGN),
+    Scenario("polynomial skin x2", law=POLYNOMIAL, artefact=2.0),
+)
+"""Scenarios of growing skin artefact, first by the simulator's law, then by the other."""
 
 SWEEPS = (
     *(Scenario(f"cross-talk {c:g} rad/rad", cross_talk=c, counted="_dip") for c in (0.05, 0.1)),

@@ -9,18 +9,18 @@ import numpy.typing as npt
 
 from benchmarks.accuracy.polynomial_skin import slipped
 from benchmarks.accuracy.scenarios import SATURATING, Scenario
-from kinematics.rotations import Array, about_axis, angle, unit
 from schemas.layout import read_layout
 from schemas.poses import Poses
-from stages.simulate.anatomy import FINGERS, FLEXION, JOINTS, Hand, hand_of
+from skeleton.rotations import Array, about_axis, angle, unit
 from stages.simulate.artefact import distorted, noisy, seen_through_skin, skin_of, turned, under_read
 from stages.simulate.forward import bone_poses
-from stages.simulate.motion import RATE_HZ, Motion, move
 from stages.simulate.mounts import Mounts, mounts_of
+from stages.simulate.random_hand import FINGERS, FLEXION, JOINTS, Hand, hand_of
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
+from stages.simulate.simulated_truth import Truth, true_joints, true_tips_mm
 from stages.simulate.simulation import FIRST_FRAME, LAYOUT
-from stages.simulate.truth import Truth, true_joints, true_tips_mm
+from stages.simulate.task_motion import RATE_HZ, Motion, move
 
 SUBJECT = "01"
 N_FRAMES = 6000
@@ -66,8 +66,8 @@ def record(seed: int, hand: str, scenario: Scenario, n_frames: int = N_FRAMES) -
         tip_mm=true_tips_mm(anatomy, *bones),
         joints=true_joints(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism),
     )
-    told = scenario.told_length
-    length_mm = None if told is None else told * true_length_mm(anatomy)
+    share = scenario.told_length
+    length_mm = None if share is None else share * true_length_mm(anatomy)
     return Trial(seed, hand, scenario, _poses(segments, recorded, seed, hand, scenario), truth, length_mm)
 
 

@@ -1,6 +1,6 @@
 """From whatever a lab has to the poses table: the first stage.
 
-A tracker: record (ports, handshakes, live view) -> archive (every byte) -> decode (records), with the help of
-trackers (what each family sends); emulate is a tracker's end of the line. A file: formats. Either way samples
-(what every reader gives) -> poses (checks, full grid).
+A recording's file, whatever its format, becomes samples (formats), and these, checked and put onto a full
+grid, the poses table. inspection says what is in a file and drafts the mapping that it needs. Trackers are a
+room of their own: the commands that record, check, decode and emulate are here.
 """

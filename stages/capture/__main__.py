@@ -17,15 +17,15 @@ class Command:
 
 
 COMMANDS = {
-    "record": Command("stages.capture.record.command", "record a tracker into a raw capture"),
-    "devices": Command("stages.capture.record.devices", "list the ports at which a tracker may be"),
-    "check": Command("stages.capture.record.check", "say what a tracker answers, without recording"),
-    "decode": Command("stages.capture.decode.command", "turn a raw capture into a table of every record"),
+    "record": Command("stages.capture.record_tracker", "record a tracker into a raw capture"),
+    "devices": Command("stages.capture.list_devices", "list the ports at which a tracker may be"),
+    "check": Command("stages.capture.check_tracker", "say what a tracker answers, without recording"),
+    "decode": Command("stages.capture.decode_capture", "turn a raw capture into a table of every record"),
     "import": Command("stages.capture.import_recording", "turn a recording's file into the poses table"),
     "inspect": Command(
         "stages.capture.inspect_file", "say what is in a file, and draft the mapping that it needs"
     ),
-    "emulate": Command("stages.capture.emulate.command", "be a tracker, for a recorder without one at hand"),
+    "emulate": Command("stages.capture.emulate_tracker", "be a tracker, for a recorder without one at hand"),
     "export-bids": Command("stages.capture.export_bids", "write poses tables into a Motion-BIDS dataset"),
 }
 

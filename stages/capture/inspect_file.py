@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from schemas.errors import InputError
-from stages.command_line import EXIT_BAD_INPUT
+from stages import command_line
+
+if TYPE_CHECKING:
+    from schemas.layout import Layout
+    from stages.capture.inspection.description import Description
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
-    parser = argparse.ArgumentParser(
-        prog="python -m stages.capture inspect",
-        description="Say what is in a file, in which units it seems to be, and why.",
-        epilog="example:\n  python -m stages.capture inspect old.csv --write-mapping mapping.yaml",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+    parser = command_line.parser(
+        "stages.capture inspect",
+        "Say what is in a file, in which units it seems to be, and why.",
+        "python -m stages.capture inspect old.csv --write-mapping mapping.yaml",
+        records_failure=False,
     )
     parser.add_argument(
         "file", type=Path, help="a recording, a table of this project, or a folder of matrices"
@@ -29,34 +32,28 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(arguments: list[str]) -> int:
+def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    try:
-        inspect(build_parser().parse_args(arguments))
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    return 0
+    return command_line.run(build_parser().parse_args(argv), inspect)
 
 
 def inspect(arguments: argparse.Namespace) -> None:
     """Print what is in the file, a fact a line, and the command to run next; write the mapping if asked."""
     from schemas.files import write_text
     from schemas.layout import read_layout
-    from stages.capture.inspection.kinds import look
 
     layout = read_layout(arguments.layout)
-    found = look(arguments.file, layout)
-    print("\n".join(found.lines))
+    description = describe(arguments.file, layout)
+    print("\n".join(description.lines))
     target = arguments.write_mapping
     if target is not None:
-        if not found.draft:
+        if not description.draft:
             raise InputError(f"{arguments.file}: needs no mapping, so {target} is not written")
         if target.exists():
             raise InputError(f"{target}: is there already; name another file, so that an edited one is kept")
-        write_text(target, found.draft)
+        write_text(target, description.draft)
         print(f"wrote {target}: put the truth where it says CHECK; import refuses it until then")
-    print(f"next: {_next_command(arguments, found.recording, bool(found.draft))}")
+    print(f"next: {_next_command(arguments, description.recording, bool(description.draft))}")
 
 
 def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) -> str:
@@ -70,3 +67,62 @@ def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) 
         f"python -m stages.capture import --in {arguments.file}{mapping} --layout {arguments.layout} "
         "--subject 01 --hand right --task rom --out poses.parquet"
     )
+
+
+def describe(path: Path, layout: Layout) -> Description:
+    """Say what is in a file or folder. Raises InputError where it is absent, empty or of no known kind."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if path.is_file() and not path.stat().st_size:
+        raise InputError(f"{path}: is empty; expected a recording")
+    name = path.name.lower()
+    if path.is_dir():
+        return _matrices(path)
+    if name.endswith(".c3d"):
+        from stages.capture.inspection.c3d_files import describe_c3d
+
+        return describe_c3d(path, layout)
+    if name.endswith((".parquet", ".pq")):
+        from stages.capture.inspection.own_tables import describe_parquet
+
+        return describe_parquet(path, layout)
+    if name.endswith(".arrows"):
+        from stages.capture.inspection.description import Description
+        from trackers.decode.findings import describe as describe_capture
+
+        return Description(tuple(describe_capture(path)))
+    if name.endswith("_motion.tsv"):
+        from stages.capture.inspection.self_described import describe_motion_bids
+
+        return describe_motion_bids(path, layout)
+    if name.endswith((".xdf", ".xdfz")):
+        from stages.capture.inspection.self_described import describe_xdf
+
+        return describe_xdf(path, layout)
+    return _text(path, layout)
+
+
+def _text(path: Path, layout: Layout) -> Description:
+    from stages.capture.inspection.own_tables import describe_tidy_csv, is_tidy
+    from stages.capture.inspection.text_tables import describe_table
+
+    if is_tidy(path):
+        return describe_tidy_csv(path, layout)
+    return _matrices(path) if _like_matrices(path) else describe_table(path, layout)
+
+
+def _like_matrices(path: Path) -> bool:
+    """Whether the first line that is not empty is four numbers, or sixteen that end as a pose does."""
+    with path.open("rb") as stream:
+        cells = next((line.split() for line in stream if line.strip()), [])
+    try:
+        numbers = [float(cell) for cell in cells]
+    except ValueError:
+        return False
+    return len(numbers) == 4 or (len(numbers) == 16 and numbers[12:] == [0, 0, 0, 1])
+
+
+def _matrices(path: Path) -> Description:
+    from stages.capture.inspection.matrix_files import describe_matrices
+
+    return describe_matrices(path)

@@ -47,28 +47,28 @@ class Samples:
 
 def joined(parts: Iterable[Samples]) -> Samples:
     """Put the parts of a recording together, at least one, in order."""
-    found = list(parts)
-    starts = [0, *itertools.accumulate(len(part.segment) for part in found)]
+    every = list(parts)
+    starts = [0, *itertools.accumulate(len(part.segment) for part in every)]
 
     def place(sample: int) -> str:
         part = bisect.bisect_right(starts, sample) - 1
-        return found[part].place(sample - starts[part])
+        return every[part].place(sample - starts[part])
 
-    flags = {flag for part in found for flag in part.marks}
+    flags = {flag for part in every for flag in part.marks}
     return Samples(
-        found[0].segments,
-        np.concatenate([part.segment for part in found]),
-        np.concatenate([part.frame for part in found]),
-        np.concatenate([part.time_s for part in found]),
-        np.concatenate([part.numbers for part in found]),
+        every[0].segments,
+        np.concatenate([part.segment for part in every]),
+        np.concatenate([part.frame for part in every]),
+        np.concatenate([part.time_s for part in every]),
+        np.concatenate([part.numbers for part in every]),
         place,
         {
-            flag: np.concatenate([p.marks.get(flag, np.zeros(len(p.segment), bool)) for p in found])
+            flag: np.concatenate([p.marks.get(flag, np.zeros(len(p.segment), bool)) for p in every])
             for flag in sorted(flags)
         },
-        tuple(note for part in found for note in part.notes),
-        tuple(loss for part in found for loss in part.losses),
-        sum(part.missing_frames for part in found),
+        tuple(note for part in every for note in part.notes),
+        tuple(loss for part in every for loss in part.losses),
+        sum(part.missing_frames for part in every),
     )
 
 
@@ -88,15 +88,14 @@ def segments_of_names(
     codes : (N,) indices into `names`. Raises InputError at the first sample of an unknown segment.
     """
     known = layout.measured
-    table = np.full(len(names), -1)
-    for code, name in enumerate(names):
-        if name in known:
-            table[code] = known.index(name)
-    segment = table[codes]
+    segment = np.array([known.index(name) if name in known else -1 for name in names], np.int64)[codes]
     if (segment < 0).any():
         first = int(np.argmax(segment < 0))
         name = names[codes[first]]
-        raise InputError(f"{place(first)}: segment {name!r} {_why_unknown(name, layout)}")
+        why = f"is not in layout {layout.name}, which knows {', '.join(known)}{did_you_mean(name, known)}"
+        if name in layout.segments:
+            why = f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
+        raise InputError(f"{place(first)}: segment {name!r} {why}")
     return segment
 
 
@@ -121,9 +120,8 @@ def segments_of_stations(
     return segment
 
 
-def _why_unknown(name: str, layout: Layout) -> str:
-    if name in layout.segments:
-        return f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
-    near = difflib.get_close_matches(name, layout.measured, 1)
-    guess = f"; did you mean {near[0]!r}?" if near else ""
-    return f"is not in layout {layout.name}, which knows {', '.join(layout.measured)}{guess}"
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Give the nearest known name as the end of a sentence; nothing where none is near."""
+    by_lower = {other.lower(): other for other in known}
+    near = difflib.get_close_matches(name.lower(), by_lower, 1)
+    return f"; did you mean {by_lower[near[0]]!r}?" if near else ""

@@ -5,13 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stages import command_line
 
 if TYPE_CHECKING:
-    from schemas.model import SkeletonModel
-    from stages.estimate_metacarpals.fitted import Fitted
+    from collections.abc import Mapping
+
+    from schemas.parts import Part, PartsWriter
+    from schemas.plan import SubjectPlan
+    from schemas.study import Recording
+    from schemas.tables import Table
+    from skeleton.rotations import Array
+    from stages.estimate_metacarpals.hand import BuiltHand
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -24,20 +30,11 @@ def build_parser() -> argparse.ArgumentParser:
         "--model paper-fig4 --out-joints joint_centres.parquet --out-bones bone_lengths.parquet "
         "--out metacarpals.parquet",
     )
+    command_line.add_plan_options(parser, calibration="--calibration", evaluated="--poses")
     parser.add_argument("--joints", type=Path, required=True, help="joint_centres from stages.project_planes")
-    parser.add_argument("--calibration", type=Path, nargs="*", default=[], help="poses the joints come from")
-    parser.add_argument("--poses", type=Path, nargs="*", default=[], help="poses to pose metacarpals in")
     parser.add_argument(
-        "--fitted-bones",
-        type=Path,
-        nargs="?",
-        help="bone_lengths from stages.fit_hand, for a model that fits the hand",
+        "--fit", type=Path, help="of a hand alone whose model fits it: folder that stages.fit_hand wrote"
     )
-    parser.add_argument(
-        "--bone-poses", type=Path, nargs="?", help="bone_poses from stages.fit_hand, likewise"
-    )
-    parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
-    parser.add_argument("--model", required=True, help="a skeleton model that ships, or a path")
     parser.add_argument("--out-joints", type=Path, required=True, help="joint_centres with the wrist point")
     parser.add_argument("--out-bones", type=Path, required=True, help="the bone_lengths table to write")
     parser.add_argument("--out", type=Path, required=True, help="the metacarpals table to write")
@@ -45,94 +42,143 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def estimate(arguments: argparse.Namespace) -> None:
-    """Read poses and joints, write the three tables."""
-    from kinematics.recordings import Recordings
+    """Build every skeleton of the plan, write the three tables."""
     from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
-    from schemas.layout import read_layout
-    from schemas.model import read_model
-    from schemas.poses import one_hand, usable_poses
-    from schemas.table_rows import in_row_groups
-    from schemas.tables import (
-        Provenance,
-        columns_from_rows,
-        read_table,
-        rows_of,
-        table_in_parts,
-        write_table,
-    )
-    from stages.estimate_metacarpals.hand import build_hand, pose_metacarpals
+    from schemas.parts import parts_writer
+    from schemas.tables import Provenance
 
-    layout, model = read_layout(arguments.layout), read_model(arguments.model)
-    table = list(rows_of(read_table(arguments.joints, JOINT_CENTRES)))
-    subject, hand = one_hand(
-        [*arguments.calibration, *arguments.poses], table[0]["subject"], table[0]["hand"]
-    )
-    names = {"subject": subject, "hand": hand, "model": model.name}
-    calibration = Recordings(usable_poses(arguments.calibration)[0], layout.measured)
-    fitted = _fitted(arguments, model)
-    built = build_hand({row["joint"]: row for row in table}, layout, model, calibration, fitted)
-    files = [arguments.joints, *arguments.calibration, *arguments.poses]
-    files += [path for path in (arguments.fitted_bones, arguments.bone_poses) if path]
-    provenance = Provenance.of(
-        [*files, *command_line.config_files(arguments)],
-        calibrated_on=_calibrated_on(arguments),
-        own_cmc=list(model.own_cmc),
-    )
-    joints = columns_from_rows(JOINT_CENTRES, [{**row, **names} for row in built.joints])
-    write_table(arguments.out_joints, JOINT_CENTRES, joints, provenance)
-    bones = columns_from_rows(BONE_LENGTHS, [{**row, **names} for row in built.bones])
-    write_table(arguments.out_bones, BONE_LENGTHS, bones, provenance)
-    parts = pose_metacarpals(built, layout, model, usable_poses(arguments.poses)[0])
-    with table_in_parts(arguments.out, METACARPALS, provenance) as write:
-        for part in in_row_groups(parts):
-            write(part)
+    plan = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
+    fits = _Fits(plan, arguments.fit)
+    files = [
+        arguments.joints,
+        *fits.files(),
+        *command_line.poses_files(plan),
+        *command_line.config_files(arguments),
+    ]
+    provenance = Provenance.of(files, plan.folder)
+    with (
+        parts_writer(arguments.out_joints, JOINT_CENTRES, provenance) as joints,
+        parts_writer(arguments.out_bones, BONE_LENGTHS, provenance) as bones,
+        parts_writer(arguments.out, METACARPALS, provenance) as metacarpals,
+    ):
+        for part in plan.parts():
+            with command_line.recording_failure(arguments, part, joints, bones, metacarpals):
+                _estimate_part(arguments.joints, plan, part, fits, (joints, bones, metacarpals))
 
 
-def _fitted(arguments: argparse.Namespace, model: SkeletonModel) -> Fitted | None:
-    """What the fit of the whole hand says; None for a model without one. Raises InputError where it lacks."""
-    from schemas.errors import InputError
-    from stages.estimate_metacarpals.fitted import read_fitted
+def _estimate_part(
+    joints_file: Path,
+    plan: SubjectPlan,
+    part: Part,
+    fits: _Fits,
+    tables: tuple[PartsWriter, PartsWriter, PartsWriter],
+) -> None:
+    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES
+    from schemas.errors import InputError, TableError
+    from schemas.parts import read_part
+    from schemas.poses import poses_reader, usable_poses
+    from schemas.tables import rows_of
+    from stages.estimate_metacarpals.hand import build_hand, failed_joints, merge_fitted
 
-    given = {"--fitted-bones": arguments.fitted_bones, "--bone-poses": arguments.bone_poses}
+    joints, bones, metacarpals = tables
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+    projected = list(rows_of(read_part(joints_file, JOINT_CENTRES, part)))
+    calibration = plan.calibrating(part.hand, part.model, part.made_without)
+    reader = poses_reader(usable_poses([plan.poses(r) for r in calibration])[0], layout.measured)
     if model.fitting is None:
-        return None
-    for option, path in given.items():
-        if path is None:
-            raise InputError(
-                f"{option}: is missing; model {model.name} fits the whole hand (stages.fit_hand)"
-            )
-    return read_fitted(arguments.fitted_bones, arguments.bone_poses)
-
-
-def _calibrated_on(arguments: argparse.Namespace) -> list[str]:
-    """Tasks, and trials where there are any, of the calibration; a file that is none is left out."""
-    from schemas.errors import InputError
-    from schemas.poses import recording_name
-
-    names = []
-    for path in arguments.calibration:
+        hand = build_hand(_by("joint", projected), layout, model, reader)
+    else:
         try:
-            name = recording_name(path)
-        except InputError:
-            continue
-        names.append(", ".join(filter(None, (name.task, name.trial))))
-    return names
+            rows = merge_fitted(fits.rows(part, "fitted_joints", JOINT_CENTRES), projected)
+            fitted_bones = _by("bone", fits.rows(part, "fitted_bones", BONE_LENGTHS))
+        except TableError:
+            raise
+        except InputError as error:  # digits without numbers then say why
+            rows, fitted_bones = failed_joints(projected, str(error)), {}
+        hand = build_hand(_by("joint", rows), layout, model, reader, fitted_bones)
+    parameters = {
+        "calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration],
+    }
+    keys = {"subject": plan.subject, "model": part.model, "made_without": part.made_without}
+    joints.rows(part, [{**row, **keys} for row in hand.joints], **parameters)
+    bones.rows(part, [{**row, **keys} for row in hand.bones], **parameters)
+    metacarpals.rows(part, [], **parameters)
+    for recording in plan.evaluated(part.hand, part.made_without):
+        _pose_recording(plan, part, hand, recording, fits, metacarpals)
 
 
-def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write the three tables without rows and the reason."""
-    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
-    from schemas.tables import Provenance, write_failure
+def _pose_recording(
+    plan: SubjectPlan,
+    part: Part,
+    hand: BuiltHand,
+    recording: Recording,
+    fits: _Fits,
+    metacarpals: PartsWriter,
+) -> None:
+    from schemas.poses import read_poses, usable_poses
+    from stages.estimate_metacarpals.hand import pose_metacarpals
 
-    provenance = Provenance.of([arguments.joints], calibrated_on=_calibrated_on(arguments))
-    write_failure(arguments.out_joints, JOINT_CENTRES, message, provenance)
-    write_failure(arguments.out_bones, BONE_LENGTHS, message, provenance)
-    write_failure(arguments.out, METACARPALS, message, provenance)
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+    for path in usable_poses([plan.poses(recording)])[0]:
+        poses = read_poses(path, layout.measured)
+        posed_by_fit = model.fitting is not None and hand.metacarpals  # none where the fit failed
+        fitted = fits.posed(part, recording, len(poses.frame)) if posed_by_fit else None
+        for columns in pose_metacarpals(hand, layout, model, poses, fitted):
+            keys = {"subject": plan.subject, "task": recording.task, "trial": recording.trial}
+            metacarpals.columns(part, {**keys, **columns})
 
 
-def main(words: list[str] | None = None) -> int:
-    """Run the stage on the words of a command line; give its exit code."""
-    return command_line.run(build_parser().parse_args(words), estimate, record_failure)
+class _Fits:
+    """Tables that fits of the whole hand wrote, of the subject or, from one folder, of a hand alone."""
+
+    def __init__(self, plan: SubjectPlan, folder: Path | None) -> None:
+        self._plan, self._folder = plan, folder
+
+    def files(self) -> list[Path]:
+        """Every table that is read."""
+        names = ("fitted_joints", "fitted_bones", "bone_poses")
+        return [
+            self._file(hand, model, name)
+            for hand in self._plan.hands
+            for model in self._plan.fitted_models
+            for name in names
+        ]
+
+    def rows(self, part: Part, name: str, table: Table) -> list[dict[str, Any]]:
+        """Rows of a part of fitted_joints or fitted_bones."""
+        from schemas.parts import read_part
+        from schemas.tables import rows_of
+
+        return list(rows_of(read_part(self._file(part.hand, part.model, name), table, part)))
+
+    def posed(self, part: Part, recording: Recording, n_frames: int) -> Mapping[str, Array]:
+        """Quaternions (T, 4) of the bones in a recording, by segment."""
+        from schemas.catalogue import BONE_POSES
+        from schemas.parts import read_recording
+
+        path = self._file(part.hand, part.model, "bone_poses")
+        columns = [f"q{name}" for name in "wxyz"]
+        return read_recording(
+            path, BONE_POSES, part, recording.task, recording.trial, "segment", columns, n_frames
+        )
+
+    def _file(self, hand: str, model: str, name: str) -> Path:
+        from schemas.errors import InputError
+
+        if self._plan.is_study:
+            return self._plan.fit_table(hand, model, name)
+        if self._folder is None:
+            raise InputError(f"--fit: is missing; model {model} fits the whole hand (stages.fit_hand)")
+        return self._folder / f"{name}.parquet"
+
+
+def _by(key: str, rows: Any) -> dict[str, dict[str, Any]]:
+    return {row[key]: row for row in rows}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), estimate)
 
 
 if __name__ == "__main__":

@@ -1,47 +1,52 @@
-"""A digit's bones in the least-squares binding: vectors fixed in their receivers, and their errors."""
+"""A digit's bones in the least-squares binding: vectors fixed in their receivers, and their errors.
+
+A bone's length is from its joint's centre to the next; of a digit's last to its tip, which is the distal
+receiver where no fit of the whole hand says where the bone ends.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from kinematics.long_sample import LongSample
-from kinematics.recordings import blocks_with
-from kinematics.rotations import Array
-from kinematics.skeleton import DigitChain, Rows, all_valid, seen_from
+from schemas.catalogue import DISTAL_RECEIVER
 from schemas.layout import Layout
 from schemas.model import SkeletonModel
-from schemas.poses import Poses
+from schemas.poses import Poses, PosesReader
+from skeleton.digit_chain import DigitChain, Rows, all_valid, seen_from
+from skeleton.rotations import Array
 
 
 @dataclass(frozen=True)
 class Bone:
-    """One bone. vector_mm : (3,) proximal to distal end in the frame of driven_by, or None where the
-    bone's direction is estimated frame by frame. Lengths in mm; sd_over_frames_mm for metacarpals; bone_mm
-    and bone_sd_mm of the bone itself, joint to joint or to its tip, where the whole hand was fitted.
+    """One bone.
+
+    starts_at, ends_at : joints, or where a digit's last bone ends. vector_mm : (3,) proximal to distal end in
+    the frame of driven_by, as the replay has it, or None where the bone's direction is estimated frame by
+    frame. sd_over_frames_mm : of metacarpals.
     """
 
     segment: str
+    starts_at: str
+    ends_at: str
     length_mm: float
     sd_mm: float
     sd_over_frames_mm: float | None
     vector_mm: Array | None
     driven_by: str
-    bone_mm: float | None = None
-    bone_sd_mm: float | None = None
 
     def row(self) -> dict[str, Any]:
         """Give the bone's row of the bone_lengths table (subject, hand, model and digit left out)."""
         vector = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
         return {
             "bone": self.segment,
+            "starts_at": self.starts_at,
+            "ends_at": self.ends_at,
             "length_mm": self.length_mm,
             "sd_mm": self.sd_mm,
-            "bone_mm": self.bone_mm,
-            "bone_sd_mm": self.bone_sd_mm,
             "sd_over_frames_mm": self.sd_over_frames_mm,
             **dict(zip(("x_mm", "y_mm", "z_mm"), vector, strict=True)),
             "driven_by": self.driven_by,
@@ -49,19 +54,24 @@ class Bone:
         }
 
 
-def as_fitted(bone: Bone, fitted: Mapping[str, Any] | None, *, last: bool) -> Bone:
-    """The bone with what the fit of the whole hand says of it; fitted : its row there.
+@dataclass(frozen=True)
+class MetacarpalBone:
+    """A digit whose metacarpal is posed. mode : see `metacarpal_mode`."""
 
-    A metacarpal is as long as the fit says. A phalanx keeps the vector between its joints, which the fit gave
-    too, with the fit's sd; a digit's last one ends at the receiver here and at its tip there, so that its
-    sd stays that of its joint.
+    chain: DigitChain
+    mode: str
+    bone: Bone
+
+
+def with_fitted_lengths(bone: Bone, fitted: Mapping[str, Any] | None) -> Bone:
+    """The bone as long as the fit of the whole hand says; fitted : its row of the fit's bone_lengths.
+
+    The replay keeps the vector between the joints, which a digit's last bone ends at the receiver.
     """
     if fitted is None:
         return bone
-    known = replace(bone, bone_mm=fitted["length_mm"], bone_sd_mm=fitted["sd_mm"])
-    if bone.sd_over_frames_mm is not None:
-        return replace(known, length_mm=fitted["length_mm"], sd_mm=fitted["sd_mm"])
-    return known if last else replace(known, sd_mm=fitted["sd_mm"])
+    names = ("starts_at", "ends_at", "length_mm", "sd_mm")
+    return replace(bone, **{name: fitted[name] for name in names})
 
 
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
@@ -82,13 +92,11 @@ def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
 
 
 def digit_bones(
-    chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: Iterable[Poses]
+    chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader
 ) -> list[Bone]:
-    """Give the digit's bones from the base outward, lengths from the calibration recordings.
-
-    calibration : poses in blocks of frames, which are gone through more than once.
-    """
+    """Give the digit's bones from the base outward, lengths from the calibration recordings."""
     bones = []
+    joints = (*chain.digit.joints, DISTAL_RECEIVER)
     for index, segment in enumerate(chain.digit.segments):
         if index == 0 and mode != "none":
             bones.append(_metacarpal(chain, mode, rows, layout, calibration))
@@ -100,13 +108,12 @@ def digit_bones(
         if index + 1 < len(chain.digit.joints):
             ends.append(_half(rows, chain.digit.joints[index + 1], "parent"))
         sd_mm = _sd_along(vector, ends)
-        bones.append(Bone(segment, float(np.linalg.norm(vector)), sd_mm, None, vector, segment))
+        length_mm = float(np.linalg.norm(vector))
+        bones.append(Bone(segment, joints[index], joints[index + 1], length_mm, sd_mm, None, vector, segment))
     return bones
 
 
-def _metacarpal(
-    chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: Iterable[Poses]
-) -> Bone:
+def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader) -> Bone:
     segment, mcp = chain.digit.segments[0], chain.digit.joints[1]
     length, spread = _length_over_frames(chain, calibration)
     base = layout.wrist.joint if chain.at_wrist and layout.wrist else chain.digit.joints[0]
@@ -121,29 +128,27 @@ def _metacarpal(
         driver = segment
     if vector is not None:
         length = float(np.linalg.norm(vector))
-    return Bone(segment, length, sd_mm, spread, vector, driver)
+    return Bone(segment, base, mcp, length, sd_mm, spread, vector, driver)
 
 
-def _length_over_frames(chain: DigitChain, calibration: Iterable[Poses]) -> tuple[float, float]:
+def _length_over_frames(chain: DigitChain, calibration: PosesReader) -> tuple[float, float]:
     """Mean and SD of |v(k)| over the calibration frames; NaN where there is none."""
-    lengths_mm, ends = LongSample(), (chain.digit.base, chain.digit.segments[1])
-    for poses in blocks_with(calibration, *ends):
+    ends = (chain.digit.base, chain.digit.segments[1])
+    lengths_mm = [np.empty(0)]
+    for poses in calibration(*ends):
         length_mm = np.linalg.norm(metacarpal_vectors(chain, poses), axis=-1)
-        lengths_mm.add(length_mm[all_valid(poses, ends)])
-    if not len(lengths_mm):
-        return float("nan"), float("nan")
-    return lengths_mm.mean(), lengths_mm.sd()
+        lengths_mm.append(length_mm[all_valid(poses, ends)])
+    length_mm = np.concatenate(lengths_mm)
+    return (float(length_mm.mean()), float(length_mm.std())) if len(length_mm) else (np.nan, np.nan)
 
 
-def _base_seen_from(segment: str, chain: DigitChain, calibration: Iterable[Poses]) -> Array:
+def _base_seen_from(segment: str, chain: DigitChain, calibration: PosesReader) -> Array:
     """Mean position (3,) of the digit's base in a segment's receiver frame, mm."""
-    total, count = np.zeros((1, 3)), 0
-    for poses in blocks_with(calibration, chain.digit.base, segment):
-        seen = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
-        seen = np.ascontiguousarray(seen[all_valid(poses, (chain.digit.base, segment))])
-        total = np.concatenate([total, seen]).sum(0, keepdims=True)
-        count += len(seen)
-    return np.asarray(total[0] / count)
+    seen_mm = []
+    for poses in calibration(chain.digit.base, segment):
+        base_mm = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
+        seen_mm.append(base_mm[all_valid(poses, (chain.digit.base, segment))])
+    return np.asarray(np.concatenate(seen_mm).mean(0))
 
 
 def _half(rows: Rows, joint: str, side: str) -> Array:

@@ -1,90 +1,112 @@
-"""One hand put together: its wrist point, its bones, and its metacarpals over every recording."""
+"""One hand put together: joints solved and fitted, its wrist point, its bones, its metacarpals over time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from kinematics.recordings import BLOCK_FRAMES, Recordings
-from kinematics.skeleton import Rows, digit_chain
 from schemas.layout import Layout
 from schemas.model import SkeletonModel
-from schemas.poses import Poses, recording_name
-from schemas.table_rows import constant
-from stages.estimate_metacarpals.bones import as_fitted, digit_bones, metacarpal_mode
-from stages.estimate_metacarpals.fitted import Fitted
-from stages.estimate_metacarpals.recording import Placed, metacarpal_blocks
+from schemas.poses import Poses, PosesReader
+from skeleton.digit_chain import Rows, digit_chain
+from skeleton.rotations import Array
+from stages.estimate_metacarpals.bones import (
+    MetacarpalBone,
+    digit_bones,
+    metacarpal_mode,
+    with_fitted_lengths,
+)
+from stages.estimate_metacarpals.metacarpals import metacarpal_columns
 from stages.estimate_metacarpals.wrist_row import wrist_row
+
+Row = dict[str, Any]
+
+_OF_JOINT_ALONE = ("gap_rms_free_mm", "n_frames", "n_effective")
+"""Columns that only the frames joint by joint say."""
+
+_KEPT_OF_FAILED = ("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames")
 
 
 @dataclass(frozen=True)
 class BuiltHand:
     """Rows of joint_centres and bone_lengths, and the digits whose metacarpal is posed."""
 
-    joints: list[dict[str, Any]]
-    bones: list[dict[str, Any]]
-    metacarpals: list[Placed]
-    fitted: Fitted | None
+    joints: list[Row]
+    bones: list[Row]
+    metacarpals: list[MetacarpalBone]
 
 
 def build_hand(
     rows: Rows,
     layout: Layout,
     model: SkeletonModel,
-    calibration: Iterable[Poses],
-    fitted: Fitted | None = None,
+    calibration: PosesReader,
+    fitted_bones: Rows | None = None,
 ) -> BuiltHand:
     """Add the wrist point to a hand's joints and measure its bones.
 
-    rows : joint_centres of one hand and model, by joint. calibration : poses in blocks of frames, which are
-    gone through more than once. fitted : of a model that fits the whole hand. A
-    digit with a failed joint has bones without lengths that say so.
+    rows : joint_centres of one hand and model, by joint. fitted_bones : rows of a whole-hand fit's
+    bone_lengths by segment, of a model that has one. A digit with a failed joint has bones without lengths
+    that say so.
     """
     joints = {name: dict(row) for name, row in rows.items()}
     wrist = wrist_row(rows, layout, model, calibration)
     if wrist is not None:
         joints[wrist["joint"]] = {"covariance_mm2": None} | wrist
-    bones: list[dict[str, Any]] = []
-    posed = []
+    bones: list[Row] = []
+    metacarpals = []
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, model, joints)
         if isinstance(chain, str):
-            bones += [
-                {"digit": digit.name, "bone": segment, "driven_by": "", "message": chain}
-                for segment in digit.segments
-            ]
+            unknown = {"starts_at": "", "ends_at": "", "driven_by": "", "message": chain}
+            bones += [{"digit": digit.name, "bone": segment, **unknown} for segment in digit.segments]
             continue
         mode = metacarpal_mode(chain, layout, model)
-        found = digit_bones(chain, mode, joints, layout, calibration)
-        if fitted is not None:
-            found = [
-                as_fitted(bone, fitted.bones.get(bone.segment), last=bone is found[-1]) for bone in found
-            ]
-        bones += [{"digit": digit.name, **bone.row()} for bone in found]
+        measured = digit_bones(chain, mode, joints, layout, calibration)
         if mode != "none":
-            posed.append(Placed(chain, mode, found[0]))
-    return BuiltHand(list(joints.values()), bones, posed, fitted)
+            metacarpals.append(MetacarpalBone(chain, mode, measured[0]))
+        if fitted_bones is not None:
+            measured = [with_fitted_lengths(bone, fitted_bones.get(bone.segment)) for bone in measured]
+        bones += [{"digit": digit.name, **bone.row()} for bone in measured]
+    return BuiltHand(list(joints.values()), bones, metacarpals)
 
 
 def pose_metacarpals(
-    built: BuiltHand,
+    hand: BuiltHand,
     layout: Layout,
     model: SkeletonModel,
-    recordings: Sequence[Path],
-    block_frames: int = BLOCK_FRAMES,
+    poses: Poses,
+    fitted: Mapping[str, Array] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Give the columns of the metacarpals table: recording by recording, digit by digit, in blocks."""
-    for path in recordings:
-        name, recording = recording_name(path), Recordings([path], layout.measured, block_frames)
-        words = {"subject": name.subject, "hand": name.hand, "task": name.task, "trial": name.trial}
-        for placed in built.metacarpals:
-            fitted = None
-            if placed.mode == "fitted":
-                assert built.fitted is not None, "a model with fitted metacarpals fits the hand"
-                fitted = built.fitted.poses.of(name.task, name.trial, placed.bone.segment)
-            of_digit = words | {"model": model.name, "digit": placed.chain.digit.name}
-            for block in metacarpal_blocks(placed, layout, model, recording, fitted):
-                count = len(block["frame"])
-                yield {key: constant(word, count) for key, word in of_digit.items()} | block
+    """Give the columns of the metacarpals table of one recording from digit on, digit by digit.
+
+    fitted : quaternions (T, 4) by segment as the fit of the whole hand poses them, where the model has one.
+    """
+    for metacarpal in hand.metacarpals:
+        posed = None if fitted is None else fitted.get(metacarpal.bone.segment)
+        columns = metacarpal_columns(metacarpal, layout, model, poses, posed)
+        yield {"digit": metacarpal.chain.digit.name, **columns}
+
+
+def merge_fitted(
+    fitted_rows: Sequence[Mapping[str, Any]], projected_rows: Sequence[Mapping[str, Any]]
+) -> list[Row]:
+    """Give rows of joint_centres: each projected joint as the fit has it, then the fit's others.
+
+    fitted_rows : of fitted_joints, projected_rows : of projected_joints, of the same part. A joint that the
+    fit does not reach keeps its projected row.
+    """
+    fitted = {row["joint"]: dict(row) for row in fitted_rows}
+    projected = {row["joint"]: dict(row) for row in projected_rows}
+    merged = [
+        {**fitted[joint], **{name: row[name] for name in _OF_JOINT_ALONE}} if joint in fitted else row
+        for joint, row in projected.items()
+    ]
+    return [*merged, *(row for joint, row in fitted.items() if joint not in projected)]
+
+
+def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> list[Row]:
+    """Give rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
+    failed = {"source": "fit of the whole hand", "status": "failed", "message": message}
+    return [{name: row[name] for name in _KEPT_OF_FAILED} | failed for row in projected_rows]

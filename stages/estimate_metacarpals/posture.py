@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array, about_axis, multiply, rotate, unit
+from skeleton.rotations import Array, about_axis, multiply, rotate, unit
 
 SWING_LIMIT_DEG = 175.0
 """Beyond this the axis of Eq. 8 is the difference of two nearly opposite vectors."""
@@ -115,13 +115,3 @@ def _dot(first: Array, second: Array) -> Array:
     a, b, c = np.moveaxis(first, -1, 0)
     x, y, z = np.moveaxis(second, -1, 0)
     return np.asarray(a * x + b * y + c * z)
-
-
-def bone_frame(direction: Array, dorsal: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of a bone's frame: x along `direction`, z towards `dorsal`.
-
-    Both (..., 3), in the frame that the result turns into; neither zero nor parallel.
-    """
-    x = unit(direction)
-    z = unit(dorsal - x * np.sum(x * dorsal, -1, keepdims=True))
-    return np.stack([x, np.cross(z, x), z], -1)

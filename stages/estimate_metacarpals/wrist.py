@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from kinematics.rotations import Array
+from skeleton.rotations import Array
 
 DISTANCE_SD_MM = 1.0
 """How far skin lets the distance between wrist and MCP joint vary."""

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from kinematics.recordings import blocks_with
-from kinematics.rotations import Array
-from kinematics.skeleton import Rows, all_valid, seen_from
 from schemas.layout import Layout, Wrist
 from schemas.model import SkeletonModel
-from schemas.poses import Poses
+from schemas.poses import PosesReader
+from skeleton.digit_chain import Rows, all_valid, seen_from
+from skeleton.rotations import Array
 from stages.estimate_metacarpals.wrist import MAX_FRAMES, WristPoint, estimate_wrist
 
 WEAK_SD_MM = 5.0
@@ -20,7 +18,7 @@ WEAK_SD_MM = 5.0
 
 
 def wrist_row(
-    rows: Rows, layout: Layout, model: SkeletonModel, calibration: Iterable[Poses]
+    rows: Rows, layout: Layout, model: SkeletonModel, calibration: PosesReader
 ) -> dict[str, Any] | None:
     """Give the wrist's row (names of subject, hand and model left out); None where no wrist is needed.
 
@@ -54,7 +52,7 @@ def wrist_row(
     return _point_row(wrist, point, "weak" if sd_mm > WEAK_SD_MM else "ok", message, "estimated point")
 
 
-def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: Iterable[Poses]) -> list[Array]:
+def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> list[Array]:
     """Per digit whose metacarpal carries no receiver: (N, 3) mm of its MCP joint seen from the hand, in
     evenly spaced frames.
     """
@@ -72,17 +70,14 @@ def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: Iterab
     return found
 
 
-def _even_frames(calibration: Iterable[Poses], base: str, segment: str, point_mm: Array) -> Array:
+def _even_frames(calibration: PosesReader, base: str, segment: str, point_mm: Array) -> Array:
     """Positions (N, 3) of a segment's point seen from the base, in every n-th frame that shows both."""
     both = (base, segment)
-    count = sum(int(all_valid(poses, both).sum()) for poses in blocks_with(calibration, *both))
-    step, start = max(1, count // MAX_FRAMES), 0
-    found = [np.empty((0, 3))]
-    for poses in blocks_with(calibration, *both):
-        valid = np.flatnonzero(all_valid(poses, both))
-        found.append(seen_from(poses, base, segment, point_mm)[valid[-start % step :: step]])
-        start += len(valid)
-    return np.concatenate(found)
+    seen_mm = [
+        seen_from(poses, base, segment, point_mm)[all_valid(poses, both)] for poses in calibration(*both)
+    ]
+    whole_mm = np.concatenate([np.empty((0, 3)), *seen_mm])
+    return whole_mm[:: max(1, len(whole_mm) // MAX_FRAMES)]
 
 
 def _point_row(

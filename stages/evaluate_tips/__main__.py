@@ -5,9 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stages import command_line
+
+if TYPE_CHECKING:
+    from schemas.parts import Part, PartsWriter
+    from schemas.plan import SubjectPlan
+    from schemas.study import Recording
+    from skeleton.posing import Skeleton
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -20,87 +26,97 @@ def build_parser() -> argparse.ArgumentParser:
         "--bones bone_lengths.parquet --metacarpals metacarpals.parquet --layout liberty16 "
         "--model paper-fig4 --out tips.parquet --out-errors tip_errors.parquet",
     )
-    parser.add_argument("--poses", type=Path, nargs="*", default=[], help="poses to replay, of one hand")
-    parser.add_argument(
-        "--calibration",
-        type=Path,
-        nargs="*",
-        default=[],
-        help="poses that the joints were solved from; the others count as held out",
-    )
+    command_line.add_plan_options(parser, calibration="--calibration", evaluated="--poses")
     parser.add_argument("--joints", type=Path, required=True, help="joint_centres with the wrist point")
-    parser.add_argument("--bones", type=Path, required=True, help="the hand's bone_lengths")
-    parser.add_argument("--metacarpals", type=Path, required=True, help="metacarpals of the same poses")
-    parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
-    parser.add_argument("--model", required=True, help="a skeleton model that ships, or a path")
+    parser.add_argument("--bones", type=Path, required=True, help="bone_lengths of the same skeletons")
+    parser.add_argument("--metacarpals", type=Path, required=True, help="metacarpals of the same skeletons")
     parser.add_argument("--out", type=Path, required=True, help="the tips table to write")
     parser.add_argument("--out-errors", type=Path, required=True, help="the tip_errors table to write")
     return parser
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
-    """Read the skeleton, replay every recording, write both tables."""
-    from schemas.catalogue import TIP_ERRORS, TIPS
-    from schemas.poses import one_hand
-    from schemas.table_rows import in_row_groups
-    from schemas.tables import Provenance, columns_from_rows, table_in_parts, write_table
-    from stages.evaluate_tips.recording import evaluate_recording
+    """Replay every skeleton of the plan in its recordings, write both tables."""
+    from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS, TIPS
+    from schemas.parts import parts_writer
+    from schemas.tables import Provenance
 
-    skeleton, subject, hand = _read_skeleton(arguments)
-    one_hand([*arguments.poses, *arguments.calibration], subject, hand)
-    calibration = {path.resolve() for path in arguments.calibration}
-    files = [*arguments.poses, arguments.joints, arguments.bones, arguments.metacarpals]
-    provenance = Provenance.of([*files, *command_line.config_files(arguments)])
-    rows: list[dict[str, Any]] = []
-    blocks = (
-        block
-        for path in arguments.poses
-        for block in evaluate_recording(path, skeleton, rows, held_out=path.resolve() not in calibration)
+    plan = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
+    tables = [arguments.joints, arguments.bones, arguments.metacarpals]
+    provenance = Provenance.of(
+        [*tables, *command_line.poses_files(plan), *command_line.config_files(arguments)], plan.folder
     )
-    with table_in_parts(arguments.out, TIPS, provenance) as write:
-        for part in in_row_groups(blocks):
-            write(part)
-    write_table(arguments.out_errors, TIP_ERRORS, columns_from_rows(TIP_ERRORS, rows), provenance)
+    with (
+        parts_writer(arguments.out, TIPS, provenance) as tips,
+        parts_writer(arguments.out_errors, TIP_ERRORS, provenance) as errors,
+    ):
+        for part in plan.parts():
+            with command_line.recording_failure(arguments, part, tips, errors):
+                skeleton = _read_skeleton(arguments, plan, part)
+                tips.rows(part, [])
+                errors.rows(part, [])
+                for recording in plan.evaluated(part.hand, part.made_without):
+                    _evaluate_recording(arguments, plan, part, recording, skeleton, tips, errors)
 
 
-def _read_skeleton(arguments: argparse.Namespace) -> Any:
-    """Read the hand's skeleton; give it with subject and hand."""
-    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
-    from schemas.layout import read_layout
-    from schemas.model import read_model
-    from schemas.table_rows import TableRows
-    from schemas.tables import read_table, rows_of
-    from stages.evaluate_tips.recording import Skeleton
+def _read_skeleton(arguments: argparse.Namespace, plan: SubjectPlan, part: Part) -> Skeleton:
+    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES
+    from schemas.parts import read_part
+    from schemas.tables import rows_of
+    from skeleton.posing import Skeleton
 
-    joints = {row["joint"]: row for row in rows_of(read_table(arguments.joints, JOINT_CENTRES))}
-    bones: dict[str, dict[str, Any]] = {}
-    for row in rows_of(read_table(arguments.bones, BONE_LENGTHS)):
-        bones.setdefault(row["digit"], {})[row["bone"]] = row
-    turns = [f"q{part}" for part in "wxyz"]
-    skeleton = Skeleton(
-        read_layout(arguments.layout),
-        read_model(arguments.model),
-        joints,
-        bones,
-        TableRows(arguments.metacarpals, METACARPALS, ("task", "trial", "digit"), turns),
+    joints = {row["joint"]: row for row in rows_of(read_part(arguments.joints, JOINT_CENTRES, part))}
+    rows = rows_of(read_part(arguments.bones, BONE_LENGTHS, part))
+    bones = {(row["digit"], row["bone"]): row for row in rows}
+    return Skeleton(plan.layouts[part.hand], plan.models[part.model], joints, bones)
+
+
+def _evaluate_recording(
+    arguments: argparse.Namespace,
+    plan: SubjectPlan,
+    part: Part,
+    recording: Recording,
+    skeleton: Skeleton,
+    tips: PartsWriter,
+    errors: PartsWriter,
+) -> None:
+    """Replay one recording; one whose import failed has rows of tip_errors that say why."""
+    from schemas.catalogue import METACARPALS
+    from schemas.errors import InputError, TableError
+    from schemas.parts import read_recording
+    from schemas.poses import read_poses
+    from stages.evaluate_tips.tip_tables import replay_recording, unavailable_rows
+
+    calibrated = plan.calibrating(part.hand, part.model, part.made_without)
+    keys: dict[str, Any] = {"subject": plan.subject, "task": recording.task, "trial": recording.trial}
+    row_keys = {**keys, "held_out": recording not in calibrated}
+    try:
+        poses = read_poses(plan.poses(recording), skeleton.layout.measured)
+    except TableError:
+        raise
+    except InputError as error:
+        for digit in skeleton.layout.digits:
+            errors.rows(part, [{**row_keys, **row} for row in unavailable_rows(digit, str(error))])
+        return
+    turns = read_recording(
+        arguments.metacarpals,
+        METACARPALS,
+        part,
+        recording.task,
+        recording.trial,
+        "digit",
+        [f"q{name}" for name in "wxyz"],
+        len(poses.frame),
     )
-    first = next(iter(joints.values()))
-    return skeleton, first["subject"], first["hand"]
+    for replayed in replay_recording(skeleton, poses, turns):
+        if replayed.columns is not None:
+            tips.columns(part, {**keys, **replayed.columns})
+        errors.rows(part, [{**row_keys, **row} for row in replayed.rows])
 
 
-def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write both tables without rows and the reason."""
-    from schemas.catalogue import TIP_ERRORS, TIPS
-    from schemas.tables import Provenance, write_failure
-
-    provenance = Provenance.of([arguments.joints])
-    write_failure(arguments.out, TIPS, message, provenance)
-    write_failure(arguments.out_errors, TIP_ERRORS, message, provenance)
-
-
-def main(words: list[str] | None = None) -> int:
-    """Run the stage on the words of a command line; give its exit code."""
-    return command_line.run(build_parser().parse_args(words), evaluate, record_failure)
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), evaluate)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,11 @@ change: they are turned with the world.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.rotations import Array, about_axis, multiply, rotate
-from stages.export.frames import changed
+from skeleton.rotations import Array, about_axis, multiply, rotate
 from stages.export.motion import SkeletonMotion
 
 UNITS_PER_MM = {"m": 1e-3, "cm": 0.1, "mm": 1.0}
@@ -24,6 +23,17 @@ DIRECTIONS = {
     for name, axis in zip("xyz", np.eye(3), strict=True)
 }
 """Axes of a frame by name: x, y, z, -x, -y, -z."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a file's numbers mean: its unit of length (m, cm or mm) and the axis that points up.
+
+    up : y or z, or empty where the file is in the transmitter's own frame.
+    """
+
+    unit: str
+    up: str
 
 
 def upright(transmitter_up: str, up: str) -> Array:
@@ -42,10 +52,6 @@ def upright(transmitter_up: str, up: str) -> Array:
 
 def turned(motion: SkeletonMotion, turn: Array) -> SkeletonMotion:
     """The motion in a world that is turned by the quaternion (4,): new = turn * old. Still in mm."""
-    return changed(motion, lambda block: _turned(block, turn))
-
-
-def _turned(motion: SkeletonMotion, turn: Array) -> SkeletonMotion:
     receivers = motion.receivers
     return replace(
         motion,

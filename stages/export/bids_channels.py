@@ -6,18 +6,18 @@ every digit that their table has; of joints, which are computed, nanometres and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from kinematics.rotations import Array
-from stages.capture.bids.decimals import text_of
-from stages.capture.bids.recording import FRAME_OF_REFERENCE, Column, channels_json
+from schemas.bids.channels import FRAME_OF_REFERENCE, Column, channels_json, frame_column, time_columns
+from schemas.bids.decimals import text_of
+from skeleton.rotations import Array
+from stages.export.file_facts import BONE_FRAME
 from stages.export.motion import SkeletonMotion
-from stages.export.note import BONE_FRAME
 from stages.export.tidy_csv import bone_angles_deg
 
 ANGLES = ("flexion", "abduction", "rotation")
@@ -51,18 +51,13 @@ def receiver_system(motion: SkeletonMotion, start_s: float) -> System:
 
     start_s : the recording's first time, from which LATENCY counts; NaN where it has none.
     """
-    there = motion.receivers
-    columns = list(_frame_and_time(motion, start_s))
-    position = _texts(there.position_mm, _MM_TO_M)
-    turn = _texts(there.quaternion)
-    for index, segment in enumerate(there.segments):
-        for name, text in zip(_XYZ, position[index], strict=True):
-            what = f"position of the receiver, {name}"
-            columns.append(Column(text, f"{segment}_pos_{name}", name, "POS", segment, "m", what))
-        for name, text in zip(_WXYZ, turn[index], strict=True):
-            what = f"receiver to transmitter frame, {name}"
-            columns.append(Column(text, f"{segment}_{name}", name, "ORNT", segment, "n/a", what))
-    return System(tuple(columns), there.segments, bones=False)
+    receivers = motion.receivers
+    columns = [frame_column(motion.frame), *time_columns(motion.time_s, start_s)]
+    position, turn = _texts(receivers.position_mm, _MM_TO_M), _texts(receivers.quaternion)
+    for index, segment in enumerate(receivers.segments):
+        columns += _place_columns(segment, "receiver", position[index])
+        columns += _turn_columns(segment, "receiver", turn[index])
+    return System(tuple(columns), receivers.segments, bones=False)
 
 
 def skeleton_system(motion: SkeletonMotion, start_s: float) -> System:
@@ -70,17 +65,13 @@ def skeleton_system(motion: SkeletonMotion, start_s: float) -> System:
 
     start_s : as of `receiver_system`.
     """
-    columns = list(_frame_and_time(motion, start_s))
+    columns = [frame_column(motion.frame), *time_columns(motion.time_s, start_s)]
     position = _texts((motion.position_mm / 1000).round(9))
     turn = _texts(motion.quaternion.round(9))
     for index, joint in enumerate(motion.joints):
-        for name, text in zip(_XYZ, position[index], strict=True):
-            what = f"position of the {'tip' if joint.tip else 'joint'}, {name}"
-            columns.append(Column(text, f"{joint.name}_pos_{name}", name, "POS", joint.name, "m", what))
-        for name, text in zip(_WXYZ, turn[index], strict=True):
-            if not joint.tip:
-                what = f"bone to transmitter frame, {name}"
-                columns.append(Column(text, f"{joint.name}_{name}", name, "ORNT", joint.name, "n/a", what))
+        columns += _place_columns(joint.name, "tip" if joint.tip else "joint", position[index])
+        if not joint.tip:
+            columns += _turn_columns(joint.name, "bone", turn[index])
     names, angles = bone_angles_deg(motion)
     degrees = _texts(angles.round(6))
     for index, joint_name in enumerate(names):
@@ -90,21 +81,35 @@ def skeleton_system(motion: SkeletonMotion, start_s: float) -> System:
     return System(tuple(columns), motion.names, bones=True)
 
 
+def _place_columns(point: str, kind: str, texts: Sequence[pa.Array]) -> list[Column]:
+    return [
+        Column(text, f"{point}_pos_{name}", name, "POS", point, "m", f"position of the {kind}, {name}")
+        for name, text in zip(_XYZ, texts, strict=True)
+    ]
+
+
+def _turn_columns(point: str, kind: str, texts: Sequence[pa.Array]) -> list[Column]:
+    return [
+        Column(text, f"{point}_{name}", name, "ORNT", point, "n/a", f"{kind} to transmitter frame, {name}")
+        for name, text in zip(_WXYZ, texts, strict=True)
+    ]
+
+
 def rows(system: System, rate_hz: str) -> list[list[str]]:
     """Header and rows of channels.tsv; rate_hz as text."""
-    found = []
+    table = []
     for column in system.columns:
         row = column.row | {"sampling_frequency": rate_hz}
         if column.type == "JNTANG":
             row["reference_frame"] = PARENT_BONE
-        found.append(row)
-    return [list(found[0]), *(list(row.values()) for row in found)]
+        table.append(row)
+    return [list(table[0]), *(list(row.values()) for row in table)]
 
 
 def reference_frames(system: System) -> dict[str, Any]:
     """The content of channels.json."""
-    made = channels_json()
-    levels = made["reference_frame"]["Levels"]
+    content = channels_json()
+    levels = content["reference_frame"]["Levels"]
     if system.bones:
         levels[FRAME_OF_REFERENCE]["Description"] = (
             "The transmitter's own frame, right-handed. Orientations are unit quaternions that take "
@@ -121,7 +126,7 @@ def reference_frames(system: System) -> dict[str, Any]:
             "about the floating axis, rotation about the bone's own long axis. Flexion, ulnar deviation and "
             "pronation are positive, in right and left hands. Zero is the straight digit.",
         }
-    return made
+    return content
 
 
 def _texts(values: Array, shift: int = 0) -> list[list[pa.Array]]:
@@ -132,22 +137,3 @@ def _texts(values: Array, shift: int = 0) -> list[list[pa.Array]]:
         [flat.slice((point * parts + part) * frames, frames) for part in range(parts)]
         for point in range(points)
     ]
-
-
-def _frame_and_time(motion: SkeletonMotion, start_s: float) -> Iterator[Column]:
-    """Frame number, LATENCY to a microsecond as BIDS wants it, and the device's own time in all digits."""
-    number = pa.array(motion.frame).cast(pa.string())
-    yield Column(number, "frame", "n/a", "MISC", "n/a", "n/a", "frame number of the tracker")
-    if not np.isfinite(start_s):
-        return
-    since = [f"{value:.6f}" if np.isfinite(value) else None for value in motion.time_s - start_s]
-    told = "time since the first sample"
-    yield Column(pa.array(since, pa.string()), "latency", "n/a", "LATENCY", "n/a", "s", told)
-    yield Column(text_of(motion.time_s), "time", "n/a", "MISC", "n/a", "s", "time of the tracker")
-
-
-def counts(columns: Sequence[Column]) -> dict[str, int]:
-    """Channels in all and of each type, as motion.json counts them."""
-    kinds = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL")
-    types = [column.type for column in columns]
-    return {"MotionChannelCount": len(types)} | {f"{kind}ChannelCount": types.count(kind) for kind in kinds}

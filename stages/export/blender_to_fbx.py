@@ -66,7 +66,7 @@ def play_all(scene: Any) -> None:
 
 
 if __name__ == "__main__":
-    words = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
-    if len(words) != 2:
+    argv = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    if len(argv) != 2:
         sys.exit(__doc__)
-    convert(Path(words[0]), Path(words[1]))
+    convert(Path(argv[0]), Path(argv[1]))

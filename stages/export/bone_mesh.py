@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array, rotate, unit
+from skeleton.rotations import Array, rotate, unit
 from stages.export.motion import SkeletonMotion, Whole, rest_pose
 
 _SIDES = 6
@@ -102,11 +102,11 @@ def _tapered(along_mm: Array, radius_mm: float) -> tuple[Array, Whole]:
     circle = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * up
     rings = [along_mm * share + circle * radius_mm * width for share, width in _RINGS]
     corners = np.concatenate([np.zeros((1, 3)), *rings, along_mm[None]])
-    here = np.arange(_SIDES)
-    there = (here + 1) % _SIDES
+    corner = np.arange(_SIDES)
+    next_corner = (corner + 1) % _SIDES
     last = np.full(_SIDES, len(corners) - 1)
-    near, far = 1 + here, 1 + _SIDES + here
-    near_next, far_next = 1 + there, 1 + _SIDES + there
+    near, far = 1 + corner, 1 + _SIDES + corner
+    near_next, far_next = 1 + next_corner, 1 + _SIDES + next_corner
     faces = [
         (np.zeros(_SIDES, np.int64), near_next, near),
         (near, near_next, far_next),
@@ -147,17 +147,17 @@ def _sphere() -> tuple[Array, npt.NDArray[np.int64]]:
         if near[a, b] and near[b, c] and near[a, c]
     ]
     middle: dict[tuple[int, int], int] = {}
-    made = list(points)
+    vertices = list(points)
     divided = []
 
     def between(a: int, b: int) -> int:
         key = (min(a, b), max(a, b))
         if key not in middle:
-            middle[key] = len(made)
-            made.append(unit(points[a] + points[b]))
+            middle[key] = len(vertices)
+            vertices.append(unit(points[a] + points[b]))
         return middle[key]
 
     for a, b, c in faces:
         ab, bc, ca = between(a, b), between(b, c), between(c, a)
         divided += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.stack(made), np.array(divided, np.int64)
+    return np.stack(vertices), np.array(divided, np.int64)

@@ -15,23 +15,21 @@ where it moves a joint with an End Site of no length. The root's OFFSET is zero.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from kinematics.rotations import Array, conjugate, matrix, multiply, rotate
 from schemas.errors import InputError
 from schemas.files import replacing
-from stages.export.axes import UNITS_PER_MM
-from stages.export.formats import Target
-from stages.export.frames import blocks, slices
-from stages.export.motion import SkeletonMotion, rest_pose
-from stages.export.names import ascii_name
+from skeleton.rotations import Array, conjugate, matrix, multiply
+from stages.export.axes import UNITS_PER_MM, Target
+from stages.export.euler_angles import continuous_angles
+from stages.export.motion import MOVES_MM, SkeletonMotion, local_motion, rest_pose
+from stages.export.requirements import require_whole
 from stages.export.resampling import largest_time_error_s
-
-MOVES_MM = 1e-5
-"""A joint that leaves its OFFSET by more than this gets position channels."""
+from stages.export.rig_names import ascii_name
 
 ANGLE_DECIMALS = 7
 LENGTH_DECIMALS = {"m": 8, "cm": 7, "mm": 6}
@@ -49,84 +47,59 @@ _TOLD_S = 5e-4
 def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
     """Write the motion, which has no gap, as one file; give what it does not hold.
 
-    Frames are streamed, any number of them. Raises InputError where a pose is missing, where there is no
-    frame, or no rate is known for more than one.
+    Raises InputError where a pose is missing, where there is no frame, or no rate is known for more than one.
     """
-    if not len(motion.frame) or not motion.whole.all():
-        raise InputError(
-            f"{path}: BVH holds no frame without a pose and no file without a frame; choose --gaps hold, cut "
-            "or interpolate"
-        )
+    require_whole(motion, path, "BVH")
     seconds = _frame_time_s(motion, path)
-    offset = _rest_offset_mm(motion)
-    beyond_mm = [np.abs(_local(block)[0] - offset).max((0, 2)) for block in blocks(motion)]
-    moves = np.asarray(np.max(beyond_mm, axis=0) > MOVES_MM)
-    moves[0] = True
-    root_mm = np.where(np.arange(len(offset))[:, None] > 0, offset, 0.0)
-    order = _depth_first(motion)
+    rest_mm, rest_turn = rest_pose(motion)
+    offset_mm = rest_mm.copy()
+    offset_mm[1:] -= rest_mm[motion.parents[1:]]
     scale, decimals = UNITS_PER_MM[target.unit], LENGTH_DECIMALS[target.unit]
-    order = [i for i in order if moves[i] or not motion.joints[i].tip]
-    angles = EulerAngles()
+    # in frames that stand like the world's at rest: each bone's own, turned back by its rest rotation
+    local = local_motion(replace(motion, quaternion=multiply(motion.quaternion, conjugate(rest_turn))))
+    moves = np.zeros(len(offset_mm), bool)
+    columns: list[Array] = []
+    formats: list[str] = []
+    for index in _depth_first(motion):
+        turn = local.quaternion[:, index]
+        beyond_mm = local.offset_mm[:, index] - (offset_mm[index] if index else 0.0)
+        moves[index] = not index or np.abs(beyond_mm).max() > MOVES_MM
+        if moves[index] or not motion.joints[index].tip:
+            own, own_formats = _channels(beyond_mm * scale, turn, bool(moves[index]), bool(index), decimals)
+            columns += own
+            formats += own_formats
+    pattern = " ".join(formats) + "\n"
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
-        stream.writelines(_hierarchy(motion, offset * scale, moves, decimals))
+        stream.writelines(_hierarchy(motion, offset_mm * scale, moves, decimals))
         stream.write(f"MOTION\nFrames: {len(motion.frame)}\nFrame Time: {seconds:.10f}\n")
-        for block in blocks(motion):
-            local_mm, turn = _local(block)
-            beyond = (local_mm - root_mm) * scale
-            columns, pattern = _channels(beyond, angles.zyx_deg(turn), order, moves, decimals)
-            for rows in slices(len(columns), _TEXT_FRAMES):
-                part = columns[rows]
-                stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
+        for start in range(0, len(motion.frame), _TEXT_FRAMES):
+            part = np.concatenate([column[start : start + _TEXT_FRAMES] for column in columns], 1)
+            stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
     return _dropped(motion, moves)
 
 
-def euler_zyx_deg(quaternion: Array) -> Array:
-    """Angles (T, N, 3) about z, y, x in degrees of rotations (T, N, 4), R = Rz Ry Rx, continuous over time.
+def _channels(
+    beyond: Array, turn: Array, moves: bool, has_parent: bool, decimals: int
+) -> tuple[list[Array], list[str]]:
+    """A joint's channels (T, 3), each three, and how each number is written.
 
-    Of the two triples of every rotation, z, y, x and z + 180, 180 - y, x + 180, that which is nearer to the
-    frame before; then unwrapped. The first frame has y within [-90, 90]. At 90, where z and x are not told
-    apart, x is what z leaves of the rotation.
+    beyond : (T, 3) from its OFFSET, in the file's unit; turn : (T, 4).
     """
-    return EulerAngles().zyx_deg(quaternion)
+    angles = euler_zyx_deg(turn)
+    channels, formats = [angles], [f"%.{ANGLE_DECIMALS}f"] * 3
+    if moves:
+        channels, formats = [beyond, *channels], [f"%.{decimals}f"] * 3 + formats
+    if moves and has_parent:  # its joint NAME_rest never turns
+        channels, formats = [np.zeros_like(angles), *channels], ["%.0f"] * 3 + formats
+    return channels, formats
 
 
-class EulerAngles:
-    """Gives the angles of `euler_zyx_deg` block by block; remembers how the block before ended."""
+def euler_zyx_deg(quaternion: Array) -> Array:
+    """Angles (T, ..., 3) about z, y, x in degrees of rotations (T, ..., 4), R = Rz Ry Rx.
 
-    def __init__(self) -> None:
-        self._first: Array | None = None  # the last frame's first triple (1, N, 3)
-        self._second: Array | None = None  # whether its second one was chosen (N,)
-        self._chosen: Array | None = None  # its chosen triple, before whole turns are added (1, N, 3)
-        self._turns: Array | None = None  # what was added (1, N, 3)
-
-    def zyx_deg(self, quaternion: Array) -> Array:
-        """Angles (n, N, 3) of the next rotations (n, N, 4)."""
-        angles = _first_triple(quaternion)
-        before = angles[:1] if self._first is None else self._first
-        other = angles * np.array([1.0, -1.0, 1.0]) + np.pi
-        former = np.concatenate([before, angles[:-1]])
-        swapped = _apart(other, former) < _apart(angles, former)
-        # the second triple is as far from the second before as the first from the first
-        swapped[0] = swapped[0] ^ self._second if self._second is not None else False
-        second = np.logical_xor.accumulate(swapped, axis=0)
-        chosen = np.where(second[..., None], other, angles)
-        step = np.diff(chosen, axis=0, prepend=chosen[:1] if self._chosen is None else self._chosen)
-        near = np.mod(step + np.pi, 2 * np.pi) - np.pi
-        near = np.where((near == -np.pi) & (step > 0), np.pi, near)
-        added = np.where(np.abs(step) < np.pi, 0.0, near - step)
-        if self._turns is not None:
-            added[:1] += self._turns
-        added = np.cumsum(added, axis=0)
-        whole = chosen + added
-        if self._first is None:
-            whole[0] = chosen[0]  # to the sign of a zero
-        self._first, self._second = angles[-1:], second[-1]
-        self._chosen, self._turns = chosen[-1:], added[-1:]
-        return np.asarray(np.degrees(whole))
-
-
-def _first_triple(quaternion: Array) -> Array:
-    """Angles (n, N, 3) about z, y, x in rad, y within [-90, 90] deg."""
+    Continuous over time; the first frame has y within [-90, 90]. At 90, where z and x are not apart, x is
+    what z leaves of the rotation.
+    """
     m = matrix(quaternion)
     z = np.arctan2(m[..., 1, 0], m[..., 0, 0])
     y = np.arctan2(-m[..., 2, 0], np.hypot(m[..., 0, 0], m[..., 1, 0]))
@@ -134,12 +107,7 @@ def _first_triple(quaternion: Array) -> Array:
         np.sin(z) * m[..., 0, 2] - np.cos(z) * m[..., 1, 2],
         np.cos(z) * m[..., 1, 1] - np.sin(z) * m[..., 0, 1],
     )
-    return np.stack([z, y, x], -1)
-
-
-def _apart(first: Array, second: Array) -> Array:
-    """Sum of three angles' distances (...) in rad, whole turns aside."""
-    return np.asarray(np.abs(np.mod(first - second + np.pi, 2 * np.pi) - np.pi).sum(-1))
+    return np.degrees(continuous_angles(np.stack([z, y, x], -1)))
 
 
 def _frame_time_s(motion: SkeletonMotion, path: Path) -> float:
@@ -150,39 +118,13 @@ def _frame_time_s(motion: SkeletonMotion, path: Path) -> float:
     raise InputError(f"{path}: the recording has no device time, and BVH needs a rate; say it with --rate-hz")
 
 
-def _rest_offset_mm(motion: SkeletonMotion) -> Array:
-    """Rest offsets (J, 3) mm, in frames that stand like the world's at rest."""
-    rest_mm, _ = rest_pose(motion)
-    offset = rest_mm.copy()
-    offset[1:] -= rest_mm[motion.parents[1:]]
-    return offset
-
-
-def _local(motion: SkeletonMotion) -> tuple[Array, Array]:
-    """Positions (T, J, 3) mm and rotations (T, J, 4) of each joint in its parent.
-
-    In frames that stand like the world's at rest: each bone's own, turned back by its rest rotation.
-    """
-    _, rest_turn = rest_pose(motion)
-    parents = motion.parents
-    world = multiply(motion.quaternion, conjugate(rest_turn))
-    local_mm, turn = motion.position_mm.copy(), world.copy()
-    back = conjugate(world[:, parents[1:]])
-    local_mm[:, 1:] = rotate(back, motion.position_mm[:, 1:] - motion.position_mm[:, parents[1:]])
-    turn[:, 1:] = multiply(back, world[:, 1:])
-    return local_mm, turn
-
-
 def _depth_first(motion: SkeletonMotion) -> list[int]:
     """Joints in the order in which a hierarchy names them."""
-    children = _children(motion)
-
-    def below(index: int) -> Iterator[int]:
-        yield index
-        for child in children[index]:
-            yield from below(child)
-
-    return list(below(0))
+    children, order, left = _children(motion), [], [0]
+    while left:
+        order.append(left.pop())
+        left += reversed(children[order[-1]])
+    return order
 
 
 def _children(motion: SkeletonMotion) -> list[list[int]]:
@@ -192,28 +134,11 @@ def _children(motion: SkeletonMotion) -> list[list[int]]:
     return children
 
 
-def _channels(
-    length: Array, angle_deg: Array, order: Sequence[int], moves: Array, decimals: int
-) -> tuple[Array, str]:
-    """All channels (T, C), joint by joint in that order, and the pattern of a frame's line."""
-    parts, words = [], []
-    for index in order:
-        if moves[index] and index:
-            parts.append(np.zeros_like(angle_deg[:, index]))
-            words += ["%.0f"] * 3
-        if moves[index]:
-            parts.append(length[:, index])
-            words += [f"%.{decimals}f"] * 3
-        parts.append(angle_deg[:, index])
-        words += [f"%.{ANGLE_DECIMALS}f"] * 3
-    return np.concatenate(parts, 1), " ".join(words) + "\n"
-
-
 def _hierarchy(motion: SkeletonMotion, offset: Array, moves: Array, decimals: int) -> Iterator[str]:
     children = _children(motion)
 
-    def line(depth: int, words: str) -> str:
-        return "\t" * depth + words + "\n"
+    def line(depth: int, text: str) -> str:
+        return "\t" * depth + text + "\n"
 
     def offset_of(values: Array) -> str:
         return "OFFSET " + " ".join(f"{value:.{decimals}f}" for value in values)

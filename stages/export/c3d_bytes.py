@@ -102,12 +102,12 @@ def _rotations_start(content: Content, parameter_blocks: int) -> int:
 
 def _header(content: Content, data_start: int) -> bytes:
     last = min(content.first_frame + content.frames - 1, MOST_FRAMES)
-    words = struct.pack(
+    header = struct.pack(
         "<BBHHHHHfHHf",
         *(2, _SIGN, len(content.labels), 0, content.first_frame, last, 0, -1.0, data_start, 0),
         content.rate_hz,
     )
-    return words.ljust(BLOCK, b"\0")
+    return header.ljust(BLOCK, b"\0")
 
 
 def _parameters(content: Content, data_start: int, rotations_start: int) -> bytes:
@@ -141,19 +141,19 @@ def _needed(content: Content, data_start: int, rotations_start: int) -> dict[str
         **split("LABELS", content.labels),
         **split("DESCRIPTIONS", content.descriptions),
     }
-    found: dict[str, Mapping[str, Value]] = {"POINT": point, "ANALOG": {"USED": 0, "RATE": 0.0}}
+    groups: dict[str, Mapping[str, Value]] = {"POINT": point, "ANALOG": {"USED": 0, "RATE": 0.0}}
     if many:
         field = {"ACTUAL_START_FIELD": _words(1), "ACTUAL_END_FIELD": _words(frames)}
-        found["TRIAL"] = field
+        groups["TRIAL"] = field
     if content.rotations:
-        found["ROTATION"] = {
+        groups["ROTATION"] = {
             "USED": len(content.rotations),
             "DATA_START": rotations_start,
             "RATE": float(content.rate_hz),
             "RATIO": 1,
             **split("LABELS", content.rotations),
         }
-    return found
+    return groups
 
 
 def split(name: str, texts: Sequence[str]) -> dict[str, Sequence[str]]:
@@ -169,9 +169,9 @@ def _words(number: int) -> list[int]:
 
 def _entry(name: str, group: int, value: bytes) -> bytes:
     """A group (a number below 0, no value) or one of its parameters."""
-    word = name.encode("ascii")
+    encoded = name.encode("ascii")
     following = struct.pack("<H", 2 + len(value) + 1)
-    return struct.pack("<Bb", len(word), group) + word + following + value + b"\0"
+    return struct.pack("<Bb", len(encoded), group) + encoded + following + value + b"\0"
 
 
 def _value(value: Value) -> bytes:

@@ -15,18 +15,15 @@ from textwrap import wrap
 
 import numpy as np
 
-from kinematics.rotations import Array, matrix
 from schemas import PROGRAM, VERSION
 from schemas.errors import InputError
-from stages.export.axes import UNITS_PER_MM
+from skeleton.rotations import Array, matrix
+from stages.export.axes import UNITS_PER_MM, Target
 from stages.export.c3d_bytes import MOST_FRAMES, Content, Floats, can_hold_rotations, split
 from stages.export.c3d_bytes import write as write_bytes
-from stages.export.formats import Target
-from stages.export.frames import release_motion
-from stages.export.motion import SkeletonMotion, Whole
-from stages.export.names import ascii_name
-from stages.export.note import text
-from stages.export.receivers import with_seen_receivers
+from stages.export.file_facts import facts_text
+from stages.export.motion import SkeletonMotion, Whole, with_seen_receivers
+from stages.export.rig_names import ascii_name
 
 ARM_MM = 20.0
 """From a receiver's origin to the points on its axes."""
@@ -90,17 +87,17 @@ def rotation_labels(motion: SkeletonMotion) -> tuple[str, ...]:
 
 
 def _labels(names: Sequence[str]) -> tuple[str, ...]:
-    found: list[str] = []
+    labels: list[str] = []
     taken: set[str] = set()
     for name in names:
-        word, count = ascii_name(name)[:LONGEST_LABEL], 1
-        label = word
+        plain, count = ascii_name(name)[:LONGEST_LABEL], 1
+        label = plain
         while label.upper() in taken:
             count += 1
-            label = f"{word[: LONGEST_LABEL - len(str(count)) - 1]}-{count}"
+            label = f"{plain[: LONGEST_LABEL - len(str(count)) - 1]}-{count}"
         taken.add(label.upper())
-        found.append(label)
-    return tuple(found)
+        labels.append(label)
+    return tuple(labels)
 
 
 def _receiver_points(motion: SkeletonMotion) -> Iterator[tuple[str, str]]:
@@ -112,18 +109,18 @@ def _receiver_points(motion: SkeletonMotion) -> Iterator[tuple[str, str]]:
 
 
 def _descriptions(motion: SkeletonMotion) -> list[str]:
-    said = [
+    descriptions = [
         f"joint {joint.name}"
         + (f", after {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
         for joint in motion.joints
     ]
-    said += [what for _, what in _receiver_points(motion)]
-    return [_escaped(words)[:LONGEST_LABEL] for words in said]
+    descriptions += [what for _, what in _receiver_points(motion)]
+    return [_escaped(text)[:LONGEST_LABEL] for text in descriptions]
 
 
-def _escaped(words: str) -> str:
+def _escaped(text: str) -> str:
     r"""ASCII; any other character as Python and JSON write it, \uXXXX."""
-    return words.encode("ascii", "backslashreplace").decode("ascii")
+    return text.encode("ascii", "backslashreplace").decode("ascii")
 
 
 def _timing(motion: SkeletonMotion, path: Path) -> _Timing:
@@ -202,7 +199,7 @@ def _origin(
     """Which program wrote the file, and the note on whose motion it is, in lines."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
-        *_escaped(text(motion, target, dropped)).splitlines(),
+        *_escaped(facts_text(motion, target, dropped)).splitlines(),
         f"points: joints; of every receiver its origin and what is {ARM_MM:g} mm along its x, y and z",
         "rotations: bones by the joint they start at, in the bone frame above; receivers",
         f"first frame: the tracker's {motion.frame[0]}, device time {start}",
@@ -221,7 +218,6 @@ def _blocks(
     for start in range(0, len(row), _BLOCK_FRAMES):
         rows = slice(start, start + _BLOCK_FRAMES)
         known, first = numbers(motion.take(rows)), row[start]
-        release_motion(motion)
         stop = row[start + _BLOCK_FRAMES] if start + _BLOCK_FRAMES < len(row) else row[-1] + 1
         part = np.broadcast_to(blank, (stop - first, *known.shape[1:])).astype(np.float32)
         part[row[rows] - first] = known

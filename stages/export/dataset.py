@@ -4,32 +4,36 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stages import command_line
-from stages.export.__main__ import add_motion_options, settings_of, write_format
+from stages.export.export_options import add_motion_options, settings_of
+from stages.export.registry import write_format
 
 if TYPE_CHECKING:
-    from schemas.results import Results
-    from schemas.study import Study
+    from schemas.plan import SubjectPlan
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Give the argument parser."""
-    made = command_line.parser(
+    parser = command_line.parser(
         "stages.export.dataset",
         "Write every evaluated recording of a study into one Motion-BIDS dataset: receivers and skeletons.",
-        "python -m stages.export.dataset --study config/demo.yaml --results results/demo --models whole-hand "
-        "--out exports/bids",
+        "python -m stages.export.dataset --plans results/demo/sub-*/plan.json --model whole-hand "
+        "--participants data/demo/participants.tsv --out exports/bids",
     )
-    made.add_argument("--study", type=Path, required=True, help="the study file")
-    made.add_argument("--results", type=Path, help="its results (default: results/ and the study's name)")
-    made.add_argument("--models", required=True, help="skeleton models of the study, joined by commas")
-    made.add_argument("--out", type=Path, required=True, help="the folder of the dataset, new or made before")
-    made.add_argument("--licence", default="", help="words on the terms of use, to go into the dataset")
-    add_motion_options(made)
-    return made
+    parser.add_argument("--plans", type=Path, nargs="+", required=True, help="the subjects' plans")
+    parser.add_argument(
+        "--model", "--models", default="", help="skeleton models, joined by commas (default: all)"
+    )
+    parser.add_argument("--participants", type=Path, help="the study's sheet of participants, if it has one")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="the folder of the dataset, new or made before"
+    )
+    add_motion_options(parser)
+    return parser
 
 
 def export(arguments: argparse.Namespace) -> None:
@@ -40,54 +44,64 @@ def export(arguments: argparse.Namespace) -> None:
     """
     from schemas.errors import InputError
     from schemas.files import write_text
-    from schemas.results import Results
-    from schemas.study import read_participants, read_study
-    from stages.export.motion_bids import DESCRIPTION, write_dataset_files
+    from schemas.plan import read_plan
+    from stages.export.motion_bids import write_dataset_files
+    from stages.export.plan_selection import chosen_models
 
-    study = read_study(arguments.study)
-    results = Results(arguments.results) if arguments.results else Results.of(study.name)
-    participants = {
-        row["subject"]: {name: value for name, value in row.values.items() if name != "subject"}
-        for row in read_participants(study.sheets.get("participants"))
-        if row["subject"] in study.subjects
-    }
-    write_dataset_files(arguments.out, study.name, participants, arguments.licence)
-    failures = _write_recordings(study, results, arguments, arguments.out / DESCRIPTION)
+    plans = [read_plan(path) for path in arguments.plans]
+    models = [
+        chosen_models(plan, path, arguments.model) for plan, path in zip(plans, arguments.plans, strict=True)
+    ]
+    participants = _participants(arguments.participants, plans)
+    write_dataset_files(arguments.out, plans[0].study, participants, arguments.licence)
+    failures = [
+        failure
+        for plan, own in zip(plans, models, strict=True)
+        for failure in _write_recordings(plan, own, arguments)
+    ]
     if failures and not arguments.record_failure:
         raise InputError("; ".join(failures))
     if arguments.record_failure:
         for message in failures:
             print(f"error: {message}", file=sys.stderr)
-        write_text(
-            arguments.out.with_name(f"{arguments.out.name}.failed.txt"),
-            "".join(f"{message}\n" for message in failures),
-        )
+        write_text(_failures_file(arguments.out), "".join(f"{message}\n" for message in failures))
     print(arguments.out)
 
 
-def _write_recordings(study: Study, results: Results, arguments: argparse.Namespace, path: Path) -> list[str]:
-    """Add every recording under every model; give a sentence for each that is not to be had."""
-    from schemas.errors import InputError
-    from schemas.layout import read_layout
-    from schemas.model import read_model
-    from stages.export.reading import read_motion
+def _participants(path: Path | None, plans: Sequence[SubjectPlan]) -> Mapping[str, Mapping[str, Any]]:
+    """Columns of the participants sheet, by subject of the plans."""
+    from schemas.study import read_participants
 
-    failures, settings = [], settings_of(arguments)
-    for model in arguments.models.split(","):
-        if model not in study.models:
-            raise InputError(
-                f"--models: {arguments.study} has no model {model!r}; it has {', '.join(study.models)}"
-            )
-        made = read_model(study.models[model].absolute())
-        for recording in study.shown:
-            layout = read_layout(recording.layout.absolute())
+    subjects = {plan.subject for plan in plans}
+    return {
+        row["subject"]: {name: value for name, value in row.values.items() if name != "subject"}
+        for row in read_participants(path)
+        if row["subject"] in subjects
+    }
+
+
+def _write_recordings(
+    plan: SubjectPlan, models: Sequence[str], arguments: argparse.Namespace
+) -> Iterator[str]:
+    """Add every recording under every model; give a sentence for each that could not be written."""
+    from schemas.bids.dataset_files import DESCRIPTION
+    from schemas.errors import InputError
+    from stages.export.recorded_motion import read_motion
+
+    settings = settings_of(arguments)
+    for model in models:
+        for recording in (recording for hand in plan.hands for recording in plan.evaluated(hand)):
+            which = f"{model}, {recording.hand.folder}/{recording.name}"
             try:
-                motion = read_motion(results, recording, layout, made, arguments.licence)
-                for sentence in write_format(motion, settings, "bids", path):
-                    print(f"{model}, {recording.hand.folder}/{recording.name}: {sentence}", file=sys.stderr)
+                motion = read_motion(plan, recording, model, arguments.licence)
+                for remark in write_format([motion], settings, "bids", arguments.out / DESCRIPTION):
+                    print(f"{which}: {remark}", file=sys.stderr)
             except InputError as error:
-                failures.append(f"{model}, {recording.hand.folder}/{recording.name}: {error}")
-    return failures
+                yield f"{which}: {error}"
+
+
+def _failures_file(dataset: Path) -> Path:
+    return dataset.with_name(f"{dataset.name}.failed.txt")
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
@@ -95,8 +109,13 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     from schemas.files import write_text
 
     arguments.out.mkdir(parents=True, exist_ok=True)
-    write_text(arguments.out.with_name(f"{arguments.out.name}.failed.txt"), f"{message}\n")
+    write_text(_failures_file(arguments.out), f"{message}\n")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), export, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(command_line.run(build_parser().parse_args(), export, record_failure))
+    sys.exit(main())

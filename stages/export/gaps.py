@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.rotations import Array, conjugate, multiply, rotate
 from schemas.errors import InputError
+from skeleton.rotations import Array, conjugate, multiply, rotate
 from stages.export.interpolation import blended, bracketed, slerped
 from stages.export.motion import Bools, SkeletonMotion, Whole, continuous
 
@@ -49,12 +49,12 @@ def closed(motion: SkeletonMotion, policy: str, max_gap_s: float) -> SkeletonMot
     """
     gaps = find_gaps(motion)
     if not len(motion.frame):
-        raise InputError(f"{_who(motion)}: no frame to export; widen --frames or look at the recording")
+        raise InputError(f"{motion.origin}: no frame to export; widen --frames or look at the recording")
     if not gaps:
         return motion
     if policy == "refuse":
         raise InputError(
-            f"{_who(motion)}: {gaps[0]}, the first of {len(gaps)} gaps, which this format cannot hold; "
+            f"{motion.origin}: {gaps[0]}, the first of {len(gaps)} gaps, which this format cannot hold; "
             "choose --gaps hold, cut or interpolate, or a --frames range without one"
         )
     if policy == "cut":
@@ -69,16 +69,16 @@ def find_gaps(motion: SkeletonMotion) -> list[Gap]:
     """All gaps, in the order of their frames."""
     whole, time_s = motion.whole, motion.time_s
     edges = np.flatnonzero(np.diff(np.concatenate([[True], whole, [True]]).astype(int)))
-    found = []
+    gaps = []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         joint = motion.names[int(np.argmin(motion.take(slice(start, start + 1)).known[0]))]
         before, after = max(start - 1, 0), min(stop, len(whole) - 1)
         length = float(time_s[after] - time_s[before])
-        found.append(Gap(int(motion.frame[start]), int(motion.frame[stop - 1]), joint, length))
+        gaps.append(Gap(int(motion.frame[start]), int(motion.frame[stop - 1]), joint, length))
     for row in np.flatnonzero(_lost(motion)):
         first, last = int(motion.frame[row]) + 1, int(motion.frame[row + 1]) - 1
-        found.append(Gap(first, last, "", float(time_s[row + 1] - time_s[row])))
-    return sorted(found, key=lambda gap: gap.first)
+        gaps.append(Gap(first, last, "", float(time_s[row + 1] - time_s[row])))
+    return sorted(gaps, key=lambda gap: gap.first)
 
 
 def _lost(motion: SkeletonMotion) -> Whole:
@@ -96,11 +96,11 @@ def with_lost_frames(motion: SkeletonMotion) -> SkeletonMotion:
     if not lost.any():
         return motion
     place = np.concatenate([[0], np.cumsum(1 + lost)])
-    there = np.zeros(place[-1] + 1, bool)
-    there[place] = True
-    wide = motion.take(np.cumsum(there) - 1)
-    rows = np.arange(len(there))
-    blank = ~there
+    recorded = np.zeros(place[-1] + 1, bool)
+    recorded[place] = True
+    wide = motion.take(np.cumsum(recorded) - 1)
+    rows = np.arange(len(recorded))
+    blank = ~recorded
     for array in (wide.position_mm, wide.quaternion, wide.receivers.position_mm, wide.receivers.quaternion):
         array[blank] = np.nan
     wide.receivers.valid[blank] = False
@@ -118,9 +118,9 @@ def _cut(motion: SkeletonMotion) -> SkeletonMotion:
     starts = np.flatnonzero(whole & ~joined)
     if not len(starts):
         raise InputError(
-            f"{_who(motion)}: no frame in which every joint has a pose, so --gaps cut leaves nothing"
+            f"{motion.origin}: no frame in which every joint has a pose, so --gaps cut leaves nothing"
         )
-    ends = np.array([_end(joined, int(start)) for start in starts])
+    ends = np.flatnonzero(whole & ~np.append(joined[1:], False)) + 1
     best = int(np.argmax(ends - starts))
     kept = np.zeros(len(whole), bool)
     kept[starts[best] : ends[best]] = True
@@ -131,12 +131,6 @@ def _cut(motion: SkeletonMotion) -> SkeletonMotion:
         f"gaps cut: frames {out.frame[0]} to {out.frame[-1]} stay, the longest stretch without a gap "
         f"({len(out.frame)} of {len(whole)}); cut away: {listed or 'none'}"
     )
-
-
-def _end(joined: Bools, start: int) -> int:
-    """Row after the last of the stretch that starts there."""
-    breaks = np.flatnonzero(~joined[start + 1 :])
-    return int(start + 1 + breaks[0]) if len(breaks) else len(joined)
 
 
 def _runs(frame: Whole, chosen: Bools) -> list[str]:
@@ -150,7 +144,7 @@ def _refuse_absent(motion: SkeletonMotion) -> None:
     if never.any():
         name = motion.names[int(np.argmax(never))]
         raise InputError(
-            f"{_who(motion)}: joint {name} has no pose in any of these frames, so there is nothing "
+            f"{motion.origin}: joint {name} has no pose in any of these frames, so there is nothing "
             "to fill from; widen --frames"
         )
 
@@ -160,13 +154,13 @@ def _refuse_wide(motion: SkeletonMotion, gaps: list[Gap], max_gap_s: float) -> N
     if not (whole[0] and whole[-1]):
         gap = gaps[0] if not whole[0] else gaps[-1]
         raise InputError(
-            f"{_who(motion)}: {gap}, open to one end of the recording, where nothing can be interpolated; "
+            f"{motion.origin}: {gap}, open to one end of the recording, where nothing can be interpolated; "
             "use --frames to leave it out, or --gaps cut or hold"
         )
     for gap in gaps:
         if not gap.length_s <= max_gap_s:
             raise InputError(
-                f"{_who(motion)}: {gap}, longer than --max-gap-s {max_gap_s:g}; raise it, or use --gaps cut "
+                f"{motion.origin}: {gap}, longer than --max-gap-s {max_gap_s:g}; raise it, or use --gaps cut "
                 "or hold"
             )
 
@@ -179,24 +173,24 @@ def _filled(motion: SkeletonMotion, gaps: list[Gap], policy: str) -> SkeletonMot
         blank = ~known[:, index]
         if not blank.any():
             continue
-        here, there = position[:, index], turn[:, index]
+        places, turns = position[:, index], turn[:, index]
         if joint.parent >= 0:
             above = turn[:, joint.parent]
-            here = rotate(conjugate(above), here - position[:, joint.parent])
-            there = multiply(conjugate(above), there)
-        here, there = _filled_series(motion.time_s, here, there, known[:, index], policy)
+            places = rotate(conjugate(above), places - position[:, joint.parent])
+            turns = multiply(conjugate(above), turns)
+        places, turns = _filled_series(motion.time_s, places, turns, known[:, index], policy)
         if joint.parent >= 0:
-            here, there = position[:, joint.parent] + rotate(above, here), multiply(above, there)
-        position[blank, index], turn[blank, index] = here[blank], there[blank]
+            places, turns = position[:, joint.parent] + rotate(above, places), multiply(above, turns)
+        position[blank, index], turn[blank, index] = places[blank], turns[blank]
     frames = int((~motion.whole).sum())
     longest = max(gap.length_s for gap in gaps)
     how = {
         "hold": "by the pose before, held in the frame of the bone before",
         "interpolate": "between the poses before and after, in the frame of the bone before",
     }[policy]
-    told = f", the longest {longest:.3f} s" if np.isfinite(longest) else ""
+    length = f", the longest {longest:.3f} s" if np.isfinite(longest) else ""
     return replace(motion, position_mm=position, quaternion=continuous(turn)).noting(
-        f"{len(gaps)} gaps ({frames} frames{told}) filled {how}"
+        f"{len(gaps)} gaps ({frames} frames{length}) filled {how}"
     )
 
 
@@ -213,9 +207,3 @@ def _filled_series(
         blended(position[rows[before]], position[rows[after]], share),
         slerped(turn[rows[before]], turn[rows[after]], share),
     )
-
-
-def _who(motion: SkeletonMotion) -> str:
-    origin = motion.origin
-    words = (f"subject {origin.subject}", f"{origin.hand} hand", origin.task, origin.trial, origin.model)
-    return ", ".join(word for word in words if word)

@@ -20,19 +20,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array, conjugate, matrix, multiply, rotate, unit
 from schemas import PROGRAM, VERSION
 from schemas.errors import InputError
-from stages.capture.spool import Spool
-from stages.export.axes import UNITS_PER_MM
+from skeleton.rotations import Array, conjugate, matrix, rotate, unit
+from stages.export.axes import UNITS_PER_MM, Target
 from stages.export.bone_mesh import bone_mesh
-from stages.export.formats import Target
-from stages.export.frames import blocks
+from stages.export.file_facts import facts
 from stages.export.glb_document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from stages.export.motion import Signs, SkeletonMotion, rest_pose
-from stages.export.names import RIGS
-from stages.export.note import facts
-from stages.export.rigging import on_rig
+from stages.export.motion import SkeletonMotion, local_motion, rest_pose
+from stages.export.requirements import require_times, require_whole
+from stages.export.rigging import with_webxr_names
 
 MOVES_MM = 1e-6
 """A joint that leaves its place at rest in its parent by more than this has positions in the animation."""
@@ -70,7 +67,8 @@ def write_scene(
     other, even where they overlap. Raises InputError as `write`, and where times of one clock do not overlap.
     """
     for motion in motions:
-        _refuse(motion, path)
+        require_whole(motion, path, "GLB")
+        require_times(motion, (motion.time_s - motion.time_s[0]).astype(np.float32), path, "GLB")
     hands = [
         _hand(motion, start) for motion, start in zip(motions, _starts(motions, path, one_clock), strict=True)
     ]
@@ -79,31 +77,16 @@ def write_scene(
     asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": notes}}
     document = Document(asset | ({"copyright": licence} if licence else {}))
     document.json |= {"scene": 0, "scenes": [{"nodes": []}]}
-    with Spool(path.parent) as spool:
-        animations = [_add_hand(document, hand, spool) for hand in hands]
-        for animation in _joined(animations) if one_clock else animations:
-            document.add("animations", animation)
-        document.write(path)
-    return _told(len(hands), one_clock)
-
-
-def _refuse(motion: SkeletonMotion, path: Path) -> None:
-    if not len(motion.frame) or not motion.whole.all():
-        raise InputError(
-            f"{path}: GLB holds no frame without a pose and no file without a frame; choose --gaps hold, cut "
-            "or interpolate"
-        )
-    time_s = motion.time_s
-    if len(time_s) > 1 and not np.isfinite(time_s).any():
-        raise InputError(
-            f"{path}: the recording has no device time, and GLB needs it; say a rate with --rate-hz"
-        )
-    still = np.flatnonzero(~(np.diff((time_s - time_s[0]).astype(np.float32)) > 0))
-    if len(still):
-        raise InputError(
-            f"{path}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in GLB "
-            "it must; choose --frames that leave this out"
-        )
+    animations = [_add_hand(document, hand) for hand in hands]
+    for animation in _joined(animations) if one_clock else animations:
+        document.add("animations", animation)
+    document.write(path)
+    if len(hands) < 2 or one_clock:
+        return ()
+    return (
+        f"{len(hands)} animations, each from 0 s on its own, as of recordings that were made one after the "
+        "other; a program that plays one of them moves one hand",
+    )
 
 
 def _starts(motions: Sequence[SkeletonMotion], path: Path, one_clock: bool) -> list[float]:
@@ -122,14 +105,15 @@ def _starts(motions: Sequence[SkeletonMotion], path: Path, one_clock: bool) -> l
 
 def _hand(motion: SkeletonMotion, start_s: float) -> _Hand:
     """The motion as it is written; a hand that has the layout's names gets those of WebXR."""
-    side = motion.origin.hand
-    if set(motion.names[1:]) <= set(RIGS["webxr"].names(side)):
-        motion = on_rig(motion, "webxr")
-    what = "hand" if np.isfinite(motion.neutral).any() else motion.origin.layout
-    return _Hand(motion, f"{side}-{what}", np.nan_to_num(motion.time_s - start_s).astype(np.float32))
+    motion = with_webxr_names(motion)
+    return _Hand(
+        motion,
+        f"{motion.origin.hand}-{motion.kind}",
+        np.nan_to_num(motion.time_s - start_s).astype(np.float32),
+    )
 
 
-def _add_hand(document: Document, hand: _Hand, spool: Spool) -> dict[str, Any]:
+def _add_hand(document: Document, hand: _Hand) -> dict[str, Any]:
     """Put nodes, skin and body of a hand into the document; give the animation that moves it."""
     motion = hand.motion
     root = document.add("nodes", {"name": hand.name})
@@ -146,7 +130,7 @@ def _add_hand(document: Document, hand: _Hand, spool: Spool) -> dict[str, Any]:
     mesh = document.add("meshes", body | {"primitives": _primitives(document, motion)})
     # beside the hand, not below it: what is above a skinned mesh does not move it, and is refused by some
     document.json["scenes"][0]["nodes"] += [root, document.add("nodes", body | {"mesh": mesh, "skin": skin})]
-    return _animation(document, hand, first, spool)
+    return _animation(document, hand, first)
 
 
 def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
@@ -209,8 +193,8 @@ def _primitives(document: Document, motion: SkeletonMotion) -> list[dict[str, An
 
 def _material(document: Document, name: str) -> int:
     """Index of the material of that name, which all hands of a scene share."""
-    made: list[dict[str, Any]] = document.json.setdefault("materials", [])
-    for index, material in enumerate(made):
+    materials: list[dict[str, Any]] = document.json.setdefault("materials", [])
+    for index, material in enumerate(materials):
         if material["name"] == name:
             return index
     colour, roughness = _MATERIALS[name]
@@ -218,61 +202,33 @@ def _material(document: Document, name: str) -> int:
     return document.add("materials", {"name": name, "pbrMetallicRoughness": factors})
 
 
-def _animation(document: Document, hand: _Hand, first: int, spool: Spool) -> dict[str, Any]:
+def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
     motion = hand.motion
     times = document.array(hand.time_s, bounds=True)
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
-    def add(index: int, path: str, width: int) -> None:
+    def add(index: int, path: str, keys: Array) -> None:
         channels.append({"sampler": len(samplers), "target": {"node": first + index, "path": path}})
-        parts = (part for (part,) in spool.take((first, index, path)))
-        output = document.array_in_parts(parts, len(motion.frame), width)
+        output = document.array(keys.astype(np.float32))
         samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
 
-    beyond_mm = _keep_keys(motion, first, spool)
+    local = local_motion(motion)
     for index in range(len(motion.joints)):
-        if index == 0 or beyond_mm[index] > MOVES_MM:
-            add(index, "translation", 3)
-        add(index, "rotation", 4)
-    words = (hand.name, motion.origin.task, motion.origin.trial)
+        place_mm, turn = local.offset_mm[:, index], unit(local.quaternion[:, index])
+        if index == 0 or np.abs(place_mm - motion.rest_offset_mm[index]).max() > MOVES_MM:
+            add(index, "translation", place_mm * _SCALE)
+        add(index, "rotation", np.roll(turn, -1, axis=-1))
+    parts = (hand.name, motion.origin.task, motion.origin.trial)
     start: dict[str, Any] = {"first_frame": int(motion.frame[0])}
     if np.isfinite(motion.time_s[0]):
         start["first_device_time_s"] = float(motion.time_s[0])
     return {
-        "name": " ".join(word for word in words if word),
+        "name": " ".join(part for part in parts if part),
         "samplers": samplers,
         "channels": channels,
         "extras": start,
     }
-
-
-def _keep_keys(motion: SkeletonMotion, first: int, spool: Spool) -> Array:
-    """Put every joint's keys into the spool; give how far each is at most from its place at rest (J,), mm."""
-    beyond_mm = np.zeros(len(motion.joints))
-    signs = [Signs() for _ in motion.joints]
-    for block in blocks(motion):
-        for index in range(len(motion.joints)):
-            place_mm, turn = _in_parent(block, index, signs[index])
-            beyond = np.abs(place_mm - motion.rest_offset_mm[index]).max()
-            beyond_mm[index] = max(beyond_mm[index], beyond)
-            spool.add((first, index, "translation"), ((place_mm * _SCALE).astype(np.float32),))
-            spool.add((first, index, "rotation"), (np.roll(turn, -1, axis=-1).astype(np.float32),))
-    return beyond_mm
-
-
-def _in_parent(motion: SkeletonMotion, index: int, signs: Signs) -> tuple[Array, Array]:
-    """Positions (T, 3) mm and unit rotations (T, 4) of a joint in its parent's frame, a root in the world.
-
-    As `stages.export.motion.local_motion`, a joint at a time; signs : of its rotations before.
-    """
-    place_mm, turn = motion.position_mm[:, index], motion.quaternion[:, index]
-    above = motion.joints[index].parent
-    if above >= 0:
-        back = conjugate(motion.quaternion[:, above])
-        place_mm = rotate(back, place_mm - motion.position_mm[:, above])
-        turn = multiply(back, turn)
-    return place_mm, signs.continuous(unit(turn)[:, None])[:, 0]
 
 
 def _joined(animations: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -286,12 +242,3 @@ def _joined(animations: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     name = ", ".join(animation["name"] for animation in animations)
     extras = {animation["name"]: animation["extras"] for animation in animations}
     return [{"name": name, "samplers": samplers, "channels": channels, "extras": extras}]
-
-
-def _told(hands: int, one_clock: bool) -> tuple[str, ...]:
-    if hands < 2 or one_clock:
-        return ()
-    return (
-        f"{hands} animations, each from 0 s on its own, as of recordings that were made one after the other; "
-        "a program that plays one of them moves one hand",
-    )

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import struct
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +25,7 @@ class Document:
 
     def __init__(self, asset: dict[str, Any]) -> None:
         self.json: dict[str, Any] = {"asset": {"version": "2.0", **asset}}
-        self._pieces: list[Iterable[npt.NDArray[Any]]] = []
+        self._pieces: list[npt.NDArray[Any]] = []
         self._length = 0
 
     def add(self, kind: str, value: dict[str, Any]) -> int:
@@ -58,22 +56,8 @@ class Document:
             low, high = data.min(0), data.max(0)
             accessor |= {"min": np.atleast_1d(low).tolist(), "max": np.atleast_1d(high).tolist()}
         padding = np.zeros(-data.nbytes % 4, np.uint8)
-        self._pieces.append((data, padding))
+        self._pieces += [data, padding]
         self._length += data.nbytes + len(padding)
-        return self.add("accessors", accessor)
-
-    def array_in_parts(self, parts: Iterable[npt.NDArray[np.float32]], count: int, width: int) -> int:
-        """Index of a new accessor of (count, width) numbers that come in parts, when the file is written."""
-        size = 4 * count * width
-        view = {"buffer": 0, "byteOffset": self._length, "byteLength": size}
-        self._pieces.append(parts)
-        self._length += size
-        accessor = {
-            "bufferView": self.add("bufferViews", view),
-            "componentType": _COMPONENTS["float32"],
-            "count": count,
-            "type": f"VEC{width}",
-        }
         return self.add("accessors", accessor)
 
     def write(self, path: Path) -> None:
@@ -91,5 +75,5 @@ class Document:
             stream.write(struct.pack("<4sII", b"glTF", 2, whole))
             stream.write(struct.pack("<I4s", len(text), b"JSON") + text)
             stream.write(struct.pack("<I4s", self._length, b"BIN\0"))
-            for piece in itertools.chain.from_iterable(self._pieces):
+            for piece in self._pieces:
                 stream.write(piece.astype(piece.dtype.newbyteorder("<"), copy=False).data)

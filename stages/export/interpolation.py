@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinematics.rotations import Array
+from skeleton.rotations import Array
 from stages.export.motion import Bools, Whole
 
 

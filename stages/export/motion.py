@@ -21,14 +21,14 @@ is a joint's own small translation. `position_mm` holds it, so that every joint 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array, conjugate, from_matrix, multiply, rotate
-from stages.export.frames import release, slices
+from skeleton.posing import SkeletonJoint, rigid_positions
+from skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
 
 Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
@@ -39,23 +39,11 @@ BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 
 DISTAL = np.array([0.0, 0.0, -1.0])
 """Along a bone, in its own frame."""
 
+MOVES_MM = 1e-5
+"""A joint that leaves its rest offset by more than this moves against the bone before."""
 
-@dataclass(frozen=True)
-class Joint:
-    """A joint, and the bone that starts there.
-
-    name : as the layout calls the joint, `<digit>_tip` a tip; renamed for a rig by `stages.export.names`.
-    parent : index of the joint before it, -1 for the root. segment : the bone; a tip's is that which it
-    ends. digit : empty for the root. tip : whether it is the end of a digit. dof : degrees of freedom that
-    the model gave it, 0 where none are known.
-    """
-
-    name: str
-    parent: int
-    segment: str
-    digit: str = ""
-    tip: bool = False
-    dof: int = 0
+BLOCK_FRAMES = 4096
+"""Frames that a file of text is written of at a time."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +77,10 @@ class Origin:
     inputs: Mapping[str, str] = field(default_factory=dict)
     licence: str = ""
 
+    def __str__(self) -> str:
+        parts = (f"subject {self.subject}", f"{self.hand} hand", self.task, self.trial, self.model)
+        return ", ".join(part for part in parts if part)
+
 
 @dataclass(frozen=True)
 class SkeletonMotion:
@@ -108,7 +100,7 @@ class SkeletonMotion:
     notes : sentences, in order, on what is left out and what was done to the motion since it was read.
     """
 
-    joints: tuple[Joint, ...]
+    joints: tuple[SkeletonJoint, ...]
     rest_offset_mm: Array
     rest_rotation: Array
     neutral: Array
@@ -133,6 +125,11 @@ class SkeletonMotion:
         return np.array([joint.parent for joint in self.joints], np.int64)
 
     @property
+    def kind(self) -> str:
+        """What it is called in a scene: hand, or the layout's name where no anatomy is known."""
+        return "hand" if np.isfinite(self.neutral).any() else self.origin.layout
+
+    @property
     def known(self) -> Bools:
         """Which joints have a whole pose in which frames, (T, J)."""
         return np.asarray(np.isfinite(self.position_mm).all(-1) & np.isfinite(self.quaternion).all(-1))
@@ -140,12 +137,7 @@ class SkeletonMotion:
     @property
     def whole(self) -> Bools:
         """Frames (T,) in which every joint has a pose."""
-        found = np.ones(len(self.frame), bool)
-        for rows in slices(len(found)):
-            position, turn = self.position_mm[rows], self.quaternion[rows]
-            found[rows] = np.isfinite(position).all((1, 2)) & np.isfinite(turn).all((1, 2))
-            release(position, turn)
-        return found
+        return np.asarray(self.known.all(1))
 
     def index(self, name: str) -> int:
         """Place of the joint of that name; ValueError where there is none."""
@@ -168,6 +160,11 @@ class SkeletonMotion:
             receivers=receivers,
         )
 
+    def blocks(self, size: int = BLOCK_FRAMES) -> Iterator[SkeletonMotion]:
+        """The motion so many frames at a time, in order; none where there is no frame."""
+        for start in range(0, len(self.frame), size):
+            yield self.take(slice(start, start + size))
+
     def noting(self, *sentences: str) -> SkeletonMotion:
         """The same with more notes."""
         return replace(self, notes=(*self.notes, *sentences))
@@ -182,6 +179,23 @@ class LocalMotion:
 
     offset_mm: Array
     quaternion: Array
+
+
+def with_seen_receivers(motion: SkeletonMotion) -> tuple[SkeletonMotion, tuple[str, ...]]:
+    """The motion without receivers that have no pose in any frame, and a sentence where there are some.
+
+    A layout may name receivers that a recording was made without, a forearm's for one.
+    """
+    own = motion.receivers
+    seen = np.asarray(own.valid.any(0))
+    if seen.all():
+        return motion, ()
+    segments = np.array(own.segments, object)
+    receivers = Receivers(
+        tuple(segments[seen]), own.position_mm[:, seen], own.quaternion[:, seen], own.valid[:, seen]
+    )
+    absent = ", ".join(segments[~seen])
+    return replace(motion, receivers=receivers), (f"receivers that have no pose in any frame: {absent}",)
 
 
 def local_motion(motion: SkeletonMotion) -> LocalMotion:
@@ -207,16 +221,6 @@ def rest_pose(motion: SkeletonMotion) -> tuple[Array, Array]:
     return position, turn
 
 
-def translation_mm(motion: SkeletonMotion) -> Array:
-    """Largest translation (J,) of each joint beyond its rest offset over the frames; 0 without frames.
-
-    The root's is 0: it is free to move.
-    """
-    beyond = np.linalg.norm(local_motion(motion).offset_mm - motion.rest_offset_mm, axis=-1)
-    beyond[:, 0] = 0.0
-    return np.asarray(np.nanmax(np.vstack([beyond, np.zeros(beyond.shape[1])]), axis=0))
-
-
 def stiffened(motion: SkeletonMotion) -> SkeletonMotion:
     """The motion with rotations only: every joint at its rest offset from its parent, the root where it is.
 
@@ -224,53 +228,34 @@ def stiffened(motion: SkeletonMotion) -> SkeletonMotion:
     most. Of a skeleton that is no fitted hand this is the replay with the least-squares binding, and its tips
     are those of the tips table.
     """
-    position = motion.position_mm.copy()
-    for index, joint in enumerate(motion.joints[1:], 1):
-        above = motion.quaternion[:, joint.parent]
-        position[:, index] = position[:, joint.parent] + rotate(above, motion.rest_offset_mm[index])
+    position = rigid_positions(
+        motion.parents.tolist(), motion.position_mm, motion.quaternion, motion.rest_offset_mm
+    )
     moved = np.linalg.norm(position - motion.position_mm, axis=-1)
     seen = np.isfinite(moved)
-    words = "bones kept at their length"
+    note = "bones kept at their length"
     if seen.any():
         worst = int(np.argmax(np.where(seen, moved, -1.0).max(0)))
-        words += (
+        note += (
             f", which moves joints by up to {np.nanmax(moved):.3f} mm ({motion.names[worst]}), "
             f"rms {np.sqrt(np.mean(moved[seen] ** 2)):.3f} mm"
         )
-    return replace(motion, position_mm=position).noting(words)
+    return replace(motion, position_mm=position).noting(note)
 
 
 def continuous(quaternion: Array) -> Array:
     """Quaternions (T, N, 4) with signs such that no two known neighbours in time are more than 90 deg apart
     as 4-vectors; the first known of each has w >= 0. NaN stays.
     """
-    return Signs().continuous(quaternion)
-
-
-class Signs:
-    """Makes quaternions `continuous` block by block; remembers how the block before ended."""
-
-    def __init__(self) -> None:
-        self._last: dict[int, tuple[Array, float]] = {}
-
-    def continuous(self, quaternion: Array) -> Array:
-        """The next (n, N, 4) of all frames."""
-        out = quaternion.copy()
-        for index in range(out.shape[1]):
-            known = np.flatnonzero(np.isfinite(out[:, index]).all(-1))
-            if not len(known):
-                continue
-            series = out[known, index]
-            if index in self._last:
-                last, start = self._last[index]
-                start *= -1.0 if np.sum(series[0] * last) < 0 else 1.0
-            else:
-                start = -1.0 if series[0, 0] < 0 else 1.0
+    out = quaternion.copy()
+    for index in range(quaternion.shape[1]):
+        known = np.flatnonzero(np.isfinite(quaternion[:, index]).all(-1))
+        if len(known):
+            series = quaternion[known, index]
+            start = -1.0 if series[0, 0] < 0 else 1.0
             turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
-            signs = np.cumprod(np.concatenate([[start], turns]))
-            self._last[index] = series[-1].copy(), float(signs[-1])
-            out[known, index] = series * signs[:, None]
-        return out
+            out[known, index] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
+    return out
 
 
 def nominal_rate_hz(frame: Whole, time_s: Array) -> float:

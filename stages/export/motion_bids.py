@@ -2,44 +2,44 @@
 
 Of every recording two tracking systems are written, as BIDS calls what shares a clock: `tracksys-righthand`,
 the receivers, as `stages.capture export-bids` names them, and `tracksys-righthandskeleton` with the model's
-name, the hand's joints, bones and joint angles. Names become labels by `stages.capture.bids.labels`; in full
+name, the hand's joints, bones and joint angles. Names become labels by `schemas.bids.labels`; in full
 they stand in participants.tsv and motion.json.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as pa_csv
 
 from schemas import PROGRAM, VERSION
+from schemas.bids.channels import OWN_KEY, channel_counts
+from schemas.bids.dataset_files import (
+    DESCRIPTION,
+    check_folder,
+    description_json,
+    json_text,
+    read_rows,
+    tsv_cell,
+    tsv_text,
+    write_motion,
+)
+from schemas.bids.labels import label, recording_stem, tracking_system
 from schemas.errors import InputError
-from schemas.files import replacing, write_text
+from schemas.files import write_text
 from schemas.poses import RecordingName
-from stages.capture.bids.labels import label, recording_stem, tracking_system
-from stages.capture.bids.sidecars import OWN_KEY, read_rows
+from stages.export.axes import Target
 from stages.export.bids_channels import (
     System,
-    counts,
     receiver_system,
     reference_frames,
     rows,
     skeleton_system,
 )
-from stages.export.formats import Target
-from stages.export.frames import blocks
-from stages.export.motion import Origin, SkeletonMotion
-from stages.export.note import facts
-from stages.export.receivers import with_seen_receivers
-
-BIDS_VERSION = "1.10.0"
-DESCRIPTION = "dataset_description.json"
-"""The one file of a dataset that is there before its recordings."""
+from stages.export.file_facts import facts
+from stages.export.motion import Origin, SkeletonMotion, with_seen_receivers
 
 ALONE_HZ = 60.0
 """SamplingFrequency of one frame, whose rate nobody knows: the validator takes no n/a there."""
@@ -82,7 +82,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
             f"{path}: the recording has no device time, and BIDS needs a rate; say it with --rate-hz"
         )
     motion, unseen = with_seen_receivers(motion)
-    _check_folder(folder)
+    check_folder(folder)
     if not (folder / DESCRIPTION).exists():
         write_dataset_files(folder, folder.resolve().name, {}, origin.licence)
     _add_participant(folder / "participants.tsv", origin.subject)
@@ -103,57 +103,38 @@ def write_dataset_files(
     participants : subject -> more columns of participants.tsv, None where not known; all subjects have the
     same ones. The order of subjects does not matter. Raises InputError where the folder is no dataset.
     """
-    _check_folder(folder)
-    description = {
-        "Name": name,
-        "BIDSVersion": BIDS_VERSION,
-        "DatasetType": "raw",
-        **({"License": licence} if licence else {}),
-        "GeneratedBy": [{"Name": PROGRAM, "Version": VERSION}],
-    }
-    write_text(folder / DESCRIPTION, _json(description))
+    check_folder(folder)
+    write_text(folder / DESCRIPTION, json_text(description_json(name, licence)))
     write_text(folder / "README", _README)
-    told_columns = dict.fromkeys(column for known in participants.values() for column in known)
-    columns = [column for column in told_columns if column not in ("participant_id", "name")]
+    names = dict.fromkeys(column for known in participants.values() for column in known)
+    columns = [column for column in names if column not in ("participant_id", "name")]
     table = [
-        [f"sub-{label(subject)}", _cell(subject), *(_cell(known.get(column)) for column in columns)]
+        [f"sub-{label(subject)}", tsv_cell(subject), *(tsv_cell(known.get(column)) for column in columns)]
         for subject, known in participants.items()
     ]
     _write_participants(folder / "participants.tsv", ["participant_id", "name", *columns], table)
-    told = {"name": {"Description": "The subject's name, of which participant_id is made."}}
-    told |= {column: _described(column) for column in columns}
-    write_text(folder / "participants.json", _json(told))
+    columns_json = {"name": {"Description": "The subject's name, of which participant_id is made."}}
+    columns_json |= {column: _described(column) for column in columns}
+    write_text(folder / "participants.json", json_text(columns_json))
 
 
 def _described(column: str) -> dict[str, str]:
-    told = {"Description": f"{column} as the study's participants sheet has it."}
-    return told | ({"Units": "mm"} if column.endswith("_mm") else {})
+    described = {"Description": f"{column} as the study's participants sheet has it."}
+    return described | ({"Units": "mm"} if column.endswith("_mm") else {})
 
 
 def _add_participant(path: Path, subject: str) -> None:
     header, table = read_rows(path) if path.exists() else (["participant_id", "name"], [])
     if "participant_id" not in header:
         raise InputError(f"{path}: column participant_id is missing; found {', '.join(header)}")
-    cells = {"participant_id": f"sub-{label(subject)}", "name": _cell(subject)}
+    cells = {"participant_id": f"sub-{label(subject)}", "name": tsv_cell(subject)}
     if cells["participant_id"] not in [row[header.index("participant_id")] for row in table]:
         _write_participants(path, header, [*table, [cells.get(column, "n/a") for column in header]])
 
 
 def _write_participants(path: Path, header: Sequence[str], table: Sequence[Sequence[str]]) -> None:
     place = list(header).index("participant_id")
-    write_text(path, _tsv([header, *sorted(table, key=lambda row: row[place])]))
-
-
-def _cell(value: Any) -> str:
-    """A cell of a table: no tab, no line break, n/a for nothing."""
-    return "n/a" if value is None else " ".join(str(value).split()) or "n/a"
-
-
-def _check_folder(folder: Path) -> None:
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file():
-        raise InputError(
-            f"{folder}: holds files but no {DESCRIPTION}; expected a new folder or a BIDS dataset"
-        )
+    write_text(path, tsv_text([header, *sorted(table, key=lambda row: row[place])]))
 
 
 def recording_path(folder: Path, origin: Origin, system: str) -> Path:
@@ -180,15 +161,11 @@ def _write_system(
         return path.with_name(path.name.removesuffix("_motion.tsv") + ending)
 
     rate = f"{motion.rate_hz:.6f}".rstrip("0").rstrip(".") if np.isfinite(motion.rate_hz) else "n/a"
-    write_text(beside("_channels.tsv"), _tsv(rows(system, rate)))
-    write_text(beside("_channels.json"), _json(reference_frames(system)))
-    write_text(beside("_motion.json"), _json(_motion_json(motion, target, name, system)))
-    options = pa_csv.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
-    with replacing(path) as temporary, temporary.open("wb") as stream:
-        for block in blocks(motion):
-            texts = [column.text.fill_null("n/a") for column in system_of(block, start_s).columns]
-            table = pa.table(texts, names=[str(index) for index in range(len(texts))])
-            pa_csv.write_csv(table, stream, options)
+    write_text(beside("_channels.tsv"), tsv_text(rows(system, rate)))
+    write_text(beside("_channels.json"), json_text(reference_frames(system)))
+    write_text(beside("_motion.json"), json_text(_motion_json(motion, target, name, system)))
+    blocks = ([column.text for column in system_of(block, start_s).columns] for block in motion.blocks())
+    write_motion(path, blocks)
 
 
 def _motion_json(motion: SkeletonMotion, target: Target, name: str, system: System) -> dict[str, Any]:
@@ -203,7 +180,7 @@ def _motion_json(motion: SkeletonMotion, target: Target, name: str, system: Syst
         **dict.fromkeys(_UNKNOWN, "n/a"),
         "MissingValues": "n/a",
         "TrackedPointsCount": len(system.points),
-        **counts(system.columns),
+        **channel_counts(system.columns),
         OWN_KEY: _own_json(motion, target, system),
     }
 
@@ -229,21 +206,13 @@ def _own_json(motion: SkeletonMotion, target: Target, system: System) -> dict[st
 
     Receivers are the same by any model, and nothing of a model is said of them.
     """
-    told = facts(motion, target)
+    known = facts(motion, target)
     if not system.bones:
-        told = {key: value for key, value in told.items() if key not in ("model", "bone_frame")}
-        told["inputs_sha256"] = {name: sha for name, sha in motion.origin.inputs.items() if _is_poses(name)}
+        known = {key: value for key, value in known.items() if key not in ("model", "bone_frame")}
+        known["inputs_sha256"] = {name: sha for name, sha in motion.origin.inputs.items() if _is_poses(name)}
     times = dict.fromkeys(system.points, "time") if system.timed else {}
-    return {"FrameChannel": "frame", "TimeChannels": times, **told}
+    return {"FrameChannel": "frame", "TimeChannels": times, **known}
 
 
 def _is_poses(name: str) -> bool:
     return name.rpartition("/")[2] == "poses.parquet"
-
-
-def _tsv(records: Sequence[Sequence[str]]) -> str:
-    return "".join("\t".join(record) + "\n" for record in records)
-
-
-def _json(content: Mapping[str, Any]) -> str:
-    return json.dumps(content, ensure_ascii=False, indent=2) + "\n"

@@ -18,16 +18,17 @@ from pathlib import Path
 
 import numpy as np
 
-from kinematics.rotations import Array, conjugate, rotate
-from schemas.errors import InputError
 from schemas.files import write_text
-from stages.export.formats import Target
+from skeleton.rotations import Array, conjugate, rotate
+from stages.export.axes import Target
+from stages.export.file_facts import facts_text
 from stages.export.motion import SkeletonMotion
-from stages.export.note import text
-from stages.export.opensim_joints import JointForm, joint_forms, plain_names
+from stages.export.opensim_joints import JointForm, joint_forms
 from stages.export.opensim_markers import Triad, triads
 from stages.export.opensim_model import VERSION, as_text, model_xml
 from stages.export.opensim_motion import seconds, seen_frames, write_mot, write_trc
+from stages.export.requirements import require_whole
+from stages.export.rig_names import plain_names
 
 NOMINAL = "masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone"
 PUBLICATIONS = (
@@ -45,38 +46,34 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     The motion has Y up and no gap; receivers may have some. Raises InputError where a pose is missing, there
     is no frame, or times do not grow.
     """
-    if not len(motion.frame) or not motion.whole.all():
-        raise InputError(
-            f"{path}: OpenSim holds no frame without a pose and no file without a frame; choose --gaps hold, "
-            "cut or interpolate"
-        )
+    require_whole(motion, path, "OpenSim")
     time_s = seconds(motion, path)
     forms = joint_forms(motion)
-    found, lost = triads(motion, forms)
-    held = _untold(forms, found)
-    told = (NOMINAL, *lost, *_of_joints(forms, held), *_of_points(motion, found))
+    receivers, unplaced = triads(motion, forms)
+    held = _undetermined(forms, receivers)
+    remarks = (NOMINAL, *unplaced, *_of_joints(forms, held), *_of_points(motion, receivers))
     title = plain_names([path.stem])[0]
-    words = text(motion, target, told)
+    credit = facts_text(motion, target, remarks)
     for file, locked in ((path, {}), (_beside(path, "_ik.osim"), held)):
-        write_text(file, model_xml(motion, forms, found, title, words, PUBLICATIONS, locked))
+        write_text(file, model_xml(motion, forms, receivers, title, credit, PUBLICATIONS, locked))
     write_mot(path.with_suffix(".mot"), title, motion.origin, time_s, forms)
-    write_trc(path.with_suffix(".trc"), title, time_s, motion.rate_hz, found)
-    write_text(_beside(path, "_ik_setup.xml"), as_text(_ik_setup(path, title, time_s, found)))
-    return told
+    write_trc(path.with_suffix(".trc"), title, time_s, motion.rate_hz, receivers)
+    write_text(_beside(path, "_ik_setup.xml"), as_text(_ik_setup(path, title, time_s, receivers)))
+    return remarks
 
 
-def _untold(forms: Sequence[JointForm], found: Sequence[Triad]) -> dict[str, float]:
+def _undetermined(forms: Sequence[JointForm], receivers: Sequence[Triad]) -> dict[str, float]:
     """Coordinates that markers do not tell, and where inverse kinematics is to hold them, rad or mm.
 
     A joint's own translations, at zero. On a bone without a receiver, what goes beyond its degree of freedom,
     or its axial rotation: with the finger straight that is the next joint's as well. At their means.
     """
-    carriers = {triad.form for triad in found}
+    carriers = {triad.form for triad in receivers}
     held = {shift.name: 0.0 for form in forms if form.parent >= 0 for shift in form.shifts}
     for place, form in enumerate(forms):
         if place not in carriers and form.parent >= 0:
-            told = 1 if form.dof == 1 else 2
-            held |= {turn.name: float(turn.values.mean()) for turn in form.turns[told:]}
+            determined = 1 if form.dof == 1 else 2
+            held |= {turn.name: float(turn.values.mean()) for turn in form.turns[determined:]}
     return held
 
 
@@ -84,16 +81,16 @@ def _beside(path: Path, ending: str) -> Path:
     return path.with_name(f"{path.stem}{ending}")
 
 
-def _ik_setup(path: Path, title: str, time_s: Array, found: Sequence[Triad]) -> ET.Element:
+def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad]) -> ET.Element:
     """What OpenSim's InverseKinematicsTool is to do; its files are beside it."""
     document = ET.Element("OpenSimDocument", Version=VERSION)
     tool = ET.SubElement(document, "InverseKinematicsTool", name=title)
     tasks = ET.SubElement(ET.SubElement(tool, "IKTaskSet"), "objects")
-    for name in (marker for triad in found for marker in triad.markers):
+    for name in (marker for triad in receivers for marker in triad.markers):
         task = ET.SubElement(tasks, "IKMarkerTask", name=name)
         ET.SubElement(task, "apply").text = "true"
         ET.SubElement(task, "weight").text = "1"
-    for tag, words in (
+    for tag, text in (
         ("model_file", _beside(path, "_ik.osim").name),
         ("marker_file", path.with_suffix(".trc").name),
         ("time_range", f"0 {time_s[-1]:.9f}"),
@@ -103,40 +100,40 @@ def _ik_setup(path: Path, title: str, time_s: Array, found: Sequence[Triad]) -> 
         ("constraint_weight", "Inf"),
         ("accuracy", f"{_ACCURACY:g}"),
     ):
-        ET.SubElement(tool, tag).text = words
+        ET.SubElement(tool, tag).text = text
     return document
 
 
 def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[str]:
     """Sentences on joints that move by more than turns, that are locked, or that come near a right angle."""
-    said = []
+    remarks = []
     shifted = [form for form in forms if form.parent >= 0 and form.shifts]
     if shifted:
         most = {f.name: _largest(np.stack([shift.values for shift in f.shifts], -1)) for f in shifted}
         worst = max(most, key=lambda name: most[name])
-        said.append(
+        remarks.append(
             f"{len(shifted)} joints move against the bone before and have coordinates _tx, _ty, _tz, up to "
             f"{most[worst]:.3f} mm ({worst}); _ik.osim locks them at zero; --bones stiff gives a model "
             "without"
         )
     locked = [turn.name for form in forms for turn in form.turns if turn.name in held]
     if locked:
-        said.append(
+        remarks.append(
             f"_ik.osim locks at their means {', '.join(locked)}: the bones have no receiver, and markers do "
             "not tell these turns from the next joint's"
         )
     for first, second, third in (form.turns for form in forms if len(form.turns) == 3):
         if np.abs(np.cos(second.values)).min() < np.cos(np.radians(_STEEP_DEG)):
-            said.append(
+            remarks.append(
                 f"{second.name} comes within 5 degrees of a right angle, where {first.name} and {third.name} "
                 "turn about nearly the same axis"
             )
-    return said
+    return remarks
 
 
-def _of_points(motion: SkeletonMotion, found: Sequence[Triad]) -> list[str]:
+def _of_points(motion: SkeletonMotion, receivers: Sequence[Triad]) -> list[str]:
     """Sentences on tips and receivers that the bones do not carry exactly."""
-    said = []
+    remarks = []
     tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
     above = motion.parents[tips]
     back = conjugate(motion.quaternion[:, above])
@@ -144,20 +141,20 @@ def _of_points(motion: SkeletonMotion, found: Sequence[Triad]) -> list[str]:
     beyond = seen - motion.rest_offset_mm[tips]
     if tips and _largest(beyond) > _TOLD_MM:
         rms = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
-        said.append(
+        remarks.append(
             f"tips are markers fixed to their bones; the recording has them up to {_largest(beyond):.3f} mm "
             f"from there, rms {rms:.3f} mm"
         )
-    blind = int((~seen_frames(found, len(motion.frame))).sum())
+    blind = int((~seen_frames(receivers, len(motion.frame))).sum())
     if blind:
-        said.append(f"frames in which no receiver is valid, {blind}, are not in the .trc")
-    worst = max(found, key=lambda triad: triad.spread_mm, default=None)
+        remarks.append(f"frames in which no receiver is valid, {blind}, are not in the .trc")
+    worst = max(receivers, key=lambda triad: triad.spread_mm, default=None)
     if worst is not None:
-        said.append(
+        remarks.append(
             f"receivers stay within {worst.spread_mm:.2f} mm rms of where their bones carry them (the worst: "
             f"{worst.segment})"
         )
-    return said
+    return remarks
 
 
 def _largest(vector: Array) -> float:

@@ -18,17 +18,27 @@ frame's own axes. So every relative pose of two bones has its coordinates, and n
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
 
-from kinematics.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
-from stages.export.bvh import MOVES_MM
-from stages.export.motion import Joint, SkeletonMotion, local_motion
-from stages.export.names import ascii_name
+from skeleton.posing import SkeletonJoint
+from skeleton.rotations import (
+    Array,
+    about_axis,
+    angle,
+    conjugate,
+    matrix,
+    mean_rotation,
+    multiply,
+    rotate,
+    unit,
+)
+from stages.export.euler_angles import continuous_angles
+from stages.export.motion import MOVES_MM, SkeletonMotion, local_motion
+from stages.export.rig_names import plain_names
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_RAD = 1e-7
@@ -106,11 +116,7 @@ def turn_angles(relative: Array, axes: Array) -> Array:
     hand = np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
     basis = axes * hand[:, None]
     angles = body_fixed_rad(matrix(np.concatenate([relative[:, :1], relative[:, 1:] @ basis.T], -1)))
-    other = angles * np.array([1.0, -1.0, 1.0]) + np.pi
-    swapped = _apart(other[1:], angles[:-1]) < _apart(angles[1:], angles[:-1])
-    # of the two triples of a rotation the nearer to that before; second to second is as far as first to first
-    second = np.concatenate([[False], np.logical_xor.accumulate(swapped)])
-    return np.asarray(np.unwrap(np.where(second[:, None], other, angles), axis=0) * hand)
+    return np.asarray(continuous_angles(angles) * hand)
 
 
 def body_fixed_rad(rotation: Array) -> Array:
@@ -126,32 +132,16 @@ def body_fixed_rad(rotation: Array) -> Array:
     return np.stack([first, second, np.arctan2(side[..., 0], side[..., 1])], -1)
 
 
-def _apart(first: Array, second: Array) -> Array:
-    return np.asarray(np.abs(np.angle(np.exp(1j * (first - second)))).sum(-1))
-
-
-def plain_names(words: Iterable[str]) -> list[str]:
-    """Names of letters, digits and underscores, no two the same; all that XML, OpenSim and scripts take."""
-    found: list[str] = []
-    for word in words:
-        name = plain = re.sub(r"\W", "_", ascii_name(word), flags=re.ASCII)
-        number = 2
-        while name in found:
-            name, number = f"{plain}_{number}", number + 1
-        found.append(name)
-    return found
-
-
-def _turns(joint: Joint, name: str, labels: Sequence[str], values: Array) -> tuple[Coordinate, ...]:
+def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array) -> tuple[Coordinate, ...]:
     """The coordinates that a joint needs of the three that it could have."""
-    found = tuple(Coordinate(f"{name}_{label}", value) for label, value in zip(labels, values.T, strict=True))
+    turns = tuple(Coordinate(f"{name}_{label}", value) for label, value in zip(labels, values.T, strict=True))
     if joint.parent < 0:
-        return found
+        return turns
     if joint.dof == 0 and np.abs(values).max() < STILL_RAD:
         return ()
     if joint.dof == 1 and np.abs(values[:, 1:]).max() < STILL_RAD:
-        return found[:1]
-    return found
+        return turns[:1]
+    return turns
 
 
 def _shifts(name: str, beyond_mm: Array) -> tuple[Coordinate, ...]:
@@ -160,19 +150,19 @@ def _shifts(name: str, beyond_mm: Array) -> tuple[Coordinate, ...]:
 
 def _root_turns(turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
     """Axes (3, 3), turns (T, 3) and labels of the root: the ground's axes in the best of their six orders."""
-    found = []
+    orders = []
     for order in permutations(range(3)):
         axes = np.eye(3)[list(order)]
         values = turn_angles(turn, axes)
         upright = float(np.abs(np.cos(values[:, 1])).min())
-        found.append((upright, axes, values, tuple(f"r{'xyz'[place]}" for place in order)))
-    return max(found, key=lambda one: one[0])[1:]
+        orders.append((upright, axes, values, tuple(f"r{'xyz'[place]}" for place in order)))
+    return max(orders, key=lambda order: order[0])[1:]
 
 
 def _frame(motion: SkeletonMotion, index: int, turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
     """A joint's frame (4,) in its parent's bone, its axes (3, 3) and what turns about them are called."""
     joint, neutral, hinge = motion.joints[index], motion.neutral[index], motion.axis[index]
-    mean = _mean(turn)
+    mean = mean_rotation(turn)
     known = bool(np.isfinite(neutral).all())
     zero = neutral if known else mean
     if joint.dof == 0 and angle(multiply(conjugate(mean), turn)).max() < STILL_RAD:
@@ -185,13 +175,8 @@ def _frame(motion: SkeletonMotion, index: int, turn: Array) -> tuple[Array, Arra
     if joint.dof != 1 or not np.isfinite(hinge).all():
         return zero, axes, labels
     first = hinge if axes[0] @ hinge >= 0 else -hinge
-    there = unit(rotate(turn, first).mean(0))
-    return multiply(shortest_turn(rotate(zero, first), there), zero), _completed(first, axes), labels
-
-
-def _mean(turn: Array) -> Array:
-    """The rotation (4,) nearest to all of those (T, 4)."""
-    return np.asarray(np.linalg.eigh(turn.T @ turn)[1][:, -1])
+    seen = unit(rotate(turn, first).mean(0))
+    return multiply(shortest_turn(rotate(zero, first), seen), zero), _completed(first, axes), labels
 
 
 def _principal_axes(change: Array) -> Array:

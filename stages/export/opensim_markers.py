@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array, conjugate, multiply, rotate
+from skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
 from stages.export.motion import SkeletonMotion
-from stages.export.opensim_joints import JointForm, plain_names
+from stages.export.opensim_joints import JointForm
+from stages.export.rig_names import plain_names
 
 ARM_MM = 10.0
 POINTS_MM = np.vstack([np.zeros(3), ARM_MM * np.eye(3)])
@@ -39,11 +40,11 @@ class Triad:
 
 def triads(motion: SkeletonMotion, forms: tuple[JointForm, ...]) -> tuple[list[Triad], list[str]]:
     """Triads of all receivers that sit on a bone of the skeleton, and sentences on the others."""
-    there, found, lost = motion.receivers, [], []
+    receivers, placed, lost = motion.receivers, [], []
     carriers = {motion.joints[form.index].segment: place for place, form in reversed(list(enumerate(forms)))}
-    names = plain_names(there.segments)
-    for number, (segment, name) in enumerate(zip(there.segments, names, strict=True)):
-        place, turn = there.position_mm[:, number], there.quaternion[:, number]
+    names = plain_names(receivers.segments)
+    for number, (segment, name) in enumerate(zip(receivers.segments, names, strict=True)):
+        place, turn = receivers.position_mm[:, number], receivers.quaternion[:, number]
         seen = np.isfinite(place).all(-1) & np.isfinite(turn).all(-1)
         if segment not in carriers or not seen.any():
             why = "is on no bone of the skeleton" if segment not in carriers else "is valid in no frame"
@@ -54,12 +55,10 @@ def triads(motion: SkeletonMotion, forms: tuple[JointForm, ...]) -> tuple[list[T
         bone_mm, bone = motion.position_mm[:, index], motion.quaternion[:, index]
         back = conjugate(bone)
         origin = rotate(back, place - bone_mm)[seen].mean(0)
-        relative = multiply(back, turn)[seen]
-        mean = np.linalg.eigh(relative.T @ relative)[1][:, -1]
-        local = origin + rotate(mean, POINTS_MM)
+        local = origin + rotate(mean_rotation(multiply(back, turn)[seen]), POINTS_MM)
         measured = place[:, None] + rotate(turn[:, None], POINTS_MM)
         carried = bone_mm[:, None] + rotate(bone[:, None], local)
         spread = float(np.sqrt(np.mean(np.sum((measured - carried)[seen] ** 2, -1))))
         markers = tuple(f"{name}_{point}" for point in POINTS)
-        found.append(Triad(segment, form, markers, local, measured, spread))
-    return found, lost
+        placed.append(Triad(segment, form, markers, local, measured, spread))
+    return placed, lost

@@ -11,16 +11,16 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from kinematics.rotations import Array, matrix, unit
+from skeleton.rotations import Array, matrix, unit
 from stages.export.motion import DISTAL, SkeletonMotion
 from stages.export.opensim_joints import (
     Coordinate,
     JointForm,
     body_fixed_rad,
-    plain_names,
     shortest_turn,
 )
 from stages.export.opensim_markers import Triad
+from stages.export.rig_names import plain_names
 
 VERSION = "40600"
 """Of the XML, OpenSim 4.6; later ones read it as well."""
@@ -43,7 +43,7 @@ _Y = np.array([0.0, 1.0, 0.0])
 def model_xml(
     motion: SkeletonMotion,
     forms: Sequence[JointForm],
-    found: Sequence[Triad],
+    receivers: Sequence[Triad],
     title: str,
     credit: str,
     publications: str,
@@ -66,10 +66,10 @@ def model_xml(
         _add_body(bodies, form, _ends_mm(motion, form))
         _add_joint(joints, forms, form, held)
     markers = _objects(model, "MarkerSet", "markerset")
-    for triad in found:
+    for triad in receivers:
         for name, place in zip(triad.markers, triad.local_mm, strict=True):
             _add_marker(markers, name, forms[triad.form].body, place)
-    for name, form, place in _tips(motion, forms, [name for triad in found for name in triad.markers]):
+    for name, form, place in _tips(motion, forms, [name for triad in receivers for name in triad.markers]):
         _add_marker(markers, name, form.body, place)
     return as_text(document)
 
@@ -194,11 +194,11 @@ def _add_joint(
 def _add_coordinate(
     parent: ET.Element, name: str, limits: tuple[float, float], start: float, locked: bool
 ) -> None:
-    made = ET.SubElement(parent, "Coordinate", name=name)
-    _leaf(made, "default_value", _numbers([start]))
-    _leaf(made, "range", _numbers(limits))
-    _leaf(made, "clamped", "false")
-    _leaf(made, "locked", "true" if locked else "false")
+    element = ET.SubElement(parent, "Coordinate", name=name)
+    _leaf(element, "default_value", _numbers([start]))
+    _leaf(element, "range", _numbers(limits))
+    _leaf(element, "clamped", "false")
+    _leaf(element, "locked", "true" if locked else "false")
 
 
 def _turn_range(coordinate: Coordinate) -> tuple[float, float]:
@@ -222,15 +222,15 @@ def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
     transform = ET.SubElement(joint, "SpatialTransform")
     for kind, used, axes in (("rotation", form.turns, form.axes), ("translation", form.shifts, np.eye(3))):
         for number, axis in enumerate(axes):
-            made = ET.SubElement(transform, "TransformAxis", name=f"{kind}{number + 1}")
+            element = ET.SubElement(transform, "TransformAxis", name=f"{kind}{number + 1}")
             name = used[number].name if number < len(used) else ""
-            _leaf(made, "coordinates", name)
-            _leaf(made, "axis", _numbers(axis))
+            _leaf(element, "coordinates", name)
+            _leaf(element, "axis", _numbers(axis))
             if name:
-                function = ET.SubElement(made, "LinearFunction", name="function")
+                function = ET.SubElement(element, "LinearFunction", name="function")
                 _leaf(function, "coefficients", "1 0")
             else:
-                function = ET.SubElement(made, "Constant", name="function")
+                function = ET.SubElement(element, "Constant", name="function")
                 _leaf(function, "value", "0")
 
 

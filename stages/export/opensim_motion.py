@@ -13,13 +13,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from kinematics.rotations import Array
 from schemas import PROGRAM, VERSION
-from schemas.errors import InputError
 from schemas.files import replacing
+from skeleton.rotations import Array
 from stages.export.motion import Bools, Origin, SkeletonMotion
 from stages.export.opensim_joints import JointForm
 from stages.export.opensim_markers import Triad
+from stages.export.requirements import require_times
 
 ALONE_HZ = 60.0
 """Rate in the header of a file of one frame, whose rate nobody knows."""
@@ -38,17 +38,8 @@ def seconds(motion: SkeletonMotion, path: Path) -> Array:
     """
     if len(motion.time_s) == 1:
         return np.zeros(1)
-    if not np.isfinite(motion.time_s).all():
-        raise InputError(
-            f"{path}: the recording has no device time, and OpenSim needs one; say its rate with --rate-hz"
-        )
     time_s = (motion.time_s - motion.time_s[0]).round(_TIME_DECIMALS)
-    still = np.flatnonzero(np.diff(time_s) <= 0)
-    if len(still):
-        raise InputError(
-            f"{path}: device time does not grow from frame {motion.frame[still[0]]} to the next, and OpenSim "
-            "needs times that do; leave these frames out with --frames"
-        )
+    require_times(motion, time_s, path, "OpenSim")
     return np.asarray(time_s)
 
 
@@ -66,7 +57,7 @@ def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequ
         f"nColumns={len(names)}",
         "inDegrees=yes",
         "",
-        *_whose(origin),
+        *_origin_lines(origin),
         "",
         "endheader",
         "\t".join(names),
@@ -76,15 +67,15 @@ def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequ
         _write_rows(stream, [pa.array(column + 0.0) for column in columns])
 
 
-def write_trc(path: Path, title: str, time_s: Array, rate_hz: float, found: Sequence[Triad]) -> None:
+def write_trc(path: Path, title: str, time_s: Array, rate_hz: float, receivers: Sequence[Triad]) -> None:
     """Write all markers over time in mm, blank where a receiver was not valid; title : one line of ASCII.
 
     Frames without any marker are left out, as inverse kinematics stops at them. Lines end with a tab:
     OpenSim's reader drops one empty cell at the end of a line, which may be a marker's.
     """
-    names = [marker for triad in found for marker in triad.markers]
+    names = [marker for triad in receivers for marker in triad.markers]
     rate = f"{rate_hz if np.isfinite(rate_hz) else ALONE_HZ:.9g}"
-    rows = np.flatnonzero(seen_frames(found, len(time_s)))
+    rows = np.flatnonzero(seen_frames(receivers, len(time_s)))
     count = len(rows)
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{title}",
@@ -95,7 +86,7 @@ def write_trc(path: Path, title: str, time_s: Array, rate_hz: float, found: Sequ
         "",
     ]
     columns = [pa.array(np.arange(1, count + 1)), pa.array(time_s[rows])]
-    for triad in found:
+    for triad in receivers:
         flat = triad.measured_mm[rows].reshape(count, -1).round(_MM_DECIMALS) + 0.0
         columns += [pa.array(column, from_pandas=True) for column in flat.T]
     with replacing(path) as temporary, temporary.open("wb") as stream:
@@ -103,24 +94,17 @@ def write_trc(path: Path, title: str, time_s: Array, rate_hz: float, found: Sequ
         _write_rows(stream, [*columns, pa.nulls(count, pa.float64())])
 
 
-def seen_frames(found: Sequence[Triad], n_frames: int) -> Bools:
+def seen_frames(receivers: Sequence[Triad], n_frames: int) -> Bools:
     """Frames (T,) in which any receiver is valid."""
-    seen = [np.isfinite(triad.measured_mm).all((1, 2)) for triad in found]
+    seen = [np.isfinite(triad.measured_mm).all((1, 2)) for triad in receivers]
     return np.asarray(np.any(seen, axis=0)) if seen else np.zeros(n_frames, bool)
 
 
-def _whose(origin: Origin) -> list[str]:
+def _origin_lines(origin: Origin) -> list[str]:
     """Lines on where the motion is from; an equals sign would make a line a key of the header."""
-    words = {
-        "program": f"{PROGRAM} {VERSION}",
-        "subject": origin.subject,
-        "hand": origin.hand,
-        "task": origin.task,
-        "trial": origin.trial,
-        "model": origin.model,
-        "licence": origin.licence,
-    }
-    return [" ".join(f"{key}: {word}".replace("=", ":").split()) for key, word in words.items() if word]
+    keys = ("subject", "hand", "task", "trial", "model", "licence")
+    facts = {"program": f"{PROGRAM} {VERSION}", **{key: getattr(origin, key) for key in keys}}
+    return [" ".join(f"{key}: {fact}".replace("=", ":").split()) for key, fact in facts.items() if fact]
 
 
 def _write_rows(stream: BinaryIO, columns: Sequence[pa.Array]) -> None:

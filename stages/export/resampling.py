@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.rotations import Array
 from schemas.errors import InputError
+from skeleton.rotations import Array
 from stages.export.interpolation import blended, bracketed, slerped
 from stages.export.motion import SkeletonMotion, Whole, continuous
 
@@ -76,8 +76,8 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
     apart = time_s[after] - time_s[before] > max(_WIDEST_STEPS / motion.rate_hz, widest_s)
     share = np.where(apart & (share > 0) & (share < 1), np.nan, share)
     position, turn = _at(motion.position_mm, motion.quaternion, before, after, share)
-    there = motion.receivers
-    receiver_mm, receiver_turn = _at(there.position_mm, there.quaternion, before, after, share)
+    receivers = motion.receivers
+    receiver_mm, receiver_turn = _at(receivers.position_mm, receivers.quaternion, before, after, share)
     out = replace(
         motion,
         frame=motion.frame[np.where(share > 0.5, after, before)],
@@ -86,7 +86,7 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
         position_mm=position,
         quaternion=continuous(turn),
         receivers=replace(
-            there,
+            receivers,
             position_mm=receiver_mm,
             quaternion=continuous(receiver_turn),
             valid=np.asarray(np.isfinite(receiver_mm).all(-1) & np.isfinite(receiver_turn).all(-1)),

@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.rotations import Array, multiply, rotate
 from schemas.errors import InputError
-from stages.export.motion import Joint, SkeletonMotion, rest_pose
-from stages.export.names import RIGS, Rig
+from skeleton.posing import SkeletonJoint
+from skeleton.rotations import Array, multiply, rotate
+from stages.export.motion import SkeletonMotion, rest_pose
+from stages.export.rig_names import RIGS, Rig
 
 
 def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
-    """The hand with the names of that rig (`stages.export.names.RIGS`) and no bone that it lacks.
+    """The hand with the names of that rig (`stages.export.rig_names.RIGS`) and no bone that it lacks.
 
     Raises InputError where there is no such rig, or the skeleton is not that of a hand that it names.
     """
@@ -37,6 +38,12 @@ def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
         for j in motion.joints
     ]
     return replace(motion, joints=tuple(joints)).noting(f"joints named as by {rig.description}")
+
+
+def with_webxr_names(motion: SkeletonMotion) -> SkeletonMotion:
+    """The same, but a hand that has the layout's names gets those of WebXR."""
+    own = set(motion.names[1:]) <= set(RIGS["webxr"].names(motion.origin.hand))
+    return on_rig(motion, "webxr") if own else motion
 
 
 def folded(motion: SkeletonMotion, lacking: Collection[str]) -> SkeletonMotion:
@@ -97,7 +104,7 @@ def _with_palm(motion: SkeletonMotion, rig: Rig) -> SkeletonMotion:
             "use --rig webxr"
         ) from error
     rest_mm, rest_turn = rest_pose(motion)
-    joint = Joint(rig.palm, 0, motion.joints[base].segment, motion.joints[base].digit)
+    joint = SkeletonJoint(rig.palm, 0, motion.joints[base].segment, motion.joints[base].digit)
     later = [replace(j, parent=j.parent + (j.parent > 0)) for j in motion.joints[1:]]
     middle = (motion.position_mm[:, base] + motion.position_mm[:, head]) / 2
     return replace(

@@ -14,13 +14,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from kinematics.joint_angles import joint_angles
-from kinematics.rotations import Array, conjugate, multiply
 from schemas.files import replacing, write_text
-from stages.export.formats import Target
-from stages.export.frames import blocks
+from skeleton.joint_angles import joint_angles
+from skeleton.rotations import Array, conjugate, multiply
+from stages.export.axes import Target
+from stages.export.file_facts import facts
 from stages.export.motion import BONE_TO_WEBXR, SkeletonMotion
-from stages.export.note import facts
 
 _POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
@@ -65,15 +64,13 @@ def bone_angles_deg(motion: SkeletonMotion) -> tuple[tuple[str, ...], Array]:
     """Names of the joints of known anatomy, and their flexion, deviation and axial rotation (T, N, 3)."""
     turn = multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
     rests = multiply(BONE_TO_WEBXR, multiply(motion.neutral, conjugate(BONE_TO_WEBXR)))
-    wanted = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
+    indices = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
     columns = [
-        np.stack(
-            joint_angles(turn[:, motion.joints[i].parent], turn[:, i], motion.origin.hand, rests[i])[:3], -1
-        )
-        for i in wanted
+        joint_angles(turn[:, motion.joints[i].parent], turn[:, i], motion.origin.hand, rests[i])
+        for i in indices
     ]
-    found = np.stack(columns, 1) if columns else np.empty((len(motion.frame), 0, 3))
-    return tuple(motion.names[i] for i in wanted), found
+    angles = np.stack(columns, 1) if columns else np.empty((len(motion.frame), 0, 3))
+    return tuple(motion.names[i] for i in indices), angles
 
 
 def _write_long(
@@ -87,7 +84,7 @@ def _write_long(
     with replacing(path) as temporary, temporary.open("wb") as stream:
         options = pc.WriteOptions(include_header=False, quoting_style="needed")
         stream.write((",".join(("frame", "time_s", "joint", *columns)) + "\n").encode())
-        for block in blocks(motion):
+        for block in motion.blocks():
             pc.write_csv(_table(block, joints, columns, values(block)), stream, options)
 
 

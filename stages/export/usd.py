@@ -26,19 +26,17 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.rotations import Array, matrix, multiply, rotate
 from schemas import PROGRAM, VERSION
-from schemas.errors import InputError
 from schemas.files import replacing
-from stages.export.axes import UNITS_PER_MM, upright
+from skeleton.rotations import Array, matrix, multiply, rotate
+from stages.export.axes import UNITS_PER_MM, Target, upright
 from stages.export.bone_mesh import bone_mesh
-from stages.export.formats import Target
+from stages.export.file_facts import facts
 from stages.export.motion import SkeletonMotion, Whole, local_motion, rest_pose
-from stages.export.names import RIGS
-from stages.export.note import facts
-from stages.export.opensim_joints import plain_names
+from stages.export.requirements import require_times, require_whole
 from stages.export.resampling import largest_time_error_s
-from stages.export.rigging import on_rig
+from stages.export.rig_names import plain_names
+from stages.export.rigging import with_webxr_names
 
 LENGTH_DECIMALS = {"m": 8, "cm": 6, "mm": 5}
 TURN_DECIMALS = 8
@@ -107,53 +105,33 @@ def write_scene(motions: Sequence[SkeletonMotion], target: Target, path: Path) -
     """
     known = [motion.rate_hz for motion in motions if np.isfinite(motion.rate_hz)]
     rate_hz = round(known[0], 9) if known else ALONE_HZ
-    names = _identifiers([_title(motion) for motion in motions])
+    names = _identifiers([f"{motion.origin.hand}_{motion.kind}" for motion in motions])
     hands = [
         _hand(motion, name, _codes(motion, rate_hz, path), target)
         for motion, name in zip(motions, names, strict=True)
     ]
-    told = _told(motions)
+    remarks = _remarks(motions)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.writelines(f"{line}\n" for line in _layer(hands, target, rate_hz, told))
-    return told
+        stream.writelines(f"{line}\n" for line in _layer(hands, target, rate_hz, remarks))
+    return remarks
 
 
 def _codes(motion: SkeletonMotion, rate_hz: float, path: Path) -> Array:
     """Time codes (T,) from 0; InputError where the motion has a gap, or times that a file cannot hold."""
-    if not len(motion.frame) or not motion.whole.all():
-        raise InputError(
-            f"{path}: USD holds no frame without a pose and no file without a frame; choose --gaps hold, cut "
-            "or interpolate"
-        )
-    time_s = motion.time_s
-    if len(time_s) == 1:
+    require_whole(motion, path, "USD")
+    if len(motion.frame) == 1:
         return np.zeros(1)
-    if not np.isfinite(time_s).any():
-        raise InputError(
-            f"{path}: the recording has no device time, and USD needs it; say a rate with --rate-hz"
-        )
-    codes = np.asarray(np.round((time_s - time_s[0]) * rate_hz, CODE_DECIMALS))
-    still = np.flatnonzero(~(np.diff(codes) > 0))
-    if len(still):
-        raise InputError(
-            f"{path}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in USD "
-            "it must; choose --frames that leave this out"
-        )
+    codes = np.asarray(np.round((motion.time_s - motion.time_s[0]) * rate_hz, CODE_DECIMALS))
+    require_times(motion, codes, path, "USD")
     return codes
-
-
-def _title(motion: SkeletonMotion) -> str:
-    what = "hand" if np.isfinite(motion.neutral).any() else motion.origin.layout
-    return f"{motion.origin.hand}_{what}"
 
 
 def _hand(motion: SkeletonMotion, name: str, codes: Array, target: Target) -> _Hand:
     """The motion as it is written; a hand that has the layout's names gets those of WebXR."""
-    if set(motion.names[1:]) <= set(RIGS["webxr"].names(motion.origin.hand)):
-        motion = on_rig(motion, "webxr")
+    motion = with_webxr_names(motion)
     joints: list[str] = []
-    for joint, word in zip(motion.joints, _identifiers(motion.names), strict=True):
-        joints.append(word if joint.parent < 0 else f"{joints[joint.parent]}/{word}")
+    for joint, identifier in zip(motion.joints, _identifiers(motion.names), strict=True):
+        joints.append(identifier if joint.parent < 0 else f"{joints[joint.parent]}/{identifier}")
     stand = upright("y", target.up)  # bone frames have +Y out of the back
     rest_mm, rest_turn = rest_pose(motion)
     return _Hand(
@@ -173,9 +151,9 @@ def _identifiers(names: Iterable[str]) -> list[str]:
     return plain_names(name if name[:1].isalpha() else f"_{name}" for name in names)
 
 
-def _layer(hands: Sequence[_Hand], target: Target, rate_hz: float, told: Sequence[str]) -> Iterator[str]:
+def _layer(hands: Sequence[_Hand], target: Target, rate_hz: float, remarks: Sequence[str]) -> Iterator[str]:
     """All lines of the file."""
-    known = {hand.name: _known(hand, target, told) for hand in hands}
+    known = {hand.name: _known(hand, target, remarks) for hand in hands}
     rate = f"{rate_hz:.12g}"
     metadata = [
         *_within(_entries(known), "customLayerData = {", "}"),
@@ -197,10 +175,10 @@ def _layer(hands: Sequence[_Hand], target: Target, rate_hz: float, told: Sequenc
     yield from _prim('Xform "World"', [], chain.from_iterable(prims))
 
 
-def _known(hand: _Hand, target: Target, told: Sequence[str]) -> dict[str, Any]:
+def _known(hand: _Hand, target: Target, remarks: Sequence[str]) -> dict[str, Any]:
     """What is to be known of a hand in the file."""
     motion = hand.motion
-    known = facts(motion, target, told)
+    known = facts(motion, target, remarks)
     known["inputs_sha256"] = [f"{digest}  {name}" for name, digest in known["inputs_sha256"].items()]
     known["first_frame"] = int(motion.frame[0])
     if np.isfinite(motion.time_s[0]):
@@ -209,13 +187,9 @@ def _known(hand: _Hand, target: Target, told: Sequence[str]) -> dict[str, Any]:
 
 
 def _skel_root(hand: _Hand, parts: Sequence[_Part]) -> Iterator[str]:
-    def body() -> Iterator[str]:
-        yield from _samples("float3[] extent", hand.codes, _extent(hand, parts), 3, hand.decimals)
-        yield from _skeleton(hand)
-        for part in parts:
-            yield from _mesh(hand, part)
-
-    yield from _prim(f'SkelRoot "{hand.name}"', [], body())
+    extent = _samples("float3[] extent", hand.codes, _extent(hand, parts), 3, hand.decimals)
+    body = chain(extent, _skeleton(hand), *(_mesh(hand, part) for part in parts))
+    return _prim(f'SkelRoot "{hand.name}"', [], body)
 
 
 def _skeleton(hand: _Hand) -> Iterator[str]:
@@ -231,30 +205,23 @@ def _skeleton(hand: _Hand) -> Iterator[str]:
     local_mm = np.concatenate([hand.rest_mm[:1], motion.rest_offset_mm[1:]])
     local_turn = np.concatenate([hand.rest_turn[:1], motion.rest_rotation[1:]])
 
-    def body() -> Iterator[str]:
-        yield f"uniform matrix4d[] bindTransforms = {_matrices(hand.rest_mm * hand.scale, hand.rest_turn)}"
-        yield f"uniform token[] joints = {_words(hand.joints)}"
-        yield f"uniform matrix4d[] restTransforms = {_matrices(local_mm * hand.scale, local_turn)}"
-        yield f"rel skel:animationSource = </World/{hand.name}/{hand.skeleton}/motion>"
-        yield from _animation(hand)
-
+    body = [
+        f"uniform matrix4d[] bindTransforms = {_matrices(hand.rest_mm * hand.scale, hand.rest_turn)}",
+        f"uniform token[] joints = {_strings(hand.joints)}",
+        f"uniform matrix4d[] restTransforms = {_matrices(local_mm * hand.scale, local_turn)}",
+        f"rel skel:animationSource = </World/{hand.name}/{hand.skeleton}/motion>",
+    ]
     metadata = ['prepend apiSchemas = ["SkelBindingAPI"]', *_within(_entries(custom), "customData = {", "}")]
-    yield from _prim(f'Skeleton "{hand.skeleton}"', metadata, body())
+    return _prim(f'Skeleton "{hand.skeleton}"', metadata, chain(body, _animation(hand)))
 
 
 def _animation(hand: _Hand) -> Iterator[str]:
     local = local_motion(hand.motion)
-    count = len(hand.joints)
-
-    def body() -> Iterator[str]:
-        yield f"uniform token[] joints = {_words(hand.joints)}"
-        yield f"half3[] scales = [{', '.join(['(1, 1, 1)'] * count)}]"
-        yield from _samples(
-            "float3[] translations", hand.codes, local.offset_mm * hand.scale, 3, hand.decimals
-        )
-        yield from _samples("quatf[] rotations", hand.codes, local.quaternion, 4, TURN_DECIMALS)
-
-    yield from _prim('SkelAnimation "motion"', [], body())
+    joints = f"uniform token[] joints = {_strings(hand.joints)}"
+    scales = f"half3[] scales = {_listed(['(1, 1, 1)'] * len(hand.joints))}"
+    place = _samples("float3[] translations", hand.codes, local.offset_mm * hand.scale, 3, hand.decimals)
+    turn = _samples("quatf[] rotations", hand.codes, local.quaternion, 4, TURN_DECIMALS)
+    return _prim('SkelAnimation "motion"', [], chain([joints, scales], place, turn))
 
 
 def _body(hand: _Hand) -> list[_Part]:
@@ -305,11 +272,8 @@ def _material(kind: str) -> Iterator[str]:
         "token outputs:surface",
     ]
 
-    def body() -> Iterator[str]:
-        yield f"token outputs:surface.connect = </World/materials/{kind}/surface.outputs:surface>"
-        yield from _prim('Shader "surface"', [], shader)
-
-    yield from _prim(f'Material "{kind}"', [], body())
+    connection = f"token outputs:surface.connect = </World/materials/{kind}/surface.outputs:surface>"
+    return _prim(f'Material "{kind}"', [], [connection, *_prim('Shader "surface"', [], shader)])
 
 
 def _extent(hand: _Hand, parts: Sequence[_Part]) -> Array:
@@ -333,7 +297,7 @@ def _extent(hand: _Hand, parts: Sequence[_Part]) -> Array:
     return np.stack([least, greatest], 1) * hand.scale
 
 
-def _told(motions: Sequence[SkeletonMotion]) -> tuple[str, ...]:
+def _remarks(motions: Sequence[SkeletonMotion]) -> tuple[str, ...]:
     sentences = []
     late_s = max(largest_time_error_s(motion) for motion in motions)
     if late_s > _TOLD_S:
@@ -368,8 +332,8 @@ def _within(lines: Iterable[str], opening: str, closing: str) -> Iterator[str]:
 
 def _samples(what: str, codes: Array, values: Array, width: int, decimals: int) -> Iterator[str]:
     """Lines of an array attribute over time: values (T, N, width) as N tuples a time code."""
-    one = f"({', '.join([f'%.{decimals}f'] * width)})"
-    pattern = f"[{', '.join([one] * values.shape[1])}],"
+    numbers = f"({', '.join([f'%.{decimals}f'] * width)})"
+    pattern = f"[{', '.join([numbers] * values.shape[1])}],"
 
     def lines() -> Iterator[str]:
         for code, row in zip(codes, values.reshape(len(codes), -1), strict=True):
@@ -390,7 +354,7 @@ def _entries(values: Mapping[str, Any]) -> Iterator[str]:
         elif isinstance(value, float):
             yield f"double {key} = {value!r}"
         elif isinstance(value, list):
-            yield f"string[] {key} = {_words(value)}"
+            yield f"string[] {key} = {_strings(value)}"
         elif value is not None:
             yield f"double3 {key} = {_tuple(value.round(9).tolist())}"
 
@@ -405,8 +369,8 @@ def _tuple(values: Iterable[float]) -> str:
 
 def _tuples(values: Array, decimals: int) -> str:
     """An array (N, K) as N tuples."""
-    one = f"({', '.join([f'%.{decimals}f'] * values.shape[1])})"
-    return f"[{', '.join([one] * len(values))}]" % tuple(values.ravel().tolist())
+    numbers = f"({', '.join([f'%.{decimals}f'] * values.shape[1])})"
+    return f"[{', '.join([numbers] * len(values))}]" % tuple(values.ravel().tolist())
 
 
 def _matrices(place: Array, turn: Array) -> str:
@@ -417,17 +381,17 @@ def _matrices(place: Array, turn: Array) -> str:
     return _listed(f"({_tuples(each, 10)[1:-1]})" for each in rows)
 
 
-def _words(values: Iterable[str]) -> str:
+def _strings(values: Iterable[str]) -> str:
     return _listed(map(_quoted, values))
 
 
-def _listed(words: Iterable[str]) -> str:
-    return f"[{', '.join(words)}]"
+def _listed(texts: Iterable[str]) -> str:
+    return f"[{', '.join(texts)}]"
 
 
-def _quoted(words: str) -> str:
+def _quoted(text: str) -> str:
     """A string between quotes, on one line."""
-    kept = words.replace("\\", "\\\\").replace('"', '\\"')
+    kept = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else _escaped(c) for c in kept) + '"'
 
 

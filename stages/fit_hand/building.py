@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.rotations import Array, unit
+from anatomy import average_hand as prior
 from schemas.layout import Layout
-from stages.fit_hand import anatomy_priors as prior
+from skeleton.rotations import Array, unit
 from stages.fit_hand.operations import Mark, Operation, Step, Term
 
 KINDS = ("flexion", "abduction", "axial")
@@ -34,6 +34,13 @@ class Amount:
     def plus(self, other: Amount) -> Amount:
         """Give the sum of two amounts."""
         return Amount(self.constant + other.constant, self.parts + other.parts)
+
+    def row(self, n_unknowns: int) -> Array:
+        """Derivative (G,) by the unknowns."""
+        row = np.zeros(n_unknowns)
+        for coefficient, unknown in self.parts:
+            row[unknown] += coefficient
+        return row
 
 
 @dataclass
@@ -112,15 +119,17 @@ def receiver(segment: str) -> str:
 
 
 class Builder:
-    """Collects unknowns and states while the chains are laid out."""
+    """Collects what chains need while they are laid out; the attributes as in `HandModel`.
+
+    scale : mean and sd of the hand's size. seen : segments of which the recordings have poses.
+    """
 
     def __init__(
         self, layout: Layout, scale: tuple[float, float], parts: Parts, seen: frozenset[str]
     ) -> None:
         self.layout, self.parts, self.seen = layout, parts, seen
         self.unknowns, self.states = Unknowns(), States()
-        scale_unknown = self.unknowns.add("scale", "hand")
-        self.scale = Amount(scale[0], ((scale[1], scale_unknown),))
+        self.scale = self.free(*scale, "scale", "hand")
         self.length: dict[str, Amount] = {}
         self.mount: dict[str, tuple[Amount, Amount, Amount]] = {}
         self.guesses: list[FirstGuess] = []

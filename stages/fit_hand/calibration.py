@@ -6,20 +6,19 @@ import difflib
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from schemas.catalogue import POSES
-from schemas.errors import InputError
+from anatomy.known_digits import known_digits
+from schemas.errors import InputError, TableError
 from schemas.layout import Layout
 from schemas.model import HandFitting
-from schemas.poses import Poses, RecordingName, pose_blocks, recording_name, usable_poses
-from schemas.study import read_measurements, read_touches
-from schemas.tables import open_table
-from stages.fit_hand import NO_CALIBRATION
-from stages.fit_hand.chain import known_digits
+from schemas.parts import Part
+from schemas.plan import SubjectPlan
+from schemas.poses import Poses, RecordingName, read_poses, recording_name, usable_poses
+from schemas.sheets import Row
 from stages.fit_hand.contacts import find_contacts
 from stages.fit_hand.fingertips import Fingertips, fingertips
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
@@ -31,176 +30,152 @@ from stages.fit_hand.touching import Touch, touch_in, with_touches
 MOST_FRAMES = 60_000
 """Of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is looked at."""
 
-
-@dataclass(frozen=True)
-class Person:
-    """Sizes that a tape measures, mm; None where nobody did."""
-
-    hand_length_mm: float | None = None
-    hand_breadth_mm: float | None = None
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What a hand is fitted with, besides its recordings; measurements, touches : sheets, None without."""
-
-    layout: Layout
-    fitting: HandFitting
-    person: Person
-    measurements: Path | None = None
-    touches: Path | None = None
+NO_CALIBRATION = "no calibration recording"
+"""How the reason begins why a hand was not fitted that nothing calibrates."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A fitted hand and the recordings that it was fitted to, thinned, without what was loose.
-
-    loose : by segment, columns of `receivers` of one that came loose.
+    """A fitted hand, the recordings that it was fitted to, thinned and without what was loose, and receivers
+    that came loose, each with the recording it came loose in.
     """
 
     fit: HandFit
-    names: Sequence[RecordingName]
-    recordings: Sequence[Poses]
-    loose: Mapping[str, Mapping[str, Any]]
+    recordings: Mapping[RecordingName, Poses]
+    loose: Sequence[tuple[RecordingName, LooseReceiver]]
 
 
-def read_thinned(path: Path, layout: Layout, most_frames: int = MOST_FRAMES) -> Poses:
-    """Read a recording's poses, evenly thinned to at most so many frames."""
-    with open_table(path, POSES) as file:
-        n_segments = max(1, len(layout.measured))
-        step = max(1, -(-file.metadata.num_rows // (n_segments * most_frames)))
-    first, kept = 0, []
-    for block in pose_blocks(path, layout.measured):
-        kept.append(block.take(slice((-first) % step, None, step)))
-        first += len(block.frame)
-    return joined(kept)
+def calibrated_hand(
+    plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = ()
+) -> tuple[Fingertips, Sequence[tuple[RecordingName, LooseReceiver]]]:
+    """Fit a part's hand, and the person's other one where they share lengths of bones.
+
+    other_poses : calibration of the other hand, of a plan that has one hand alone. Gives the hand with its
+    fingertips and the receivers that came loose. Raises InputError as `fit_calibration`; of the other hand it
+    is only a note on stderr.
+    """
+    poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
+    own = fit_calibration(plan, part, part.hand, poses)
+    others = other_poses or _other_poses(plan, part)
+    if others and _fitting(plan, part).share_lengths:
+        other_hand = "left" if part.hand == "right" else "right"
+        try:
+            other = fit_calibration(plan, part, other_hand, others)
+            own = replace(own, fit=share_lengths(own.fit, other.fit)[0])
+        except TableError:
+            raise
+        except InputError as error:
+            print(f"note: the other hand's lengths are not shared: {error}", file=sys.stderr)
+    return _with_fingertips(plan, part, own), own.loose
 
 
-def joined(parts: Sequence[Poses]) -> Poses:
-    """Poses of the same segments, one after the other."""
-    names = ("frame", "time_s", "position_mm", "quaternion", "valid")
-    arrays = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
-    return Poses(parts[0].segments, *arrays)
+def _other_poses(plan: SubjectPlan, part: Part) -> list[Path]:
+    """Poses that calibrate the person's other hand under the part's model, where its layout is the same."""
+    return [
+        plan.poses(recording)
+        for hand in plan.hands
+        if hand != part.hand and plan.layouts[hand] == plan.layouts[part.hand]
+        for recording in plan.calibrating(hand, part.model, part.made_without)
+    ]
 
 
-def fit_calibration(paths: Sequence[Path], asked: Asked, subject: str, hand: str) -> Calibration:
+def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
+    fitting = plan.models[part.model].fitting
+    if fitting is None:
+        raise InputError(
+            f"model {part.model} fits no whole hand; expected fit: {{whole_hand: true}} in its file"
+        )
+    return fitting
+
+
+def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]) -> Calibration:
     """Fit a hand to its calibration recordings and to what a calliper measured on it.
 
-    A receiver that came loose counts only while it sat in one place. Raises InputError where no recording can
-    be read or the sheet names what is not there, and as `fit_hand` does.
+    hand : the part's own, or the person's other one, fitted with the part's layout and model. A receiver that
+    came loose counts only while it sat in one place. Raises InputError where no recording can be read or the
+    sheet names what is not there, and as `fit_hand` does.
     """
-    usable, reasons = usable_poses(paths)
+    layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
+    usable, reasons = usable_poses(poses)
     if not usable:
         raise InputError(f"{NO_CALIBRATION}: {'; '.join(reasons) or 'the study names none'}")
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
     names = [recording_name(path) for path in usable]
-    recordings = [read_thinned(path, asked.layout) for path in usable]
-    measurements = measurements_of(asked, subject, hand)
-    fit = _fit(recordings, asked, hand, measurements)
-    watched = asked.fitting.steps and known_digits(asked.layout)
-    loose = loose_receivers(fit, recordings) if watched else []  # what is usual of an arm's skin, nobody says
+    recordings = [read_thinned(path, layout.measured) for path in usable]
+    fit_to = partial(
+        fit_hand,
+        layout=layout,
+        hand=hand,
+        hand_length_mm=plan.hand_length_mm,
+        hand_breadth_mm=plan.hand_breadth_mm,
+        measurements=_measurements(plan, hand, layout),
+        settings=Settings(fitting.frames, fitting.steps, Settings.rounds if fitting.steps else 0),
+    )
+    fit = fit_to(recordings)
+    known_skin = known_digits(layout)  # what is usual of an arm's skin, nobody says
+    loose = loose_receivers(fit, recordings) if fitting.steps and known_skin else []
     if loose:
         recordings = without_loose(recordings, loose)
-        fit = _fit(recordings, asked, hand, measurements)
-    return Calibration(fit, names, recordings, _said_of_loose(loose, names))
+        fit = fit_to(recordings)
+    by_name = dict(zip(names, recordings, strict=True))
+    return Calibration(fit, by_name, [(names[receiver.recording], receiver) for receiver in loose])
 
 
-def touched(calibration: Calibration, asked: Asked) -> Fingertips:
-    """The hand with what its fingertips touched: points that are known, and in opposition each other."""
-    tips = fingertips(calibration.fit)
-    recordings = dict(zip(calibration.names, calibration.recordings, strict=True))
-    tips = with_touches(tips, _touches(asked, recordings, tips))
-    met = [
-        contact
-        for name, poses in recordings.items()
-        if name.task in asked.fitting.contacts and asked.fitting.steps
-        for contact in find_contacts(tips, poses)
-    ]
-    return with_touches(tips, contacts=met)
+def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:
+    """Read a recording's poses, evenly thinned to at most so many frames."""
+    poses = read_poses(path, segments)
+    step = -(-len(poses.frame) // most_frames)
+    return poses.take(np.arange(0, len(poses.frame), step)) if step > 1 else poses
 
 
-def _touches(asked: Asked, recordings: Mapping[RecordingName, Poses], tips: Fingertips) -> list[Touch]:
-    """What the sheet of touches says of one hand, in those of its recordings that calibrate it."""
-    touches = []
-    for row in read_touches(asked.touches):
-        name = RecordingName(row["subject"], row["hand"], row["task"], row["trial"])
-        if name not in recordings:
-            continue
-        poses = recordings[name]
-        rows = np.flatnonzero((poses.time_s >= row["from_s"]) & (poses.time_s <= row["to_s"]))
-        point_mm = np.array([row["x_mm"], row["y_mm"], row["z_mm"]])
-        try:
-            touches.append(
-                touch_in(tips, poses, rows, row["digit"], point_mm, sd_mm=row["sd_mm"], part=row["part"])
-            )
-        except InputError as error:
-            raise InputError(f"{asked.touches}: row {row.line}: {error}") from None
-    return touches
-
-
-def _said_of_loose(loose: Sequence[LooseReceiver], names: Sequence[RecordingName]) -> dict[str, Any]:
-    """Columns of `receivers` for each receiver that came loose: the largest of its moves."""
-    said: dict[str, Any] = {}
-    for one in sorted(loose, key=lambda one: one.shift_mm + one.turn_deg):
-        name = names[one.recording]
-        where = ", ".join(filter(None, (name.task, name.trial)))
-        when = f"{one.time_s:.1f} s" if np.isfinite(one.time_s) else f"frame {one.frame}"
-        said[one.segment] = {
-            "loose_from_frame": one.frame,
-            "loose_task": where,
-            "loose_shift_mm": one.shift_mm,
-            "loose_turn_deg": one.turn_deg,
-            "status": "weak",
-            "message": f"came loose in {where} at {when}: it moved {one.shift_mm:.1f} mm and turned "
-            f"{one.turn_deg:.0f} deg on its bone; only the longer part, before or after, was used",
-        }
-    return said
-
-
-def _fit(
-    recordings: Sequence[Poses], asked: Asked, hand: str, measurements: Sequence[Measurement]
-) -> HandFit:
-    fitting = asked.fitting
-    rounds = Settings.rounds if fitting.steps else 0
-    return fit_hand(
-        recordings,
-        asked.layout,
-        hand,
-        hand_length_mm=asked.person.hand_length_mm,
-        hand_breadth_mm=asked.person.hand_breadth_mm,
-        measurements=measurements,
-        settings=Settings(n_frames=fitting.frames, most_steps=fitting.steps, rounds=rounds),
-    )
-
-
-def shared(own: Calibration, other: Calibration) -> Calibration:
-    """The hand with what the person's other one says of the lengths of bones."""
-    return replace(own, fit=share_lengths(own.fit, other.fit)[0])
-
-
-def measurements_of(asked: Asked, subject: str, hand: str) -> list[Measurement]:
-    """What the sheet of measurements says of one hand; InputError where it names what cannot be measured.
-
-    Checked row by row, as the fit itself knows no sheet.
-    """
-    known = measurable(asked.layout)
-    taken = []
-    for row in read_measurements(asked.measurements):
-        if (row["subject"], row["hand"]) != (subject, hand):
-            continue
+def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurement]:
+    """Measurements of the hand; InputError where the sheet names what cannot be measured."""
+    known = measurable(layout)
+    rows = [row for row in plan.measurements if row["hand"] == hand]
+    for row in rows:
         if row["quantity"] not in known:
             close = difflib.get_close_matches(row["quantity"], known, 1)
             guess = f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(known)}"
             raise InputError(
-                f"{asked.measurements}: row {row.line}, column quantity: {row['quantity']!r} is nothing that "
-                f"is measured on layout {asked.layout.name}; {guess}"
+                f"{_place(plan, 'measurements', row, 'quantity')}: {row['quantity']!r} is nothing that is "
+                f"measured on layout {layout.name}; {guess}"
             )
-        taken.append(Measurement(row["quantity"], row["value_mm"], row["sd_mm"]))
-    return taken
+    return [Measurement(row["quantity"], row["value_mm"], row["sd_mm"]) for row in rows]
 
 
-def check_size(name: str, value_mm: float | None, least_mm: float, most_mm: float) -> None:
-    """Raise InputError for a size, as given on a command line, that no hand has."""
-    if value_mm is not None and not least_mm < value_mm < most_mm:
-        raise InputError(f"{name}: is {value_mm:g}; expected millimetres, {least_mm:g} to {most_mm:g}")
+def _with_fingertips(plan: SubjectPlan, part: Part, calibration: Calibration) -> Fingertips:
+    """The hand with what its fingertips touched: points that are known, and in opposition each other."""
+    tips, fitting = fingertips(calibration.fit), _fitting(plan, part)
+    tips = with_touches(tips, _touches(plan, part.hand, calibration, tips))
+    contacts = [
+        contact
+        for name, poses in calibration.recordings.items()
+        if name.task in fitting.contacts and fitting.steps
+        for contact in find_contacts(tips, poses)
+    ]
+    return with_touches(tips, contacts=contacts)
+
+
+def _touches(plan: SubjectPlan, hand: str, calibration: Calibration, tips: Fingertips) -> list[Touch]:
+    """The sheet's touches in recordings that calibrate the hand."""
+    recordings = {(name.task, name.trial): poses for name, poses in calibration.recordings.items()}
+    touches = []
+    for row in plan.touches:
+        poses = recordings.get((row["task"], row["trial"]))
+        if row["hand"] != hand or poses is None:
+            continue
+        rows = np.flatnonzero((poses.time_s >= row["from_s"]) & (poses.time_s <= row["to_s"]))
+        point_mm = np.array([row["x_mm"], row["y_mm"], row["z_mm"]])
+        try:
+            touch = touch_in(tips, poses, rows, row["digit"], point_mm, sd_mm=row["sd_mm"], part=row["part"])
+        except InputError as error:
+            raise InputError(f"{_place(plan, 'touches', row)}: {error}") from None
+        touches.append(touch)
+    return touches
+
+
+def _place(plan: SubjectPlan, sheet: str, row: Row, column: str = "") -> str:
+    """File, row and column of a sheet, as a message begins; a study's plan does not know rows by number."""
+    cell = ", ".join([f"row {row.line}"] * bool(row.line) + [f"column {column}"] * bool(column))
+    return ": ".join(filter(None, [str(plan.sheets.get(sheet, sheet)), cell]))

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.joint_angles import mirrored
-from kinematics.rotations import Array, from_matrix
-from schemas.layout import Digit, Layout
-from stages.fit_hand import anatomy_priors as prior
-from stages.fit_hand.anatomy_priors import DIGITS, DigitAnatomy
+from anatomy import average_hand as prior
+from anatomy.average_hand import DIGITS, DigitAnatomy
+from anatomy.known_digits import known_digits, root_of
+from schemas.layout import Layout
+from skeleton.rotations import Array
 from stages.fit_hand.building import (
     KINDS,
     Amount,
@@ -54,40 +54,6 @@ class HandModel:
     centres: Mapping[str, str]
     seats: Mapping[str, tuple[Amount, Amount, Amount]]
     anatomy: Mapping[str, DigitAnatomy]
-
-
-def root_of(layout: Layout) -> str:
-    """The segment from which the first digit hangs: the root of every chain."""
-    return next(iter(layout.digits.values())).base
-
-
-def known_digits(layout: Layout) -> list[Digit]:
-    """Digits of the layout whose anatomy is known."""
-    return [
-        digit
-        for digit in layout.digits.values()
-        if digit.name in DIGITS
-        and digit.base == root_of(layout)
-        and len(digit.segments) == len(DIGITS[digit.name].lengths_mm)
-    ]
-
-
-def rest_rotations(
-    layout: Layout, hand: str, anatomy: Mapping[str, DigitAnatomy] = DIGITS
-) -> dict[str, Array]:
-    """Quaternion (4,) of every joint of known anatomy, child to parent bone, of a straight digit lying flat.
-
-    Of the average hand; for a left hand mirrored. anatomy : that of the fitted model, whose bones' frames
-    these are.
-    """
-    rests = {}
-    for digit in known_digits(layout):
-        above = np.eye(3)
-        for joint, frame in zip(digit.joints, anatomy[digit.name].frames(), strict=True):
-            rest = from_matrix(above.T @ frame)
-            rests[joint] = mirrored(rest) if hand == "left" else rest
-            above = frame
-    return rests
 
 
 def hand_model(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array
 from schemas.poses import Poses
+from skeleton.rotations import Array
 from stages.fit_hand.fingertips import PAD, Fingertips, fingertips, seen_parts
 from stages.fit_hand.fit import HandFit
-from stages.fit_hand.frames import Index
+from stages.fit_hand.operations import Index
 from stages.fit_hand.touching import CONTACT_SD_MM, Contact, contact_in
 
 THUMB = "thumb"
@@ -85,11 +85,11 @@ def _held(distance_mm: Array, speed: Array, near: _Rows) -> list[Index]:
         return []
     slow = SLOW_SHARE * float(np.percentile(known, 90))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-    found = []
+    episodes = []
     for start, stop in edges.reshape(-1, 2):
         run = np.arange(start, stop)
         run = run[speed[run] < slow]
         if len(run):
             rows = run[distance_mm[run] < distance_mm[run].min() + HELD_MM]
-            found.append((float(np.median(speed[rows])), rows))
-    return [rows for _, rows in sorted(found, key=lambda one: one[0])]
+            episodes.append((float(np.median(speed[rows])), rows))
+    return [rows for _, rows in sorted(episodes, key=lambda episode: episode[0])]

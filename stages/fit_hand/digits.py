@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from kinematics.rotations import Array, unit
+from anatomy import average_hand as prior
+from anatomy.average_hand import DigitAnatomy
 from schemas.layout import Digit
-from stages.fit_hand import anatomy_priors as prior
-from stages.fit_hand.anatomy_priors import DigitAnatomy
+from skeleton.rotations import Array, unit
 from stages.fit_hand.building import (
     KINDS,
     Amount,
@@ -30,100 +28,96 @@ X = np.array([1.0, 0.0, 0.0])
 
 def digit_steps(builder: Builder, digit: Digit, anatomy: DigitAnatomy) -> list[Step]:
     """Lay out a digit from the base bone's frame."""
-    frames = anatomy.frames()
-    steps: list[Step] = [
-        along(
-            axis,
-            builder.place(builder.scale.times(at_mm), prior.BASE_SD_MM, "base", f"{digit.name} {name}"),
-        )
-        for axis, at_mm, name in zip(np.eye(3), anatomy.base_mm, "xyz", strict=True)
-    ]
-    for axis, name in ((frames[0, :, 1], "y"), (frames[0, :, 2], "z")):
-        tilt = builder.free(0.0, prior.DIRECTION_SD_RAD, "direction", f"{digit.name} {name}")
-        steps.append(about(axis, tilt))
-    flexions = _flexion_states(builder, digit)
-    above = np.eye(3)
-    for k in range(len(digit.segments)):
-        steps += _bone(builder, digit, anatomy, flexions, k, above)
-        above = frames[k]
-    _guess(builder, digit, anatomy, flexions)
-    return steps
+    return _DigitChain(builder, digit, anatomy).steps()
 
 
-def _bone(
-    builder: Builder,
-    digit: Digit,
-    anatomy: DigitAnatomy,
-    flexions: Mapping[str, int],
-    k: int,
-    above: Array,
-) -> list[Step]:
-    """A digit's joint k, the bone that it moves, and that bone's receiver; above : the parent bone's frame.
+class _DigitChain:
+    """A digit while it is laid out; bone k is moved by joint k.
 
-    The receiver over a metacarpal does not follow its bone all the way: it sits on a side branch of its own,
-    in which the joint turns less.
+    above : from the hand's frame to that of the bone before bone k; axes : flexion axes in it, rests :
+    rotations of bone k against it, digit straight. flexions : the state of every joint that flexes.
     """
-    joint, segment = digit.joints[k], digit.segments[k]
-    axis = above.T @ unit(np.array(anatomy.flexion_axes[k]))
-    second = above.T @ np.array(anatomy.second_axis) if k == 0 and anatomy.second_axis else None
-    moved = _Joint(builder, joint, flexions.get(joint), axis, above.T @ anatomy.frames()[k], second)
-    size = builder.scale.plus(builder.free(0.0, prior.LENGTH_SD, "length", segment))
-    length = builder.length[segment] = size.times(anatomy.lengths_mm[k])
-    steps = moved.steps(under_reading=False)
-    steps.append(Mark(bone(segment)))
-    builder.centres[joint] = bone(segment)
-    if builder.layout.segments[segment].measured:
-        ridden = _receiver(builder, digit, k, length, flexions)
-        if k == 0 and builder.parts.pivot:
-            steps = [Side((*moved.steps(under_reading=True), *ridden)), *steps]
-        else:
-            steps.append(Side(ridden))
-    return [*steps, along(X, length)]
 
+    def __init__(self, builder: Builder, digit: Digit, anatomy: DigitAnatomy) -> None:
+        self.builder, self.digit, self.anatomy = builder, digit, anatomy
+        self.frames = anatomy.frames()
+        self.above = np.concatenate([np.eye(3)[None], self.frames[:-1]]).swapaxes(-1, -2)
+        axes = unit(np.array(anatomy.flexion_axes))
+        self.axes = [back @ axis for back, axis in zip(self.above, axes, strict=True)]
+        self.rests = [back @ frame for back, frame in zip(self.above, self.frames, strict=True)]
+        self.measured = [builder.layout.segments[segment].measured for segment in digit.segments]
 
-def _receiver(
-    builder: Builder, digit: Digit, k: int, length: Amount, flexions: Mapping[str, int]
-) -> tuple[Step, ...]:
-    """The receiver of a digit's bone k: at mid-bone, over it, its skin driven by the joints at both ends."""
-    last = k == len(digit.segments) - 1
-    kind = len(prior.HEIGHT_MM) - 1 if last else k
-    place = (length.times(0.5), Amount(0.0, ()), builder.scale.times(prior.HEIGHT_MM[kind]))
-    drives = [
-        flexions[joint]
-        for joint, segment in zip(digit.joints[k : k + 2], digit.segments[k : k + 2], strict=True)
-        if joint in flexions and segment in builder.seen
-    ]
-    return builder.receiver_steps(digit.segments[k], place, drives, prior.DISTAL_TILT if last else 0.0)
-
-
-def _flexion_states(builder: Builder, digit: Digit) -> dict[str, int]:
-    """Add the flexion of every joint of the digit that moves."""
-    flexions = {}
-    for joint, segment in zip(digit.joints, digit.segments, strict=True):
-        if not builder.layout.joints[joint].dof:
-            continue
-        measured = builder.layout.segments[segment].measured
-        first = segment == digit.segments[0]
-        if measured or builder.parts.palm:
-            prior_deg = (prior.PHALANX_DEG, prior.METACARPAL_DEG)[first] if measured else prior.PALM_DEG
-            flexions[joint] = builder.states.add(joint, KINDS[0], *prior_deg)
-    return flexions
-
-
-def _guess(builder: Builder, digit: Digit, anatomy: DigitAnatomy, flexions: Mapping[str, int]) -> None:
-    """Say how every joint's flexion shows in the receivers before it and after it."""
-    frames = anatomy.frames()
-    parent, above, before = digit.base, np.eye(3), np.eye(3)
-    for k, (joint, segment) in enumerate(zip(digit.joints, digit.segments, strict=True)):
-        rest = above.T @ frames[k]
-        if builder.layout.segments[segment].measured:
-            if joint in flexions:
-                axis = above.T @ unit(np.array(anatomy.flexion_axes[k]))
-                builder.guesses.append(FirstGuess(flexions[joint], parent, segment, before, axis, rest))
+    def steps(self) -> list[Step]:
+        """Lay out base, direction, joints, bones and receivers; add how flexion shows in the receivers."""
+        builder, name = self.builder, self.digit.name
+        steps: list[Step] = [
+            along(
+                axis, builder.place(builder.scale.times(at_mm), prior.BASE_SD_MM, "base", f"{name} {letter}")
+            )
+            for axis, at_mm, letter in zip(np.eye(3), self.anatomy.base_mm, "xyz", strict=True)
+        ]
+        for axis, letter in ((self.frames[0, :, 1], "y"), (self.frames[0, :, 2], "z")):
+            steps.append(
+                about(axis, builder.free(0.0, prior.DIRECTION_SD_RAD, "direction", f"{name} {letter}"))
+            )
+        self.flexions = self._flexion_states()
+        parent, before = self.digit.base, np.eye(3)
+        for k, (joint, segment) in enumerate(zip(self.digit.joints, self.digit.segments, strict=True)):
+            steps += self._bone(k)
+            if not self.measured[k]:
+                before = before @ self.rests[k]
+                continue
+            if joint in self.flexions:
+                turn = before, self.axes[k], self.rests[k]
+                builder.guesses.append(FirstGuess(self.flexions[joint], parent, segment, *turn))
             parent, before = segment, np.eye(3)
-        else:
-            before = before @ rest
-        above = frames[k]
+        return steps
+
+    def _flexion_states(self) -> dict[str, int]:
+        """Add the flexion of every joint of the digit that moves."""
+        flexions = {}
+        for k, joint in enumerate(self.digit.joints):
+            if self.builder.layout.joints[joint].dof and (self.measured[k] or self.builder.parts.palm):
+                of_receiver = prior.PHALANX_DEG if k else prior.METACARPAL_DEG
+                mean_and_sd = of_receiver if self.measured[k] else prior.PALM_DEG
+                flexions[joint] = self.builder.states.add(joint, KINDS[0], *mean_and_sd)
+        return flexions
+
+    def _bone(self, k: int) -> list[Step]:
+        """Joint k, the bone that it moves, and that bone's receiver.
+
+        The receiver over a metacarpal does not follow its bone all the way: it sits on a side branch of its
+        own, in which the joint turns less.
+        """
+        builder, joint, segment = self.builder, self.digit.joints[k], self.digit.segments[k]
+        skew = self.anatomy.second_axis if k == 0 else None
+        second = None if skew is None else self.above[k] @ np.array(skew)
+        moved = _Joint(builder, joint, self.flexions.get(joint), self.axes[k], self.rests[k], second)
+        size = builder.scale.plus(builder.free(0.0, prior.LENGTH_SD, "length", segment))
+        length = builder.length[segment] = size.times(self.anatomy.lengths_mm[k])
+        steps = [*moved.steps(under_reading=False), Mark(bone(segment))]
+        builder.centres[joint] = bone(segment)
+        if self.measured[k]:
+            ridden = self._receiver(k, length)
+            if k == 0 and builder.parts.pivot:
+                steps = [Side((*moved.steps(under_reading=True), *ridden)), *steps]
+            else:
+                steps.append(Side(ridden))
+        return [*steps, along(X, length)]
+
+    def _receiver(self, k: int, length: Amount) -> tuple[Step, ...]:
+        """The receiver of bone k: at mid-bone, over it, its skin driven by the joints at both ends."""
+        is_last = k == len(self.digit.segments) - 1
+        height_mm = prior.HEIGHT_MM[-1 if is_last else k]
+        place = (length.times(0.5), Amount(0.0, ()), self.builder.scale.times(height_mm))
+        ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
+        drives = [
+            self.flexions[joint]
+            for joint, segment in ends
+            if joint in self.flexions and segment in self.builder.seen
+        ]
+        own_tilt = prior.DISTAL_TILT if is_last else 0.0
+        return self.builder.receiver_steps(self.digit.segments[k], place, drives, own_tilt)
 
 
 class _Joint:

@@ -8,13 +8,12 @@ observations.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from kinematics.rotations import Array
+from skeleton.effective_samples import effective_samples
+from skeleton.rotations import Array
 from stages.fit_hand.normal_equations import Point, Problem, Reduced, Residuals, weighted_jacobian
-from stages.solve_joints.closed import effective_samples
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
     "mount": ("mount x", "mount y", "mount z"),
@@ -36,30 +35,26 @@ SD_LIMITS = (0.2, 6.0)
 """No receiver's residual is trusted to be smaller or larger than so many times the published one."""
 
 
-def prior_precision(groups: Sequence[str], x: Array, covariance: Array) -> tuple[Array, dict[str, float]]:
-    """Precision (G,) of the unknowns' priors and the scale of each family (1: as published)."""
-    named = np.array(groups)
-    precision = np.ones(len(named))
-    scales = {}
-    for family, members in FAMILIES.items():
-        own = np.isin(named, members)
-        if not own.any():
-            continue
-        second_moment = float((x[own] ** 2 + np.diag(covariance)[own]).sum())
-        variance = (second_moment + PSEUDO_UNKNOWNS) / (own.sum() + PSEUDO_UNKNOWNS)
-        precision[own] = 1.0 / variance
-        scales[family] = float(np.sqrt(variance))
-    return precision, scales
+def prior_precision(groups: Sequence[str], x: Array, covariance: Array) -> Array:
+    """Precision (G,) of the unknowns' priors (1: as published), one for each family."""
+    group = np.array(groups)
+    precision = np.ones(len(group))
+    for members in FAMILIES.values():
+        own = np.isin(group, members)
+        if own.any():
+            second_moment = float((x[own] ** 2 + np.diag(covariance)[own]).sum())
+            precision[own] = 1.0 / ((second_moment + PSEUDO_UNKNOWNS) / (own.sum() + PSEUDO_UNKNOWNS))
+    return precision
 
 
-def independent_samples(problem: Problem, found: Residuals) -> float:
+def independent_samples(problem: Problem, current: Residuals) -> float:
     """Number of independent samples in frames that follow each other evenly.
 
     From the autocorrelation of every receiver's residuals; that which three quarters of them exceed, at
     least LEAST_SAMPLES.
     """
     counts = []
-    for receivers, (r, _, _) in zip(problem.receivers, found.branches, strict=True):
+    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
         for i, (_, s) in enumerate(receivers):
             seen = r[i, problem.frames.valid[:, s]]
             if len(seen) < 5:
@@ -71,14 +66,16 @@ def independent_samples(problem: Problem, found: Residuals) -> float:
     return max(LEAST_SAMPLES, float(np.percentile(counts, 25))) if counts else LEAST_SAMPLES
 
 
-def residual_sd(problem: Problem, point: Point, found: Residuals, reduced: Reduced, nominal: Array) -> Array:
+def residual_sd(
+    problem: Problem, point: Point, current: Residuals, reduced: Reduced, published: Array
+) -> Array:
     """Sd (S, 2) of every receiver's residuals, position in mm and rotation in rad.
 
     The squares are divided by the degrees of freedom that the frame's own unknowns leave, as their leverage
-    says. nominal : (S, 2) the published ones.
+    says. published : (S, 2) the published ones.
     """
-    out = nominal.copy()
-    for index, part in enumerate(found.branches):
+    out = published.copy()
+    for index, part in enumerate(current.branches):
         r, weight, _ = part
         _, by_operation, by_root = weighted_jacobian(problem, index, part, point)
         branch, eliminated = problem.branches[index], reduced.eliminated[index]
@@ -97,12 +94,7 @@ def residual_sd(problem: Problem, point: Point, found: Residuals, reduced: Reduc
                 )
                 left = float((1 - leverage.reshape(len(ok), -1, 6)[:, i, rows])[ok].sum())
                 pseudo = PSEUDO_SHARE * 3 * ok.sum()
-                variance = (squares + pseudo * nominal[s, kind] ** 2) / (max(left, 0.0) + pseudo)
-                limits = np.array(SD_LIMITS) * nominal[s, kind]
+                variance = (squares + pseudo * published[s, kind] ** 2) / (max(left, 0.0) + pseudo)
+                limits = np.array(SD_LIMITS) * published[s, kind]
                 out[s, kind] = np.clip(np.sqrt(variance), *limits)
     return out
-
-
-def rescaled(problem: Problem, sd: Array, precision: Array) -> Problem:
-    """The same problem with other scales."""
-    return replace(problem, sd=sd, precision=precision)

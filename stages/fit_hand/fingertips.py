@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.rotations import Array, rotate
+from anatomy import average_hand as prior
+from anatomy.known_digits import known_digits
 from schemas.errors import InputError
 from schemas.layout import Digit
 from schemas.poses import Poses
-from stages.fit_hand import anatomy_priors as prior
+from skeleton.rotations import Array, rotate
 from stages.fit_hand.building import bone, receiver
-from stages.fit_hand.chain import known_digits
 from stages.fit_hand.fit import HandFit
-from stages.fit_hand.reading import Evidence, places_of
+from stages.fit_hand.posterior import Evidence, places_of
 
 BONE, TIP, PAD = "bone", "tip", "pad"
 """Parts of a fingertip: the end of the last bone; the end of the digit; where its pulp touches."""
@@ -138,8 +138,7 @@ def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[st
         own = evidence.convention.point_matrix(digit.tip)
         length = model.length[digit.tip]
         longer = np.zeros((3, len(x)))
-        for coefficient, unknown in length.parts:
-            longer[0, unknown] += coefficient
+        longer[0] = length.row(len(x))
         end = np.array([length.constant, 0.0, 0.0]) + longer @ x
         for k, part in enumerate((BONE, *SOFT_PARTS)):
             offset = offsets_mm[i, k - 1] if k else np.zeros(3)

@@ -7,24 +7,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from kinematics.rotations import Array
-from kinematics.thumb_facing import faces_nail
+from anatomy import average_hand as prior
+from anatomy.average_hand import DIGITS, DigitAnatomy
+from anatomy.known_digits import known_digits, root_of
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.poses import Poses
-from stages.fit_hand import anatomy_priors as prior
-from stages.fit_hand.anatomy_priors import DIGITS, DigitAnatomy
+from skeleton.rotations import Array
+from skeleton.thumb_facing import faces_nail
 from stages.fit_hand.building import Parts
-from stages.fit_hand.chain import HandModel, hand_model, known_digits, root_of
-from stages.fit_hand.empirical_bayes import independent_samples, prior_precision, rescaled, residual_sd
-from stages.fit_hand.frames import spread_frames
+from stages.fit_hand.chain import HandModel, hand_model
+from stages.fit_hand.empirical_bayes import independent_samples, prior_precision, residual_sd
 from stages.fit_hand.free_joints import free_joints
 from stages.fit_hand.measurements import Measurement, observations, planes
 from stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs, reduce, residuals
-from stages.fit_hand.posing import first_guess, pose
-from stages.fit_hand.reading import Evidence, FittedBone, FittedJoint, Posterior, Reading, read
-from stages.fit_hand.recordings import Convention, joined, postures
-from stages.fit_hand.solving import CLOSE, NEARLY, Solution, solve
+from stages.fit_hand.posterior import Evidence, Posterior
+from stages.fit_hand.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
+from stages.fit_hand.receiver_frames import Convention, concatenated, postures, spread_frames
+from stages.fit_hand.solving import CLOSE, NEARLY, Solution, first_guess, pose, solve
 
 RESIDUAL_SD = (0.5, float(np.radians(0.6)))
 """Of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its states
@@ -57,38 +57,33 @@ class Settings:
 
 @dataclass(frozen=True)
 class HandFit:
-    """A fitted hand: `reading` holds its joints and bones, `evidence` what they were read off.
-
-    residual_rms : by receiver, mm and deg per component. scales : those of priors and residuals as found,
-    over the published ones. steps : of all rounds. n_frames : that could have been used.
+    """A fitted hand: its joints and bones (`summary`), the evidence that they were read off, and the root
+    mean square residual of every receiver, mm and deg per component.
     """
 
     evidence: Evidence
-    reading: Reading
+    summary: HandSummary
     residual_rms: Mapping[str, tuple[float, float]]
-    scales: Mapping[str, float]
-    steps: int
-    n_frames: int
 
     @property
     def joints(self) -> Mapping[str, FittedJoint]:
         """Every joint between two receivers, by name."""
-        return self.reading.joints
-
-    @property
-    def palm(self) -> Mapping[str, FittedJoint]:
-        """Moving joints whose child carries no receiver: CMC 4 and 5."""
-        return self.reading.palm
+        return self.summary.joints
 
     @property
     def bones(self) -> Mapping[str, FittedBone]:
         """Lengths of the bones, by segment."""
-        return self.reading.bones
+        return self.summary.bones
 
     @property
     def converged(self) -> bool:
         """Whether the last round ended because nothing moved any more."""
         return self.evidence.converged
+
+    def moved_to(self, x: Array, covariance: Array) -> HandFit:
+        """Give the hand with other unknowns (G,) and covariance (G, G)."""
+        evidence = replace(self.evidence, posterior=self.evidence.posterior.moved_to(x, covariance))
+        return replace(self, evidence=evidence, summary=summarise(evidence))
 
 
 def fit_hand(
@@ -103,28 +98,27 @@ def fit_hand(
 ) -> HandFit:
     """Fit a hand to its calibration recordings, all at once.
 
-    recordings : of one hand; each holds the poses (T, S) of receivers in the transmitter frame, wherever
-    that is. hand : right or left. hand_length_mm : wrist crease to the tip of the middle finger;
-    hand_breadth_mm : across the knuckles of digits 2 to 5. measurements : taken on the hand itself. A
-    receiver that is never valid is done without. Raises InputError where fewer than two frames have half of
-    the receivers, or a measurement names nothing known.
+    recordings : of one hand, all of the same receivers; each holds the poses (T, S) of receivers in the
+    transmitter frame, wherever that is. hand : right or left. hand_length_mm : wrist crease to the tip of the
+    middle finger; hand_breadth_mm : across the knuckles of digits 2 to 5. measurements : taken on the hand
+    itself. A receiver that is never valid is done without. Raises InputError where fewer than two frames have
+    half of the receivers, or a measurement names nothing known.
     """
     settings = settings or Settings()
     convention = Convention.of(layout, _receivers(layout, recordings), hand)
-    everything = joined([convention.frames(poses) for poses in recordings])
-    frames, share, n_used = _chosen(everything, layout, convention.receivers, settings.n_frames)
+    everything = convention.frames(concatenated(recordings))
+    frames, share = _chosen(everything, layout, convention.receivers, settings.n_frames)
     scale = _scale(hand_length_mm, hand_breadth_mm)
     model = _model(layout, convention, everything, frames, scale, settings.parts)
     measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
     problem = _problem(model, frames, measured)
-    problem, solution, scales, steps = _solved(problem, model, everything, settings)
+    problem, solution = _solved(problem, model, everything, settings)
     reduced = reduce(problem, solution.point, solution.residuals, np.zeros(len(share)))
     posterior = Posterior.of(problem, solution.point, reduced, share)
     evidence = Evidence(
         layout, model, convention, problem, posterior, share, solution.point.y, solution.converged
     )
-    residual_rms = _residual_rms(problem, solution, model)
-    return HandFit(evidence, read(evidence), residual_rms, scales, steps, n_used)
+    return HandFit(evidence, summarise(evidence), _residual_rms(problem, solution, model))
 
 
 def _model(
@@ -177,22 +171,21 @@ def _problem(model: HandModel, frames: Frames, measured: Observations) -> Proble
 
 def _solved(
     problem: Problem, model: HandModel, everything: Frames, settings: Settings
-) -> tuple[Problem, Solution, dict[str, float], int]:
-    """Solve, find the scales that the hand shows, solve again; give problem, solution, scales and steps."""
-    nominal = problem.sd
-    scales: dict[str, float] = {}
+) -> tuple[Problem, Solution]:
+    """Solve, find the scales that the hand shows, solve again; give the problem with these and the last
+    solution.
+    """
+    published_sd = problem.sd
     average = np.zeros(len(problem.precision))
     start = pose(problem, first_guess(problem, model, average), _POSING_STEPS)
     closeness = [NEARLY] * settings.rounds + [CLOSE]
     solution = solve(problem, start, settings.most_steps, closeness[0])
-    steps = solution.steps
     if settings.rounds:
         problem = replace(problem, temper=_temper(problem, model, solution, everything))
     for close in closeness[1:]:
-        problem, scales = _with_own_scales(problem, model, solution, nominal)
+        problem = _with_own_scales(problem, model, solution, published_sd)
         solution = solve(problem, solution.point, settings.most_steps, close)
-        steps += solution.steps
-    return problem, solution, scales, steps
+    return problem, solution
 
 
 def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, float]:
@@ -213,21 +206,14 @@ def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, fl
 
 def _receivers(layout: Layout, recordings: Sequence[Poses]) -> list[str]:
     """Segments with a receiver, the root's first; an optional one only where it was worn."""
-    worn = {
-        name
-        for poses in recordings
-        for name, valid in zip(poses.segments, np.any(poses.valid, axis=0).tolist(), strict=True)
-        if valid
-    }
+    worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
     root = root_of(layout)
     others = [s for s in layout.measured if s != root and (s in worn or not layout.segments[s].optional)]
     return [root, *others]
 
 
-def _chosen(
-    frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int
-) -> tuple[Frames, Array, int]:
-    """Frames to fit, the share of the recording that each stands for, and how many could be used."""
+def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int) -> tuple[Frames, Array]:
+    """Frames to fit, and the share (F,) of the recording that each stands for."""
     worn = int(frames.valid.any(0).sum())
     count = frames.valid.sum(1)
     enough = int(LEAST_CANDIDATES * (count >= max(2, worn / 2)).sum())
@@ -241,7 +227,7 @@ def _chosen(
     joints = [j for j in layout.solvable if {j.parent_receiver, j.child} <= set(receivers)]
     index = [(receivers.index(j.parent_receiver), receivers.index(j.child)) for j in joints]
     rows, share = spread_frames(postures(frames.take(usable), index), n_frames)
-    return frames.take(usable[rows]), share, len(usable)
+    return frames.take(usable[rows]), share
 
 
 def _temper(problem: Problem, model: HandModel, solution: Solution, everything: Frames) -> float:
@@ -253,18 +239,14 @@ def _temper(problem: Problem, model: HandModel, solution: Solution, everything: 
     return min(1.0, samples / len(problem.frames.valid))
 
 
-def _with_own_scales(
-    problem: Problem, model: HandModel, solution: Solution, nominal: Array
-) -> tuple[Problem, dict[str, float]]:
+def _with_own_scales(problem: Problem, model: HandModel, solution: Solution, published_sd: Array) -> Problem:
     """The problem with the scales of priors and residuals that this hand shows."""
-    point, found = solution.point, solution.residuals
-    reduced = reduce(problem, point, found, np.zeros(len(point.y)))
+    point, current = solution.point, solution.residuals
+    reduced = reduce(problem, point, current, np.zeros(len(point.y)))
     covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
-    precision, scales = prior_precision(model.unknowns.groups, point.x, covariance)
-    sd = residual_sd(problem, point, found, reduced, nominal)
-    position, rotation = np.sqrt((sd**2).mean(0)) / nominal[0]
-    scales |= {"residual position": float(position), "residual rotation": float(rotation)}
-    return rescaled(problem, sd, precision), scales
+    precision = prior_precision(model.unknowns.groups, point.x, covariance)
+    sd = residual_sd(problem, point, current, reduced, published_sd)
+    return replace(problem, sd=sd, precision=precision)
 
 
 def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dict[str, tuple[float, float]]:
@@ -272,11 +254,7 @@ def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dic
     rms = {}
     for receivers, (r, _, _) in zip(problem.receivers, solution.residuals.branches, strict=True):
         for i, (_, s) in enumerate(receivers):
-            ok = problem.frames.valid[:, s]
-            if not ok.any():
-                rms[model.receivers[s]] = (float("nan"), float("nan"))
-                continue
-            position = np.sqrt((r[i, ok, :3] ** 2).mean()) * problem.sd[s, 0]
-            rotation = np.sqrt((r[i, ok, 3:] ** 2).mean()) * problem.sd[s, 1]
-            rms[model.receivers[s]] = (float(position), float(np.degrees(rotation)))
+            seen = r[i, problem.frames.valid[:, s]].reshape(-1, 2, 3)
+            off = np.sqrt((seen**2).mean((0, 2))) * problem.sd[s] if len(seen) else np.full(2, np.nan)
+            rms[model.receivers[s]] = (float(off[0]), float(np.degrees(off[1])))
     return rms

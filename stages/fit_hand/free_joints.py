@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array, nearest_rotation
 from schemas.layout import Joint, Layout
+from skeleton.rotations import Array, nearest_rotation
 from stages.fit_hand.normal_equations import Frames, log_rotation
 
 REACH_SD_MM = 200.0
@@ -53,7 +53,7 @@ def free_joints(
     layout: Layout, root: str, taken: Sequence[str], frames: Frames, receivers: Sequence[str]
 ) -> list[FreeJoint]:
     """Joints that can be walked to from the root, in that order; `taken` are those that anatomy covers."""
-    found: list[FreeJoint] = []
+    walked: list[FreeJoint] = []
     reached, waiting = {root}, [j for j in layout.solvable if j.name not in taken]
     while True:
         step = next(
@@ -66,7 +66,7 @@ def free_joints(
             None,
         )
         if step is None:
-            return found
+            return walked
         joint, near, far = step
         waiting.remove(joint)
         reached.add(far)
@@ -76,7 +76,7 @@ def free_joints(
             in_child[np.argmax(np.abs(in_child))] < 0
         ):  # as in the joint solve: its largest component counts up
             axes = axes * [-1.0, 1.0, -1.0]
-        found.append(FreeJoint(joint, near, far, mean, axes))
+        walked.append(FreeJoint(joint, near, far, mean, axes))
 
 
 def _start(frames: Frames, near: int, far: int) -> tuple[Array, Array]:

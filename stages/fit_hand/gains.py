@@ -7,17 +7,17 @@ fingertip, is tried on the covariance alone, all at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array
-from stages.fit_hand.chain import root_of
+from anatomy.known_digits import root_of
+from skeleton.rotations import Array
 from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, fingertips, seen_parts, tipped_digits
 from stages.fit_hand.fit import HandFit
-from stages.fit_hand.measurements import Measurement, observations
-from stages.fit_hand.reading import Evidence, bent_skin_mm2, centre_by_unknowns, places_of
+from stages.fit_hand.measurements import MOUNT_PARTS, Measurement, observations
+from stages.fit_hand.posterior import Evidence, centre_by_unknowns, places_of
+from stages.fit_hand.posterior_summary import bent_skin_mm2
 from stages.fit_hand.touching import SKIN_SD_MM
 
 MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
@@ -27,13 +27,6 @@ DEEP_SD_MM = 2.0
 """Of a length from a CMC joint or the wrist, which lie deep and show no crease (our choice)."""
 
 TOUCH = "touch"
-
-_PLACES = {
-    "along": "how far along {} its receiver sits",
-    "lateral": "how far to the side of {} its receiver sits",
-    "height": "how high over {} its receiver sits",
-    "distal": "how far from the next joint the receiver of {} sits",
-}
 
 
 @dataclass(frozen=True)
@@ -69,7 +62,7 @@ def gains(
         return []
     before, after = _sd_mm(tips, rows)
     best = (before[:, None] - after).argmax(0)
-    found = [
+    all_gains = [
         Gain(
             quantity,
             sd,
@@ -81,44 +74,7 @@ def gains(
         )
         for k, (quantity, sd) in enumerate(zip(quantities, sds, strict=True))
     ]
-    return sorted(found, key=lambda gain: gain.mean_sd_after_mm)
-
-
-def advice(found: Sequence[Gain]) -> str:
-    """Say in a sentence what is best measured next; nothing where nothing can be."""
-    if not found:
-        return ""
-    best = found[0]
-    name, _, part = best.quantity.partition(".")
-    bone = _bone_in_words(name)
-    if part == TOUCH:
-        doing = f"touching a known point with the tip of {_digit_in_words(name)}"
-    else:
-        doing = "measuring " + (_PLACES[part].format(bone) if part else bone)
-    joint = _joint_in_words(best.joint, name.partition("_")[0])
-    return (
-        f"{doing} to {best.sd_mm:.1f} mm would take {joint} from {best.joint_sd_before_mm:.1f} to "
-        f"{best.joint_sd_after_mm:.1f} mm"
-    )
-
-
-def _digit_in_words(digit: str) -> str:
-    return "the thumb" if digit == "thumb" else f"the {digit} finger"
-
-
-def _bone_in_words(segment: str) -> str:
-    digit, _, kind = segment.rpartition("_")
-    if not digit:
-        return f"the {segment}"
-    return f"{_digit_in_words(digit)}'s {kind}{'' if kind == 'metacarpal' else ' phalanx'}"
-
-
-def _joint_in_words(joint: str, of_digit: str) -> str:
-    digit, _, kind = joint.rpartition("_")
-    if not digit:
-        return f"the {joint}"
-    whose = "its" if digit == of_digit else f"{_digit_in_words(digit)}'s"
-    return f"{whose} {kind.upper()}"
+    return sorted(all_gains, key=lambda gain: gain.mean_sd_after_mm)
 
 
 def _candidates(tips: Fingertips, sd_mm: float, touch_sd_mm: float) -> tuple[list[str], list[float], Array]:
@@ -127,16 +83,16 @@ def _candidates(tips: Fingertips, sd_mm: float, touch_sd_mm: float) -> tuple[lis
     model = evidence.model
     quantities = [
         *model.length,
-        *(f"{s}.{part}" for s in model.mount for part in ("along", "lateral", "height")),
+        *(f"{s}.{part}" for s in model.mount for part in MOUNT_PARTS),
         *(f"{s}.distal" for s in model.mount if s in model.length),
     ]
     sds = [_realistic_sd_mm(evidence, quantity, sd_mm) for quantity in quantities]
-    asked = [Measurement(quantity, 0.0, sd) for quantity, sd in zip(quantities, sds, strict=True)]
+    lengths = [Measurement(quantity, 0.0, sd) for quantity, sd in zip(quantities, sds, strict=True)]
     digits = tipped_digits(evidence)
-    rows = np.zeros((len(asked) + len(digits), 3, len(tips.covariance)))
-    rows[: len(asked), 0, : len(model.unknowns.names)] = observations(model, asked).rows
+    rows = np.zeros((len(lengths) + len(digits), 3, len(tips.covariance)))
+    rows[: len(lengths), 0, : len(model.unknowns.names)] = observations(model, lengths).rows
     seen = seen_parts(evidence, evidence.posterior.x, tips.offsets_mm)
-    for k, digit in enumerate(digits, len(asked)):
+    for k, digit in enumerate(digits, len(lengths)):
         rows[k] = seen[digit.name, TIP][1] / np.hypot(touch_sd_mm, SKIN_SD_MM)
         quantities.append(f"{digit.name}.{TOUCH}")
         sds.append(touch_sd_mm)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from anatomy import average_hand as prior
+from anatomy.known_digits import known_digits, root_of
 from schemas.errors import InputError
 from schemas.layout import Joint, Layout
-from stages.fit_hand import anatomy_priors as prior
 from stages.fit_hand.building import Amount
-from stages.fit_hand.chain import HandModel, known_digits, root_of
+from stages.fit_hand.chain import HandModel
 from stages.fit_hand.normal_equations import Frames, Observations
-from stages.fit_hand.recordings import Convention
+from stages.fit_hand.receiver_frames import Convention
 
 PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
 """Of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
 which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
+
+MOUNT_PARTS = ("along", "lateral", "height")
+"""Of a receiver's place on its bone: x, y, z of the bone."""
 
 _TURNS = 0.1
 """Share of the largest singular value below which a hinge's axis is not found by what it turned about it."""
@@ -44,9 +48,8 @@ def measurable(layout: Layout) -> list[str]:
         for segment in digit.segments:
             names.append(segment)
             if layout.segments[segment].measured:
-                names += [f"{segment}.{part}" for part in ("along", "lateral", "height", "distal")]
-    root = root_of(layout)
-    return [*names, *(f"{root}.{part}" for part in ("along", "lateral", "height"))] if names else []
+                names += [f"{segment}.{part}" for part in (*MOUNT_PARTS, "distal")]
+    return [*names, *(f"{root_of(layout)}.{part}" for part in MOUNT_PARTS)] if names else []
 
 
 def observations(model: HandModel, measurements: Sequence[Measurement]) -> Observations:
@@ -54,12 +57,9 @@ def observations(model: HandModel, measurements: Sequence[Measurement]) -> Obser
     rows, values = [], []
     for measured in measurements:
         amount = _amount(model, measured.quantity)
-        row = np.zeros(len(model.unknowns.names))
-        for coefficient, unknown in amount.parts:
-            row[unknown] += coefficient
-        rows.append(row / measured.sd_mm)
+        rows.append(amount.row(len(model.unknowns.names)) / measured.sd_mm)
         values.append((measured.value_mm - amount.constant) / measured.sd_mm)
-    return Observations(np.array(rows).reshape(-1, len(model.unknowns.names)), np.array(values))
+    return Observations.of(rows, values, len(model.unknowns.names))
 
 
 def planes(model: HandModel, layout: Layout, convention: Convention, frames: Frames) -> Observations:
@@ -68,21 +68,18 @@ def planes(model: HandModel, layout: Layout, convention: Convention, frames: Fra
     A joint that turns about more than one axis needs no plane. Planes that the layout gives in the parent's
     frame are left out: they are not a hinge's own.
     """
-    rows, values = [], []
+    rows, values, n_unknowns = [], [], len(model.unknowns.names)
     for name, seat in model.seats.items():
         joint = layout.joints[name]
         if joint.dof != 1 or joint.plane.frame != "child":
             continue
         own = np.array(joint.plane.normal) / np.linalg.norm(joint.plane.normal)
         normal = own @ convention.point_matrix(joint.child)
-        row = np.zeros(len(model.unknowns.names))
-        for part, along in zip(seat, normal, strict=True):
-            for coefficient, unknown in part.parts:
-                row[unknown] += coefficient * along
+        row = sum(along * amount.row(n_unknowns) for amount, along in zip(seat, normal, strict=True))
         sd_mm = np.hypot(PLANE_SD_MM, PLANE_SD_RAD * _distance_mm(model, joint, frames))
         rows.append(row / sd_mm)
         values.append(float(own @ joint.plane.point_mm) / sd_mm)
-    return Observations(np.array(rows).reshape(-1, len(model.unknowns.names)), np.array(values))
+    return Observations.of(rows, values, n_unknowns)
 
 
 def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
@@ -99,15 +96,12 @@ def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
 def _amount(model: HandModel, quantity: str) -> Amount:
     """Give the length or offset that a quantity's name stands for."""
     segment, _, part = quantity.partition(".")
-    parts: dict[str, Callable[[], Amount]] = {
-        "": lambda: model.length[segment],
-        "along": lambda: model.mount[segment][0],
-        "lateral": lambda: model.mount[segment][1],
-        "height": lambda: model.mount[segment][2],
-        "distal": lambda: model.length[segment].plus(model.mount[segment][0].times(-1.0)),
-    }
     try:
-        return parts[part]()
+        if not part:
+            return model.length[segment]
+        if part == "distal":
+            return model.length[segment].plus(model.mount[segment][0].times(-1.0))
+        return dict(zip(MOUNT_PARTS, model.mount[segment], strict=True))[part]
     except KeyError:
         known = ", ".join(model.length)
         raise InputError(

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array
-from stages.fit_hand.operations import Branch, Reached, cross
+from skeleton.rotations import Array
+from stages.fit_hand.operations import Branch, Index, Reached, cross
 
-Index = npt.NDArray[np.int64]
 Rows = Index | npt.NDArray[np.bool_] | slice
 
 HUBER = 3.55
@@ -57,6 +57,11 @@ class Observations:
     rows: Array
     values: Array
 
+    @classmethod
+    def of(cls, rows: Sequence[Array], values: Sequence[float], n_unknowns: int) -> Observations:
+        """Give observations of one row (G,) each."""
+        return cls(np.array(rows).reshape(-1, n_unknowns), np.array(values))
+
     def and_also(self, others: Observations) -> Observations:
         """Give these observations and others."""
         return Observations(
@@ -84,38 +89,52 @@ class Problem:
     observations: Observations
 
 
+class BranchResiduals(NamedTuple):
+    """One branch's residuals (receivers, F, 6) over their sd, position before rotation and zero where not
+    valid; their robust weights (receivers, F); and where the chain reached.
+    """
+
+    r: Array
+    weight: Array
+    reached: Reached
+
+
 @dataclass(frozen=True)
 class Residuals:
-    """At a point: per branch the residuals (receivers, F, 6) over their sd, zero where not valid, their
-    robust weights (receivers, F), and where the chain reached; then the cost, and each frame's part of it.
+    """Residuals at a point, by branch; the cost, and each frame's part (F,) of it.
 
     Residuals are in the measured receiver's own frame, wherever the transmitter is.
     """
 
-    branches: tuple[tuple[Array, Array, Reached], ...]
+    branches: tuple[BranchResiduals, ...]
     cost: float
     frame_cost: Array
 
     def take(self, rows: Rows) -> Residuals:
         """Give some of the frames; their cost, and the rest of the whole's."""
-        branches = tuple((r[:, rows], weight[:, rows], at.take(rows)) for r, weight, at in self.branches)
+        branches = tuple(
+            BranchResiduals(r[:, rows], weight[:, rows], reached.take(rows))
+            for r, weight, reached in self.branches
+        )
         own = self.frame_cost[rows]
         return Residuals(branches, float(self.cost - self.frame_cost.sum() + own.sum()), own)
 
 
+def axial_vector(rotation: Array) -> Array:
+    """Twice the axis times the sine of the angle, (..., 3), of rotation matrices (..., 3, 3)."""
+    return np.stack(
+        [
+            rotation[..., 2, 1] - rotation[..., 1, 2],
+            rotation[..., 0, 2] - rotation[..., 2, 0],
+            rotation[..., 1, 0] - rotation[..., 0, 1],
+        ],
+        -1,
+    )
+
+
 def log_rotation(rotation: Array) -> Array:
     """Rotation vectors (..., 3) of rotation matrices, accurate for small ones, fit up to nearly pi."""
-    v = (
-        np.stack(
-            [
-                rotation[..., 2, 1] - rotation[..., 1, 2],
-                rotation[..., 0, 2] - rotation[..., 2, 0],
-                rotation[..., 1, 0] - rotation[..., 0, 1],
-            ],
-            -1,
-        )
-        / 2
-    )
+    v = axial_vector(rotation) / 2
     sine = np.linalg.norm(v, axis=-1)
     cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2
     angle = np.arctan2(sine, cosine)
@@ -126,22 +145,26 @@ def log_rotation(rotation: Array) -> Array:
 def exp_rotation(vector: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    K = np.zeros((*vector.shape[:-1], 3, 3))
-    K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
-    K[..., 1, 0], K[..., 2, 0], K[..., 2, 1] = vector[..., 2], -vector[..., 1], vector[..., 0]
+    K = _cross_matrix(vector)
     return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * K @ K)
 
 
 def _inverse_left_jacobian(vector: Array) -> Array:
     """How a rotation vector changes with a small turn applied on the left, (..., 3, 3)."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    K = np.zeros((*vector.shape[:-1], 3, 3))
-    K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
-    K[..., 1, 0], K[..., 2, 0], K[..., 2, 1] = vector[..., 2], -vector[..., 1], vector[..., 0]
+    K = _cross_matrix(vector)
     small = angle < 1e-3
     safe = np.where(small, 1.0, angle)
     factor = np.where(small, 1 / 12, 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe)))
     return np.asarray(np.eye(3) - K / 2 + factor * (K @ K))
+
+
+def _cross_matrix(vector: Array) -> Array:
+    """Matrices (..., 3, 3) that give the cross product with vectors (..., 3)."""
+    K = np.zeros((*vector.shape[:-1], 3, 3))
+    K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
+    K[..., 1, 0], K[..., 2, 0], K[..., 2, 1] = vector[..., 2], -vector[..., 1], vector[..., 0]
+    return K
 
 
 def residuals(problem: Problem, point: Point) -> Residuals:
@@ -163,7 +186,7 @@ def residuals(problem: Problem, point: Point) -> Residuals:
         weight = np.minimum(1.0, HUBER / np.maximum(norm, HUBER))
         rho = np.where(norm > HUBER, HUBER * norm - HUBER**2 / 2, norm**2 / 2)
         frame_cost = frame_cost + problem.temper * rho.sum(0)
-        parts.append((r, weight, reached))
+        parts.append(BranchResiduals(r, weight, reached))
     off_rows = problem.observations.rows @ point.x - problem.observations.values
     cost = frame_cost.sum() + (problem.precision * point.x**2).sum() / 2 + (off_rows**2).sum() / 2
     return Residuals(tuple(parts), float(cost), frame_cost)
@@ -172,7 +195,7 @@ def residuals(problem: Problem, point: Point) -> Residuals:
 def weighted_jacobian(
     problem: Problem,
     index: int,
-    part: tuple[Array, Array, Reached],
+    part: BranchResiduals,
     point: Point,
     which: Index | None = None,
 ) -> tuple[Array, Array, Array]:
@@ -239,7 +262,7 @@ def _inverse_cholesky(matrix: Array) -> Array:
 def _eliminate(
     problem: Problem,
     index: int,
-    part: tuple[Array, Array, Reached],
+    part: BranchResiduals,
     point: Point,
     damping: Array,
     *,
@@ -264,11 +287,12 @@ def _eliminate(
 
 
 def reduce(
-    problem: Problem, point: Point, found: Residuals, damping: Array, *, fixed_x: bool = False
+    problem: Problem, point: Point, current: Residuals, damping: Array, *, fixed_x: bool = False
 ) -> Reduced:
     """Set up the normal equations and eliminate states and roots.
 
-    damping : (F,) Marquardt's, relative to the diagonal. fixed_x : leave x out (posing).
+    current : the residuals at the point. damping : (F,) Marquardt's, relative to the diagonal. fixed_x :
+    leave x out (posing).
     """
     n_frames, G = len(point.y), 0 if fixed_x else len(point.x)
     matrix, gradient = np.zeros((G, G)), np.zeros(G)
@@ -276,7 +300,7 @@ def reduce(
     H_rx = np.zeros((n_frames, 6, G))
     g_r = np.zeros((n_frames, 6))
     eliminated = []
-    for index, (branch, part) in enumerate(zip(problem.branches, found.branches, strict=True)):
+    for index, (branch, part) in enumerate(zip(problem.branches, current.branches, strict=True)):
         part_of_branch, J, r = _eliminate(problem, index, part, point, damping, fixed_x=fixed_x)
         eliminated.append(part_of_branch)
         Z, z = part_of_branch.by_rest, part_of_branch.rhs
@@ -311,13 +335,10 @@ def back_substitute(problem: Problem, point: Point, reduced: Reduced, dx: Array 
     d_root = -(reduced.root_inverse.swapaxes(-1, -2) @ rhs[..., None])[..., 0]
     y = point.y.copy()
     for branch, part in zip(problem.branches, reduced.eliminated, strict=True):
-        own = (
-            d_root
-            if dx is None
-            else np.concatenate(
-                [d_root, np.broadcast_to(dx[branch.unknowns], (len(y), len(branch.unknowns)))], -1
-            )
-        )
+        own = d_root
+        if dx is not None:
+            of_branch = np.broadcast_to(dx[branch.unknowns], (len(y), len(branch.unknowns)))
+            own = np.concatenate([d_root, of_branch], -1)
         inner = part.rhs + (part.by_rest @ own[..., None])[..., 0]
         y[:, branch.states] -= (part.inverse.swapaxes(-1, -2) @ inner[..., None])[..., 0]
     return Point(

@@ -9,12 +9,12 @@ moves a point at t by w x (t - t_i) and turns it by w when it rotates; by w and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array
+from skeleton.rotations import Array
 
 Index = npt.NDArray[np.int64]
 NOTHING: Array = np.empty(0)
@@ -86,35 +86,6 @@ class Reached:
         )
 
 
-@dataclass
-class _Listing:
-    """Steps laid out in a row."""
-
-    operations: list[Operation] = field(default_factory=list)
-    marks: list[str] = field(default_factory=list)
-    upstream: list[list[int]] = field(default_factory=list)
-    plan: list[tuple[str, int, Array]] = field(default_factory=list)
-
-    def add(self, steps: Sequence[Step], before: list[int]) -> None:
-        """Add steps; `before` are the operations that they follow."""
-        before = list(before)
-        for step in steps:
-            if isinstance(step, Operation):
-                before.append(len(self.operations))
-                self.plan.append(("rotate" if step.rotates else "translate", len(self.operations), step.axis))
-                self.operations.append(step)
-            elif isinstance(step, Turn):
-                self.plan.append(("turn", 0, step.rotation))
-            elif isinstance(step, Mark):
-                self.plan.append(("mark", len(self.marks), NOTHING))
-                self.marks.append(step.name)
-                self.upstream.append(list(before))
-            else:
-                self.plan.append(("leave", 0, NOTHING))
-                self.add(step.steps, before)
-                self.plan.append(("return", 0, NOTHING))
-
-
 class Branch:
     """A chain of steps from the root with its side branches, ready to be evaluated.
 
@@ -123,41 +94,73 @@ class Branch:
     """
 
     def __init__(self, steps: Sequence[Step]) -> None:
-        listing = _Listing()
-        listing.add(steps, [])
-        self.marks = tuple(listing.marks)
-        self._plan = listing.plan
-        n_operations = len(listing.operations)
-        self._rotates = np.array([operation.rotates for operation in listing.operations], bool)
-        self._upstream = np.zeros((len(self.marks), n_operations), bool)
-        for mark, before in enumerate(listing.upstream):
+        self._plan: list[tuple[str, int, Array]] = []
+        operations: list[Operation] = []
+        upstream: dict[str, list[int]] = {}
+        self._lay_out(steps, [], operations, upstream)
+        self.marks = tuple(upstream)
+        self._rotates = np.array([operation.rotates for operation in operations], bool)
+        self._upstream = np.zeros((len(upstream), len(operations)), bool)
+        for mark, before in enumerate(upstream.values()):
             self._upstream[mark, before] = True
-        axes = np.array([operation.axis for operation in listing.operations]).reshape(-1, 3)
+        axes = np.array([operation.axis for operation in operations]).reshape(-1, 3)
         self._cross = np.cross(axes[:, None, :], -np.eye(3))  # row i of [a]x is a x -e_i, read backwards
         self._square = self._cross @ self._cross
-        self._constant = np.array([operation.constant for operation in listing.operations])
-        terms = [
-            (o, term, skin)
-            for o, operation in enumerate(listing.operations)
-            for skin, group in ((False, operation.terms), (True, operation.skin))
-            for term in group
-        ]
-        self.unknowns: Index = np.array(
-            sorted({t.unknown for _, t, _ in terms if t.unknown is not None}), int
+        self._constant = np.array([operation.constant for operation in operations])
+        self._set_terms(
+            [
+                (index, term, is_skin)
+                for index, operation in enumerate(operations)
+                for is_skin, terms in ((False, operation.terms), (True, operation.skin))
+                for term in terms
+            ]
         )
-        self.states: Index = np.array(sorted({t.state for _, t, _ in terms if t.state is not None}), int)
+
+    def _lay_out(
+        self,
+        steps: Sequence[Step],
+        before: list[int],
+        operations: list[Operation],
+        upstream: dict[str, list[int]],
+    ) -> None:
+        """Write steps in a row into the plan; before : the operations that they follow."""
+        before = list(before)
+        for step in steps:
+            if isinstance(step, Operation):
+                before.append(len(operations))
+                self._plan.append(("rotate" if step.rotates else "translate", len(operations), step.axis))
+                operations.append(step)
+            elif isinstance(step, Turn):
+                self._plan.append(("turn", 0, step.rotation))
+            elif isinstance(step, Mark):
+                self._plan.append(("mark", len(upstream), NOTHING))
+                upstream[step.name] = list(before)
+            else:
+                self._plan.append(("leave", 0, NOTHING))
+                self._lay_out(step.steps, before, operations, upstream)
+                self._plan.append(("return", 0, NOTHING))
+
+    def _set_terms(self, terms: Sequence[tuple[int, Term, bool]]) -> None:
+        """Sort all terms (operation, term, whether it is skin) into the matrices of the derivatives."""
+        self.unknowns: Index = np.array(
+            sorted({term.unknown for _, term, _ in terms if term.unknown is not None}), int
+        )
+        self.states: Index = np.array(
+            sorted({term.state for _, term, _ in terms if term.state is not None}), int
+        )
         x_at = {int(index): i for i, index in enumerate(self.unknowns)}
         y_at = {int(index): i for i, index in enumerate(self.states)}
+        n_operations = len(self._rotates)
         self._by_unknown = np.zeros((n_operations, len(self.unknowns)))
         self._by_state = np.zeros((2, n_operations, len(self.states)))  # bones', skin's
         products = []
-        for o, term, skin in terms:
+        for o, term, is_skin in terms:
             if term.unknown is None and term.state is not None:
-                self._by_state[int(skin), o, y_at[term.state]] += term.coefficient
+                self._by_state[int(is_skin), o, y_at[term.state]] += term.coefficient
             elif term.unknown is not None and term.state is None:
                 self._by_unknown[o, x_at[term.unknown]] += term.coefficient
             elif term.unknown is not None and term.state is not None:
-                products.append((o, x_at[term.unknown], y_at[term.state], term.coefficient, skin))
+                products.append((o, x_at[term.unknown], y_at[term.state], term.coefficient, is_skin))
         self._product_at: Index = np.array([p[:3] for p in products], int).reshape(-1, 3)
         self._product = np.array([p[3] for p in products])
         self._product_skin = np.array([p[4] for p in products], bool)
@@ -214,7 +217,7 @@ class Branch:
         """Rotation matrices (Rodrigues) of every operation: (F, 3, 3) by its amounts (O, F), or (3, 3) by its
         steady one (O,) where it does not move.
         """
-        found: list[Array] = [NOTHING] * len(amount)
+        turning: list[Array] = [NOTHING] * len(amount)
         for moves, angles in ((False, steady), (True, amount)):
             which = np.flatnonzero(self._rotates & (self._moves == moves))
             angle = angles[which][..., None, None]
@@ -222,8 +225,8 @@ class Branch:
             once, twice = self._cross[which].reshape(shape), self._square[which].reshape(shape)
             turned = np.eye(3) + np.sin(angle) * once + (1.0 - np.cos(angle)) * twice
             for operation, own in zip(which, turned, strict=True):
-                found[operation] = own
-        return found
+                turning[operation] = own
+        return turning
 
     def by_operation(self, reached: Reached, marks: Sequence[int], which: Index | None = None) -> Array:
         """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation.

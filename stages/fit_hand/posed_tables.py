@@ -1,23 +1,24 @@
-"""A recording posed with the fitted hand, as columns of the tables, a block of frames at a time."""
+"""A recording posed with a fitted hand, as columns of the tables."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+import pyarrow as pa
 
-from kinematics.joint_angles import angles_of_hand, mirrored
-from kinematics.rotations import Array, from_matrix, multiply
-from schemas.layout import Layout
+from anatomy.known_digits import known_digits, rest_rotations
+from schemas.layout import Digit, Layout
 from schemas.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
+from skeleton.joint_angles import angles_of_hand, mirrored
+from skeleton.rotations import Array, from_matrix, multiply, rotate
 from stages.fit_hand.building import KINDS
-from stages.fit_hand.chain import known_digits, rest_rotations
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.fit import HandFit
+from stages.fit_hand.operations import Index
 from stages.fit_hand.replaying import PosedHand, pose_hand
 
 BLOCK_FRAMES = 1 << 14
@@ -27,53 +28,111 @@ LEFT_OUT_FRAMES = 512
 Columns = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class PosedBlock:
-    """Columns of joint_angles, bone_poses and posed_tips for some frames of one recording."""
+def posed_blocks(tips: Fingertips, path: Path) -> Iterator[dict[str, Columns]]:
+    """Pose a recording, a block of frames at a time; give columns of joint_angles, bone_poses and posed_tips.
 
-    angles: Columns
-    bones: Columns
-    tips: Columns
-
-
-def posed_blocks(tips: Fingertips, model: str, recordings: Sequence[Path]) -> Iterator[PosedBlock]:
-    """Pose every recording, in blocks of frames."""
-    segments = tips.fit.evidence.layout.measured
-    for path in recordings:
-        name = recording_name(path)
-        step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
-        first = 0
-        for poses in pose_blocks(path, segments, BLOCK_FRAMES):
-            tried = np.arange((-first) % step, len(poses.frame), step)
-            yield _block(tips, name, model, poses, tried)
-            first += len(poses.frame)
+    path : its poses table. Columns are all but the part's keys.
+    """
+    fit, name = tips.fit, recording_name(path)
+    step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
+    first = 0
+    for poses in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
+        posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
+        yield {
+            "joint_angles": angle_columns(name, fit, posed, poses),
+            "bone_poses": bone_columns(name, posed, poses),
+            "posed_tips": tip_columns(
+                name, fit, posed, poses, left_out, _carried_tips_mm(tips, posed, poses)
+            ),
+        }
+        first += len(poses.frame)
 
 
-def _block(
-    tips: Fingertips, name: RecordingName, model: str, poses: Poses, tried: npt.NDArray[np.int64]
-) -> PosedBlock:
-    fit = tips.fit
-    posed = pose_hand(fit, poses)
-    words = {
-        "subject": name.subject,
-        "hand": name.hand,
-        "task": name.task,
-        "trial": name.trial,
-        "model": model,
+def angle_columns(name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses) -> Columns:
+    """Columns of joint_angles for the frames of poses, joint after joint."""
+    evidence = fit.evidence
+    hand = "left" if evidence.convention.left else "right"
+    bones, rests = _facing_nails(fit, posed, hand)
+    angles = _turns_deg(posed, evidence.layout)
+    angles |= angles_of_hand(posed.bones, bones, bones[:, 0], evidence.layout, hand, rests)
+    stacked = np.concatenate([*angles.values(), np.empty((0, 3))])
+    columns = _keys(name, "joint", list(angles), poses)
+    return columns | {
+        f"{part}_deg": stacked[:, index] for index, part in enumerate(("flexion", "abduction", "rotation"))
     }
-    return PosedBlock(
-        angle_columns(words, fit, posed, poses),
-        _bone_columns(words, posed, poses),
-        _tip_columns(words, tips, posed, poses, tried),
-    )
 
 
-def _repeated(
-    words: dict[str, str], key: str, names: Sequence[str], frame: npt.NDArray[np.int64], n: int
+def bone_columns(name: RecordingName, posed: PosedHand, poses: Poses) -> Columns:
+    """Columns of bone_poses for the frames of poses, bone after bone."""
+    columns = _keys(name, "segment", posed.bones, poses)
+    place, turn = _stacked(posed.bone_position_mm), _stacked(posed.bone_quaternion)
+    columns |= {f"{axis}_mm": place[:, index] for index, axis in enumerate("xyz")}
+    return columns | {f"q{part}": turn[:, index] for index, part in enumerate("wxyz")}
+
+
+def tip_columns(
+    name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, left_out: Index, tips_mm: Array
 ) -> Columns:
-    """Key columns of n names after each other, every one over all frames."""
-    columns: Columns = {word: [value] * (n * len(frame)) for word, value in words.items()}
-    return columns | {key: np.repeat(np.array(names, object), len(frame)), "frame": np.tile(frame, n)}
+    """Columns of posed_tips for the frames of poses, digit after digit.
+
+    left_out : rows that are posed without the distal receivers' positions as well. tips_mm : (T, D, 3) ends
+    of the last bones of the digits of `tipped`.
+    """
+    digits = tipped(fit)
+    receivers = [posed.receivers.index(digit.tip) for digit in digits]
+    measured = poses.position_mm[:, [poses.index(digit.tip) for digit in digits]]
+    valid = poses.valid[:, [poses.index(digit.tip) for digit in digits]]
+    blind = pose_hand(fit, poses.take(left_out), [digit.tip for digit in digits])
+    error_mm = np.linalg.norm(posed.receiver_mm[:, receivers] - measured, axis=-1)
+    left_out_mm = np.full(valid.shape, np.nan)
+    left_out_mm[left_out] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[left_out], axis=-1)
+    tip = _stacked(tips_mm)
+    return {
+        **_keys(name, "digit", [digit.name for digit in digits], poses),
+        "time_s": np.tile(poses.time_s, len(digits)),
+        **{f"tip_{axis}_mm": tip[:, index] for index, axis in enumerate("xyz")},
+        "error_mm": _stacked(np.where(valid, error_mm, np.nan)),
+        "error_left_out_mm": _stacked(np.where(valid, left_out_mm, np.nan)),
+        "residual_mm": np.tile(posed.residual_mm, len(digits)),
+    }
+
+
+def tipped(fit: HandFit) -> list[Digit]:
+    """Digits whose last bone carries a receiver that the fit knows."""
+    evidence = fit.evidence
+    return [digit for digit in evidence.layout.digits.values() if digit.tip in evidence.model.receivers]
+
+
+def bone_tips_mm(fit: HandFit, posed: PosedHand) -> Array:
+    """Ends (T, D, 3) of the posed last bones of the digits of `tipped`; NaN without known anatomy."""
+    out = np.full((len(posed.posed), len(tipped(fit)), 3), np.nan)
+    for index, digit in enumerate(tipped(fit)):
+        if digit.tip in posed.bones:
+            last, along = posed.bones.index(digit.tip), np.array([fit.bones[digit.tip].length_mm, 0.0, 0.0])
+            turned = rotate(posed.bone_quaternion[:, last], along)
+            out[:, index] = posed.bone_position_mm[:, last] + turned
+    return out
+
+
+def _carried_tips_mm(tips: Fingertips, posed: PosedHand, poses: Poses) -> Array:
+    """Ends (T, D, 3) of the last bones, carried by the distal receiver, which follows its bone better than
+    the whole hand says; by the posed bone where that receiver is not valid.
+    """
+    out, carried = bone_tips_mm(tips.fit, posed), tips.in_transmitter(poses)
+    for index, digit in enumerate(tipped(tips.fit)):
+        if digit.name in tips.digits:
+            own = carried[:, list(tips.digits).index(digit.name)]
+            out[:, index] = np.where(np.isfinite(own), own, out[:, index])
+    return out
+
+
+def _keys(name: RecordingName, key: str, values: Sequence[str], poses: Poses) -> Columns:
+    """Key columns of several joints, segments or digits after each other, every one over all frames."""
+    n_frames = len(poses.frame)
+    texts = {"task": name.task, "trial": name.trial}
+    columns: Columns = {text: pa.repeat(value, n_frames * len(values)) for text, value in texts.items()}
+    columns[key] = pa.array(np.repeat(np.array(values, object), n_frames), pa.string())
+    return columns | {"frame": np.tile(poses.frame, len(values))}
 
 
 def _stacked(values: Array) -> Array:
@@ -81,24 +140,7 @@ def _stacked(values: Array) -> Array:
     return np.swapaxes(values, 0, 1).reshape(-1, *values.shape[2:])
 
 
-def angle_columns(words: dict[str, str], fit: HandFit, posed: PosedHand, poses: Poses) -> Columns:
-    """Columns of joint_angles for the frames of poses, joint after joint; words : the other key columns."""
-    evidence = fit.evidence
-    hand = "left" if evidence.convention.left else "right"
-    bones, rests = _facing_nails(fit, posed, hand)
-    angles = _turns(posed, evidence.layout)
-    angles |= angles_of_hand(posed.bones, bones, bones[:, 0], evidence.layout, hand, rests)
-    joints = tuple(angles)
-    n_frames = len(poses.frame)
-    stacked = np.concatenate([angles[joint] for joint in joints]) if joints else np.empty((0, 3))
-    columns = _repeated(words, "joint", joints, poses.frame, len(joints))
-    assert len(stacked) == len(joints) * n_frames
-    for index, part in enumerate(("flexion", "abduction", "rotation")):
-        columns[f"{part}_deg"] = stacked[:, index]
-    return columns
-
-
-def _turns(posed: PosedHand, layout: Layout) -> dict[str, Array]:
+def _turns_deg(posed: PosedHand, layout: Layout) -> dict[str, Array]:
     """Turns (T, 3) in degrees about the three axes of each joint of which no anatomy is known.
 
     An axis that the joint lacks gives NaN.
@@ -124,48 +166,3 @@ def _facing_nails(fit: HandFit, posed: PosedHand, hand: str) -> tuple[Array, dic
         index = posed.bones.index(digit.segments[0])
         bones[:, index] = multiply(bones[:, index], mirrored(turn) if hand == "left" else turn)
     return bones, rest_rotations(layout, hand, nails)
-
-
-def _bone_columns(words: dict[str, str], posed: PosedHand, poses: Poses) -> Columns:
-    columns = _repeated(words, "segment", posed.bones, poses.frame, len(posed.bones))
-    place, turn = _stacked(posed.bone_position_mm), _stacked(posed.bone_quaternion)
-    columns |= {f"{axis}_mm": place[:, index] for index, axis in enumerate("xyz")}
-    return columns | {f"q{part}": turn[:, index] for index, part in enumerate("wxyz")}
-
-
-def _tip_columns(
-    words: dict[str, str], tips: Fingertips, posed: PosedHand, poses: Poses, tried: npt.NDArray[np.int64]
-) -> Columns:
-    layout = tips.fit.evidence.layout
-    digits = [digit for digit in layout.digits.values() if digit.tip in posed.receivers]
-    receivers = [posed.receivers.index(digit.tip) for digit in digits]
-    measured = poses.position_mm[:, [poses.index(digit.tip) for digit in digits]]
-    valid = poses.valid[:, [poses.index(digit.tip) for digit in digits]]
-    left_out = np.full(valid.shape, np.nan)
-    blind = pose_hand(tips.fit, poses.take(tried), {digit.tip: (0.0, 1.0) for digit in digits})
-    error = np.linalg.norm(posed.receiver_mm[:, receivers] - measured, axis=-1)
-    left_out[tried] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[tried], axis=-1)
-    columns = _repeated(words, "digit", [digit.name for digit in digits], poses.frame, len(digits))
-    columns["time_s"] = np.tile(poses.time_s, len(digits))
-    tip = _stacked(_tips_mm(tips, posed, poses, [digit.name for digit in digits]))
-    columns |= {f"tip_{axis}_mm": tip[:, index] for index, axis in enumerate("xyz")}
-    columns["error_mm"] = _stacked(np.where(valid, error, np.nan))
-    columns["error_left_out_mm"] = _stacked(np.where(valid, left_out, np.nan))
-    columns["residual_mm"] = np.tile(posed.residual_mm, len(digits))
-    return columns
-
-
-def _tips_mm(tips: Fingertips, posed: PosedHand, poses: Poses, digits: Sequence[str]) -> Array:
-    """Ends of the digits' distal bones, (T, D, 3); NaN where the layout's anatomy is not known.
-
-    Carried by the distal receiver, which follows its bone better than the whole hand says; by the posed
-    bone where that receiver is not valid.
-    """
-    out = np.full((len(poses.frame), len(digits), 3), np.nan)
-    carried = tips.in_transmitter(poses)
-    for index, digit in enumerate(digits):
-        if digit in posed.tips and digit in tips.digits:
-            own = carried[:, list(tips.digits).index(digit)]
-            bone = posed.tip_mm[:, posed.tips.index(digit)]
-            out[:, index] = np.where(np.isfinite(own), own, bone)
-    return out

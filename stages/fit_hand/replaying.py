@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array, from_matrix, rotate
+from anatomy.known_digits import root_of
 from schemas.poses import Poses
+from skeleton.rotations import Array, from_matrix
 from stages.fit_hand.building import bone, receiver
-from stages.fit_hand.chain import known_digits, root_of
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.normal_equations import Frames, Problem, Residuals, residuals
-from stages.fit_hand.posing import first_guess, pose
+from stages.fit_hand.solving import first_guess, pose
 
 CHUNK_FRAMES = 512
 LEAST_RECEIVERS = 2
@@ -30,8 +30,7 @@ class PosedHand:
     at the wrist centre) first; bone_position_mm (T, B, 3) proximal joint's centre, bone_quaternion
     (T, B, 4) bone (x distal, z dorsal) to transmitter.
     receivers : S names; receiver_mm (T, S, 3) where the hand says that each receiver's origin is, which for
-    a distal one is the fingertip. posed : (T,) bool. residual_mm : (T,) rms over the receivers. tips : D
-    digits; tip_mm (T, D, 3) the end of each one's last bone, under the skin, in the transmitter frame.
+    a distal one is the fingertip. posed : (T,) bool. residual_mm : (T,) rms over the receivers.
     """
 
     angle_names: tuple[tuple[str, str], ...]
@@ -43,20 +42,17 @@ class PosedHand:
     receiver_mm: Array
     residual_mm: Array
     posed: npt.NDArray[np.bool_]
-    tips: tuple[str, ...]
-    tip_mm: Array
 
 
-def pose_hand(
-    fit: HandFit, poses: Poses, weights: Mapping[str, tuple[float, float]] | None = None
-) -> PosedHand:
+def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHand:
     """Fit the joint angles of every frame over all receivers that are valid in it.
 
-    weights : of a receiver's position and rotation, 1 where not given, 0 to leave one out: a tip predicted
-    without the distal receiver's position has (0, 1) for it.
+    blind : receivers whose positions are left out, which are then predicted from everything else.
     """
     frames = fit.evidence.convention.frames(poses)
-    problem = replace(fit.evidence.problem, sd=_weighted(fit, weights or {}))
+    sd = fit.evidence.problem.sd.copy()
+    sd[[fit.evidence.model.receivers.index(name) for name in blind], 0] *= _UNSEEN
+    problem = replace(fit.evidence.problem, sd=sd)
     parts = [
         _pose_chunk(fit, problem, frames.take(slice(start, start + CHUNK_FRAMES)))
         for start in range(0, max(len(frames.valid), 1), CHUNK_FRAMES)
@@ -70,47 +66,24 @@ def pose_hand(
     return PosedHand(
         tuple(fit.evidence.model.states.names),
         angles,
-        _bones(fit),
+        (root_of(fit.evidence.layout), *fit.evidence.model.length),
         position,
         quaternion,
         fit.evidence.model.receivers,
         origins,
         rms,
         posed,
-        *_tips(fit, position, quaternion),
     )
-
-
-def _bones(fit: HandFit) -> tuple[str, ...]:
-    return (root_of(fit.evidence.layout), *fit.evidence.model.length)
-
-
-def _tips(fit: HandFit, position_mm: Array, quaternion: Array) -> tuple[tuple[str, ...], Array]:
-    """The digits, and the ends of their last bones (T, D, 3), from all bones' poses."""
-    digits = known_digits(fit.evidence.layout)
-    last = [_bones(fit).index(digit.tip) for digit in digits]
-    along = np.zeros((len(digits), 3))
-    along[:, 0] = [fit.bones[digit.tip].length_mm for digit in digits]
-    ends = position_mm[:, last] + rotate(quaternion[:, last], along)
-    return tuple(digit.name for digit in digits), np.asarray(ends)
-
-
-def _weighted(fit: HandFit, weights: Mapping[str, tuple[float, float]]) -> Array:
-    sd = fit.evidence.problem.sd.copy()
-    for name, both in weights.items():
-        for kind, weight in enumerate(both):
-            sd[fit.evidence.model.receivers.index(name), kind] *= weight**-0.5 if weight > 0 else _UNSEEN
-    return sd
 
 
 def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, Array, Array, Array, Array]:
     """Angles, bones' positions and quaternions, receivers' origins, and rms residual, of some frames."""
     problem = replace(problem, frames=frames)
     point = pose(problem, first_guess(problem, fit.evidence.model, fit.evidence.posterior.x))
-    found = residuals(problem, point)
+    current = residuals(problem, point)
     marks = {
         name: (reached.rotation[mark], reached.position_mm[mark])
-        for branch, (_, _, reached) in zip(problem.branches, found.branches, strict=True)
+        for branch, (_, _, reached) in zip(problem.branches, current.branches, strict=True)
         for mark, name in enumerate(branch.marks)
     }
     places = [(point.root, point.root_mm), *(marks[bone(name)] for name in fit.evidence.model.length)]
@@ -119,13 +92,13 @@ def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, 
     origins = np.stack(
         [fit.evidence.convention.world(*marks[receiver(name)])[1] for name in fit.evidence.model.receivers], 1
     )
-    return point.y, position, from_matrix(rotation), origins, _rms_mm(problem, found)
+    return point.y, position, from_matrix(rotation), origins, _rms_mm(problem, current)
 
 
-def _rms_mm(problem: Problem, found: Residuals) -> Array:
+def _rms_mm(problem: Problem, current: Residuals) -> Array:
     """Root mean square distance, (F,), of predicted to measured receivers that are valid."""
-    total, count = np.zeros(len(found.frame_cost)), np.zeros(len(found.frame_cost))
-    for receivers, (r, _, _) in zip(problem.receivers, found.branches, strict=True):
+    total, count = np.zeros(len(current.frame_cost)), np.zeros(len(current.frame_cost))
+    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
         for i, (_, s) in enumerate(receivers):
             if problem.sd[s, 0] < _UNSEEN / 1e3:
                 total += (r[i, :, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2

@@ -6,13 +6,11 @@ knows about them comes in exactly as in one fit of both hands: by conditioning o
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from kinematics.rotations import Array
+from skeleton.rotations import Array
 from stages.fit_hand.fit import HandFit
-from stages.fit_hand.reading import Evidence, Posterior, read
+from stages.fit_hand.posterior import Evidence
 
 SIDE_SD = 0.0025
 """Of the difference between left and right, relative: lengths differ by less than 0.5 %
@@ -29,31 +27,17 @@ def share_lengths(one: HandFit, other: HandFit) -> tuple[HandFit, HandFit]:
     n_one = first[1].shape[1]
     steps = -first[1].T @ pull[:, 0], second[1].T @ pull[:, 0]
     shrinks = first[1].T @ pull[:, 1 : 1 + n_one], second[1].T @ pull[:, 1 + n_one :]
-    return tuple(  # type: ignore[return-value]
-        _moved(fit, step, shrink) for fit, step, shrink in zip((one, other), steps, shrinks, strict=True)
+    one, other = (
+        fit.moved_to(fit.evidence.posterior.x + step, fit.evidence.posterior.covariance - shrink)
+        for fit, step, shrink in zip((one, other), steps, shrinks, strict=True)
     )
+    return one, other
 
 
 def _lengths(evidence: Evidence, bones: list[str]) -> tuple[Array, Array, Array]:
     """Lengths (B,), their covariance with the unknowns (B, G) and with each other (B, B)."""
-    posterior = evidence.posterior
-    rows = np.zeros((len(bones), len(posterior.x)))
-    for row, name in zip(rows, bones, strict=True):
-        for coefficient, unknown in evidence.model.length[name].parts:
-            row[unknown] += coefficient
-    lengths = np.array([posterior.of_amount(evidence.model.length[name])[0] for name in bones])
+    posterior, amounts = evidence.posterior, [evidence.model.length[name] for name in bones]
+    rows = np.array([amount.row(len(posterior.x)) for amount in amounts]).reshape(-1, len(posterior.x))
+    lengths = np.array([posterior.of_amount(amount)[0] for amount in amounts])
     with_unknowns = rows @ posterior.covariance
     return lengths, with_unknowns, with_unknowns @ rows.T
-
-
-def _moved(fit: HandFit, step: Array, shrink: Array) -> HandFit:
-    """The fit with its unknowns moved and their covariance smaller; joint angles go along."""
-    before = fit.evidence.posterior
-    posterior = Posterior(
-        before.x + step,
-        before.covariance - shrink,
-        before.mean_states + before.states_by_x @ step,
-        before.states_by_x,
-    )
-    evidence = replace(fit.evidence, posterior=posterior)
-    return replace(fit, evidence=evidence, reading=read(evidence))

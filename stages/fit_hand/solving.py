@@ -1,15 +1,18 @@
-"""Damped Gauss-Newton over the unknowns of a hand and of all its frames."""
+"""Damped Gauss-Newton: over the joint angles of frames (inverse kinematics), and over the hand as well."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skeleton.rotations import Array
+from stages.fit_hand.chain import HandModel
 from stages.fit_hand.normal_equations import (
     Point,
     Problem,
     Residuals,
+    axial_vector,
     back_substitute,
     reduce,
     residuals,
@@ -25,6 +28,66 @@ _FULL_STEP = 1e-3
 """Damping below which a step is as long as the normal equations say."""
 
 _LEAST_DAMPING, _MOST_DAMPING = 1e-8, 1e4
+_POSING_STEPS, _LEAST_GAIN = 12, 1e-4
+
+
+def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
+    """Joint angles as receivers that sit straight on their bones would show them; roots where the first valid
+    receiver of each frame says.
+    """
+    frames = problem.frames
+    n_frames = len(frames.valid)
+    y = np.tile(problem.state_mean, (n_frames, 1))
+    for guess in model.guesses:
+        a, b = model.receivers.index(guess.parent), model.receivers.index(guess.child)
+        relative = np.swapaxes(frames.rotation[:, a] @ guess.before, -1, -2) @ (
+            frames.rotation[:, b] @ guess.after.T
+        )
+        # tangent of half the twist: (q_v . u) / q_w, both times 4 q_w
+        angle = 2 * np.arctan2(axial_vector(relative) @ guess.axis, 1 + np.trace(relative, axis1=1, axis2=2))
+        y[:, guess.state] = np.where(frames.valid[:, a] & frames.valid[:, b], angle, y[:, guess.state])
+    root, root_mm = np.tile(np.eye(3), (n_frames, 1, 1)), np.zeros((n_frames, 3))
+    placed, at_origin = np.zeros(n_frames, bool), (root.copy(), root_mm.copy())
+    for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
+        reached = branch.reach(x, y, *at_origin)
+        for mark, s in receivers:
+            now = frames.valid[:, s] & ~placed
+            turn = frames.rotation[now, s] @ reached.rotation[mark, now].swapaxes(-1, -2)
+            root[now] = turn
+            root_mm[now] = (
+                frames.position_mm[now, s] - (turn @ reached.position_mm[mark, now, :, None])[..., 0]
+            )
+            placed |= now
+    return Point(x, y, root, root_mm)
+
+
+def pose(problem: Problem, point: Point, steps: int = _POSING_STEPS) -> Point:
+    """Fit states and roots of every frame with x as it is: Levenberg-Marquardt, each frame on its own and
+    for no longer than it gains.
+    """
+    whole = Point(point.x, point.y.copy(), point.root.copy(), point.root_mm.copy())
+    rows = np.arange(len(point.y))
+    damping = np.full(len(rows), 1e-3)
+    current = residuals(problem, point)
+    for _ in range(steps):
+        reduced = reduce(problem, point, current, damping, fixed_x=True)
+        tried = back_substitute(problem, point, reduced, None)
+        new = residuals(problem, tried)
+        better = new.frame_cost <= current.frame_cost
+        for values, of_tried in (
+            (whole.y, tried.y),
+            (whole.root, tried.root),
+            (whole.root_mm, tried.root_mm),
+        ):
+            values[rows[better]] = of_tried[better]
+        goes_on = ~better | (current.frame_cost - new.frame_cost > _LEAST_GAIN * current.frame_cost)
+        if not goes_on.any():
+            break
+        rows, damping = rows[goes_on], np.where(better, damping / 10, damping * 10)[goes_on]
+        problem = replace(problem, frames=problem.frames.take(goes_on))
+        point = whole.take(rows)
+        current = new.take(goes_on) if better[goes_on].all() else residuals(problem, point)
+    return whole
 
 
 @dataclass(frozen=True)
@@ -34,27 +97,26 @@ class Solution:
     point: Point
     residuals: Residuals
     converged: bool
-    steps: int
 
 
 def solve(problem: Problem, point: Point, most_steps: int, close: float = CLOSE) -> Solution:
     """Go downhill from a point until no step goes `close` further down, or the steps are used up."""
-    found = residuals(problem, point)
-    damping, step = 1e-4, 0
-    for step in range(1, most_steps + 1):
-        reduced = reduce(problem, point, found, np.full(len(point.y), damping))
+    current = residuals(problem, point)
+    damping = 1e-4
+    for _ in range(most_steps):
+        reduced = reduce(problem, point, current, np.full(len(point.y), damping))
         diagonal = np.diag(np.diag(reduced.matrix)) * damping
         dx = np.asarray(-np.linalg.solve(reduced.matrix + diagonal, reduced.gradient), float)
         tried = back_substitute(problem, point, reduced, dx)
         new = residuals(problem, tried)
         promised = -float(reduced.gradient @ dx) / 2
-        done = max(promised, abs(found.cost - new.cost)) < close and damping <= _FULL_STEP
-        if new.cost <= found.cost:
-            point, found, damping = tried, new, max(damping / 10, _LEAST_DAMPING)
+        done = max(promised, abs(current.cost - new.cost)) < close and damping <= _FULL_STEP
+        if new.cost <= current.cost:
+            point, current, damping = tried, new, max(damping / 10, _LEAST_DAMPING)
         else:
             damping *= 30
         if done:
-            return Solution(point, found, True, step)
+            return Solution(point, current, converged=True)
         if damping > _MOST_DAMPING:
             break
-    return Solution(point, found, False, step)
+    return Solution(point, current, converged=False)

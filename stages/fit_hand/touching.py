@@ -16,13 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.rotations import Array, matrix
 from schemas.errors import InputError
 from schemas.poses import Poses
+from skeleton.rotations import Array, matrix
 from stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, fingertips_of, seen_parts
 from stages.fit_hand.fit import HandFit
-from stages.fit_hand.frames import Index
-from stages.fit_hand.reading import read
+from stages.fit_hand.operations import Index
 
 TOUCH_SD_MM = 0.4
 """Of a fingertip's end on a known point, per direction: a divot or a stylus, and skin that gives way."""
@@ -115,10 +114,10 @@ class _Equation:
 def with_touches(
     before: HandFit | Fingertips, touches: Sequence[Touch] = (), contacts: Sequence[Contact] = ()
 ) -> Fingertips:
-    """Let a fit know what was touched; its own joints, bones and their covariance are in the result's `fit`.
+    """Condition a fit on touches; the result's `fit` has its joints, bones and their covariance then.
 
-    before : a fit, or fingertips that have touched something already. A touch that is farther than 1 in 1000
-    is from where the fit and the other touches put it is left out, and said in `refused`. Raises
+    before : a fit, or fingertips that were conditioned on touches already. A touch farther from where the fit
+    and the other touches put it than 1 in 1000 would be is left out, with a sentence in `refused`. Raises
     InputError for a digit without a fingertip or an unknown part.
     """
     tips = before if isinstance(before, Fingertips) else fingertips(before)
@@ -188,28 +187,19 @@ def _conditioned(
 def _misfit(
     tips: Fingertips, equations: Sequence[_Equation], u: Array, shape: tuple[int, ...]
 ) -> tuple[Array, Array]:
-    """What the equations (K) want beyond what u gives, (3 K,), and the derivative (3 K, G + 6 D) of that."""
+    """Values of the K equations less what u gives, (3 K,), and the latter's derivative (3 K, G + 6 D)."""
     n_unknowns = len(u) - int(np.prod(shape))
     seen = seen_parts(tips.fit.evidence, u[:n_unknowns], u[n_unknowns:].reshape(shape))
     off, rows = [], []
     for equation in equations:
-        off.append(equation.value - sum(factor @ seen[which][0] for factor, which in equation.terms))
-        rows.append(sum(factor @ seen[which][1] for factor, which in equation.terms))
+        off.append(equation.value - sum(factor @ seen[part][0] for factor, part in equation.terms))
+        rows.append(sum(factor @ seen[part][1] for factor, part in equation.terms))
     return np.concatenate(off), np.concatenate(rows)
 
 
 def _moved(tips: Fingertips, u: Array, covariance: Array, refused: tuple[str, ...]) -> Fingertips:
     """The fit and the offsets moved to u; the mean joint angles go along."""
-    evidence = tips.fit.evidence
-    posterior, n_unknowns = evidence.posterior, len(evidence.posterior.x)
-    x = u[:n_unknowns]
-    posterior = replace(
-        posterior,
-        x=x,
-        covariance=covariance[:n_unknowns, :n_unknowns],
-        mean_states=posterior.mean_states + posterior.states_by_x @ (x - posterior.x),
-    )
-    evidence = replace(evidence, posterior=posterior)
-    fit = replace(tips.fit, evidence=evidence, reading=read(evidence))
+    n_unknowns = len(tips.fit.evidence.posterior.x)
+    fit = tips.fit.moved_to(u[:n_unknowns], covariance[:n_unknowns, :n_unknowns])
     offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
     return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))

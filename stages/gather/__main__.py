@@ -15,6 +15,7 @@ def build_parser() -> argparse.ArgumentParser:
         "stages.gather",
         "Put the tables of every hand and model of a study together, and list what went wrong.",
         "python -m stages.gather --study config/demo.yaml --results results/demo",
+        records_failure=False,
     )
     parser.add_argument("--study", type=Path, required=True, help="the study file")
     parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
@@ -30,21 +31,10 @@ def gather(arguments: argparse.Namespace) -> None:
     gather_study(read_study(arguments.study), Results(arguments.results))
 
 
-def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write the study's tables without rows and the reason."""
-    from schemas.catalogue import TABLES
-    from schemas.results import STUDY_TABLES, Results
-    from schemas.tables import Provenance, write_failure
-
-    for name in STUDY_TABLES:
-        write_failure(Results(arguments.results).study_table(name), TABLES[name], message, Provenance())
-
-
-def main(words: list[str] | None = None) -> int:
-    """Run the stage on the words of a command line; give its exit code."""
-    return command_line.run(build_parser().parse_args(words), gather, record_failure)
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), gather)
 
 
 if __name__ == "__main__":
-    command_line.begin()
     sys.exit(main())

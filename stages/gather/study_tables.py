@@ -1,59 +1,128 @@
-"""The study's tables from those of its hands; whatever could not be had is a row with its reason."""
+"""The study's tables from those of its subjects; whatever failed is a row of problems with its reason."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.compute as pc
 import yaml
 
 from schemas import PROGRAM, VERSION
 from schemas.catalogue import PROBLEMS, RECEIVERS, RECORDINGS, TABLES
 from schemas.config_files import read_config
 from schemas.files import write_text
-from schemas.joined_tables import join_tables
 from schemas.layout import read_layout
-from schemas.model import read_model
-from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Part, Results
+from schemas.parts import part_metadata
+from schemas.plan import SubjectPlan, read_plan
+from schemas.recording_summary import recording_row
+from schemas.results import GATHERED_TABLES, Results
 from schemas.study import Study, correction_problems, read_corrections
-from schemas.tables import Provenance, columns_from_rows, read_table, write_table
-from stages.gather.parts import Row, failing, receiver_problems, recording_row
+from schemas.tables import Provenance, Table, columns_from_rows, read_table, rows_of, write_table
 
-TABLES_AT_ONCE = 2
+Row = dict[str, Any]
 
 
 def gather_study(study: Study, results: Results) -> None:
-    """Write the study-wide tables into its results folder."""
-    problems: list[dict[str, Any]] = []
-    recordings = [recording_row(recording, results, problems) for recording in study.recordings]
-    models = {name: read_model(path.absolute()) for name, path in study.models.items()}
-    fitted = [name for name, model in models.items() if model.fitting is not None]
-    names = (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES)
-    with ThreadPoolExecutor(TABLES_AT_ONCE) as pool:  # copying and hashing run side by side
-        for found in pool.map(
-            lambda name: _write_whole(results, name, results.parts(name, study.hands, models, fitted)), names
-        ):
-            problems += found
-    problems += _uncalibrated(study) + _correction_problems(study)
+    """Write the study-wide tables into its results folder. Raises TableError where a subject's is damaged."""
+    plans = [read_plan(results.plan(subject)) for subject in study.subjects]
+    problems: list[Row] = []
+    recordings = [row for plan in plans for row in _recording_rows(plan, problems)]
+    for name in GATHERED_TABLES:
+        problems += _gather_table(results, name, plans)
+    problems += [row for plan in plans for row in _uncalibrated(plan)]
+    problems += _correction_rows(study)
     _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
-    unique = list({(row["where"], row["message"]): row for row in reversed(problems)}.values())[::-1]
-    write_table(
-        results.study_table("recordings"), RECORDINGS, columns_from_rows(RECORDINGS, recordings), provenance
-    )
-    write_table(results.study_table("problems"), PROBLEMS, columns_from_rows(PROBLEMS, unique), provenance)
+    unique = list({tuple(row[key] for key in _UNIQUE): row for row in reversed(problems)}.values())[::-1]
+    for table, rows in ((RECORDINGS, recordings), (PROBLEMS, unique)):
+        write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
 
 
-def _uncalibrated(study: Study) -> list[dict[str, Any]]:
+_UNIQUE = ("subject", "hand", "task", "model", "message")
+
+
+def _problem(stage: str, kind: str, severity: str, message: str, **where: str) -> Row:
+    whole = {"subject": "", "hand": "", "task": "", "model": "", **where}
+    return {**whole, "stage": stage, "kind": kind, "severity": severity, "message": message}
+
+
+def _recording_rows(plan: SubjectPlan, problems: list[Row]) -> Iterator[Row]:
+    """A subject's rows of the recordings table; what is wrong with a recording joins the problems."""
+    for recording in plan.recordings:
+        row, sentences = recording_row(recording, plan.poses(recording))
+        severity = "refused" if row["status"] == "failed" else "note"
+        task = ", ".join(filter(None, (recording.task, recording.trial)))
+        for sentence in sentences:
+            where = {"subject": plan.subject, "hand": recording.hand.hand, "task": task}
+            problems.append(_problem("capture", "recording", severity, sentence, **where))
+        yield row
+
+
+def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> list[Row]:
+    """Write one of the study's tables, of whole skeletons; give the problems in it."""
+    table, stage = TABLES[name], GATHERED_TABLES[name]
+    files = [(plan, file) for plan in plans for file in plan.files_of(name)]
+    tables = [table.arrow_schema({}).remove_metadata().empty_table()]
+    problems: list[Row] = []
+    for plan, file in files:
+        tables.append(_whole_skeletons(file, table))
+        problems += _failed_parts(plan, file, table, stage)
+    rows = pa.concat_tables([own.replace_schema_metadata() for own in tables])
+    provenance = Provenance.of([file for _, file in files], results.folder)
+    columns = {column.name: rows.column(column.name) for column in table.columns}
+    write_table(results.study_table(name), table, columns, provenance)
+    return problems + (_receiver_problems(rows) if name == RECEIVERS.name else [])
+
+
+def _whole_skeletons(file: Path, table: Table) -> pa.Table:
+    rows = read_table(file, table)
+    if "made_without" not in table.key:
+        return rows
+    return rows.filter(pc.equal(rows.column("made_without"), ""))
+
+
+def _failed_parts(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
+    for part, parameters in part_metadata(file, table).items():
+        if "failure" in parameters and not part.made_without:
+            where = {"subject": plan.subject, "hand": part.hand, "model": part.model}
+            yield _problem(
+                stage, "skeleton" if part.model else "hand", "refused", parameters["failure"], **where
+            )
+
+
+def _receiver_problems(receivers: pa.Table) -> list[Row]:
+    """Receivers that came loose, and touches that were refused, once however many models say so.
+
+    A receiver without a valid pose is named with its recording.
+    """
+    return [
+        _problem(
+            "fit_hand", "receiver", "note", f"{row['segment']}: {row['message']}",
+            subject=row["subject"], hand=row["hand"],
+        )
+        for row in rows_of(receivers)
+        if row["message"] and row["status"] != "failed"
+    ]  # fmt: skip
+
+
+def _uncalibrated(plan: SubjectPlan) -> Iterator[Row]:
     """Name the hands that no recording calibrates: nothing failed, and yet there is no skeleton."""
     message = "no recording calibrates this hand, so none of its joints could be solved"
-    return [
-        {"where": f"{hand.subject}, {hand.hand}", "stage": "solve_joints", "message": message}
-        for hand in study.hands
-        if not study.of(hand, ("calibration", "both"))
-    ]
+    for hand in plan.hands:
+        if not plan.all_calibrating(hand):
+            yield _problem("solve_joints", "hand", "refused", message, subject=plan.subject, hand=hand)
+
+
+def _correction_rows(study: Study) -> list[Row]:
+    path = study.sheets.get("corrections")
+    if path is None:
+        return []
+    layout = read_layout(study.layout.absolute())
+    messages = correction_problems(read_corrections(path), path, study.hands, layout)
+    return [_problem("project_planes", "correction", "refused", message) for message in messages]
 
 
 def _write_resolved(study: Study, results: Results) -> None:
@@ -67,28 +136,3 @@ def _write_resolved(study: Study, results: Results) -> None:
     }
     text = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True, width=100)
     write_text(results.resolved, text)
-
-
-def _correction_problems(study: Study) -> list[dict[str, Any]]:
-    path = study.sheets.get("corrections")
-    if path is None:
-        return []
-    layout = read_layout(study.layout.absolute())
-    messages = correction_problems(read_corrections(path), path, study.hands, layout)
-    return [{"where": path.name, "stage": "project_planes", "message": message} for message in messages]
-
-
-def _write_whole(results: Results, name: str, parts: Sequence[Part]) -> list[Row]:
-    """Write one of the study's tables; give what is wrong in it."""
-
-    def provenance(digests: dict[Path, str]) -> Provenance:
-        return Provenance(
-            tuple((path.relative_to(results.folder).as_posix(), digest) for path, digest in digests.items())
-        )
-
-    problems: list[Row] = []
-    paths = [part.path for part in parts]
-    join_tables(results.study_table(name), TABLES[name], paths, provenance, failing(parts, problems))
-    if name == RECEIVERS.name:
-        problems += receiver_problems(read_table(results.study_table(name), RECEIVERS))
-    return problems

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stages import command_line
 
 if TYPE_CHECKING:
-    from kinematics.rotations import Array
+    from schemas.parts import Part
+    from schemas.plan import SubjectPlan
+    from skeleton.rotations import Array
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -21,74 +23,63 @@ def build_parser() -> argparse.ArgumentParser:
         "python -m stages.project_planes --joints joint_solutions.parquet --layout liberty16 "
         "--model paper-fig4 --out projected_joints.parquet",
     )
-    parser.add_argument("--joints", type=Path, required=True, help="the joint_solutions table of one hand")
-    parser.add_argument("--layout", required=True, help="a layout that ships, or a path")
-    parser.add_argument("--model", required=True, help="a skeleton model that ships, or a path")
-    parser.add_argument(
-        "--corrections",
-        type=Path,
-        nargs="?",
-        help="sheet of manual corrections; used by models that apply them",
-    )
+    command_line.add_plan_options(parser, sheets=("corrections",))
+    parser.add_argument("--joints", type=Path, required=True, help="joint_solutions of the same hands")
     parser.add_argument("--out", type=Path, required=True, help="the joint_centres table to write")
     return parser
 
 
 def project_planes(arguments: argparse.Namespace) -> None:
-    """Read the solutions, place every joint, write the table."""
+    """Place every joint of every skeleton of the plan, write the table."""
     from schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
+    from schemas.parts import parts_writer
+    from schemas.tables import Provenance
+
+    plan = command_line.plan_of(arguments, (arguments.joints, JOINT_SOLUTIONS))
+    provenance = Provenance.of(
+        [arguments.joints, *command_line.config_files(arguments), *plan.sheets.values()], plan.folder
+    )
+    with parts_writer(arguments.out, JOINT_CENTRES, provenance) as joints:
+        for part in plan.parts():
+            with command_line.recording_failure(arguments, part, joints):
+                joints.rows(part, _placed_rows(arguments.joints, plan, part))
+
+
+def _placed_rows(joints_file: Path, plan: SubjectPlan, part: Part) -> list[dict[str, Any]]:
+    from schemas.catalogue import JOINT_SOLUTIONS
     from schemas.errors import InputError
-    from schemas.layout import read_layout
-    from schemas.model import read_model
-    from schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_table
+    from schemas.parts import read_part
+    from schemas.tables import rows_of
     from stages.project_planes.place import place_joint
 
-    layout, model = read_layout(arguments.layout), read_model(arguments.model)
-    solutions = list(rows_of(read_table(arguments.joints, JOINT_SOLUTIONS)))
-    for solution in solutions:
-        if solution["joint"] not in layout.joints:
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+    corrections_mm = _corrections_mm(plan, part.hand) if model.corrections else {}
+    rows = []
+    for solution in rows_of(read_part(joints_file, JOINT_SOLUTIONS, part)):
+        joint = layout.joints.get(solution["joint"])
+        if joint is None:
             raise InputError(
-                f"{arguments.joints}: joint {solution['joint']} is not in layout {layout.name}; "
+                f"{joints_file}: joint {solution['joint']} is not in layout {layout.name}; "
                 "give the layout that the joints were solved with"
             )
-    corrections = _corrections(arguments.corrections if model.corrections else None)
-    rows = [
-        {key: solution[key] for key in ("subject", "hand", "model")}
-        | place_joint(
-            layout.joints[solution["joint"]],
-            solution,
-            model,
-            corrections.get((solution["subject"], solution["hand"], solution["joint"])),
-        )
-        for solution in solutions
-    ]
-    sheets = [arguments.corrections] if model.corrections and arguments.corrections else []
-    provenance = Provenance.of([arguments.joints, *command_line.config_files(arguments), *sheets])
-    write_table(arguments.out, JOINT_CENTRES, columns_from_rows(JOINT_CENTRES, rows), provenance)
+        row = place_joint(joint, solution, model, corrections_mm.get(joint.name))
+        rows.append({"subject": plan.subject, **row})
+    return rows
 
 
-def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write the table without rows and the reason."""
-    from schemas.catalogue import JOINT_CENTRES
-    from schemas.tables import Provenance, write_failure
-
-    write_failure(arguments.out, JOINT_CENTRES, message, Provenance.of([arguments.joints]))
-
-
-def _corrections(path: Path | None) -> dict[tuple[str, str, str], Array]:
+def _corrections_mm(plan: SubjectPlan, hand: str) -> dict[str, Array]:
     import numpy as np
 
-    from schemas.study import read_corrections
-
     return {
-        (row["subject"], row["hand"], row["joint"]): np.array([row["dx_mm"], row["dy_mm"], row["dz_mm"]])
-        for row in read_corrections(path)
+        row["joint"]: np.array([row["dx_mm"], row["dy_mm"], row["dz_mm"]])
+        for row in plan.corrections
+        if row["hand"] == hand
     }
 
 
-def main(words: list[str] | None = None) -> int:
-    """Run the stage on the words of a command line; give its exit code."""
-    return command_line.run(build_parser().parse_args(words), project_planes, record_failure)
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), project_planes)
 
 
 if __name__ == "__main__":

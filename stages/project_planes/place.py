@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.rotations import Array
 from schemas.layout import Joint
 from schemas.model import SkeletonModel
+from skeleton.rotations import Array
 from stages.project_planes.plane import (
     Projection,
     centre_sd_mm,

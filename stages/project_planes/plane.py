@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array, nearest_rotation, unit
+from skeleton.rotations import Array, nearest_rotation, unit
 
 
 @dataclass(frozen=True)

@@ -39,15 +39,15 @@ def report(arguments: argparse.Namespace) -> None:
         raise InputError("nothing to do; give --out, --print or both")
     from schemas.results import Results
     from schemas.study import read_study
-    from stages.report.study_results import few_collections, read_results
+    from stages.report.study_results import read_results
 
-    with few_collections():
-        results = read_results(read_study(arguments.study), arguments.results)
-        if arguments.out is not None:
-            from schemas.files import write_text
-            from stages.report.study_page import render_study
+    study = read_study(arguments.study)
+    results = read_results(study, arguments.results)
+    if arguments.out is not None:
+        from schemas.files import write_text
+        from stages.report.study_page import render_study
 
-            write_text(arguments.out, render_study(results))
+        write_text(arguments.out, render_study(results, study))
     if arguments.to_terminal:
         from stages.report.terminal import terminal_tables
 
@@ -66,6 +66,10 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     write_text(arguments.out, render_failure(message))
 
 
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), report, record_failure)
+
+
 if __name__ == "__main__":
-    command_line.begin()
-    sys.exit(command_line.run(build_parser().parse_args(), report, record_failure))
+    sys.exit(main())

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from stages.report.data_table import Block, DataTable, counted
-from stages.report.score_tables import tasks_in_words
+from stages.report.score_tables import tasks_text
 from stages.report.study_results import StudyResults
+from stages.report.table_cells import Block, DataTable, counted
 
 HELD_OUT, IN_SAMPLE = "held out", "○ in-sample"
 
@@ -21,7 +21,7 @@ def held_out_table(results: StudyResults) -> DataTable | None:
     order = list(results.models)
     keys = sorted(hands, key=lambda key: (order.index(key[0]), not key[3], key[1:3]))
     rows = tuple(
-        (model, tasks_in_words(made_from), task, HELD_OUT if fresh else IN_SAMPLE, _hands(hands[key]))
+        (model, tasks_text(made_from), task, HELD_OUT if fresh else IN_SAMPLE, _hands(hands[key]))
         for key in keys
         for model, made_from, task, fresh in [key]
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -10,7 +11,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from schemas.results import Results
-from schemas.study import Recording, Study
+from schemas.study import Recording
 
 
 class Link(NamedTuple):
@@ -30,16 +31,18 @@ def anchor(to: Link) -> Markup:
     return Markup('<a href="{}">{}</a>').format(to.href, to.words)
 
 
-def recording_links(study: Study, paths: Results, page: Path, subject: str, hand: str = "") -> list[Link]:
-    """Links to the pages of a subject's evaluated recordings, of both hands unless one is named."""
+def recording_links(
+    shown: Iterable[Recording], paths: Results, page: Path, subject: str, hand: str = ""
+) -> list[Link]:
+    """Links to the pages of a subject's recordings that are `shown`, of both hands unless one is named."""
     return [
-        link(recording_in_words(recording, with_hand=not hand), page, paths.recording_page(recording))
-        for recording in study.shown
+        link(recording_label(recording, with_hand=not hand), page, paths.recording_page(recording))
+        for recording in shown
         if recording.hand.subject == subject and hand in ("", recording.hand.hand)
     ]
 
 
-def recording_in_words(recording: Recording, *, with_hand: bool) -> str:
+def recording_label(recording: Recording, *, with_hand: bool) -> str:
     """What a recording is called in a link."""
     parts = [recording.task, f"trial {recording.trial}" if recording.trial else ""]
     return ", ".join(filter(None, [*parts, f"{recording.hand.hand} hand" if with_hand else ""]))

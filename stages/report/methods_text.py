@@ -9,9 +9,9 @@ from collections import Counter
 from statistics import median
 
 from schemas import VERSION
-from stages.report.comparison import FEWEST_SUBJECTS, N_RESAMPLES
-from stages.report.data_table import counted, listed, number
+from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
 from stages.report.study_results import Row, StudyResults
+from stages.report.table_cells import counted, listed, number
 
 REFERENCES = (
     "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "
@@ -38,22 +38,21 @@ def methods_text(results: StudyResults) -> list[str]:
 
 
 def _recorded(results: StudyResults) -> str:
-    study = results.study
-    used = [row for row in results.recordings if row["status"] == "used"]
-    made = "simulated" if study.simulation is not None else "recorded"
+    used = [row for row in results.recording_rows if row["status"] == "used"]
+    made = "simulated" if results.simulated else "recorded"
     receivers = sorted({len(layout.measured) for layout in results.layouts.values()})
     worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:]))
     tasks = Counter(row["task"] for row in used)
     text = (
-        f"{_capital(counted(len(study.hands), 'hand'))} of {counted(len(study.subjects), 'subject')} "
-        f"{'was' if len(study.hands) == 1 else 'were'} {made} with up to {worn} magnetic receivers a hand"
+        f"{_capital(counted(len(results.hands), 'hand'))} of {counted(len(results.subjects), 'subject')} "
+        f"{'was' if len(results.hands) == 1 else 'were'} {made} with up to {worn} magnetic receivers a hand"
         f"{_rate(used)}, in {counted(len(used), 'recording')}"
     )
     if tasks:
         text += " (" + listed(f"{task}: {count}" for task, count in sorted(tasks.items())) + ")"
-    lost = len(study.recordings) - len(used)
+    lost = len(results.recordings) - len(used)
     text += "." if not lost else f"; {counted(lost, 'further recording')} could not be used."
-    if study.simulation is not None:
+    if results.simulated:
         text += " The simulator knows the true skeleton; no person's hand is behind these numbers."
     return text
 

@@ -5,10 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.study import Hand
-from stages.report.data_table import Block, DataTable, Folded, counted, number
 from stages.report.study_results import Row, StudyResults
+from stages.report.table_cells import Block, DataTable, Folded, counted, number
 
 MOST_GAINS = 5
+
+_TOUCH = "touch"
+_PLACES = {
+    "along": "how far along {} its receiver sits",
+    "lateral": "how far to the side of {} its receiver sits",
+    "height": "how high over {} its receiver sits",
+    "distal": "how far from the next joint the receiver of {} sits",
+}
+"""Parts of a quantity that could be measured, as measurements.tsv calls them."""
 
 _HEADER = ("Joint", "Range of motion [deg]", "SD now [mm]", "SD if it moved so [mm]", "What to do")
 
@@ -81,10 +90,34 @@ def _gains(model: str, rows: list[Row]) -> ModelGains:
 
 
 def _sentence(row: Row) -> str:
-    """One gain in the fit's own words, and what it does to all joints together."""
-    from stages.fit_hand.gains import Gain, advice  # the whole fit: not for pages that show no gain
+    """One gain: what to measure, what that does to the joint that gains most and to all joints together."""
+    name, _, part = row["quantity"].partition(".")
+    if part == _TOUCH:
+        doing = f"Touching a known point with the tip of {_digit_text(name)}"
+    else:
+        doing = "Measuring " + (_PLACES[part].format(_bone_text(name)) if part else _bone_text(name))
+    joint = _joint_text(row["joint"], name.partition("_")[0])
+    before, after = number(row["mean_sd_before_mm"]), number(row["mean_sd_after_mm"])
+    return (
+        f"{doing} to {row['sd_mm']:.1f} mm would take {joint} from {row['joint_sd_before_mm']:.1f} to "
+        f"{row['joint_sd_after_mm']:.1f} mm (the mean of all joints from {before} to {after} mm)."
+    )
 
-    gain = Gain(**{name: row[name] for name in Gain.__dataclass_fields__})
-    words = advice([gain])
-    before, after = number(gain.mean_sd_before_mm), number(gain.mean_sd_after_mm)
-    return f"{words[0].upper()}{words[1:]} (the mean of all joints from {before} to {after} mm)."
+
+def _digit_text(digit: str) -> str:
+    return "the thumb" if digit == "thumb" else f"the {digit} finger"
+
+
+def _bone_text(segment: str) -> str:
+    digit, _, kind = segment.rpartition("_")
+    if not digit:
+        return f"the {segment}"
+    return f"{_digit_text(digit)}'s {kind}{'' if kind == 'metacarpal' else ' phalanx'}"
+
+
+def _joint_text(joint: str, of_digit: str) -> str:
+    digit, _, kind = joint.rpartition("_")
+    if not digit:
+        return f"the {joint}"
+    owner = "its" if digit == of_digit else f"{_digit_text(digit)}'s"
+    return f"{owner} {kind.upper()}"

@@ -10,42 +10,45 @@ import yaml
 from schemas import VERSION
 from schemas.errors import InputError
 from schemas.model import SkeletonModel
-from schemas.study import Recording
+from schemas.study import Recording, Study
 from schemas.tables import read_metadata
-from stages.report.data_table import Block, DataTable, number
 from stages.report.study_results import Row, StudyResults, recording_key
+from stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
 
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 
+_RECORDING_TEXTS = ("File", "Subject", "Hand", "Task", "Trial", "Role")
 STATUS_MARKS = {"used": "used", "excluded": "○ excluded", "failed": "✕ failed", "missing": "? missing"}
 
 
 def recordings_table(results: StudyResults, whose: str = "of the study's sheet") -> DataTable:
     """Every recording of the sheet and what became of it."""
-    header = (
-        "File",
-        "Subject",
-        "Hand",
-        "Task",
-        "Trial",
-        "Role",
-        "Status",
-        "Frames",
-        "Duration [s]",
-        "Valid [%]",
-        "Message",
+    rows = []
+    for recording in results.recordings:
+        subject, hand, task, trial = key = recording_key(recording)
+        status, message = results.status_of(recording)
+        texts = (recording.file_as_written, subject, hand, task, trial, recording.role)
+        row = dict(zip(_RECORDING_TEXTS, texts, strict=True)) | {"message": message}
+        rows.append(
+            results.recording_row_of.get(key, {}) | row | {"Status": STATUS_MARKS.get(status, status)}
+        )
+    columns = (
+        *(text_column(heading, heading) for heading in (*_RECORDING_TEXTS, "Status")),
+        number_column("Frames", "n_frames", 0),
+        number_column("Duration [s]", "duration_s"),
+        number_column("Valid [%]", "valid_percent", 1),
+        text_column("Message", "message"),
     )
-    rows = tuple(_recording_cells(results, recording) for recording in results.study.recordings)
-    return DataTable(f"Every recording {whose}.", (Block(header, rows),), (), frozenset({*range(7), 10}))
+    return table_of(f"Every recording {whose}.", columns, rows)
 
 
 def problems_table(results: StudyResults, whose: str = "as the study asked") -> DataTable | None:
     """Everything that did not go as the study asked; None where all did."""
-    rows = [(row["where"], row["stage"], row["message"]) for row in results.problems]
-    told = {row["message"] for row in results.problems}
-    for recording in results.study.recordings:
+    rows = [(where(row), row["stage"], row["message"]) for row in results.problems]
+    messages = {row["message"] for row in results.problems}
+    for recording in results.recordings:
         status, message = results.status_of(recording)
-        if status != "used" and not (message and message in told):
+        if status != "used" and not (message and message in messages):
             reason = f"{status}: {message or 'no reason given'}"
             rows.append((recording.file_as_written, "recordings", reason))
     if not rows:
@@ -56,6 +59,17 @@ def problems_table(results: StudyResults, whose: str = "as the study asked") -> 
         (),
         frozenset({0, 1, 2}),
     )
+
+
+def where(problem: Row) -> str:
+    """What a row of problems is about, in words."""
+    named = (
+        f"subject {problem['subject']}" if problem["subject"] else "",
+        f"{problem['hand']} hand" if problem["hand"] else "",
+        problem["task"],
+        f"model {problem['model']}" if problem["model"] else "",
+    )
+    return ", ".join(filter(None, named)) or "the study"
 
 
 def models_table(results: StudyResults) -> DataTable:
@@ -76,7 +90,7 @@ def versions_table() -> DataTable:
 
 def inputs_table(results: StudyResults, whose: str = "of the study") -> DataTable:
     """SHA-256 of the files that each recording's poses were made from."""
-    rows = [row for recording in results.study.recordings for row in _input_rows(results, recording)]
+    rows = [row for recording in results.recordings for row in _input_rows(results, recording)]
     return DataTable(
         f"Input files {whose} and their SHA-256.",
         (Block(("Recording", "Input file", "SHA-256"), tuple(rows)),),
@@ -85,25 +99,9 @@ def inputs_table(results: StudyResults, whose: str = "of the study") -> DataTabl
     )
 
 
-def config_text(results: StudyResults) -> str:
+def config_text(study: Study) -> str:
     """The study's configuration as YAML, defaults filled in."""
-    return yaml.safe_dump(results.study.config, sort_keys=False, allow_unicode=True, width=100)
-
-
-def _recording_cells(results: StudyResults, recording: Recording) -> tuple[str, ...]:
-    row: Row = results.recording_row_of.get(recording_key(recording), {})
-    status, message = results.status_of(recording)
-    frames = row.get("n_frames")
-    return (
-        recording.file_as_written,
-        *recording_key(recording),
-        recording.role,
-        STATUS_MARKS.get(status, status),
-        number(frames, 0),
-        number(row.get("duration_s")),
-        number(row.get("valid_percent"), 1),
-        message,
-    )
+    return yaml.safe_dump(study.config, sort_keys=False, allow_unicode=True, width=100)
 
 
 def _model_cells(model: SkeletonModel) -> tuple[str, ...]:
@@ -126,7 +124,7 @@ def _version(package: str) -> str:
 
 def _input_rows(results: StudyResults, recording: Recording) -> list[tuple[str, str, str]]:
     try:
-        inputs = read_metadata(results.paths.poses(recording)).get("inputs", [])
+        inputs = read_metadata(results.poses(recording)).get("inputs", [])
     except InputError:
         return []
     name = ", ".join(part for part in recording_key(recording) if part)

@@ -9,8 +9,8 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from stages.report.data_table import DASH, Block, DataTable, Folded, counted, number
 from stages.report.study_results import HANDS, Row, StudyResults, Trial
+from stages.report.table_cells import DASH, Block, DataTable, Folded, counted, number
 
 IN_SAMPLE = "○ no"
 
@@ -26,7 +26,7 @@ class Skeleton(NamedTuple):
     @property
     def made_from(self) -> str:
         """The tasks that it was made from; a dash for a reference, which was made from none."""
-        return DASH if self.reference else tasks_in_words(self.calibrated_on)
+        return DASH if self.reference else tasks_text(self.calibrated_on)
 
     @property
     def seen(self) -> str:
@@ -67,7 +67,7 @@ LEFT_OUT = ("left_out_mean_mm", "left_out_p95_mm")
 """A replay never uses the distal receivers' positions: without a posed hand these are the replay's."""
 
 
-def tasks_in_words(calibrated_on: str) -> str:
+def tasks_text(calibrated_on: str) -> str:
     """The tasks of a column calibrated_on."""
     return ", ".join(calibrated_on.split(";")) or "unknown"
 
@@ -212,17 +212,19 @@ def _shortfalls(
 ) -> tuple[str, ...]:
     """Which skeletons' means are over fewer digits than the task has, and why; the same reason once."""
     total = sum(len(results.layouts[r.hand].digits) for r in trial.recordings.values())
-    told: dict[str, list[str]] = defaultdict(list)
+    titles_of: dict[str, list[str]] = defaultdict(list)
     for skeleton, rows in found.items():
         counts = [sum(row[score.name] is not None for row in rows) for score in scores]
         fewest = min((count for count in counts if count), default=0)
         reasons = dict.fromkeys(row["message"].rstrip(".") for row in rows if row["message"])
         words = [f"{fewest} of {counted(total, 'digit')}"] if fewest < total else []
         if words or reasons:
-            told["; ".join([*words, *reasons])].append(skeleton.title)
+            titles_of["; ".join([*words, *reasons])].append(skeleton.title)
     models = [skeleton.title for skeleton in found if not skeleton.reference]
     groups = {tuple(skeleton.title for skeleton in found): "All rows", tuple(models): "All models"}
-    return tuple(f"{groups.get(tuple(names), '; '.join(names))}: {text}." for text, names in told.items())
+    return tuple(
+        f"{groups.get(tuple(names), '; '.join(names))}: {text}." for text, names in titles_of.items()
+    )
 
 
 def _made_from(found: dict[Skeleton, list[Row]]) -> list[str]:

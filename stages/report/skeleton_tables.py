@@ -5,33 +5,35 @@ from __future__ import annotations
 from collections import Counter
 
 from schemas.study import Hand
-from stages.report.data_table import DASH, Block, DataTable, Folded, counted, number
 from stages.report.study_results import Row, StudyResults
+from stages.report.table_cells import (
+    DASH,
+    Block,
+    Column,
+    DataTable,
+    Folded,
+    counted,
+    number,
+    number_column,
+    table_of,
+    text_column,
+)
 
 STATUS_MARKS = {"ok": "ok", "weak": "◆ weak", "failed": "✕ failed"}
 
-_JOINT_HEADER = (
-    "Joint",
-    "Status",
-    "Range of motion [deg]",
-    "Gap rms [mm]",
-    "Free gap rms [mm]",
-    "SD of the centre [mm]",
-    "Axis to plane [deg]",
-    "Correction [mm]",
-    "Message",
-)
+NO_JOINT = "No joint was solved; the reason is under “What went wrong”."
+STATUS = Column("Status", lambda row: STATUS_MARKS.get(str(row["status"]), str(row["status"])), is_text=True)
 
-_RECEIVER_HEADER = (
-    "Receiver",
-    "Status",
-    "Along the bone [mm]",
-    "To the thumb's side [mm]",
-    "Over the bone [mm]",
-    "Residual [mm]",
-    "Residual [deg]",
-    "Came loose",
-    "Message",
+_JOINT_COLUMNS = (
+    text_column("Joint", "joint"),
+    STATUS,
+    number_column("Range of motion [deg]", "range_deg", 1),
+    number_column("Gap rms [mm]", "gap_rms_mm"),
+    number_column("Free gap rms [mm]", "gap_rms_free_mm"),
+    number_column("SD of the centre [mm]", "sd_mm"),
+    number_column("Axis to plane [deg]", "axis_plane_deg", 1),
+    number_column("Correction [mm]", "correction_mm", 1),
+    text_column("Message", "message"),
 )
 
 
@@ -40,12 +42,8 @@ def joint_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     folded = []
     for model in results.models:
         rows = results.joints_of.get((hand, model), [])
-        table = DataTable(
-            f"Joints of subject {hand.subject}, {hand.hand} hand, model {model}.",
-            (Block(_JOINT_HEADER, tuple(_joint_cells(row) for row in rows)),),
-            () if rows else ("No joint was solved; the reason is under “What went wrong”.",),
-            frozenset({0, 1, 8}),
-        )
+        caption = f"Joints of subject {hand.subject}, {hand.hand} hand, model {model}."
+        table = table_of(caption, _JOINT_COLUMNS, rows, NO_JOINT)
         folded.append(Folded(f"{hand.hand.capitalize()} hand, {model}: {_counts(rows)}", table))
     return folded
 
@@ -73,26 +71,13 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     folded = []
     for model in results.fitted:
         rows = results.receivers_of.get((hand, model), [])
-        table = DataTable(
-            f"Receivers of subject {hand.subject}, {hand.hand} hand, model {model}, with 1-sigma errors.",
-            (Block(_RECEIVER_HEADER, tuple(_receiver_cells(row) for row in rows)),),
-            () if rows else ("No hand was fitted; the reason is under “What went wrong”.",),
-            frozenset({0, 1, 7, 8}),
+        caption = (
+            f"Receivers of subject {hand.subject}, {hand.hand} hand, model {model}, with 1-sigma errors."
         )
+        no_hand = "No hand was fitted; the reason is under “What went wrong”."
+        table = table_of(caption, _RECEIVER_COLUMNS, rows, no_hand)
         folded.append(Folded(f"{hand.hand.capitalize()} hand, {model}: {_receiver_counts(rows)}", table))
     return folded
-
-
-def _receiver_cells(row: Row) -> tuple[str, ...]:
-    return (
-        row["segment"],
-        STATUS_MARKS.get(str(row["status"]), str(row["status"])),
-        *(_with_error(row[f"{name}_mm"], row[f"{name}_sd_mm"]) for name in ("along", "lateral", "height")),
-        number(row["residual_mm"]),
-        number(row["residual_deg"]),
-        _loose(row),
-        row["message"],
-    )
 
 
 def _loose(row: Row) -> str:
@@ -105,32 +90,35 @@ def _loose(row: Row) -> str:
     )
 
 
+def _placed(heading: str, name: str) -> Column:
+    return Column(heading, lambda row: _with_error(row[f"{name}_mm"], row[f"{name}_sd_mm"]))
+
+
+_RECEIVER_COLUMNS = (
+    text_column("Receiver", "segment"),
+    STATUS,
+    _placed("Along the bone [mm]", "along"),
+    _placed("To the thumb's side [mm]", "lateral"),
+    _placed("Over the bone [mm]", "height"),
+    number_column("Residual [mm]", "residual_mm"),
+    number_column("Residual [deg]", "residual_deg"),
+    Column("Came loose", _loose, is_text=True),
+    text_column("Message", "message"),
+)
+
+
 def _receiver_counts(rows: list[Row]) -> str:
     if not rows:
         return "no hand was fitted"
     loose = sum(row["loose_from_frame"] is not None for row in rows)
     doubts = Counter(row["status"] for row in rows)
-    told = [f"{doubts[word]} {word}" for word in ("weak", "failed") if doubts[word]]
-    told += [f"{loose} came loose"] if loose else []
-    return ", ".join([counted(len(rows), "receiver"), *(told or ["all ok"])])
+    parts = [f"{doubts[word]} {word}" for word in ("weak", "failed") if doubts[word]]
+    parts += [f"{loose} came loose"] if loose else []
+    return ", ".join([counted(len(rows), "receiver"), *(parts or ["all ok"])])
 
 
 def _with_error(value: float | None, sd: float | None) -> str:
     return number(value) + (f" ± {number(sd)}" if value is not None and sd is not None else "")
-
-
-def _joint_cells(row: Row) -> tuple[str, ...]:
-    return (
-        row["joint"],
-        STATUS_MARKS.get(str(row["status"]), str(row["status"])),
-        number(row["range_deg"], 1),
-        number(row["gap_rms_mm"]),
-        number(row["gap_rms_free_mm"]),
-        number(row["sd_mm"]),
-        number(row["axis_plane_deg"], 1),
-        number(row["correction_mm"], 1),
-        row["message"],
-    )
 
 
 def _counts(rows: list[Row]) -> str:

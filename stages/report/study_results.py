@@ -1,36 +1,36 @@
-"""What the report reads: the study and its study-wide tables, indexed by what the page asks for."""
+"""What the report's pages read: a study, or one subject of it, with the short tables of its hands."""
 
 from __future__ import annotations
 
-import gc
 from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
-from schemas.catalogue import RECORDINGS, TABLES, TIP_ERRORS
+from schemas.catalogue import PROBLEMS, RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
-from schemas.results import Results
-from schemas.study import Hand, Recording, Study
-from schemas.tables import Table, read_metadata, read_table
-from stages.gather.parts import recording_row, whole_table
+from schemas.parts import part_metadata
+from schemas.plan import SubjectPlan
+from schemas.recording_summary import recording_row
+from schemas.results import GATHERED_TABLES, Results
+from schemas.study import Hand, Recording, Study, path_token
+from schemas.tables import Table, open_table, read_metadata, read_table
 
 Row = dict[str, Any]
 HandModel = tuple[Hand, str]
 
 FIRST_FRAME, LEAST_SQUARES = "first-frame", "least-squares"
 HANDS = ("right", "left")
+FITTED_TABLES = ("receivers", "gains")
 
-_READ = {
-    "recordings": "recordings",
+_ROWS_OF = {
+    "recordings": "recording_rows",
     "problems": "problems",
     "joint_centres": "joints",
     "bone_lengths": "bones",
@@ -61,13 +61,19 @@ class Trial:
 
 @dataclass(frozen=True)
 class StudyResults:
-    """A study with its results; rows are dictionaries by column, null as None."""
+    """A study, or the part of it that is one subject's, with its results.
 
-    study: Study
+    Rows are dictionaries by column, null as None; those of tables that are keyed so are of whole skeletons,
+    made without leaving out a task.
+    """
+
+    name: str
+    recordings: tuple[Recording, ...]
+    simulated: bool
     paths: Results
-    models: dict[str, SkeletonModel]
-    layouts: dict[Hand, Layout]
-    recordings: list[Row]
+    models: Mapping[str, SkeletonModel]
+    layouts: Mapping[Hand, Layout]
+    recording_rows: list[Row]
     problems: list[Row]
     joints: list[Row]
     bones: list[Row]
@@ -77,6 +83,44 @@ class StudyResults:
     advice: list[Row]
     receivers: list[Row]
     gains: list[Row]
+
+    @cached_property
+    def subjects(self) -> list[str]:
+        """Every subject, in the sheet's order."""
+        return list(dict.fromkeys(recording.hand.subject for recording in self.recordings))
+
+    @cached_property
+    def hands(self) -> list[Hand]:
+        """Every hand, in the sheet's order."""
+        return list(dict.fromkeys(recording.hand for recording in self.recordings))
+
+    @cached_property
+    def shown(self) -> list[Recording]:
+        """Every recording that tips are evaluated on, and so has a page."""
+        return [r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude]
+
+    def poses(self, recording: Recording) -> Path:
+        """A recording's poses table."""
+        return self.paths.folder / recording.hand.folder / recording.name / "poses.parquet"
+
+    def subject_table(self, subject: str, table: str) -> Path:
+        """A table of a subject, of both hands and all models."""
+        return self.paths.subject(subject) / f"{table}.parquet"
+
+    def fit_table(self, hand: Hand, model: str, table: str) -> Path:
+        """A table of a hand under a model that fits the whole hand."""
+        return self.paths.subject(hand.subject) / "fits" / hand.hand / path_token(model) / f"{table}.parquet"
+
+    @cached_property
+    def suspect(self) -> frozenset[Hand]:
+        """Hands with a finding that makes them suspect: they are shown, and are in no statistic."""
+        return frozenset(
+            Hand(row["subject"], row["hand"]) for row in self.problems if row["severity"] == "suspect"
+        )
+
+    def counted(self, rows: list[Row]) -> list[Row]:
+        """Those rows that statistics are made of: not of suspect hands."""
+        return [row for row in rows if Hand(row["subject"], row["hand"]) not in self.suspect]
 
     @cached_property
     def joints_of(self) -> dict[HandModel, list[Row]]:
@@ -115,17 +159,13 @@ class StudyResults:
     @cached_property
     def tip_error_of(self) -> dict[tuple[str, ...], Row]:
         """Tip error rows by subject, hand, task, trial, model, digit and binding."""
-        return {tuple(row[name] for name in TIP_ERRORS.key): row for row in self.tip_errors}
+        key = [name for name in TIP_ERRORS.key if name != "made_without"]
+        return {tuple(row[name] for name in key): row for row in self.tip_errors}
 
     @cached_property
     def recording_row_of(self) -> dict[tuple[str, ...], Row]:
         """Rows of the recordings table by subject, hand, task and trial."""
-        return {tuple(row[name] for name in RECORDINGS.key): row for row in self.recordings}
-
-    @property
-    def subjects(self) -> list[str]:
-        """Every subject, in the sheet's order."""
-        return list(self.study.subjects)
+        return {tuple(row[name] for name in RECORDINGS.key): row for row in self.recording_rows}
 
     def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> Row | None:
         """The row of tip_errors for one cell group; None where the table has none."""
@@ -143,12 +183,11 @@ class StudyResults:
     def trials(self, subject: str) -> Iterator[Trial]:
         """The subject's evaluated tasks, excluded and failed recordings among them, in the sheet's order."""
         groups: dict[tuple[str, str], dict[str, Recording]] = defaultdict(dict)
-        for recording in self.study.recordings:
+        for recording in self.recordings:
             if recording.hand.subject == subject and recording.role in ("evaluation", "both"):
                 groups[recording.task, recording.trial][recording.hand.hand] = recording
         for (task, trial), by_hand in groups.items():
-            ordered: dict[str, Recording] = {h: by_hand[h] for h in HANDS if h in by_hand}
-            yield Trial(subject, task, trial, ordered)
+            yield Trial(subject, task, trial, {h: by_hand[h] for h in HANDS if h in by_hand})
 
     def scores_in(self, trial: Trial) -> list[Row]:
         """The rows of skeleton_scores of a subject's task, in the table's order, right hand first."""
@@ -156,21 +195,10 @@ class StudyResults:
         rows = [row for row in self.scores if (row["subject"], row["task"], row["trial"]) == wanted]
         return sorted(rows, key=lambda row: bool(row["hand"] != "right"))
 
-    def hands(self, subject: str) -> list[Hand]:
+    def hands_of(self, subject: str) -> list[Hand]:
         """The subject's hands, right first."""
-        mine = [hand for hand in self.study.hands if hand.subject == subject]
+        mine = [hand for hand in self.hands if hand.subject == subject]
         return sorted(mine, key=lambda hand: hand.hand != "right")
-
-
-@contextmanager
-def few_collections() -> Iterator[None]:
-    """Let Python seldom look for cycles meanwhile: the rows of a large study are many objects without any."""
-    before = gc.get_threshold()
-    gc.set_threshold(200_000, *before[1:])
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
 
 
 def recording_key(recording: Recording) -> tuple[str, str, str, str]:
@@ -186,101 +214,113 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     """
     paths = Results(folder)
     failures: list[Row] = []
-    rows = {name: _read_rows(paths.study_table(name), TABLES[name], failures) for name in _READ}
+    rows = {name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF}
     rows["problems"] += [*failures, *_failed_exports(study, paths)]
-    return _results(study, paths, _models(study), rows)
+    layout_of = {recording.hand: recording.layout for recording in reversed(study.recordings)}
+    return StudyResults(
+        name=study.name,
+        recordings=study.recordings,
+        simulated=study.simulation is not None,
+        paths=paths,
+        models={name: read_model(path.absolute()) for name, path in study.models.items()},
+        layouts={hand: read_layout(layout_of[hand].absolute()) for hand in study.hands},
+        **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
+    )
 
 
-def read_subject(study: Study, folder: Path, subject: str) -> StudyResults:
-    """Read the tables of one subject's hands: the same results for a study of that subject alone.
+def read_subject(plan: SubjectPlan) -> StudyResults:
+    """Read one subject's tables: the same results, for a study of that subject alone.
 
-    A table that is absent, another one or the record of a failure counts as empty, and the reason joins the
-    problems. Raises InputError where the study has no such subject.
+    A table that is absent or another one, and a part that failed, count as empty, and the reason joins the
+    problems.
     """
-    own, paths = study.of_subject(subject), Results(folder)
-    models = _models(own)
-    fitted = [name for name, model in models.items() if model.fitting is not None]
-    problems: list[Row] = []
-    rows = {"recordings": [recording_row(recording, paths, problems) for recording in own.recordings]}
-    for name in _READ:
-        if name not in ("recordings", "problems"):
-            whole, lacking = whole_table(TABLES[name], paths.parts(name, own.hands, models, fitted))
-            problems += lacking
-            rows[name] = _plain_rows(whole)
-    return _results(own, paths, models, rows | {"problems": problems})
+    rows: dict[str, list[Row]] = {"recordings": [], "problems": []}
+    for recording in plan.recordings:
+        row, problems = recording_row(recording, plan.poses(recording))
+        rows["recordings"].append(row)
+        where = {"hand": recording.hand.hand, "task": ", ".join(filter(None, recording_key(recording)[2:]))}
+        rows["problems"] += [_problem(plan.subject, "capture", text, **where) for text in problems]
+    for name, stage in GATHERED_TABLES.items():
+        rows[name] = (
+            [] if name not in _ROWS_OF else _subject_rows(plan, TABLES[name], stage, rows["problems"])
+        )
+    return StudyResults(
+        name=plan.study,
+        recordings=plan.recordings,
+        simulated=any(plan.truth(recording) is not None for recording in plan.recordings),
+        paths=Results(plan.folder.parent),
+        models=plan.models,
+        layouts={Hand(plan.subject, hand): layout for hand, layout in plan.layouts.items()},
+        **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
+    )
+
+
+def whole_skeletons(rows: pa.Table) -> pa.Table:
+    """The rows of skeletons that were made of all tasks, where the table tells."""
+    if "made_without" not in rows.column_names:
+        return rows
+    import pyarrow.compute as pc
+
+    return rows.filter(pc.equal(rows["made_without"], ""))
+
+
+def _subject_rows(plan: SubjectPlan, table: Table, stage: str, problems: list[Row]) -> list[Row]:
+    """One short table of a subject; each part that failed becomes a problem, and the rest counts."""
+    if table.name in FITTED_TABLES:
+        files = [(plan.fit_table(hand, model, table.name), hand, model)
+                 for model in plan.fitted_models for hand in plan.hands]  # fmt: skip
+    else:
+        files = [(plan.table(table.name), "", "")]
+    rows: list[Row] = []
+    for path, hand, model in files:
+        try:
+            with open_table(path, table):
+                pass
+            rows += whole_skeletons(read_table(path, table, _columns_shown(table))).to_pylist()
+            failed = {
+                part: made["failure"]
+                for part, made in part_metadata(path, table).items()
+                if "failure" in made
+            }
+        except InputError as error:
+            problems.append(_problem(plan.subject, stage, str(error), hand=hand, model=model))
+            continue
+        problems += [
+            _problem(plan.subject, stage, message, hand=part.hand, model=part.model)
+            for part, message in failed.items()
+            if not part.made_without
+        ]
+    return rows
 
 
 def _failed_exports(study: Study, paths: Results) -> list[Row]:
     """What the export stage could not write, and why."""
-    files = [
-        file
-        for model in study.export_settings["models"]
-        for recording in study.shown
-        for file in sorted(paths.exports(model, recording).glob("*.failed.txt"))
-    ]
-    files += [paths.dataset_failures] if "bids" in study.exports and paths.dataset_failures.exists() else []
+    files = sorted((paths.folder / "exports").rglob("*.failed.txt")) if study.exports else []
     return [
-        {"where": file.name.removesuffix(".failed.txt"), "stage": "export", "message": message}
+        _problem("", "export", message, task=file.name.removesuffix(".failed.txt"))
         for file in files
-        if study.exports
         for message in file.read_text("utf-8").splitlines()
     ]
 
 
-def _results(
-    study: Study, paths: Results, models: dict[str, SkeletonModel], rows: dict[str, list[Row]]
-) -> StudyResults:
-    file_of = {recording.hand: recording.layout for recording in reversed(study.recordings)}
-    return StudyResults(
-        study=study,
-        paths=paths,
-        models=models,
-        layouts={hand: read_layout(file_of[hand].absolute()) for hand in study.hands},
-        **{attribute: rows[name] for name, attribute in _READ.items()},
-    )
+def _problem(subject: str, stage: str, message: str, **where: str) -> Row:
+    empty = {column.name: "" for column in PROBLEMS.columns}
+    return empty | {"subject": subject, "stage": stage, "severity": "refused", "message": message} | where
 
 
-def _models(study: Study) -> dict[str, SkeletonModel]:
-    return {name: read_model(path.absolute()) for name, path in study.models.items()}
-
-
-def _read_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
+def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
     if not path.is_file():
         raise InputError(f"{path}: no such file; expected a {table.name} table")
     failure = read_metadata(path).get("failure")
     if failure is not None:
-        failures.append({"where": path.name, "stage": "report", "message": failure})
+        failures.append(_problem("", "report", f"{path.name}: {failure}"))
         return []
-    columns = [column.name for column in table.columns if _shown(column.type)]
-    return _plain_rows(read_table(path, table, columns))
+    return list(whole_skeletons(read_table(path, table, _columns_shown(table))).to_pylist())
 
 
-def _shown(kind: pa.DataType) -> bool:
-    """Whether pages may show a column of that type: not of lists, which are most of what there is to read."""
-    return not pa.types.is_fixed_size_list(kind)
-
-
-def _plain_rows(table: pa.Table) -> list[Row]:
-    """The rows of a table without its columns of lists, column by column: `rows_of` is for fewer rows."""
-    shown = [name for name, kind in zip(table.column_names, table.schema.types, strict=True) if _shown(kind)]
-    return [
-        dict(zip(shown, values, strict=True))
-        for values in zip(*(_values(table.column(name)) for name in shown), strict=True)
-    ]
-
-
-def _values(column: pa.ChunkedArray) -> list[Any]:
-    """A column's values, null as None; every text is one object however often it is there."""
-    if pa.types.is_string(column.type):
-        coded = column.combine_chunks().dictionary_encode()
-        words = [*coded.dictionary.to_pylist(), None]
-        return [words[index] for index in coded.indices.fill_null(-1).to_pylist()]
-    filler = pa.scalar(0).cast(column.type)
-    values: list[Any] = column.fill_null(filler).to_numpy().tolist()
-    if column.null_count:
-        for index in np.flatnonzero(column.is_null().to_numpy()).tolist():
-            values[index] = None
-    return values
+def _columns_shown(table: Table) -> list[str]:
+    """Columns that pages show: not those of lists, which are most of what there is to read."""
+    return [column.name for column in table.columns if not pa.types.is_fixed_size_list(column.type)]
 
 
 def _by_hand_and_model(rows: list[Row]) -> dict[HandModel, list[Row]]:

@@ -11,8 +11,8 @@ from schemas.errors import InputError
 from stages import command_line
 
 if TYPE_CHECKING:
-    from schemas.results import Results
-    from schemas.study import Recording, Study
+    from schemas.study import Recording
+    from stages.report.study_results import StudyResults
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -20,43 +20,55 @@ def build_parser() -> argparse.ArgumentParser:
     parser = command_line.parser(
         "stages.report.subject",
         "Write a subject's pages of the report: one of the subject, one of each evaluated recording.",
-        "python -m stages.report.subject --study config/demo.yaml --results results/demo --subject 01 "
-        "--out results/demo/report/sub-01",
+        "python -m stages.report.subject --plan results/demo/sub-01/plan.json --out "
+        "results/demo/report/sub-01",
     )
-    parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
-    parser.add_argument(
-        "--results", type=Path, required=True, metavar="FOLDER", help="the study's results folder"
-    )
-    parser.add_argument("--subject", required=True, help="the subject, as the recordings sheet names it")
+    parser.add_argument("--plan", type=Path, required=True, metavar="JSON", help="the subject's plan")
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FOLDER", help="where the pages go: subject.html and more"
+    )
+    parser.add_argument(
+        "--recording",
+        nargs=2,
+        metavar=("HAND", "NAME"),
+        help="write the page of this recording alone, e.g. right opposition (with a trial: opposition_2)",
     )
     return parser
 
 
-def pages(arguments: argparse.Namespace) -> None:
+def write_pages(arguments: argparse.Namespace) -> None:
     """Read the subject's tables, write its pages."""
     from schemas.files import write_text
-    from schemas.results import Results
-    from schemas.study import read_study
+    from schemas.plan import read_plan
     from stages.report.study_results import read_subject
     from stages.report.subject_page import render_subject
 
-    paths = Results(arguments.results)
-    results = read_subject(read_study(arguments.study), paths.folder, arguments.subject)
-    write_text(arguments.out / "subject.html", render_subject(results))
-    for recording in results.study.shown:
+    results = read_subject(read_plan(arguments.plan))
+    shown = results.shown
+    if arguments.recording:
+        shown = [_named(results, *arguments.recording)]
+    else:
+        write_text(arguments.out / "subject.html", render_subject(results))
+    for recording in shown:
         page = Path(recording.hand.hand, f"{recording.name}.html")
-        write_text(arguments.out / page, _recording_page(results.study, paths, recording))
+        write_text(arguments.out / page, _recording_page(results, recording))
 
 
-def _recording_page(study: Study, paths: Results, recording: Recording) -> str:
+def _named(results: StudyResults, hand: str, name: str) -> Recording:
+    for recording in results.shown:
+        if (recording.hand.hand, recording.name) == (hand, name):
+            return recording
+    known = ", ".join(f"{recording.hand.hand} {recording.name}" for recording in results.shown)
+    raise InputError(f"--recording {hand} {name}: is not evaluated; expected one of: {known or 'none'}")
+
+
+def _recording_page(results: StudyResults, recording: Recording) -> str:
     """The recording's page, or one that says why there is none: the subject's others must not be lost."""
-    from stages.report.recording.page import failure_page, recording_page, recording_title
-    from stages.report.recording.reading import read_recording
+    from stages.report.recording_page.recording_content import failure_page, recording_page, recording_title
+    from stages.report.recording_results import read_recording
 
     try:
-        return recording_page(read_recording(study, paths, recording))
+        return recording_page(read_recording(results, recording))
     except InputError as error:
         return failure_page(recording_title(recording), str(error))
 
@@ -69,9 +81,9 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     write_text(arguments.out / "subject.html", render_failure(message))
 
 
-def main(words: list[str] | None = None) -> int:
-    """Run the stage on the words of a command line; give its exit code."""
-    return command_line.run(build_parser().parse_args(words), pages, record_failure)
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage on the arguments of a command line; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), write_pages, record_failure)
 
 
 if __name__ == "__main__":

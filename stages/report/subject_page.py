@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 from schemas.study import Hand
 from stages.report import provenance
-from stages.report.data_table import DataTable, Folded
-from stages.report.figures import FigureRow, skeleton_pictures
-from stages.report.finding import used_in_words
+from stages.report.headline import used_text
 from stages.report.links import link, recording_links
-from stages.report.next_recording import NextRecording, next_recording
-from stages.report.score_tables import digit_tables, score_table
-from stages.report.skeleton_tables import bone_table, joint_tables, receiver_tables
-from stages.report.study_results import StudyResults, Trial
-from stages.report.tables_1_to_4 import (
+from stages.report.next_recording import next_recording
+from stages.report.paper_tables import (
     SLIPS,
     is_the_papers_hand,
     least_squares_table,
@@ -22,54 +17,14 @@ from stages.report.tables_1_to_4 import (
     printed_table,
     table_title,
 )
+from stages.report.score_tables import digit_tables, score_table
+from stages.report.skeleton_stills import skeleton_pictures
+from stages.report.skeleton_tables import bone_table, joint_tables, receiver_tables
+from stages.report.study_results import StudyResults, Trial
+from stages.report.table_cells import Folded
 from stages.report.templates import render
 from stages.report.trust import trust_table
 from stages.report.truth_tables import joint_error_tables, truth_table
-
-
-@dataclass(frozen=True)
-class TablePair:
-    """The study's table under one model and, where there is one, the paper's beside it."""
-
-    title: str
-    own: DataTable
-    printed: DataTable | None
-
-
-@dataclass(frozen=True)
-class TrialPart:
-    """One evaluated task: its tables; scores is None where nothing was scored."""
-
-    title: str
-    scores: DataTable | None
-    digits: list[Folded]
-    pairs: list[TablePair]
-    least_squares: DataTable
-
-
-@dataclass(frozen=True)
-class TrustPart:
-    """One hand: its joints in words, of the leading model and, folded, of the others."""
-
-    hand: str
-    leading: DataTable
-    others: list[Folded]
-
-
-@dataclass(frozen=True)
-class SubjectPart:
-    """Everything about one subject; truth is None where there is none to compare with."""
-
-    name: str
-    trust: list[TrustPart]
-    truth: DataTable | None
-    joint_errors: list[Folded]
-    next_recording: list[NextRecording]
-    trials: list[TrialPart]
-    skeletons: list[FigureRow]
-    joints: list[Folded]
-    bones: list[DataTable]
-    receivers: list[Folded]
 
 
 def render_subject(results: StudyResults) -> str:
@@ -79,63 +34,59 @@ def render_subject(results: StudyResults) -> str:
     would make the others' pages anew.
     """
     (subject,) = results.subjects
+    hands = results.hands_of(subject)
     page = results.paths.subject_page(subject)
     return render(
         "subject.html.j2",
-        study=results.study.name,
-        to_study=link(results.study.name, page, results.paths.report),
-        recordings=recording_links(results.study, results.paths, page, subject),
-        used=used_in_words(results),
+        study=results.name,
+        to_study=link(results.name, page, results.paths.report),
+        recordings=recording_links(results.shown, results.paths, page, subject),
+        used=used_text(results),
         problems=provenance.problems_table(results, f"as the study asked: subject {subject}"),
-        part=_subject_part(results, subject),
+        name=subject,
+        trust=[_trust_part(results, hand) for hand in hands],
+        truth=truth_table(results, subject),
+        joint_errors=joint_error_tables(results, subject),
+        next_recording=[next_recording(results, hand) for hand in hands],
+        trials=[_trial_part(results, trial) for trial in results.trials(subject)],
+        skeletons=skeleton_pictures(results, subject),
+        joints=[folded for hand in hands for folded in joint_tables(results, hand)],
+        bones=[bone_table(results, hand) for hand in hands],
+        receivers=[folded for hand in hands for folded in receiver_tables(results, hand)],
         model=results.leading,
         fitted=results.fitted,
-        simulated=results.study.simulation is not None,
+        simulated=results.simulated,
         slips=SLIPS,
         sheet=provenance.recordings_table(results, f"of subject {subject}"),
         inputs=provenance.inputs_table(results, f"of subject {subject}"),
     )
 
 
-def _subject_part(results: StudyResults, subject: str) -> SubjectPart:
-    hands = results.hands(subject)
-    return SubjectPart(
-        subject,
-        [_trust_part(results, hand) for hand in hands],
-        truth_table(results, subject),
-        joint_error_tables(results, subject),
-        [next_recording(results, hand) for hand in hands],
-        [_trial_part(results, trial) for trial in results.trials(subject)],
-        skeleton_pictures(results, subject),
-        [folded for hand in hands for folded in joint_tables(results, hand)],
-        [bone_table(results, hand) for hand in hands],
-        [folded for hand in hands for folded in receiver_tables(results, hand)],
-    )
-
-
-def _trust_part(results: StudyResults, hand: Hand) -> TrustPart:
+def _trust_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
+    """One hand: its joints in words, of the leading model and, folded, of the others."""
     others = [name for name in results.models if name != results.leading]
-    return TrustPart(
-        f"{hand.hand.capitalize()} hand",
-        trust_table(results, hand, results.leading),
-        [Folded(name, trust_table(results, hand, name)) for name in others],
-    )
+    return {
+        "hand": f"{hand.hand.capitalize()} hand",
+        "leading": trust_table(results, hand, results.leading),
+        "others": [Folded(name, trust_table(results, hand, name)) for name in others],
+    }
 
 
-def _trial_part(results: StudyResults, trial: Trial) -> TrialPart:
+def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
+    """One evaluated task: scores, None without any, and the study's tables beside the paper's."""
     beside = is_the_papers_hand(results, trial)
     pairs = [
-        TablePair(
-            table_title(model),
-            own_table(results, trial, model),
-            printed_table(model.paper_table) if beside and model.paper_table else None,
-        )
+        {
+            "title": table_title(model),
+            "own": own_table(results, trial, model),
+            "printed": printed_table(model.paper_table) if beside and model.paper_table else None,
+        }
         for model in results.models.values()
     ]
-    return TrialPart(
-        trial.title,
-        score_table(results, trial),
-        digit_tables(results, trial),
-        pairs,
-        least_squares_table(results, trial),
-    )
+    return {
+        "title": trial.title,
+        "scores": score_table(results, trial),
+        "digits": digit_tables(results, trial),
+        "pairs": pairs,
+        "least_squares": least_squares_table(results, trial),
+    }

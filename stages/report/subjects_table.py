@@ -7,11 +7,11 @@ from collections import Counter
 from markupsafe import Markup
 
 from schemas.study import Hand
-from stages.report.data_table import DASH, Block, DataTable, counted, number
 from stages.report.links import anchor, link, recording_links
 from stages.report.score_tables import mean
 from stages.report.study_results import Row, StudyResults
-from stages.report.trust import believed_in_words
+from stages.report.table_cells import DASH, Block, DataTable, counted, number
+from stages.report.trust import believed_text
 
 
 def subjects_table(results: StudyResults) -> DataTable:
@@ -27,10 +27,10 @@ def subjects_table(results: StudyResults) -> DataTable:
     header += ("Distal receivers left out [mm]",) if fitted else ()
     header += ("Fingertip against the truth [mm]",) if truth else ()
     rows = tuple(
-        (*_who(results, hand), believed_in_words(results, hand, model))
+        (*_who(results, hand), believed_text(results, hand, model))
         + ((_score(scores.get(hand, []), "left_out_mean_mm"),) if fitted else ())
         + ((_score(scores.get(hand, []), "true_tip_mean_mm"),) if truth else ())
-        for hand in results.study.hands
+        for hand in results.hands
     )
     return DataTable(
         f"Every hand of the study; the numbers are those of {model}, means over digits"
@@ -43,7 +43,7 @@ def subjects_table(results: StudyResults) -> DataTable:
 
 def _who(results: StudyResults, hand: Hand) -> tuple[str, ...]:
     page = results.paths.report
-    links = recording_links(results.study, results.paths, page, hand.subject, hand.hand)
+    links = recording_links(results.shown, results.paths, page, hand.subject, hand.hand)
     return (
         anchor(link(hand.subject, page, results.paths.subject_page(hand.subject))),
         hand.hand,
@@ -54,14 +54,14 @@ def _who(results: StudyResults, hand: Hand) -> tuple[str, ...]:
 
 def _recordings(results: StudyResults, hand: Hand) -> str:
     """How many of the hand's recordings were used, and why the others were not."""
-    mine = [recording for recording in results.study.recordings if recording.hand == hand]
+    mine = [recording for recording in results.recordings if recording.hand == hand]
     statuses = [results.status_of(recording) for recording in mine]
     used = sum(status == "used" for status, _ in statuses)
     if used == len(mine):
         return counted(used, "recording")
     reasons = Counter(": ".join(filter(None, each)) for each in statuses if each[0] != "used")
-    told = "; ".join(f"{why} ({count}×)" if count > 1 else why for why, count in reasons.items())
-    return f"◆ {used} of {counted(len(mine), 'recording')}; {told}"
+    texts = "; ".join(f"{why} ({count}×)" if count > 1 else why for why, count in reasons.items())
+    return f"◆ {used} of {counted(len(mine), 'recording')}; {texts}"
 
 
 def _score(rows: list[Row], name: str) -> str:

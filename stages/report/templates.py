@@ -7,13 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+from markupsafe import Markup
 
 from schemas import VERSION
+from stages.report.palette import css
 
 
 def render(template: str, **content: Any) -> str:
     """Fill in a template of this folder; text is escaped, and a name that is not given is an error."""
-    return _environment().get_template(template).render(version=VERSION, **content) + "\n"
+    return (
+        _environment().get_template(template).render(version=VERSION, palette=Markup(css()), **content) + "\n"
+    )
 
 
 @cache

@@ -5,11 +5,12 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-from stages.report.data_table import DataTable
-from stages.report.finding import used_in_words
+from stages.report.headline import used_text
+from stages.report.paper_tables import own_table, table_title
+from stages.report.provenance import where
 from stages.report.score_tables import compact_score_table
 from stages.report.study_results import StudyResults, Trial
-from stages.report.tables_1_to_4 import own_table, table_title
+from stages.report.table_cells import DataTable
 
 WIDTH = 79
 MOST_PROBLEMS = 10
@@ -27,7 +28,7 @@ def terminal_tables(results: StudyResults) -> str:
         (model for model in results.models.values() if model.paper_table is not None),
         key=lambda model: model.paper_table or 0,
     )
-    parts = [f"Study {results.study.name}: {used_in_words(results)}", *_problems(results)]
+    parts = [f"Study {results.name}: {used_text(results)}", *_problems(results)]
     for subject in results.subjects:
         for trial in _as_the_paper(results.trials(subject)):
             parts += [
@@ -45,9 +46,13 @@ def terminal_tables(results: StudyResults) -> str:
 
 def _problems(results: StudyResults) -> list[str]:
     """What went wrong, a paragraph; the first ones, for all stand in the report."""
-    told = [f"- {row['where']}, {row['stage']}: {row['message']}" for row in results.problems]
-    more = [f"- and {len(told) - MOST_PROBLEMS} more; see the report"] if len(told) > MOST_PROBLEMS else []
-    lines = [_wrapped(line) for line in [*told[:MOST_PROBLEMS], *more]]
+    problems = [f"- {where(row)}, {row['stage']}: {row['message']}" for row in results.problems]
+    more = (
+        [f"- and {len(problems) - MOST_PROBLEMS} more; see the report"]
+        if len(problems) > MOST_PROBLEMS
+        else []
+    )
+    lines = [_wrapped(line) for line in [*problems[:MOST_PROBLEMS], *more]]
     return ["\n".join(["What went wrong:", *lines])] if lines else []
 
 

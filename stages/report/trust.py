@@ -10,8 +10,9 @@ from statistics import median
 
 from schemas.model import SkeletonModel
 from schemas.study import Hand
-from stages.report.data_table import DASH, Block, DataTable, number
+from stages.report.skeleton_tables import NO_JOINT
 from stages.report.study_results import Row, StudyResults
+from stages.report.table_cells import DASH, Block, DataTable, number
 
 BELIEVED, CARE, NOT = "✓ yes", "◆ with care", "✕ no"
 
@@ -72,7 +73,7 @@ def trust_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     return DataTable(
         f"Whether to believe the joints of {model}: subject {hand.subject}, {hand.hand} hand.",
         (Block(("Joint", "Believe it?", "Why", "Farthest other model", "What would help"), rows),),
-        () if rows else ("No joint was solved; the reason is under “What went wrong”.",),
+        () if rows else (NO_JOINT,),
         frozenset(range(5)),
     )
 
@@ -80,7 +81,7 @@ def trust_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
 def study_trust_table(results: StudyResults, model: str) -> DataTable:
     """Every joint over all hands of the study, with the reason that is most often given for doubt."""
     by_joint: dict[str, list[Verdict]] = defaultdict(list)
-    for hand in results.study.hands:
+    for hand in results.hands:
         for verdict in verdicts(results, hand, model):
             by_joint[verdict.joint].append(verdict)
     rows = tuple((joint, *_over_hands(found)) for joint, found in by_joint.items())
@@ -97,12 +98,12 @@ def study_trust_table(results: StudyResults, model: str) -> DataTable:
     return DataTable(
         f"Whether to believe the joints of {model}, all hands of the study.",
         (Block(header, rows),),
-        () if rows else ("No joint was solved; the reason is under “What went wrong”.",),
+        () if rows else (NO_JOINT,),
         frozenset({0, 7}),
     )
 
 
-def believed_in_words(results: StudyResults, hand: Hand, model: str) -> str:
+def believed_text(results: StudyResults, hand: Hand, model: str) -> str:
     """How many of a hand's joints to believe."""
     found = verdicts(results, hand, model)
     return f"{sum(v.believed == BELIEVED for v in found)} of {len(found)}" if found else DASH
@@ -119,13 +120,13 @@ def _judged(row: Row, model: SkeletonModel) -> tuple[str, str]:
     if sd is None:
         return CARE, "No error is stated for its place."
     words = f"Its place is known to {number(sd)} mm (1 sigma, 3-D)"
-    told = f"; {message}." if message else "."
+    remark = f"; {message}." if message else "."
     if model.solver != "anatomical":
         why = f"The stated {number(sd)} mm is the scatter of the gap alone"
-        return CARE, f"{why}, without skin or receivers{told}"
+        return CARE, f"{why}, without skin or receivers{remark}"
     if sd > SMALL_SD_MM:
-        return CARE, f"{words}, more than {SMALL_SD_MM:g} mm{told}"
-    return BELIEVED, words + told
+        return CARE, f"{words}, more than {SMALL_SD_MM:g} mm{remark}"
+    return BELIEVED, words + remark
 
 
 def _apart_mm(row: Row, other: Row | None) -> float | None:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from stages.report.data_table import DASH, Block, DataTable, Folded, number
-from stages.report.score_tables import tasks_in_words
+from stages.report.score_tables import tasks_text
 from stages.report.study_results import Row, StudyResults
+from stages.report.table_cells import DASH, Block, DataTable, Folded, number
 
 FAR_MM = 5.0
 """A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
@@ -59,7 +59,7 @@ def truth_table(results: StudyResults, subject: str) -> DataTable | None:
 def joint_error_tables(results: StudyResults, subject: str) -> list[Folded]:
     """The error of every joint, mm: a folded table a hand, a column a skeleton."""
     folded = []
-    for hand in results.hands(subject):
+    for hand in results.hands_of(subject):
         rows = [r for r in results.joint_errors if (r["subject"], r["hand"]) == (hand.subject, hand.hand)]
         if not rows:
             continue
@@ -78,7 +78,7 @@ def joint_error_tables(results: StudyResults, subject: str) -> list[Folded]:
 def made_from(results: StudyResults, skeleton: Made) -> str:
     """The tasks that a model was made from; a dash for a reference."""
     model, calibrated_on = skeleton
-    return tasks_in_words(calibrated_on) if model in results.models else DASH
+    return tasks_text(calibrated_on) if model in results.models else DASH
 
 
 def _title(results: StudyResults, skeleton: Made) -> str:

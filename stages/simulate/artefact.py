@@ -11,23 +11,27 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from kinematics import rotations
-from stages.simulate.anatomy import BONES, FLEXION, JOINTS, PARENT
-from stages.simulate.motion import RATE_HZ
+from anatomy.average_hand import (
+    DRAWN_DISTAL_TILT,
+    DRAWN_LAG_S,
+    DRAWN_LAG_SHARE,
+    DRAWN_LITTLE,
+    DRAWN_NAIL,
+    DRAWN_SATURATION_RAD,
+    DRAWN_SLIDE_SD_MM,
+    DRAWN_THENAR,
+    DRAWN_TILT_SD,
+    DRAWN_UNDER_READING,
+    DRAWN_WANDER_DEG,
+    DRAWN_WANDER_MM,
+    DRAWN_WANDER_S,
+)
+from skeleton import rotations
+from skeleton.rotations import Array
 from stages.simulate.mounts import Mounts
+from stages.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT
 from stages.simulate.randomness import generator
-
-Array = npt.NDArray[np.float64]
-
-# slide of the receiver per rad of each adjacent joint, along, lateral, dorsal; and its turn in rad per rad,
-# roll (about the bone), tilt (about the flexion axis), yaw
-_SLIDE_SD_MM = (1.0, 0.25, 0.4)
-_TILT_SD = (0.03, 0.04, 0.02)
-_DISTAL_TILT = -0.06  # of the distal receiver with its own joint: it under-reads flexion
-_LITTLE, _THUMB_METACARPAL, _NAIL = 1.5, 1.6, 0.3
-_UNDER_READING = (0.20, 0.40)
-_SATURATION_RAD, _LAG_S, _LAG_SHARE = 0.9, 0.25, 0.3
-_WANDER_MM, _WANDER_DEG, _WANDER_S = 0.3, 0.4, 0.4
+from stages.simulate.task_motion import RATE_HZ
 
 NOISE_MM, NOISE_DEG = 0.10, 0.06
 """White noise of the tracker at scale 1: sd per axis of position and of rotation vector."""
@@ -56,14 +60,14 @@ class Skin:
 def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
     """Draw a hand's skin; the same in each of the hand's recordings."""
     rng = generator(seed, "skin", subject, side)
-    slide = rng.standard_normal((len(BONES), 2, 3)) * _SLIDE_SD_MM
-    tilt = rng.standard_normal((len(BONES), 2, 3)) * _TILT_SD
-    under_reading = min(0.9, scale * rng.uniform(*_UNDER_READING))
+    slide = rng.standard_normal((len(BONES), 2, 3)) * DRAWN_SLIDE_SD_MM
+    tilt = rng.standard_normal((len(BONES), 2, 3)) * DRAWN_TILT_SD
+    under_reading = min(0.9, scale * rng.uniform(*DRAWN_UNDER_READING))
     distal = np.array([bone.endswith("_distal") for bone in BONES])
     looseness = scale * np.array([_looseness(bone) for bone in BONES])
     slide *= looseness[:, None, None]
     tilt *= looseness[:, None, None]
-    tilt[distal, 0, 1] += scale * _DISTAL_TILT
+    tilt[distal, 0, 1] += scale * DRAWN_DISTAL_TILT
     joint = np.array([_adjacent_joints(bone) for bone in range(len(BONES))])
     absent = joint < 0
     slide[absent], tilt[absent] = 0.0, 0.0
@@ -72,10 +76,10 @@ def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale
 
 
 def _looseness(bone: str) -> float:
-    loose = _LITTLE if bone.startswith("little") else 1.0
+    loose = DRAWN_LITTLE if bone.startswith("little") else 1.0
     if bone == "thumb_metacarpal":
-        return _THUMB_METACARPAL
-    return loose * (_NAIL if bone.endswith("_distal") else 1.0)
+        return DRAWN_THENAR
+    return loose * (DRAWN_NAIL if bone.endswith("_distal") else 1.0)
 
 
 def _adjacent_joints(bone: int) -> tuple[int, int]:
@@ -95,8 +99,8 @@ def displaced(
     n_frames, n_receivers = position_mm.shape[:2]
     wander = _wander(rng, n_frames, n_receivers * 6).reshape(n_frames, n_receivers, 2, 3)
     wander *= skin.looseness[:, None, None]
-    slide = np.einsum("tsa,sax->tsx", drive, skin.slide_mm) + _WANDER_MM * wander[:, :, 0]
-    turn = np.einsum("tsa,sax->tsx", drive, skin.tilt) + np.radians(_WANDER_DEG) * wander[:, :, 1]
+    slide = np.einsum("tsa,sax->tsx", drive, skin.slide_mm) + DRAWN_WANDER_MM * wander[:, :, 0]
+    turn = np.einsum("tsa,sax->tsx", drive, skin.tilt) + np.radians(DRAWN_WANDER_DEG) * wander[:, :, 1]
     return position_mm + rotations.rotate(quaternion, slide), turned(quaternion, turn)
 
 
@@ -137,10 +141,12 @@ def noisy(
 
 def _drive(flexion_rad: Array) -> Array:
     """What moves the skin, (T, J): flexion, saturating, partly lagging behind."""
-    direct = _SATURATION_RAD * np.tanh(flexion_rad / _SATURATION_RAD)
+    direct = DRAWN_SATURATION_RAD * np.tanh(flexion_rad / DRAWN_SATURATION_RAD)
     start = direct[:1]
     return np.asarray(
-        start + (1 - _LAG_SHARE) * (direct - start) + _LAG_SHARE * _lagged(direct - start, _LAG_S)
+        start
+        + (1 - DRAWN_LAG_SHARE) * (direct - start)
+        + DRAWN_LAG_SHARE * _lagged(direct - start, DRAWN_LAG_S)
     )
 
 
@@ -156,10 +162,10 @@ def _lagged(signal: Array, lag_s: float) -> Array:
 
 def _wander(rng: np.random.Generator, n_frames: int, n_signals: int) -> Array:
     """Stationary first-order autoregressive signals (T, N) of sd 1."""
-    settle = int(8 * _WANDER_S * RATE_HZ)
-    keep = np.exp(-1.0 / (_WANDER_S * RATE_HZ))
+    settle = int(8 * DRAWN_WANDER_S * RATE_HZ)
+    keep = np.exp(-1.0 / (DRAWN_WANDER_S * RATE_HZ))
     white = rng.standard_normal((settle + n_frames, n_signals))
-    return np.asarray(_lagged(white, _WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep)))
+    return np.asarray(_lagged(white, DRAWN_WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep)))
 
 
 def seen_through_skin(

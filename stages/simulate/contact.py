@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from kinematics import rotations
-from stages.simulate.anatomy import ABDUCTION, FINGERS, FLEXION, JOINTS, TIP_BONES, Hand
+from skeleton import rotations
+from skeleton.rotations import Array
 from stages.simulate.forward import coupled_angles, poses_in_hand
+from stages.simulate.random_hand import ABDUCTION, FINGERS, FLEXION, JOINTS, TIP_BONES, Hand
 from stages.simulate.realism import Realism
-
-Array = npt.NDArray[np.float64]
 
 _DISTANCE_SD_MM, _FACING_SD = 0.4, 0.8
 _STEPS, _NUDGE_DEG, _LARGEST_STEP_DEG = 25, 0.05, 12.0

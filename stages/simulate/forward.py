@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from kinematics import rotations
-from stages.simulate.anatomy import (
+from skeleton import rotations
+from skeleton.rotations import Array
+from stages.simulate.random_hand import (
     ABDUCTION,
     AXIAL,
     BONES,
@@ -19,8 +19,6 @@ from stages.simulate.anatomy import (
     Hand,
 )
 from stages.simulate.realism import Realism
-
-Array = npt.NDArray[np.float64]
 
 
 def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:

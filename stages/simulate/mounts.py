@@ -7,18 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from kinematics import rotations
-from stages.simulate.anatomy import BONES, Hand
+from anatomy import average_hand as average
+from skeleton import rotations
+from skeleton.rotations import Array
+from stages.simulate.random_hand import BONES, Hand
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
-
-Array = npt.NDArray[np.float64]
-
-_HAND_MM = (35.0, 0.0, 14.0)  # the layout's nominal wrist point, seen from the wrist
-_FOREARM_MM = (-60.0, 0.0, 22.0)
-_HEIGHT_MM = {"metacarpal": 8.5, "proximal": 8.0, "middle": 7.0, "distal": 6.0}
-_MISPLACED_SD_MM = (3.2, 1.6, 1.3)  # along the bone, lateral, height
-_MISTURNED_DEG = (3.0, 8.0)
 
 
 @dataclass(frozen=True)
@@ -46,9 +40,10 @@ def mounts_of(
 ) -> Mounts:
     """Put the receivers at mid-bone, above the joint line; unless planes are exact, a little off."""
     rng = generator(seed, "mounts", subject, side)
-    misplaced = _MISPLACED_SD_MM * np.clip(rng.standard_normal((len(BONES), 3)), -2.5, 2.5)
+    misplaced = average.MOUNT_SD_MM * np.clip(rng.standard_normal((len(BONES), 3)), -2.5, 2.5)
     direction = rotations.unit(rng.standard_normal((len(BONES), 3)))
-    misturned = rotations.about_axis(direction, np.radians(rng.uniform(*_MISTURNED_DEG, len(BONES))))
+    angle = np.radians(rng.uniform(*average.DRAWN_MOUNT_TURN_DEG, len(BONES)))
+    misturned = rotations.about_axis(direction, angle)
     position = np.array([_nominal_mm(bone, hand) for bone in BONES])
     if realism.exact_planes:
         misturned = np.tile([1.0, 0.0, 0.0, 0.0], (len(BONES), 1))
@@ -60,8 +55,8 @@ def mounts_of(
 
 def _nominal_mm(bone: str, hand: Hand) -> tuple[float, float, float]:
     if bone == "hand":
-        return _HAND_MM
+        return average.DRAWN_HAND_MOUNT_MM
     if bone == "forearm":
-        return _FOREARM_MM
-    height = _HEIGHT_MM[bone.split("_")[1]] * hand.scale
+        return average.DRAWN_FOREARM_MOUNT_MM
+    height = average.HEIGHT_MM[average.BONE_KINDS.index(bone.split("_")[1])] * hand.scale
     return (0.5 * float(hand.length_mm[BONES.index(bone)]), 0.0, height)

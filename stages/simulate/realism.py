@@ -20,36 +20,20 @@ class Realism:
     field_distortion : scale of the static distortion of the magnetic field.
     """
 
-    mobile_palm: bool
-    hinges_only: bool
-    exact_planes: bool
-    perpendicular_mcp: bool
-    artefact: float
-    noise: float
-    field_distortion: float
+    mobile_palm: bool = True
+    hinges_only: bool = False
+    exact_planes: bool = False
+    perpendicular_mcp: bool = False
+    artefact: float = 1.0
+    noise: float = 1.0
+    field_distortion: float = 1.0
 
     @classmethod
     def full(cls) -> Realism:
         """Give everything that a real recording has."""
-        return cls(
-            mobile_palm=True,
-            hinges_only=False,
-            exact_planes=False,
-            perpendicular_mcp=False,
-            artefact=1.0,
-            noise=1.0,
-            field_distortion=1.0,
-        )
+        return cls()
 
     @classmethod
     def exact(cls) -> Realism:
         """Give every assumption of the paper, true to rounding."""
-        return cls(
-            mobile_palm=False,
-            hinges_only=True,
-            exact_planes=True,
-            perpendicular_mcp=True,
-            artefact=0.0,
-            noise=0.0,
-            field_distortion=0.0,
-        )
+        return cls(False, True, True, True, artefact=0.0, noise=0.0, field_distortion=0.0)

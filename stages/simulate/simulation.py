@@ -9,16 +9,15 @@ import numpy.typing as npt
 
 from schemas.errors import InputError
 from schemas.layout import read_layout
-from stages.simulate.anatomy import DIGITS, hand_of
+from skeleton.rotations import Array
 from stages.simulate.artefact import distorted, noisy, seen_through_skin, skin_of, under_read
 from stages.simulate.forward import bone_poses
-from stages.simulate.motion import RATE_HZ, TASK_FRAMES, move
 from stages.simulate.mounts import mounts_of
+from stages.simulate.random_hand import DIGITS, hand_of
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
-from stages.simulate.truth import Truth, Written, true_joints, true_tips_mm
-
-Array = npt.NDArray[np.float64]
+from stages.simulate.simulated_truth import Truth, Written, true_joints, true_tips_mm
+from stages.simulate.task_motion import RATE_HZ, TASK_FRAMES, move
 
 LAYOUT = "liberty16"
 FIRST_FRAME = 1

@@ -1,4 +1,4 @@
-"""The model `anatomical`: what the data say of a hand's joints, weighed against what anatomy says.
+"""The solver `anatomical`: joint centres from a hand's frames and an anatomical prior.
 
 Each joint's frames are a sample spread over its postures; dwelling gains nothing and no posture is
 trimmed. Skin that moves with the joints is among the unknowns. All joints of a hand share one prior, since a
@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array, matrix
-from kinematics.thumb_facing import faces_nail
-from schemas.errors import InputError
 from schemas.layout import Joint, Layout
-from stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
+from skeleton.rotations import Array, matrix
+from skeleton.thumb_facing import faces_nail
+from stages.solve_joints.closed import JointSolution, is_solvable, normal_equations, solve_closed
 from stages.solve_joints.evidence import (
     JointEvidence,
     Neighbour,
@@ -25,11 +24,11 @@ from stages.solve_joints.evidence import (
     turn_of,
     weigh,
 )
+from stages.solve_joints.hand_posterior import HandPosterior, HandPrior, Information, hand_posterior
+from stages.solve_joints.hand_prior import hand_prior
+from stages.solve_joints.joint_prior import average_bones, joint_prior, receiver_axes
 from stages.solve_joints.moments import JointMoments, RelativePoses
-from stages.solve_joints.posterior import HandPosterior, HandPrior, Information, posterior
-from stages.solve_joints.priors import average_bones, joint_prior, receiver_axes
-from stages.solve_joints.receivers import hand_prior
-from stages.solve_joints.spread import SpreadFrames, SpreadSample
+from stages.solve_joints.posture_sample import SpreadFrames, SpreadSample
 
 ROUNDS = 3
 """Robust re-weightings; the weights hardly change after the second."""
@@ -79,13 +78,9 @@ class HandSample:
 
     def frames(self, joint: int) -> SpreadFrames:
         """Give a joint's frames, without lone ones where there are enough others."""
-        found = self._samples[joint].frames()
-        kept = ~found.lone
-        if kept.sum() < ENOUGH_FRAMES:
-            return found
-        return SpreadFrames(
-            found.quaternion[kept], found.position_mm[kept], found.other[kept], found.lone[kept]
-        )
+        frames = self._samples[joint].frames()
+        kept = ~frames.lone
+        return frames if kept.sum() < ENOUGH_FRAMES else frames.take(kept)
 
 
 def _only(segment: str, among: list[str]) -> int | None:
@@ -97,28 +92,22 @@ def _only(segment: str, among: list[str]) -> int | None:
 class HandFit:
     """A hand's joints weighed against anatomy, by their place in the sample; only joints that have a frame.
 
-    told : what each joint's frames say; found : the centres, six rows a joint, in the same order. free : the
-    fit of all six values to all frames, which anatomy has no part in; None of a joint that did not move.
+    information : from each joint's frames; posterior : the centres, six rows a joint, in the same order.
+    free : the fit of all six values to all frames without a prior; None of a joint that did not move.
     """
 
     joints: dict[int, JointEvidence]
     prior: HandPrior
-    told: list[Information]
-    found: HandPosterior
+    information: list[Information]
+    posterior: HandPosterior
     looseness: float
     free: dict[int, JointSolution | None]
 
-    def covariance(self, row: int, found: HandPosterior) -> Array:
-        """Covariance (6, 6) of one joint's (p, q) under `found`, with what skin adds that no frame shows."""
+    def covariance(self, row: int, posterior: HandPosterior) -> Array:
+        """Covariance (6, 6) of one joint's (p, q), with what skin adds that no frame shows."""
         remainder = list(self.joints.values())[row].remainder_mm2
         assert remainder is not None
-        return np.asarray(found.covariance[6 * row : 6 * row + 6, 6 * row : 6 * row + 6] + remainder)
-
-
-def check_hand_length(hand_length_mm: float | None) -> None:
-    """Raise InputError for a hand length, as given on a command line, that no hand has."""
-    if hand_length_mm is not None and not 50 < hand_length_mm < 400:
-        raise InputError(f"--hand-length-mm: is {hand_length_mm:g}; expected millimetres, 50 to 400")
+        return np.asarray(posterior.covariance[6 * row : 6 * row + 6, 6 * row : 6 * row + 6] + remainder)
 
 
 def fit_hand(
@@ -136,9 +125,9 @@ def fit_hand(
         index: solve_closed(moments, index, 6) if is_solvable(moments, index) else None for index in joints
     }
     prior = hand_prior(
-        [one.joint for one in joints.values()],
-        [one.prior for one in joints.values()],
-        [one.measured_axis() for one in joints.values()],
+        [evidence.joint for evidence in joints.values()],
+        [evidence.prior for evidence in joints.values()],
+        [evidence.measured_axis() for evidence in joints.values()],
         layout,
         hand_length_mm,
     )
@@ -146,17 +135,17 @@ def fit_hand(
     centres = [mean for mean, _ in own]
     looseness = 1.0
     for _ in range(ROUNDS):
-        told = [
-            weigh(one, centre, layout, looseness, min(_n_effective(free[index]), MAX_EFFECTIVE))
-            for (index, one), centre in zip(joints.items(), centres, strict=True)
+        information = [
+            weigh(joint, centre, layout, looseness, min(_n_effective(free[index]), MAX_EFFECTIVE))
+            for (index, joint), centre in zip(joints.items(), centres, strict=True)
         ]
-        found = posterior(prior, told)
+        posterior = hand_posterior(prior, information)
         looseness = looseness_of(joints, TYPICAL_SCATTER_MM, LOOSENESS)
         centres = [
-            np.where(np.diag(covariance) < UNKNOWN_MM2, mean, found.mean[6 * row : 6 * row + 6])
+            np.where(np.diag(covariance) < UNKNOWN_MM2, mean, posterior.mean[6 * row : 6 * row + 6])
             for row, (mean, covariance) in enumerate(own)
         ]
-    return HandFit(joints, prior, told, found, looseness, free)
+    return HandFit(joints, prior, information, posterior, looseness, free)
 
 
 def _n_effective(free: JointSolution | None) -> float:
@@ -175,8 +164,7 @@ def solutions(fit: HandFit | None, moments: JointMoments) -> dict[str, JointSolu
     if fit is None:
         return {}
     return {
-        one.joint.name: _solution(one, index, _placed(fit, row), moments, fit.free[index])
-        for row, (index, one) in enumerate(fit.joints.items())
+        evidence.joint.name: _solution(fit, row, moments) for row, evidence in enumerate(fit.joints.values())
     }
 
 
@@ -189,12 +177,12 @@ def _evidence(sample: HandSample, layout: Layout, hand: str) -> dict[int, JointE
         if len(frames.quaternion):
             lateral = np.array(layout.segments[joint.child].lateral)
             joints[index] = joint_evidence(joint, joint_prior(joint, layout, bones), frames, lateral)
-    for index, one in joints.items():
+    for index, evidence in joints.items():
         others = sample.others(index)
         for name, other in (("before", sample.before[index]), ("after", sample.after[index])):
             if other is not None and other in joints:
-                turn = turn_of(joints[other], one.frames.other[:, others.index(other)])
-                one.neighbours[name] = Neighbour(turn, turn @ joints[other].motion.axis_child)
+                turn = turn_of(joints[other], evidence.frames.other[:, others.index(other)])
+                evidence.neighbours[name] = Neighbour(turn, turn @ joints[other].motion.axis_child)
     return joints
 
 
@@ -210,74 +198,60 @@ def _thumb_faces_nail(sample: HandSample, layout: Layout, hand: str) -> bool:
     return False
 
 
-@dataclass(frozen=True)
-class _Placed:
-    """A joint's centre: mean (6,) of (p, q), covariance (6, 6), and the share of it that is the prior's."""
-
-    mean: Array
-    covariance: Array
-    prior_share: float
-
-
-def _placed(fit: HandFit, row: int) -> _Placed:
-    one = list(fit.joints.values())[row]
-    rows = slice(6 * row, 6 * row + 6)
-    across = np.eye(3) - np.outer(one.motion.axis_child, one.motion.axis_child)
-    left, before = (
-        np.trace(across @ covariance[3:, 3:] @ across)
-        for covariance in (fit.found.covariance[rows, rows], fit.prior.block(row)[1])
-    )
-    return _Placed(fit.found.mean[rows], fit.covariance(row, fit.found), float(left / before))
-
-
-def _solution(
-    one: JointEvidence, index: int, placed: _Placed, moments: JointMoments, free: JointSolution | None
-) -> JointSolution:
-    """The joint in the terms of the closed form, which gives what its best fit alone can say."""
-    p_mm, q_mm = placed.mean[:3], placed.mean[3:]
-    gap = gap_rms_mm(moments, index, p_mm, q_mm)
-    mean_rotation = moments.first_turn[index] @ (np.eye(3) + moments.mean(index)[:9].reshape(3, 3))
+def _solution(fit: HandFit, row: int, moments: JointMoments) -> JointSolution:
+    """The joint in the terms of the closed form; what only its best fit can say is that of the free fit."""
+    index, evidence = list(fit.joints.items())[row]
+    free, motion, normal = fit.free[index], evidence.motion, normal_equations(moments, index)
+    p_mm, q_mm = fit.posterior.mean[6 * row : 6 * row + 6].reshape(2, 3)
+    gap = normal.gap_rms_mm(normal.R0.T @ p_mm, q_mm)
+    mean_rotation = normal.R0 @ normal.M
     s = np.clip(np.linalg.svd(mean_rotation, compute_uv=False), 0.0, 1.0)
+    covariance = fit.covariance(row, fit.posterior)
     return JointSolution(
         p_mm=p_mm,
         q_mm=q_mm,
-        null_parent=one.motion.axis_parent,
-        null_child=one.motion.axis_child,
+        null_parent=motion.axis_parent,
+        null_child=motion.axis_child,
         mean_rotation=mean_rotation,
         singular_values=np.sqrt(np.concatenate([1.0 + s, 1.0 - s[::-1]])),
-        covariance_mm2=placed.covariance,
+        covariance_mm2=covariance,
         gap_rms_mm=gap,
         gap_rms_free_mm=gap if free is None else free.gap_rms_mm,
         slide_to_free_mm=0.0,
-        range_deg=one.motion.range_deg,
-        spread_deg=float(np.degrees(np.sqrt(np.average(one.motion.angle_rad**2, weights=one.weights)))),
+        range_deg=motion.range_deg,
+        spread_deg=float(np.degrees(np.sqrt(np.average(motion.angle_rad**2, weights=evidence.weights)))),
         axis_sd_deg=90.0 if free is None else free.axis_sd_deg,
         n_frames=int(moments.count[index]),
         n_effective=_n_effective(free),
-        message="; ".join(_doubts(one, placed)),
+        message="; ".join(_doubts(evidence, covariance, _prior_share(fit, row))),
     )
 
 
-def gap_rms_mm(moments: JointMoments, joint: int, p_mm: Array, q_mm: Array) -> float:
-    """Rms gap over every frame of a centre given in the parent's and the child's receiver frame."""
-    mean, (C_DD, C_Dd, C_dd) = moments.mean(joint), moments.spread(joint)
-    middle = moments.first_turn[joint].T @ p_mm - q_mm - moments.reference_mm[joint]
-    middle = middle - mean[:9].reshape(3, 3) @ q_mm - mean[9:]
-    return float(np.sqrt(max(middle @ middle + q_mm @ C_DD @ q_mm + 2 * q_mm @ C_Dd + C_dd, 0.0)))
+def _prior_share(fit: HandFit, row: int) -> float:
+    """Share of the prior's variance across a joint's axis that the data leave."""
+    axis = list(fit.joints.values())[row].motion.axis_child
+    rows, across = slice(6 * row, 6 * row + 6), np.eye(3) - np.outer(axis, axis)
+    after, before = (
+        np.trace(across @ covariance[3:, 3:] @ across)
+        for covariance in (fit.posterior.covariance[rows, rows], fit.prior.block(row)[1])
+    )
+    return float(after / before)
 
 
-def _doubts(one: JointEvidence, placed: _Placed) -> list[str]:
+def _doubts(evidence: JointEvidence, covariance_mm2: Array, prior_share: float) -> list[str]:
     """Say in words what makes a centre weak; nothing where nothing does."""
-    name, moved = one.joint.name, one.motion.range_deg
-    known = one.prior.knows_parent and one.prior.knows_child
+    name, moved = evidence.joint.name, evidence.motion.range_deg
+    known = evidence.prior.knows_parent and evidence.prior.knows_child
     doubts = []
-    if known and (moved < LITTLE_RANGE_DEG or placed.prior_share > MOSTLY):
+    if known and (moved < LITTLE_RANGE_DEG or prior_share > MOSTLY):
         doubts.append(f"{name} moved {moved:.0f} deg; its centre comes mostly from the prior")
     elif moved < LITTLE_RANGE_DEG:
         doubts.append(f"{name} moved {moved:.0f} deg, and anatomy knows nothing of its receivers' places")
-    sd = centre_sd_mm(placed.covariance)
+    sd = centre_sd_mm(covariance_mm2)
     if sd > LARGE_SD_MM:
-        between = f", since {one.joint.parent} moves and carries no receiver" if one.compound else ""
+        between = (
+            f", since {evidence.joint.parent} moves and carries no receiver" if evidence.compound else ""
+        )
         doubts.append(f"its centre is uncertain by {sd:.1f} mm{between}")
     return doubts
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array
+from skeleton.effective_samples import effective_samples
+from skeleton.rotations import Array
 from stages.solve_joints.moments import JointMoments
 from stages.solve_joints.stacked import EXACT_HINGE
 
@@ -50,7 +51,7 @@ class JointSolution:
 
 
 @dataclass(frozen=True)
-class _Normal:
+class NormalEquations:
     """Normal equations of one joint, in the frame of its first pose.
 
     M, u, w : means of R, d and R^T d (at the minimum p = M q + u). C_DD = I - M^T M, C_Dd, C_dd : covariances
@@ -87,7 +88,7 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
 
     n_singular_values : 6, or 5 to leave the point on a hinge's axis open. The joint must be solvable.
     """
-    normal = _normal(moments, joint)
+    normal = normal_equations(moments, joint)
     one_minus_s2, V = np.linalg.eigh(normal.C_DD)
     one_minus_s2 = np.maximum(one_minus_s2, 0.0)
     if one_minus_s2[0] < 2 * EXACT_HINGE:
@@ -127,12 +128,13 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
     )
 
 
-def _normal(moments: JointMoments, joint: int) -> _Normal:
+def normal_equations(moments: JointMoments, joint: int) -> NormalEquations:
+    """Give the normal equations of a joint that has a frame."""
     mean = moments.mean(joint)
     C_DD, C_Dd, C_dd = moments.spread(joint)
     M, u = np.eye(3) + mean[:9].reshape(3, 3), moments.reference_mm[joint] + mean[9:]
     w = M.T @ u + C_Dd  # mean of R^T d: product of the means and covariance
-    return _Normal(moments.first_turn[joint], M, u, w, C_DD, C_Dd, C_dd)
+    return NormalEquations(moments.first_turn[joint], M, u, w, C_DD, C_Dd, C_dd)
 
 
 def _left_vectors(M: Array, V: Array) -> Array:
@@ -150,7 +152,7 @@ def _left_vectors(M: Array, V: Array) -> Array:
 
 
 def _centre(
-    normal: _Normal, one_minus_s2: Array, s: Array, U: Array, V: Array, n_singular_values: int
+    normal: NormalEquations, one_minus_s2: Array, s: Array, U: Array, V: Array, n_singular_values: int
 ) -> tuple[Array, Array]:
     """Least-squares p and q, singular pair by singular pair.
 
@@ -188,38 +190,6 @@ def _axis_sd_deg(one_minus_s2: Array, n_effective: float) -> float:
     spread = np.maximum(variance[0] - variance[1:], 1e-30)
     turn = np.sqrt(np.sum(variance[0] * np.maximum(variance[1:], 0.0) / spread**2) / n_effective)
     return float(min(np.degrees(turn), 90.0))
-
-
-def effective_samples(series: Array, variance: float, n_frames: int) -> float:
-    """Number of independent samples among n_frames, from the autocorrelation of a series.
-
-    series : (B, C) means over short batches in the order of time; variance : of single frames, summed
-    over the C components. The variance of the mean is the sum of the autocovariances over B. The sum
-    stops where they first cross zero: what follows is noise or, in a task done over and over, the same
-    error again with the other sign, which would count as many samples what is one.
-    """
-    blocks = len(series)
-    if blocks < 4 or variance <= 0.0:
-        return float(max(blocks, 1))
-    centred = (series - series.mean(0)).T
-    for reach in (blocks // 8, blocks - 1):  # lags that do not wrap around; the crossing is mostly early
-        length = _quick_length(blocks + reach)
-        spectrum = np.fft.rfft(centred, length)
-        power = np.sum(spectrum.real**2 + spectrum.imag**2, 0)
-        autocovariance = np.fft.irfft(power, length)[: reach + 1] / blocks
-        crossing = int(np.argmax(autocovariance <= 0))
-        if crossing:
-            break
-    else:
-        crossing = blocks
-    variance_of_mean = (2 * autocovariance[:crossing].sum() - autocovariance[0]) / blocks
-    return float(np.clip(variance / max(variance_of_mean, 1e-300), 1.0, n_frames))
-
-
-def _quick_length(least: int) -> int:
-    """Give an even length of at least so many, 2^a 3^b 5^c, of which a Fourier transform is quick."""
-    odd = (1, 3, 5, 9, 15, 25, 45, 75, 225)
-    return min(one << max(1, int(-(-least // one) - 1).bit_length()) for one in odd)
 
 
 def _angles_deg(turns: Array, axis: Array) -> Array:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.rotations import Array, conjugate, from_matrix, matrix, multiply, nearest_rotation
-from stages.solve_joints.spread import rotation_vector
+from skeleton.rotations import Array, conjugate, from_matrix, matrix, multiply, nearest_rotation
+from stages.solve_joints.posture_sample import rotation_vector
 
 SKIN_FLOOR_DEG = 4.0
 """Skin alone turns receivers by this much (Metcalf et al. 2020), so less says nothing about a joint."""

@@ -8,16 +8,17 @@ from functools import cached_property
 
 import numpy as np
 
-from kinematics.rotations import Array, matrix
+from anatomy import average_hand
 from schemas.layout import Joint, Layout
+from skeleton.rotations import Array, matrix
 from stages.solve_joints import skin
 from stages.solve_joints.degrees_of_freedom import JointMotion, degrees_of_freedom, joint_motion, turns_from
-from stages.solve_joints.posterior import Information, information
-from stages.solve_joints.priors import JointPrior, receiver_axes
-from stages.solve_joints.receivers import MeasuredAxis
+from stages.solve_joints.frame_weights import flattening, robust_scale, tukey
+from stages.solve_joints.hand_posterior import Information, information
+from stages.solve_joints.hand_prior import MeasuredAxis
+from stages.solve_joints.joint_prior import JointPrior, receiver_axes
+from stages.solve_joints.posture_sample import SpreadFrames
 from stages.solve_joints.skin import Drift, drift, slide_covariance
-from stages.solve_joints.spread import SpreadFrames
-from stages.solve_joints.weights import flattening, robust_scale, tukey
 
 SMALLEST_SCATTER_MM = 0.3
 FIRST_SCATTER_MM = 1.0
@@ -66,16 +67,15 @@ class JointEvidence:
     def measured_axis(self) -> MeasuredAxis | None:
         """The axis with its error from what the rotation off it and the neighbours' skin can do to it."""
         first, second, _ = self.motion.spread_rad
-        neighbours = [float(one.angle_rad.std()) for one in self.neighbours.values()]
+        neighbours = [float(joint.angle_rad.std()) for joint in self.neighbours.values()]
         if first < np.radians(1.0):
             return None
         wander = second / first / np.sqrt(10.0)  # independent samples of a recording, about
-        sd = float(
-            np.sqrt(wander**2 + (skin.TILT_SD * max([0.0, *neighbours]) / first) ** 2 + skin.TILT_SD**2)
-        )
-        return (
-            MeasuredAxis(self.motion.axis_parent, self.motion.axis_child, sd) if sd < TOO_TURNED_RAD else None
-        )
+        tilt = average_hand.JOINTWISE_TILT_SD * np.array([max([0.0, *neighbours]) / first, 1.0])
+        sd = float(np.sqrt(wander**2 + tilt @ tilt))
+        if sd >= TOO_TURNED_RAD:
+            return None
+        return MeasuredAxis(self.motion.axis_parent, self.motion.axis_child, sd)
 
 
 def joint_evidence(joint: Joint, prior: JointPrior, frames: SpreadFrames, lateral: Array) -> JointEvidence:
@@ -114,11 +114,11 @@ def weigh(
     unknowns = np.concatenate([centre, moving.columns], -1)
     design = np.tensordot(whiten, unknowns, (1, 1)).swapaxes(0, 1)
     tempered = own.weights * own.doubt * n_effective / own.weights.sum()
-    told = information(design, right @ whiten.T, tempered, moving.mean, moving.covariance)
-    spread = robust_scale(told.residual)
-    own.doubt = tukey(told.residual, spread)
+    likelihood = information(design, right @ whiten.T, tempered, moving.mean, moving.covariance)
+    spread = robust_scale(likelihood.residual)
+    own.doubt = tukey(likelihood.residual, spread)
     own.scatter_mm = max(SMALLEST_SCATTER_MM, own.scatter_mm * spread)
-    return told
+    return likelihood
 
 
 def _whitening(own: JointEvidence) -> Array:
@@ -134,37 +134,35 @@ def _drifts(
     parent = _slide(own.joint.parent_receiver, layout, centre_mm[:3], looseness, own.prior.knows_parent)
     child = _slide(own.joint.child, layout, centre_mm[3:], looseness, own.prior.knows_child)
     own.remainder_mm2 = np.zeros((6, 6))
-    own.remainder_mm2[:3, :3] = skin.REMAINDER**2 * parent
-    own.remainder_mm2[3:, 3:] = skin.REMAINDER**2 * child
+    own.remainder_mm2[:3, :3] = average_hand.JOINTWISE_SKIN_BENT**2 * parent
+    own.remainder_mm2[3:, 3:] = average_hand.JOINTWISE_SKIN_BENT**2 * child
     angle = own.motion.angle_rad[:, None, None]
     in_parent, in_child = np.broadcast_to(np.eye(3), rotation.shape), -rotation
-    sweep = (
-        np.outer(own.prior.sweep_mm, own.prior.sweep_mm) / np.pi**2
-    )  # half of it comes with 90 deg of the MCP
-    found = [
+    sweep = np.outer(own.prior.sweep_mm, own.prior.sweep_mm) / np.pi**2  # half of it by 90 deg of the MCP
+    drifts = [
         drift(angle * in_parent, parent + sweep),
         drift(angle * in_child, child, _under_reading(own, centre_mm[3:])),
     ]
     if own.joint.child == "thumb_metacarpal":
         skew = skin.SKEW_SD_MM**2 * np.eye(3)
-        found[0] = drift(angle * in_parent, parent + skew)
-        found.append(drift(own.motion.second_angle_rad[:, None, None] * in_parent, skew))
+        drifts[0] = drift(angle * in_parent, parent + skew)
+        drifts.append(drift(own.motion.second_angle_rad[:, None, None] * in_parent, skew))
     before, after = own.neighbours.get("before"), own.neighbours.get("after")
     if before is not None:
-        found.append(drift(before.angle_rad[:, None, None] * in_parent, parent))
+        drifts.append(drift(before.angle_rad[:, None, None] * in_parent, parent))
         if own.joint.parent_receiver == "thumb_metacarpal":
             axes = receiver_axes(layout.segments["thumb_metacarpal"])
-            found.append(_pivot(before.turn_rad, own.prior.p_mm, axes))
+            drifts.append(_pivot(before.turn_rad, own.prior.p_mm, axes))
     if after is not None:
-        found.append(drift(after.angle_rad[:, None, None] * in_child, child))
-    return found
+        drifts.append(drift(after.angle_rad[:, None, None] * in_child, child))
+    return drifts
 
 
 def _slide(segment: str, layout: Layout, lever_mm: Array, looseness: float, known: bool) -> Array:
     if layout.wrist is not None and segment == layout.wrist.segment:
-        return np.asarray((looseness * skin.PALM_SLIDE_SD_MM) ** 2 * np.eye(3))
+        return np.asarray((looseness * average_hand.PALM_SLIDE_SD_MM) ** 2 * np.eye(3))
     if not known:
-        return np.asarray((looseness * skin.UNKNOWN_SLIDE_SD_MM) ** 2 * np.eye(3))
+        return np.asarray((looseness * average_hand.UNKNOWN_SLIDE_SD_MM) ** 2 * np.eye(3))
     return slide_covariance(segment, receiver_axes(layout.segments[segment]), lever_mm, looseness)
 
 
@@ -172,7 +170,7 @@ def _under_reading(own: JointEvidence, q_mm: Array) -> Array:
     """Mean slide (3,) per rad of a distal receiver that follows only part of its joint's flexion."""
     if not own.joint.child.endswith("_distal") or own.prior.axis_child is None:
         return np.zeros(3)
-    return np.asarray(-skin.DISTAL_UNDER_READING * np.cross(own.motion.axis_child, q_mm))
+    return np.asarray(average_hand.DISTAL_TILT * np.cross(own.motion.axis_child, q_mm))
 
 
 def _pivot(turn: Array, p_mm: Array, axes: Array) -> Drift:
@@ -181,12 +179,12 @@ def _pivot(turn: Array, p_mm: Array, axes: Array) -> Drift:
     lever = 2.0 * (p_mm @ distal) * distal  # the receiver sits at mid-bone
     return Drift(
         np.cross(turn, lever)[:, :, None],
-        np.array([skin.UNDER_READING]),
-        np.array([[skin.UNDER_READING_SD**2]]),
+        np.array([-average_hand.UNDER_READING]),
+        np.array([[average_hand.UNDER_READING_SD**2]]),
     )
 
 
 def looseness_of(hand: Mapping[int, JointEvidence], typical_mm: float, limits: tuple[float, float]) -> float:
     """How loose a hand's skin is, from the scatter of its joints but those with a palm between."""
-    scatter = [one.scatter_mm for one in hand.values() if not one.compound]
+    scatter = [joint.scatter_mm for joint in hand.values() if not joint.compound]
     return float(np.clip(np.median(scatter) / typical_mm, *limits)) if scatter else 1.0

@@ -18,24 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import (
-    Array,
-    conjugate,
-    from_matrix,
-    left_matrix,
-    matrix,
-    relative_parts,
-    rotate,
-    rotate_back_parts,
-)
-from schemas.poses import ReceiverSeries
+from skeleton.rotations import Array, conjugate, from_matrix, left_matrix, matrix, multiply, rotate
 
 BATCH_FRAMES = 2
 """Frames averaged into one batch mean: short beside any motion of a hand, at 240 Hz and at 60 Hz."""
 
 MAX_BATCHES = 1 << 16
-"""Nine minutes at 240 Hz. Beyond this many, neighbouring batches are merged and later ones are made as long,
-so that memory does not grow with the recording."""
+"""Nine minutes at 240 Hz. Batches of longer recordings are made longer, so that memory does not grow."""
 
 BLOCK_FRAMES = 8192
 """Frames worked on at once: few enough for the processor's cache."""
@@ -60,51 +49,19 @@ _D_OF_PRODUCTS = 2.0 * np.array(
 
 @dataclass(frozen=True)
 class RelativePoses:
-    """Child receivers seen from their parents, J joints over T frames; worked out when asked for.
+    """Child receivers seen from their parents, J joints over T frames.
 
-    parents, children : J receivers each over the same T frames, None for one that never was there.
+    quaternion : (T, J, 4) child to parent frame; position_mm : (T, J, 3) child's origin in the parent's
+    frame; valid : (T, J) whether both poses may be used. Where not valid, numbers may be NaN.
     """
 
-    parents: tuple[ReceiverSeries | None, ...]
-    children: tuple[ReceiverSeries | None, ...]
-    n_frames: int
+    quaternion: Array
+    position_mm: Array
+    valid: npt.NDArray[np.bool_]
 
-    def valid(self, joint: int) -> npt.NDArray[np.bool_]:
-        """Whether both poses may be used, shape (T,)."""
-        parent, child = self.parents[joint], self.children[joint]
-        if parent is None or child is None:
-            return np.zeros(self.n_frames, bool)
-        return parent.valid & child.valid
-
-    def quaternion(self, joint: int, out: Array | None = None) -> Array:
-        """Child to parent frame, number by number, shape (4, T): into `out` where it is given.
-
-        Where not valid, numbers may be NaN.
-        """
-        parent, child = self._both(joint)
-        return relative_parts(parent.quaternion, child.quaternion, out)
-
-    def position_mm(self, joint: int, out: Array | None = None) -> Array:
-        """Child's origin in the parent's frame, number by number, shape (3, T); otherwise as `quaternion`."""
-        parent, child = self._both(joint)
-        offset = [there - here for here, there in zip(parent.position_mm, child.position_mm, strict=True)]
-        return rotate_back_parts(parent.quaternion, offset, out)
-
-    def of(self, joint: int, rows: slice | npt.NDArray[np.int64]) -> RelativePoses:
-        """One joint in some of the frames, as the only one."""
-        parent, child = self.parents[joint], self.children[joint]
-        n_frames = len(range(self.n_frames)[rows]) if isinstance(rows, slice) else len(rows)
-        return RelativePoses(
-            (None if parent is None else parent.take(rows),),
-            (None if child is None else child.take(rows),),
-            n_frames,
-        )
-
-    def _both(self, joint: int) -> tuple[ReceiverSeries, ReceiverSeries]:
-        parent, child = self.parents[joint], self.children[joint]
-        if parent is None or child is None:
-            raise ValueError(f"joint {joint}: a receiver that never was there has no pose")
-        return parent, child
+    def take(self, rows: slice) -> RelativePoses:
+        """Only some of the frames."""
+        return RelativePoses(self.quaternion[rows], self.position_mm[rows], self.valid[rows])
 
 
 def relative_poses(
@@ -119,60 +76,40 @@ def relative_poses(
     quaternion : (T, S, 4), position_mm : (T, S, 3), valid : (T, S) of S receivers in the transmitter
     frame; parents, children : (J,) indices into S.
     """
-    series = {
-        receiver: ReceiverSeries(
-            tuple(np.ascontiguousarray(position_mm[:, receiver].T)),
-            tuple(np.ascontiguousarray(quaternion[:, receiver].T)),
-            valid[:, receiver],
-        )
-        for receiver in {*parents.tolist(), *children.tolist()}
-    }
-    return RelativePoses(
-        tuple(series[parent] for parent in parents.tolist()),
-        tuple(series[child] for child in children.tolist()),
-        len(valid),
-    )
+    shape = len(valid), len(parents)
+    turn, place_mm = np.empty((*shape, 4), order="F"), np.empty((*shape, 3), order="F")
+    for joint, (parent, child) in enumerate(zip(parents, children, strict=True)):  # few enough for the cache
+        back = conjugate(quaternion[:, parent])
+        turn[:, joint] = multiply(back, quaternion[:, child])
+        place_mm[:, joint] = rotate(back, position_mm[:, child] - position_mm[:, parent])
+    return RelativePoses(turn, place_mm, valid[:, parents] & valid[:, children])
 
 
 class JointMoments:
     """First and second moments of J joints' relative poses, and their means over short batches.
 
-    Add blocks of frames in the order of time; then read. Nothing kept grows without bound.
-    reference, first_turn, reference_mm : a joint's first pose, as quaternion (4,) and matrix (3, 3), child to
-    parent frame, and d (3,) turned into the child's frame there. n_frames : how many will come, where that is
-    known, so that batches are of the right length at once.
+    Add blocks of frames in the order of time; then read. n_frames : how many frames there will be, which
+    sets the length of the batches; 0 where they are few. first_turn, reference_mm : a joint's first pose,
+    matrix (3, 3), child to parent frame, and d (3,) turned into the child's frame there.
     """
 
     def __init__(self, n_joints: int, n_frames: int = 0) -> None:
         self.count: npt.NDArray[np.int64] = np.zeros(n_joints, np.int64)
-        self.reference: Array = np.tile([1.0, 0.0, 0.0, 0.0], (n_joints, 1))
         self.reference_mm: Array = np.zeros((n_joints, 3))
         self.first_turn: Array = np.tile(np.eye(3), (n_joints, 1, 1))
-        self._first_mm: Array = np.zeros((n_joints, 3))
+        self._first: Array = np.zeros((n_joints, 7))
         self._sums: Array = np.zeros((n_joints, _FEATURES + 1, 4))
         self._batch_frames = BATCH_FRAMES
         while n_frames > MAX_BATCHES * self._batch_frames < MAX_BATCHES * BLOCK_FRAMES:
             self._batch_frames *= 2
-        self._batches: list[Array] = []
-        self._features: Array = np.empty((_FEATURES + 1, BLOCK_FRAMES))
-        self._scratch: Array = np.empty((11, BLOCK_FRAMES))  # kept, since new memory costs more than the sums
-
-    @property
-    def nbytes(self) -> int:
-        """Memory that grows with the recording, up to MAX_BATCHES."""
-        return sum(part.nbytes for part in self._batches)
+        self._batches: list[list[Array]] = [[] for _ in range(n_joints)]
 
     def add(self, poses: RelativePoses) -> None:
-        """Add a block of frames; its length should be a multiple of BATCH_FRAMES but for the last one."""
-        for start in range(0, poses.n_frames, BLOCK_FRAMES):
-            rows = slice(start, min(start + BLOCK_FRAMES, poses.n_frames))
-            n_batches = -(-(rows.stop - start) // self._batch_frames)
-            batches = np.zeros((len(self.count), _FEATURES + 1, n_batches))
-            for joint, own in enumerate(batches):
-                self._add_joint(joint, poses.of(joint, rows), own)
-            self._batches.append(batches)
-            while sum(part.shape[-1] for part in self._batches) > MAX_BATCHES:
-                self._merge_batches()
+        """Add frames; their number should be a multiple of BLOCK_FRAMES but for the last ones."""
+        for start in range(0, len(poses.valid), BLOCK_FRAMES):
+            block = poses.take(slice(start, start + BLOCK_FRAMES))
+            for joint in range(len(self.count)):
+                self._add_joint(joint, block)
 
     def mean(self, joint: int) -> Array:
         """Mean of a joint's (D, d), shape (12,)."""
@@ -217,63 +154,49 @@ class JointMoments:
 
     def _in_first_pose(self, joint: int) -> Array:
         """(12, 12) that makes (D, d) of features as they are summed up, d in the frame of the first pose."""
-        found = np.zeros((_FEATURES, _FEATURES))
-        found[:9, :9] = _D_OF_PRODUCTS
-        found[9:, 9:] = self.first_turn[joint].T
-        return found
+        combined = np.zeros((_FEATURES, _FEATURES))
+        combined[:9, :9] = _D_OF_PRODUCTS
+        combined[9:, 9:] = self.first_turn[joint].T
+        return combined
 
     def _batches_of(self, joint: int) -> tuple[Array, Array]:
         """Sums (12, B) of the batches that have a frame, and their frames (B,)."""
-        parts = [part[joint] for part in self._batches] or [np.zeros((_FEATURES + 1, 0))]
-        sums = np.concatenate(parts, 1) if len(parts) > 1 else parts[0]
-        counts = sums[_FEATURES]
-        if not counts.all():
-            sums = sums[:, counts > 0]
+        sums = np.concatenate([np.zeros((_FEATURES + 1, 0)), *self._batches[joint]], 1)
+        self._batches[joint] = [sums]
+        if not sums[_FEATURES].all():
+            sums = sums[:, sums[_FEATURES] > 0]
         return sums[:_FEATURES], sums[_FEATURES]
 
-    def _add_joint(self, joint: int, poses: RelativePoses, batches: Array) -> None:
-        """Add frames of one joint, and what `batches` (13, B) are to hold, which are zero."""
-        valid = poses.valid(0)
+    def _add_joint(self, joint: int, poses: RelativePoses) -> None:
+        valid = poses.valid[:, joint]
         n_valid = int(np.count_nonzero(valid))
         if not n_valid:
             return
-        quaternion = poses.quaternion(0, self._scratch[:4, : poses.n_frames])
-        position_mm = poses.position_mm(0, self._scratch[4:7, : poses.n_frames])
+        quaternion, position_mm = poses.quaternion[:, joint], poses.position_mm[:, joint]
         if not self.count[joint]:
-            first = int(np.argmax(valid))
-            self.reference[joint], self._first_mm[joint] = quaternion[:, first], position_mm[:, first]
-            self.first_turn[joint] = matrix(self.reference[joint])
-            self.reference_mm[joint] = rotate(conjugate(self.reference[joint]), self._first_mm[joint])
-        features = self._features[:, : batches.shape[1] * self._batch_frames]
-        features[:, poses.n_frames :] = 0.0
-        own = features[:, : poses.n_frames]
-        self._fill(own, joint, quaternion, position_mm)
+            self._start(joint, quaternion[valid][0], position_mm[valid][0])
+        features = self._features(joint, quaternion, position_mm)
         if n_valid < len(valid):
-            own[:, np.flatnonzero(~valid)] = 0.0
+            features[:, ~valid] = 0.0
         self.count[joint] += n_valid
-        self._sums[joint] += own @ own[_PRODUCTS:].T
-        if self._batch_frames == 2:  # the quickest way of each
-            np.add(features[:, ::2], features[:, 1::2], out=batches)
-        else:
-            width = self._batch_frames
-            batches[...] = (features.reshape(-1, width) @ np.ones(width)).reshape(batches.shape)
+        self._sums[joint] += features @ features[_PRODUCTS:].T
+        starts = np.arange(0, len(valid), self._batch_frames)
+        self._batches[joint].append(np.add.reduceat(features, starts, axis=1))
 
-    def _fill(self, features: Array, joint: int, quaternion: Array, position_mm: Array) -> None:
-        """Products of quaternions (4, T), d relative to the first pose and 1 of every frame into (13, T)."""
-        turn = self._scratch[7:, : quaternion.shape[1]]
-        np.matmul(left_matrix(conjugate(self.reference[joint])), quaternion, out=turn)
+    def _start(self, joint: int, quaternion: Array, position_mm: Array) -> None:
+        """Keep a joint's first pose (4,), (3,), to which all others are taken relative."""
+        self._first[joint] = [*quaternion, *position_mm]
+        self.first_turn[joint] = matrix(quaternion)
+        self.reference_mm[joint] = rotate(conjugate(quaternion), position_mm)
+
+    def _features(self, joint: int, quaternion: Array, position_mm: Array) -> Array:
+        """Products of the quaternions (T, 4) from the first pose, d relative to it, and 1: (13, T)."""
+        turn = left_matrix(conjugate(self._first[joint, :4])) @ quaternion.T
+        features = np.empty((_FEATURES + 1, len(quaternion)))
         np.multiply(turn[1:], turn[1:], out=features[:3])
         np.multiply(turn[0], turn[1:], out=features[3:6])
         np.multiply(turn[1], turn[2:], out=features[6:8])
         np.multiply(turn[2], turn[3], out=features[8])
-        np.subtract(position_mm, self._first_mm[joint][:, None], out=features[_PRODUCTS:_FEATURES])
+        np.subtract(position_mm.T, self._first[joint, 4:, None], out=features[_PRODUCTS:_FEATURES])
         features[_FEATURES] = 1.0
-
-    def _merge_batches(self) -> None:
-        """Merge neighbouring batches, and neighbouring parts of them, so that their number does not grow."""
-        for at in range(-(-len(self._batches) // 2)):
-            both = np.concatenate([self._batches.pop(at) for _ in self._batches[at : at + 2]], -1)
-            n_even = both.shape[-1] // 2 * 2
-            pairs = both[..., :n_even:2] + both[..., 1:n_even:2]
-            self._batches.insert(at, np.concatenate([pairs, both[..., n_even:]], -1))
-        self._batch_frames = min(2 * self._batch_frames, BLOCK_FRAMES)
+        return features

@@ -8,8 +8,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import estimators, figure, literature, peers, polynomial_skin, tables
-from benchmarks.accuracy.errors import (
+from benchmarks import peers
+from benchmarks.accuracy import accuracy_figure, accuracy_tables, estimators, literature, polynomial_skin
+from benchmarks.accuracy.people import person_result
+from benchmarks.accuracy.polynomial_skin import HYSTERESIS, LOOP_RAD, hysteretic, slipped
+from benchmarks.accuracy.scenarios import FOREIGN, FULL, STIFF, Scenario
+from benchmarks.accuracy.score import (
+    JOINT_TYPES,
     PHALANGES,
     Centre,
     Estimate,
@@ -21,23 +26,17 @@ from benchmarks.accuracy.errors import (
     phalanges_mm,
     score,
 )
-from benchmarks.accuracy.fingertips import TRUE, tip_error
-from benchmarks.accuracy.people import person_result
-from benchmarks.accuracy.polynomial_skin import HYSTERESIS, LOOP_RAD, hysteretic, slipped
-from benchmarks.accuracy.scenarios import FOREIGN, FULL, STIFF, Scenario
-from benchmarks.accuracy.summary import summary
+from benchmarks.accuracy.score_summary import summary
+from benchmarks.accuracy.tip_scores import TRUE, tip_error
 from benchmarks.accuracy.trials import Trial, bursts, record, true_length_mm, with_dip_range
-from benchmarks.page import END, START, with_tables
-from benchmarks.paper_accuracy import JOINT_TYPES
-from kinematics.rotations import about_axis, angle, conjugate, matrix, multiply, rotate, unit
-from schemas.errors import InputError
 from schemas.poses import Poses
-from stages.simulate.anatomy import FLEXION, JOINTS
+from skeleton.rotations import about_axis, angle, conjugate, matrix, multiply, rotate, unit
 from stages.simulate.artefact import Skin
-from stages.simulate.motion import RATE_HZ
+from stages.simulate.random_hand import FLEXION, JOINTS
 from stages.simulate.realism import Realism
+from stages.simulate.simulated_truth import TrueJoint
 from stages.simulate.simulation import simulate
-from stages.simulate.truth import TrueJoint
+from stages.simulate.task_motion import RATE_HZ
 
 N = 480
 X, Y, Z = np.eye(3)
@@ -64,9 +63,7 @@ def truth_as_estimate(trial: Trial) -> Estimate:
 
 def test_an_error_is_split_along_and_across_the_axis() -> None:
     off = joint_error(true_joint(), Centre(5 * X, -8 * X + [3.0, -4.0, 12.0]), hinge=True)
-    assert off.child_mm == pytest.approx(13.0)
-    assert off.along_mm == pytest.approx(4.0)
-    assert off.across_mm == pytest.approx(math.hypot(3, 12))
+    assert (off.child_mm, off.along_mm, off.across_mm) == pytest.approx((13.0, 4.0, math.hypot(3, 12)))
     assert math.isnan(off.axis_deg)
     assert off.in_radius is None
 
@@ -109,18 +106,16 @@ def test_a_summary_counts_what_there_is() -> None:
         for mm, inside in ((1.0, 1.0), (2.0, 1.0), (9.0, 0.0), (float("nan"), None))
     )
     found = summary([HandScore("any", joints, (), (), 2.0), HandScore("any", (), (4.0,), (), 4.0)])
-    assert (found.n_hands, found.median_mm, found.seconds, found.bone_percent) == (2, 2.0, 3.0, 4.0)
-    assert found.gross_percent == pytest.approx(100 / 3)
-    assert found.radius_percent == pytest.approx(200 / 3)
-    assert (found.axis_deg, found.palm_deg, found.ellipsoid_percent) == (None, None, None)
+    expected = {"n_hands": 2, "median_mm": 2.0, "seconds": 3.0, "bone_percent": 4.0}
+    expected |= {"gross_percent": 100 / 3, "radius_percent": 200 / 3}
+    assert {name: found[name] for name in expected} == pytest.approx(expected)
+    assert (found["axis_deg"], found["palm_deg"], found["ellipsoid_percent"]) == (None, None, None)
 
 
 def test_a_tip_error_is_constant_and_moving() -> None:
     off = np.array([[3.0, 4.0, 1.0], [3.0, 4.0, -1.0], [np.nan] * 3])
     found = tip_error("any", "index", off)
-    assert found.constant_mm == pytest.approx(5.0)
-    assert found.moving_mm == pytest.approx(1.0)
-    assert found.mean_mm == pytest.approx(math.sqrt(26))
+    assert (found.constant_mm, found.moving_mm, found.mean_mm) == pytest.approx((5.0, 1.0, math.sqrt(26)))
 
 
 def test_the_plain_scenario_is_the_simulator(trial: Trial) -> None:
@@ -278,8 +273,8 @@ def test_a_person_is_scored_hand_by_hand() -> None:
     assert {tip.digit for tip in found.tips} == {"thumb", "index", "middle", "ring", "little"}
     by = {(tip.skeleton, tip.digit): tip for tip in found.tips}
     assert by[TRUE, "index"].mean_mm < by[estimators.WHOLE, "index"].mean_mm
-    assert len(tables.tip_table(found.tips, "one person").rows) == 9
-    whole, touched, _, contacts = (target.measured for target in tables.tip_targets(found.tips))
+    assert len(accuracy_tables.tip_table(found.tips, "one person").rows) == 9
+    whole, touched, _, contacts = (target.measured for target in accuracy_tables.tip_targets(found.tips))
     assert whole is not None
     assert touched is not None
     assert contacts is not None
@@ -289,34 +284,31 @@ def test_a_person_is_scored_hand_by_hand() -> None:
 def test_every_estimator_has_a_row_and_a_missing_peer_its_reason() -> None:
     names = (*estimators.OURS, peers.SCORE)
     scores = {name: [made_up(name, 2.0 + 2.0 * (name == peers.SCORE))] for name in names}
-    table = tables.estimator_table(FULL.name, scores, {peers.QMT: "as this test says"}, "one person")
+    table = accuracy_tables.estimator_table(FULL.name, scores, {peers.QMT: "as this test says"}, "one person")
     assert [row[0] for row in table.rows] == [*names, peers.QMT]
     assert [row[-1] for row in table.rows] == [0.5] * len(estimators.OURS) + [1.0, None]
     assert "as this test says" in table.meaning
     by_scenario = {FULL.name: scores, STIFF.name: scores, FOREIGN.name: scores}
-    assert len(tables.sweep_table([FULL.name, FOREIGN.name], by_scenario, "one person").rows) == 2
+    assert len(accuracy_tables.sweep_table([FULL.name, FOREIGN.name], by_scenario, "one person").rows) == 2
     ablated = {name: [made_up(name, 1.0)] for name in (estimators.WHOLE, *estimators.ABLATIONS)}
-    assert [row[1] for row in tables.ablation_table(ablated, "one person").rows] == [1.0] * len(ablated)
-    found = {one.what: one for one in tables.targets(by_scenario, [FULL.name])}
+    assert [row[1] for row in accuracy_tables.ablation_table(ablated, "one person").rows] == [1.0] * len(
+        ablated
+    )
+    found = {one.what: one for one in accuracy_tables.targets(by_scenario, [FULL.name])}
     assert found["whole-hand over the best peer's median"].measured == 0.5
     assert found["whole-hand, full range: median mm"].kept is False
     assert found["whole-hand, full range of motion: in ellipsoid %"].measured == 50.0
-    assert len(tables.target_table(list(found.values()), "one person").rows) == 14
+    assert len(accuracy_tables.target_table(list(found.values()), "one person").rows) == 14
 
 
-def test_the_figure_is_drawn_and_grows_to_the_right() -> None:
-    scores = {name: [made_up(name, 2.0)] for name in estimators.OURS}
-    drawn = figure.figure(
-        dict.fromkeys((FULL.name, STIFF.name, FOREIGN.name), scores), [FULL.name, FOREIGN.name], "x & y"
-    )
-    words = [
-        text.text for text in ElementTree.fromstring(str(drawn)).iter("{http://www.w3.org/2000/svg}text")
-    ]
-    assert set(estimators.OURS) < set(words)
-    assert figure.across_mm(1.0) < figure.across_mm(2.0) < figure.across_mm(1e9) == figure.RIGHT
-    assert (
-        figure.rise_percent(95.0) < figure.rise_percent(80.0) < figure.rise_percent(0.0) == figure.COVER_FOOT
-    )
+def test_the_figure_names_every_estimator_and_is_the_same_twice() -> None:
+    scores = {name: summary([made_up(name, 2.0)]) for name in (*estimators.OURS, peers.SCORE)}
+    by_scenario = dict.fromkeys((FULL.name, STIFF.name, FOREIGN.name), scores)
+    drawn = accuracy_figure.draw(by_scenario, "x & y")
+    texts = [text.text for text in ElementTree.fromstring(drawn).iter("{http://www.w3.org/2000/svg}text")]
+    assert {*scores, "skin x1", FOREIGN.name} < set(texts)
+    assert any("x & y" in str(text) for text in texts)
+    assert accuracy_figure.draw(by_scenario, "x & y") == drawn
 
 
 def test_parts_are_left_out_of_the_fit(trial: Trial) -> None:
@@ -334,24 +326,16 @@ def test_joints_that_do_not_count_are_left_out() -> None:
     assert [len(one.joints) for one in dips.scores] == [4, 4]
 
 
-def test_a_target_is_kept_or_not() -> None:
-    assert tables.Target("a", 2.0, 2.0).kept is True
-    assert tables.Target("a", 2.1, 2.0).kept is False
-    assert tables.Target("a", 92.0, 98.0, 93.0).kept is False
-    assert tables.Target("a", None, 1.0).kept is None
+@pytest.mark.parametrize(
+    ("measured", "limits", "kept"),
+    [(2.0, (2.0,), True), (2.1, (2.0,), False), (92.0, (98.0, 93.0), False), (None, (1.0,), None)],
+)
+def test_a_target_is_kept_or_not(measured: float | None, limits: tuple[float, ...], kept: object) -> None:
+    assert accuracy_tables.Target("a", measured, *limits).kept is kept
 
 
-def test_tables_go_between_the_marks_and_prose_stays() -> None:
-    page = f"# Accuracy\n\nProse.\n\n{START}\nold\n{END}\n\nMore.\n"
-    once = with_tables(page, "new")
-    assert once == f"# Accuracy\n\nProse.\n\n{START}\n\nnew\n\n{END}\n\nMore.\n"
-    assert with_tables(once, "new") == once
-    with pytest.raises(InputError, match="lacks"):
-        with_tables("# Accuracy\n", "new")
-
-
-@pytest.mark.skipif(peers.missing() != peers.NOT_RUN, reason="published software is not installed")
+@pytest.mark.skipif(peers.missing_peers() != peers.NOT_RUN, reason="published software is not installed")
 def test_peers_estimate_a_hand(trial: Trial) -> None:
     for name, n_joints in ((peers.SCORE, 15), (peers.SARA, 15), (peers.QMT, 9)):
-        found = score(name, trial, peers.peer_estimate(trial, name, 2))
+        found = score(name, trial, estimators.published(trial, name, 2))
         assert len(found.joints) == n_joints

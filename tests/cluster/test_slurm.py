@@ -25,7 +25,9 @@ PROFILE = ["--workflow-profile", str(REPOSITORY / "config" / "profiles" / "slurm
 FASTER = ["--seconds-between-status-checks", "1", "--latency-wait", "15"]
 ONE_MINUTE = ["--default-resources", "mem_mb=500", "runtime=0"]
 ONE_MINUTE += ["--set-resources", "subject_pages:runtime=1", "gather:runtime=5"]
-SLOW = 'case "$BASH_EXECUTION_STRING" in *each\\ solve_joints*) [ ! -f slow ] || sleep "$(cat slow)";; esac\n'
+SLOW = (
+    'case "$BASH_EXECUTION_STRING" in *stages.solve_joints\\ *) [ ! -f slow ] || sleep "$(cat slow)";; esac\n'
+)
 """Read by every bash that runs a job: solve_joints waits the seconds in the study's file `slow`."""
 
 

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from pipeline import HandResults, Row, import_recording, run_hand
 
-from kinematics.rotations import Array, angle, conjugate, multiply
 from schemas.catalogue import METACARPALS
 from schemas.tables import column_array, read_table
+from skeleton.rotations import Array, angle, conjugate, multiply
+from stages.simulate.random_hand import BONES
 from stages.simulate.realism import Realism
 from stages.simulate.recording import write_recording
 from stages.simulate.simulation import Simulated, simulate
@@ -69,8 +70,6 @@ def centre_errors_mm(results: HandResults, made: Simulated) -> dict[str, float]:
 
 def posture_errors_deg(results: HandResults, made: Simulated, digits: tuple[str, ...]) -> dict[str, Array]:
     """Per digit (T,): how far the metacarpal's change of posture since frame 1 is from the truth."""
-    from stages.simulate.anatomy import BONES
-
     table = read_table(results.path("metacarpals"), METACARPALS)
     named = np.array(table.column("digit").to_pylist())
     errors = {}
@@ -82,9 +81,15 @@ def posture_errors_deg(results: HandResults, made: Simulated, digits: tuple[str,
     return errors
 
 
-@pytest.mark.parametrize("hand", ["right", "left"])
-@pytest.mark.parametrize("task", ["rom", "opposition"])
-@pytest.mark.parametrize("forearm", [False, True])
+@pytest.mark.parametrize(
+    ("hand", "task", "forearm"),
+    [
+        ("right", "rom", False),
+        ("right", "opposition", True),
+        ("left", "rom", True),
+        ("left", "opposition", False),
+    ],
+)
 def test_exact_hand_comes_back(run: Run, hand: str, task: str, forearm: bool) -> None:
     """Every centre to 1e-6 mm, axis and metacarpal posture to 1e-6 deg, tip error zero to rounding."""
     results, made = run(Realism.exact(), hand=hand, task=task, forearm=forearm)
@@ -119,8 +124,6 @@ def test_metacarpals_at_rest_are_the_whole_of_table_1(run: Run) -> None:
     """With everything else exact, Table 1's error is the metacarpal pointing the wrong way, and no more."""
     results, made = run(Realism.exact(), "paper-fig3-rest")
     mcp = made.truth.bone_position_mm
-    from stages.simulate.anatomy import BONES
-
     wrist = mcp[:, BONES.index("hand")]
     for digit in FINGERS:
         v = mcp[:, BONES.index(f"{digit}_proximal")] - wrist

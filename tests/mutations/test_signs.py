@@ -23,8 +23,8 @@ SIGNS = {
     ),
     "Eq. 3, moments, child seen from parent": (
         f"{SOLVE}/moments.py",
-        "[there - here for here, there in",
-        "[here - there for here, there in",
+        "position_mm[:, child] - position_mm[:, parent]",
+        "position_mm[:, parent] - position_mm[:, child]",
     ),
     "Eq. 3, moments, offset from the first pose": (
         f"{SOLVE}/closed.py",
@@ -52,9 +52,9 @@ SIGNS = {
         "np.arctan2(-np.sqrt(_dot(axis, axis)), ",
     ),
     "Eq. 9, cosine": (f"{POSTURE}/posture.py", "_dot(vector, start))", "-_dot(vector, start))"),
-    "Eq. 10, vector part": ("kinematics/rotations.py", "np.sin(half) * axis", "-np.sin(half) * axis"),
+    "Eq. 10, vector part": ("skeleton/rotations.py", "np.sin(half) * axis", "-np.sin(half) * axis"),
     "Eq. 10, scalar part": (
-        "kinematics/rotations.py",
+        "skeleton/rotations.py",
         "np.broadcast_to(np.cos(half)",
         "np.broadcast_to(-np.cos(half)",
     ),
@@ -81,22 +81,25 @@ SIGNS = {
 }
 
 
+ROOMS = ("schemas", "anatomy", "skeleton", "trackers", "stages", "benchmarks", "config")
+
 GUARDS = (
-    *("chains.py", "conftest.py", "long_poses.py", "long_recordings.py", "pipeline.py"),
-    *("stages/solve_joints/test_solve_joints.py", "stages/project_planes/test_plane.py"),
+    "skeleton/test_rotations.py",
+    "stages/solve_joints/test_closed.py",
+    "stages/solve_joints/test_moments.py",
+    "stages/project_planes/test_plane.py",
+    "stages/estimate_metacarpals/test_posture.py",
 )
-"""Tests of the paper's equations, and what they stand on, beside those of kinematics and metacarpals."""
+"""Tests of the paper's equations."""
 
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the code and of the tests that guard the equations."""
     folder = tmp_path_factory.mktemp("mutated")
-    for name in ("stages", "kinematics", "schemas", "config"):
-        shutil.copytree(REPOSITORY / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("kinematics", "stages/estimate_metacarpals"):
-        shutil.copytree(REPOSITORY / "tests" / name, folder / "tests" / name)
-    for name in ("pyproject.toml", *(f"tests/{name}" for name in GUARDS)):
+    for room in ROOMS:
+        shutil.copytree(REPOSITORY / room, folder / room, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", *(f"tests/{name}" for name in ("conftest.py", "chains.py", *GUARDS))):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(REPOSITORY / name, folder / name)
     return folder

@@ -1,45 +1,94 @@
-"""The tables of a made-up study's hands: its study-wide tables, taken apart again."""
+"""The tables of a made-up study's subjects: its study-wide tables, taken apart again."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from schemas.catalogue import JOINT_SOLUTIONS, TABLES
-from schemas.model import read_model
-from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Results
-from schemas.study import Study
-from schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table
+from report_samples.made_study import lacking_text
+from schemas.catalogue import TABLES
+from schemas.files import write_text
+from schemas.parts import Part, parts_writer
+from schemas.plan import StudyPlans, plan_text, read_plan
+from schemas.results import GATHERED_TABLES, Results
+from schemas.study import Hand, Study
+from schemas.tables import Provenance, Table, read_table
+
+FITTED = ("receivers", "gains")
 
 
-def write_hand_tables(study: Study, results: Results) -> None:
-    """Write what the earlier stages would have left of every hand; of the joint solves no row."""
-    models = {name: read_model(path.absolute()) for name, path in study.models.items()}
-    for name in (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES):
-        if not results.study_table(name).is_file():
-            continue
-        table = TABLES[name]
-        whole = read_table(results.study_table(name), table)
-        for hand in study.hands:
-            mine = whole.filter(
-                pc.and_(pc.equal(whole["subject"], hand.subject), pc.equal(whole["hand"], hand.hand))
-            )
-            if name in SCORE_TABLES:
-                _write(results.score_table(hand, name), table, mine)
+def write_subject_tables(study: Study, results: Results) -> None:
+    """Write every subject's plan, and the short tables that its study-wide ones would be gathered from.
+
+    Of the joint solves no row.
+    """
+    write_plans(study, results)
+    for subject in study.subjects:
+        plan = read_plan(results.plan(subject))
+        none: dict[Part, list[dict[str, Any]]] = {part: [] for part in plan.parts()}
+        write_parts(plan.table("joint_solutions"), TABLES["joint_solutions"], none)
+        for name in GATHERED_TABLES:
+            rows = _of_subject(results, TABLES[name], subject)
+            if name not in FITTED:
+                write_parts(plan.table(name), TABLES[name], _parts(rows, subject))
                 continue
-            for model in models:
-                if name in HAND_TABLES or models[model].fitting is not None:
-                    rows = mine.filter(pc.equal(mine["model"], model))
-                    _write(results.hand_table(model, hand, name), table, rows)
-    for hand in study.hands:
-        for model in models:
-            none = columns_from_rows(JOINT_SOLUTIONS, [])
-            path = results.hand_table(model, hand, "joint_solutions")
-            write_table(path, JOINT_SOLUTIONS, none, Provenance())
+            for hand in plan.hands:
+                for model in plan.fitted_models:
+                    own = rows.filter(pc.and_(pc.equal(rows["hand"], hand), pc.equal(rows["model"], model)))
+                    part = Part(hand, model, "", subject)
+                    write_parts(plan.fit_table(hand, model, name), TABLES[name], {part: own.to_pylist()})
 
 
-def _write(path: Path, table: Table, rows: pa.Table) -> None:
-    columns = {column.name: rows.column(column.name) for column in table.columns}
-    write_table(path, table, columns, Provenance())
+def write_plans(study: Study, results: Results) -> None:
+    """Write every subject's plan."""
+    plans = StudyPlans(study, results.folder)
+    for subject in study.subjects:
+        write_text(results.plan(subject), plan_text(plans.content(subject)))
+
+
+def write_tips(study: Study, results: Results, models: Sequence[str] = ()) -> None:
+    """Write every subject's tips, of those models or of all, as the study-wide table has them."""
+    for subject in study.subjects:
+        rows = _of_subject(results, TABLES["tips"], subject).to_pylist()
+        kept = [row for row in rows if row["model"] in (models or study.models)]
+        path = results.subject(subject) / "tips.parquet"
+        parts = {Part(row["hand"], row["model"], "", subject): [] for row in kept}
+        for row in kept:
+            parts[Part(row["hand"], row["model"], "", subject)].append(row)
+        write_parts(path, TABLES["tips"], parts)
+
+
+def write_parts(path: Path, table: Table, rows_of: Mapping[Part, Sequence[dict[str, Any]]]) -> None:
+    """Write a subject table of these parts."""
+    with parts_writer(path, table, Provenance()) as writer:
+        for part, rows in rows_of.items():
+            keys = {"hand": part.hand, "model": part.model}
+            writer.rows(part, [{**lacking_text(table), **_known(table, keys), **row} for row in rows])
+
+
+def _known(table: Table, keys: dict[str, str]) -> dict[str, str]:
+    names = {column.name for column in table.columns}
+    return {name: value for name, value in keys.items() if name in names}
+
+
+def part_of(hand: Hand, model: str) -> Part:
+    """The whole skeleton of a hand under a model."""
+    return Part(hand.hand, model, "", hand.subject)
+
+
+def _of_subject(results: Results, table: Table, subject: str) -> pa.Table:
+    whole = read_table(results.study_table(table.name), table)
+    return whole.filter(pc.equal(whole["subject"], subject))
+
+
+def _parts(rows: pa.Table, subject: str) -> dict[Part, list[dict[str, Any]]]:
+    parts: dict[Part, list[dict[str, Any]]] = {}
+    of_models = "made_without" in rows.column_names
+    for row in rows.to_pylist():
+        model = row["model"] if of_models else ""
+        parts.setdefault(Part(row["hand"], model, "", subject), []).append(row)
+    return parts

@@ -7,11 +7,13 @@ simulated study has a second task, rom, that calibrates only, and a truth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from report_samples.made_scores import (
     advice_rows,
@@ -21,28 +23,18 @@ from report_samples.made_scores import (
     score_rows,
     spoiled,
 )
-from schemas.catalogue import (
-    BONE_LENGTHS,
-    CALIBRATION_ADVICE,
-    GAINS,
-    JOINT_CENTRES,
-    JOINT_ERRORS,
-    POSES,
-    PROBLEMS,
-    RECEIVERS,
-    RECORDINGS,
-    SKELETON_SCORES,
-    TIP_ERRORS,
-    TIPS,
-)
+from schemas.catalogue import POSES, TABLES
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
+from schemas.results import STUDY_TABLES
 from schemas.study import path_token
 from schemas.tables import Provenance, Table, columns_from_rows, write_table
 
 HOSTILE = 'A & <b>"x"'
 FITTED_MODELS = ("paper-fig4", "whole-hand")
 MODELS = ("paper-fig3-rest", "paper-fig3", "paper-fig4", "paper-fig4-corrected", "rigid")
+UNSEEN = slice(100, 160)
+"""Frames in which the index finger's distal receiver is not valid."""
 NO_SOURCE = Provenance((("recording.csv", "0" * 64),), {})
 
 # Joints of a right hand, mm from the wrist centre: right (towards the thumb), distal, dorsal.
@@ -55,21 +47,8 @@ POINTS = {
 }
 
 
-@dataclass
-class MadeRows:
-    """Rows of the study-wide tables, gathered hand by hand."""
-
-    recordings: list[dict[str, Any]] = field(default_factory=list)
-    joints: list[dict[str, Any]] = field(default_factory=list)
-    tips: list[dict[str, Any]] = field(default_factory=list)
-    tip_errors: list[dict[str, Any]] = field(default_factory=list)
-    bones: list[dict[str, Any]] = field(default_factory=list)
-    problems: list[dict[str, Any]] = field(default_factory=list)
-    scores: list[dict[str, Any]] = field(default_factory=list)
-    joint_errors: list[dict[str, Any]] = field(default_factory=list)
-    advice: list[dict[str, Any]] = field(default_factory=list)
-    receivers: list[dict[str, Any]] = field(default_factory=list)
-    gains: list[dict[str, Any]] = field(default_factory=list)
+Rows = defaultdict[str, list[dict[str, Any]]]
+"""Rows of the study-wide tables, by the tables' names."""
 
 
 def make_study(
@@ -85,7 +64,8 @@ def make_study(
     rng = np.random.default_rng(7)
     study, results = folder / "study.yaml", folder / "results" / "made"
     sheet = ["subject\thand\ttask\trole\tfile"]
-    rows = MadeRows()
+    rows: Rows = defaultdict(list)
+    read = [read_model(name) for name in models]
     for subject in subjects:
         for hand in ("right", "left"):
             file = f"{path_token(subject)}-{hand}.csv"
@@ -94,11 +74,11 @@ def make_study(
             if subject == subjects[-1] and hand == "left" and len(subjects) > 1:
                 _add_failed(rows, key, file)
                 continue
-            _add_hand(rows, results, key, file, n_frames, models, rng)
-            _add_judgement(rows, key, models, simulated=simulated)
+            _add_hand(rows, results, key, file, n_frames, read, rng)
+            _add_judgement(rows, key, read, simulated=simulated)
             if simulated:
                 sheet.append(f"{subject}\t{hand}\trom\tcalibration\trom-{file}")
-                rows.recordings.append({**rows.recordings[-1], "task": "rom", "role": "calibration"})
+                rows["recordings"].append({**rows["recordings"][-1], "task": "rom", "role": "calibration"})
     study.write_text(
         f"study: made\nrecordings: sheet.tsv\nlayout: liberty16\nmodels: [{', '.join(models)}]\n"
         "exports: [bvh]\n" + ("simulation: {folder: ., seed: 1}\n" if simulated else ""),
@@ -109,81 +89,62 @@ def make_study(
     return study, results
 
 
-def write_rows(results: Path, rows: MadeRows) -> None:
-    """Write the study-wide tables."""
-    for table, own in (
-        (RECORDINGS, rows.recordings),
-        (JOINT_CENTRES, rows.joints),
-        (TIPS, rows.tips),
-        (TIP_ERRORS, rows.tip_errors),
-        (BONE_LENGTHS, rows.bones),
-        (PROBLEMS, rows.problems),
-        (SKELETON_SCORES, rows.scores),
-        (JOINT_ERRORS, rows.joint_errors),
-        (CALIBRATION_ADVICE, rows.advice),
-        (RECEIVERS, rows.receivers),
-        (GAINS, rows.gains),
-    ):
-        write(results / f"{table.name}.parquet", table, own)
+def write_rows(results: Path, rows: Mapping[str, list[dict[str, Any]]]) -> None:
+    """Write the study-wide tables, and beside them the tips."""
+    for name in (*STUDY_TABLES, "tips"):
+        write(results / f"{name}.parquet", TABLES[name], rows.get(name, []))
 
 
 def write(path: Path, table: Table, rows: list[dict[str, Any]]) -> None:
     """Write rows as one table of the contract."""
-    write_table(path, table, columns_from_rows(table, rows), NO_SOURCE)
+    write_table(path, table, columns_from_rows(table, [lacking_text(table) | row for row in rows]), NO_SOURCE)
 
 
-def _add_failed(rows: MadeRows, key: dict[str, str], file: str) -> None:
+def lacking_text(table: Table) -> dict[str, str]:
+    """Empty text for every text column."""
+    return {column.name: "" for column in table.columns if column.type == pa.string()}
+
+
+def _add_failed(rows: Rows, key: dict[str, str], file: str) -> None:
     message = f"{file}: row 7, column x_mm: 'n/a' is not a number"
-    rows.recordings.append(
-        {**key, "role": "both", "file": file, "status": "failed", "n_frames": 0, "message": message}
-    )
-    rows.problems.append({"where": file, "stage": "capture", "message": message})
+    row = key | {"role": "both", "file": file, "status": "failed", "n_frames": 0, "message": message}
+    rows["recordings"].append(row)
+    where = {**_who(key), "task": key["task"], "stage": "capture"}
+    rows["problems"].append(where | {"severity": "refused", "message": message})
 
 
 def _add_hand(
-    rows: MadeRows,
+    rows: Rows,
     results: Path,
     key: dict[str, str],
     file: str,
     n_frames: int,
-    models: tuple[str, ...],
+    models: list[SkeletonModel],
     rng: np.random.Generator,
 ) -> None:
     layout = read_layout("liberty16")
     centres, receivers = hand_points(key["hand"])
-    rows.recordings.append(
-        {
-            **key,
-            "role": "both",
-            "file": file,
-            "status": "used",
-            "n_frames": n_frames,
-            "duration_s": n_frames / 240,
-            "valid_percent": 99.5,
-            "message": "",
-        }
-    )
+    row = key | {"role": "both", "file": file, "status": "used", "message": "", "n_frames": n_frames}
+    rows["recordings"].append(row | {"duration_s": n_frames / 240, "valid_percent": 99.5})
     poses = results / f"sub-{path_token(key['subject'])}" / key["hand"] / key["task"] / "poses.parquet"
-    pose_columns = columns_from_rows(POSES, _pose_rows(layout, receivers, n_frames, rng))
-    write_table(poses, POSES, pose_columns, NO_SOURCE, row_group_rows=n_frames)
-    for name in models:
-        model = read_model(name)
-        rows.joints += _joint_rows(layout, model, key, centres, receivers)
-        rows.bones += _bone_rows(layout, model, key, centres)
+    columns = _resting_poses(layout, receivers, n_frames, rng)
+    write_table(poses, POSES, columns, NO_SOURCE, row_group_rows=n_frames)
+    for model in models:
+        rows["joint_centres"] += _joint_rows(layout, model, key, centres, receivers)
+        rows["bone_lengths"] += _bone_rows(layout, model, key, centres)
         for digit in layout.digits:
             _add_digit(rows, key, model, digit, n_frames, rng)
 
 
-def _add_judgement(rows: MadeRows, key: dict[str, str], models: tuple[str, ...], *, simulated: bool) -> None:
+def _add_judgement(rows: Rows, key: dict[str, str], models: list[SkeletonModel], *, simulated: bool) -> None:
     """What the stages that judge and advise say of a hand."""
-    layout, read = read_layout("liberty16"), [read_model(name) for name in models]
-    rows.scores += score_rows(key, layout, read, simulated=simulated)
-    rows.joint_errors += joint_error_rows(key, layout, read) if simulated else []
-    rows.advice += advice_rows(key, layout)
-    for model in read:
-        if model.fitting is not None:
-            rows.receivers += receiver_rows(key, layout, model.name)
-            rows.gains += gain_rows(key, model.name)
+    layout = read_layout("liberty16")
+    rows["skeleton_scores"] += score_rows(key, layout, models, simulated=simulated)
+    rows["joint_errors"] += joint_error_rows(key, layout, models) if simulated else []
+    rows["calibration_advice"] += advice_rows(key, layout)
+    for model in (model for model in models if model.fitting is not None):
+        rows["receivers"] += receiver_rows(key, layout, model.name)
+        rows["gains"] += gain_rows(key, model.name)
 
 
 def hand_points(hand: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -207,31 +168,34 @@ def hand_points(hand: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]
     return centres, receivers
 
 
-def _pose_rows(
+def pose_columns(
+    segments: Sequence[str], frame: np.ndarray, time_s: np.ndarray, poses: np.ndarray, valid: np.ndarray
+) -> dict[str, Any]:
+    """Columns of a poses table: position and quaternion (S, T, 7) and validity (S, T) of S segments."""
+    names = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+    return {
+        "segment": np.repeat(segments, len(frame)).tolist(),
+        "frame": np.tile(frame, len(segments)),
+        "time_s": np.tile(time_s, len(segments)),
+        **dict(zip(names, poses.reshape(-1, 7).T, strict=True)),
+        "valid": valid.ravel(),
+        "flags": [""] * valid.size,
+    }
+
+
+def _resting_poses(
     layout: Layout, receivers: dict[str, np.ndarray], n_frames: int, rng: np.random.Generator
-) -> list[dict[str, Any]]:
+) -> dict[str, Any]:
     """The hand at rest in a slowly moving place; every receiver parallel to the hand's."""
-    rows = []
-    for segment in (s for s in layout.measured if s in receivers):
-        for frame in range(n_frames):
-            x, y, z = receivers[segment] + (200 + 0.1 * frame, 30, 40) + rng.normal(0, 0.05, 3)
-            rows.append(
-                {
-                    "segment": segment,
-                    "frame": frame,
-                    "time_s": frame / 240,
-                    "x_mm": x,
-                    "y_mm": y,
-                    "z_mm": z,
-                    "qw": 1.0,
-                    "qx": 0.0,
-                    "qy": 0.0,
-                    "qz": 0.0,
-                    "valid": not (segment == "index_distal" and 100 <= frame < 160),
-                    "flags": "",
-                }
-            )
-    return rows
+    segments, frame = [s for s in layout.measured if s in receivers], np.arange(n_frames)
+    poses = np.zeros((len(segments), n_frames, 7))
+    poses[..., :3] = np.array([receivers[segment] for segment in segments])[:, None] + (200, 30, 40)
+    poses[..., 0] += 0.1 * frame
+    poses[..., :3] += rng.normal(0, 0.05, (len(segments), n_frames, 3))
+    poses[..., 3] = 1.0
+    valid = np.ones((len(segments), n_frames), bool)
+    valid[segments.index("index_distal"), UNSEEN] = False
+    return pose_columns(segments, frame, frame / 240, poses, valid)
 
 
 def _joint_rows(
@@ -249,18 +213,9 @@ def _joint_rows(
         status = "failed" if failed else "weak" if weak else "ok"
         message = "axis is 4 deg from the plane" if weak else "too few frames (3)" if failed else ""
         moved = centre + (np.array([40.0, -300.0, 60.0]) if weak and not model.corrections else 0.0)
-        row = {
-            **_who(key),
-            "model": model.name,
-            "joint": name,
-            "parent_segment": "" if name == "wrist" else joint.parent_receiver,
-            "child_segment": joint.child,
-            "dof": joint.dof,
-            "n_frames": 300,
-            "source": "fit",
-            "status": status,
-            "message": message,
-        }
+        row = _who(key) | {"model": model.name, "joint": name, "dof": joint.dof, "n_frames": 300}
+        row |= {"source": "fit", "status": status, "message": message, "child_segment": joint.child}
+        row |= {"parent_segment": "" if name == "wrist" else joint.parent_receiver}
         if not failed and joint.child in receivers:
             child = moved - receivers[joint.child]
             row |= {f"child_{axis}_mm": value for axis, value in zip("xyz", child, strict=True)}
@@ -277,27 +232,17 @@ def _bone_rows(
 ) -> list[dict[str, Any]]:
     rows = []
     for digit in layout.digits.values():
-        for bone in digit.segments:
-            metacarpal = bone.endswith("metacarpal")
-            length = float(np.linalg.norm(centres[digit.joints[-1]])) / (1 + digit.segments.index(bone))
-            rows.append(
-                {
-                    **_who(key),
-                    "model": model.name,
-                    "digit": digit.name,
-                    "bone": bone,
-                    "length_mm": length,
-                    "driven_by": bone,
-                    "sd_mm": 0.456,
-                    "sd_over_frames_mm": 0.8 if metacarpal else None,
-                    "message": "",
-                }
-            )
+        for place, bone in enumerate(digit.segments):
+            length = float(np.linalg.norm(centres[digit.joints[-1]])) / (1 + place)
+            row = _who(key) | {"model": model.name, "digit": digit.name, "bone": bone, "driven_by": bone}
+            varies = 0.8 if bone.endswith("metacarpal") else None
+            numbers = {"length_mm": length, "sd_mm": 0.456, "sd_over_frames_mm": varies}
+            rows.append(row | numbers | {"message": ""})
     return rows
 
 
 def _add_digit(
-    rows: MadeRows,
+    rows: Rows,
     key: dict[str, str],
     model: SkeletonModel,
     digit: str,
@@ -306,18 +251,10 @@ def _add_digit(
 ) -> None:
     """Tip errors of one digit: smooth, a few mm, gross where the little DIP joint is off."""
     who = {**key, "model": model.name, "digit": digit}
+    of_binding = who | {"n_frames_total": n_frames, "held_out": False, "message": ""}
     if spoiled(key) and digit == "ring":
-        for binding in ("first-frame", "least-squares"):
-            rows.tip_errors.append(
-                {
-                    **who,
-                    "binding": binding,
-                    "n_frames": 0,
-                    "n_frames_total": n_frames,
-                    "held_out": False,
-                    "message": "joint ring_dip failed",
-                }
-            )
+        failed = of_binding | {"n_frames": 0, "message": "joint ring_dip failed"}
+        rows["tip_errors"] += [failed | {"binding": binding} for binding in ("first-frame", "least-squares")]
         return
     level = {"thumb": 3.0, "index": 5.0, "middle": 6.5, "ring": 6.8, "little": 9.0}[digit]
     level *= 15.0 if spoiled(key) and digit == "little" and not model.corrections else 1.0
@@ -326,30 +263,17 @@ def _add_digit(
     noise = rng.normal(0, 0.03, n_frames)
     error = level * np.abs(1 + 0.4 * np.sin(time_s * 1.7 + len(digit)) + 0.1 * np.sin(time_s * 9) + noise)
     if digit == "index":
-        error[100:160] = np.nan
+        error[UNSEEN] = np.nan
     first = np.abs(error - error[0])
-    rows.tips += [
+    rows["tips"] += [
         {**who, "frame": k, "time_s": time_s[k], "error_mm": error[k], "error_first_frame_mm": first[k]}
         for k in range(n_frames)
     ]
     for binding, values in (("first-frame", first), ("least-squares", error)):
         known = values[np.isfinite(values)]
-        rows.tip_errors.append(
-            {
-                **who,
-                "binding": binding,
-                "max_mm": known.max(),
-                "min_mm": known.min(),
-                "mean_mm": known.mean(),
-                "sd_mm": known.std(),
-                "median_mm": np.median(known),
-                "p95_mm": np.quantile(known, 0.95),
-                "n_frames": len(known),
-                "n_frames_total": n_frames,
-                "held_out": False,
-                "message": "",
-            }
-        )
+        row = of_binding | {"binding": binding, "n_frames": len(known), "median_mm": np.median(known)}
+        row |= {f"{name}_mm": getattr(known, name)() for name in ("max", "min", "mean")}
+        rows["tip_errors"].append(row | {"sd_mm": known.std(), "p95_mm": np.quantile(known, 0.95)})
 
 
 def _who(key: dict[str, str]) -> dict[str, str]:

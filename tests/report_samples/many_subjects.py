@@ -7,13 +7,14 @@ whole hand is better, and a few hands fail grossly. One subject's left hand was 
 
 from __future__ import annotations
 
+from collections import defaultdict
+from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from report_samples.made_scores import seen_joints
-from report_samples.made_study import MadeRows, write_rows
+from report_samples.made_study import Rows, write_rows
 from schemas.layout import read_layout
 from schemas.model import read_model
 
@@ -31,6 +32,7 @@ LEVEL = {"paper-fig3-rest": 30.0, "paper-fig3": 2.2, "paper-fig4": 2.0, "paper-f
 LEVEL |= {"rigid": 2.0, "anatomical": 1.2, "whole-hand": 0.9}
 FAIL = ("paper-fig3", "paper-fig4-corrected", "rigid")
 """The models that fail grossly with one hand in thirty."""
+ERRORS = ("max_mm", "min_mm", "mean_mm", "sd_mm", "median_mm", "p95_mm")
 NOT_FITTED = "no hand was fitted: too few frames"
 
 
@@ -39,7 +41,8 @@ def many_subjects(
 ) -> tuple[Path, Path]:
     """Write a study file, its sheet and its results; give the study file and the results folder."""
     names = [f"S{index + 1:03}" for index in range(n_subjects)]
-    rows, rng = MadeRows(), np.random.default_rng(3)
+    rng = np.random.default_rng(3)
+    rows: Rows = defaultdict(list)
     sheet = ["subject\thand\ttask\trole\tfile"]
     for name in names:
         person = float(np.exp(rng.normal(0, 0.35)))
@@ -47,7 +50,8 @@ def many_subjects(
             key = {"subject": name, "hand": hand, "task": "opposition", "trial": ""}
             sheet += [f"{name}\t{hand}\topposition\tevaluation\t{name}-{hand}.csv"]
             sheet += [f"{name}\t{hand}\trom\tcalibration\t{name}-{hand}-rom.csv"]
-            rows.recordings.append(_recording(key, f"{name}-{hand}.csv"))
+            row = key | {"role": "evaluation", "file": f"{name}-{hand}.csv", "status": "used"}
+            rows["recordings"].append(row | {"n_frames": 900, "message": ""})
             _add_hand(
                 rows, key, models, person, rng, simulated=simulated, lost=(name, hand) == ("S003", "left")
             )
@@ -62,12 +66,8 @@ def many_subjects(
     return study, folder / "results"
 
 
-def _recording(key: dict[str, str], file: str) -> dict[str, Any]:
-    return {**key, "role": "evaluation", "file": file, "status": "used", "n_frames": 900, "message": ""}
-
-
 def _add_hand(
-    rows: MadeRows,
+    rows: Rows,
     key: dict[str, str],
     models: tuple[str, ...],
     person: float,
@@ -86,25 +86,23 @@ def _add_hand(
         level = (LEVEL | REFERENCES)[model] * person * gross
         who = {**key, "model": model, "calibrated_on": tasks, "held_out": held_out, "reference": reference}
         for digit in layout.digits:
-            row = {
-                **who,
-                "digit": digit,
-                "n_frames": 0 if gone else 900,
-                "message": NOT_FITTED if gone else "",
-            }
-            noise = np.exp(rng.normal(0, 0.2, 9))
-            rows.scores.append(
-                row if gone else row | _scores(level, noise, fitted=fitted, simulated=simulated)
-            )
+            row = who | {"digit": digit, "n_frames": 900, "message": ""}
+            scores = _scores(level, np.exp(rng.normal(0, 0.2, 9)), fitted=fitted, simulated=simulated)
+            row |= {"n_frames": 0, "message": NOT_FITTED} if gone else scores
+            rows["skeleton_scores"].append(row)
         if simulated and model != "distal-receiver" and model != "true-skeleton":
             of_hand = {name: who[name] for name in ("subject", "hand", "model", "calibrated_on")}
             for joint in seen_joints(layout):
                 error = level * float(np.exp(rng.normal(0, 0.3)))
                 parts = {"along_mm": error * rng.random(), "axis_deg": 3 * error * rng.random()}
                 row = {**of_hand, "joint": joint, "bone": "", "error_mm": error, **parts}
-                rows.joint_errors.append({**of_hand, "joint": joint, "bone": ""} if gone else row)
+                rows["joint_errors"].append({**of_hand, "joint": joint, "bone": ""} if gone else row)
         if not held_out:
-            _add_tip_errors(rows, key, model, tuple(layout.digits), level, rng)
+            for digit, binding in product(layout.digits, ("first-frame", "least-squares")):
+                values = (0.3 * level * np.exp(rng.normal(0, 0.2, len(ERRORS)))).tolist()
+                row = key | {"model": model, "digit": digit, "binding": binding, "held_out": False}
+                row |= {"message": "", "n_frames": 900, "n_frames_total": 900}
+                rows["tip_errors"].append(row | dict(zip(ERRORS, values, strict=True)))
 
 
 def _scores(level: float, noise: np.ndarray, *, fitted: bool, simulated: bool) -> dict[str, float]:
@@ -115,34 +113,6 @@ def _scores(level: float, noise: np.ndarray, *, fitted: bool, simulated: bool) -
     found |= {"posed_mean_mm": 0.2 * level * noise[5]} if fitted else {}
     if simulated:
         tip = (level if fitted else 9.0 + level) * noise[6]
-        found |= {
-            "metacarpal_deg": 2 * level * noise[7],
-            "true_tip_mean_mm": tip,
-            "true_tip_p95_mm": 2 * tip * noise[8],
-        }
+        found |= {"true_tip_mean_mm": tip, "true_tip_p95_mm": 2 * tip * noise[8]}
+        found |= {"metacarpal_deg": 2 * level * noise[7]}
     return {name: float(value) for name, value in found.items()}
-
-
-def _add_tip_errors(
-    rows: MadeRows,
-    key: dict[str, str],
-    model: str,
-    digits: tuple[str, ...],
-    level: float,
-    rng: np.random.Generator,
-) -> None:
-    names = ("max_mm", "min_mm", "mean_mm", "sd_mm", "median_mm", "p95_mm")
-    for digit in digits:
-        for binding in ("first-frame", "least-squares"):
-            values = (0.3 * level * np.exp(rng.normal(0, 0.2, len(names)))).tolist()
-            row = {
-                **key,
-                "model": model,
-                "digit": digit,
-                "binding": binding,
-                "held_out": False,
-                "message": "",
-            }
-            rows.tip_errors.append(
-                {**row, **dict(zip(names, values, strict=True)), "n_frames": 900, "n_frames_total": 900}
-            )

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 
+from schemas.study import Study
 from stages.report.study_page import render_study
 from stages.report.study_results import StudyResults
 from stages.report.subject_page import render_subject
 
-OF_A_SUBJECT = [field.name for field in fields(StudyResults) if field.type == "list[Row]"]
+ROWS = [field.name for field in fields(StudyResults) if field.type == "list[Row]"]
 
 
 def of_subject(results: StudyResults, subject: str) -> StudyResults:
-    """The same results, of one subject; problems name no subject and stay with the study."""
-    rows = {
-        name: [row for row in getattr(results, name) if row["subject"] == subject]
-        for name in OF_A_SUBJECT
-        if name != "problems"
-    }
-    return replace(results, study=results.study.of_subject(subject), problems=[], **rows)
+    """The same results, of one subject, without problems: those of the study are not the subject's."""
+    rows = {name: [row for row in getattr(results, name) if row["subject"] == subject] for name in ROWS}
+    recordings = tuple(recording for recording in results.recordings if recording.hand.subject == subject)
+    return replace(results, recordings=recordings, **rows | {"problems": []})
 
 
 def subject_page(results: StudyResults, subject: str) -> str:
@@ -26,6 +24,7 @@ def subject_page(results: StudyResults, subject: str) -> str:
     return render_subject(of_subject(results, subject))
 
 
-def whole_report(results: StudyResults) -> str:
+def whole_report(results: StudyResults, study: Study) -> str:
     """The study's page and every subject's, one after the other."""
-    return "".join([render_study(results), *(subject_page(results, name) for name in results.subjects)])
+    pages = [render_study(results, study), *(subject_page(results, name) for name in results.subjects)]
+    return "".join(pages)

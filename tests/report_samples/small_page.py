@@ -8,11 +8,12 @@ from typing import Any
 import jinja2
 
 import stages.report
+from stages.report.palette import css
 
 PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>A part of the report</title><link rel="icon" href="data:,">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<style>{% include "page.css" %}{% include "tables.css" %}
+<style>{{ palette }}{% include "page.css" %}{% include "tables.css" %}
 {% include "models_compared/models_compared.css" %}</style></head>
 <body><main>BODY</main>
 <script>{% include "tables.js" %}</script>
@@ -28,4 +29,4 @@ def small_page(body: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.from_string(PAGE.replace("BODY", body)).render(**content)
+    return environment.from_string(PAGE.replace("BODY", body)).render(palette=css(), **content)

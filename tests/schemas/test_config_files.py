@@ -1,20 +1,16 @@
 """Configuration files: a typo is refused by name, defaults are filled in, and YAML holds no surprises."""
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from schemas.config_files import (
-    FOUND_RIGHT,
     check_config,
     config_path,
     json_schema,
     read_config,
     shipped,
-    tell_children,
 )
 from schemas.errors import InputError
 
@@ -137,25 +133,3 @@ def test_every_key_is_described_and_every_object_closed(kind: str) -> None:
     for name, part in _properties(schema):
         assert part.get("description"), name
         assert part.get("type") != "object" or "additionalProperties" in part, name
-
-
-def test_children_do_not_check_again_what_was_found_right(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Nor need the checker; what differs by a letter they do check."""
-    path = tmp_path / "mine.yaml"
-    path.write_text(MODEL, "utf-8")
-    monkeypatch.setenv(FOUND_RIGHT, "")
-    expected = read_config(path, "model")
-    tell_children()
-    code = "import sys; from pathlib import Path; from schemas.config_files import read_config\n"
-    code += "print(read_config(Path(sys.argv[1]), 'model'), 'jsonschema' in sys.modules)"
-
-    def child() -> subprocess.CompletedProcess[str]:
-        words = [sys.executable, "-c", code, str(path)]
-        return subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True)
-
-    assert child().stdout == f"{expected} False\n"
-    path.write_text(MODEL + "joint: {}\n", "utf-8")
-    assert "InputError" in (said := child().stderr)
-    assert "unknown key 'joint'" in said

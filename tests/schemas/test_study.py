@@ -5,23 +5,17 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from small_study import HEADER, write_study
 
 from schemas.config_files import CONFIG_FOLDER
 from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.study import Hand, Study, correction_problems, path_token, read_corrections, read_study
 
-HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude"
-STUDY = "study: test\nrecordings: sheets/recordings.tsv\nlayout: liberty16\nmodels: [rigid, paper-fig4]\n"
-
 
 def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
-    """Read a study whose recordings are the rows, their cells separated by blanks ('-' is empty)."""
-    (tmp_path / "sheets").mkdir(exist_ok=True)
-    lines = ["\t".join("" if cell == "-" else cell for cell in row.split(" ")) for row in rows]
-    (tmp_path / "sheets" / "recordings.tsv").write_text("\n".join([HEADER, *lines]), "utf-8")
-    (tmp_path / "study.yaml").write_text(STUDY + more)
-    return read_study(tmp_path / "study.yaml")
+    """Read a study whose recordings are the rows, see `write_study`."""
+    return read_study(write_study(tmp_path, *rows, more=more))
 
 
 def test_relative_paths_start_at_the_study_file(tmp_path: Path) -> None:
@@ -54,48 +48,29 @@ def test_layouts_and_models_of_ones_own(tmp_path: Path) -> None:
     assert read.layout_of(Hand("01", "right")) == tmp_path / "wing.yaml"
 
 
-ROLES = ("01 right a calibration a.csv", "01 right b both b.csv", "01 right c evaluation c.csv")
+def test_recordings_of_a_hand_by_role(tmp_path: Path) -> None:
+    """Excluded ones and those of other hands are in no role."""
+    rows = ("a calibration 1", "b both 2", "c evaluation 3", "d both 4 - - moved")
+    read = study(tmp_path, *(f"01 right {row}" for row in rows), "01 left a both 5", "02 right a both 6")
+    hand = Hand("01", "right")
+    assert [r.task for r in read.of(hand, ["calibration", "both"])] == ["a", "b"]
+    assert [r.task for r in read.evaluated(hand)] == ["b", "c"]
+    assert [(r.hand.subject, r.hand.hand, r.task) for r in read.shown] == [
+        ("01", "right", "b"),
+        ("01", "right", "c"),
+        ("01", "left", "a"),
+        ("02", "right", "a"),
+    ]
 
 
-@pytest.mark.parametrize(
-    ("rows", "from_evaluated", "from_all", "evaluated"),
-    [
-        (ROLES, "b", "ab", "bc"),
-        ((ROLES[0], ROLES[2]), "a", "a", "c"),
-        ((ROLES[2],), "", "", "c"),
-        ((ROLES[0], ROLES[1] + " - - moved", ROLES[2]), "a", "a", "c"),
-        ((*ROLES, "02 right a both other.csv", "01 left a both left.csv"), "b", "ab", "bc"),
-    ],
-    ids=["all-roles", "none-of-both", "only-evaluation", "excluded", "other-hands"],
-)
-def test_which_recordings_calibrate_and_which_are_evaluated(
-    tmp_path: Path, rows: tuple[str, ...], from_evaluated: str, from_all: str, evaluated: str
-) -> None:
-    read, hand = study(tmp_path, *rows), Hand("01", "right")
-    assert "".join(r.task for r in read.calibrating(hand, "evaluated")) == from_evaluated
-    assert "".join(r.task for r in read.calibrating(hand, "all")) == from_all
-    assert "".join(r.task for r in read.evaluated(hand)) == evaluated
-
-
-@pytest.mark.parametrize(
-    ("rows", "calibration", "left_out"),
-    [
-        (("01 right c calibration 1", "01 right b both 2"), "all", {"b": "c"}),
-        (("01 right c calibration 1", "01 right b both 2"), "evaluated", {"b": "c"}),
-        (("01 right b both 1", "01 right d both 2"), "evaluated", {"b": "d", "d": "b"}),
-        (("01 right c calibration 1", "01 right e evaluation 2"), "all", {}),
-        (("01 right b both 1",), "all", {}),
-        (("01 right b both 1", "01 left c calibration 2"), "all", {}),
-    ],
-    ids=["with-a-calibration", "the-papers", "each-other", "held-out-anyhow", "nothing-left", "other-hands"],
-)
-def test_tasks_that_are_left_out_in_turn(
-    tmp_path: Path, rows: tuple[str, ...], calibration: str, left_out: dict[str, str]
-) -> None:
-    read, hand = study(tmp_path, *rows), Hand("01", "right")
-    assert read.left_out(hand, calibration) == list(left_out)
-    for task, used in left_out.items():
-        assert "".join(r.task for r in read.calibrating(hand, calibration, task)) == used
+def test_the_study_of_one_subject(tmp_path: Path) -> None:
+    read = study(tmp_path, "b left x both 1", "a right x both 2", "b right y both 4")
+    assert read.subjects == ("b", "a")
+    own = read.of_subject("b")
+    assert [r.file_as_written for r in own.recordings] == ["1", "4"]
+    assert own.hands == (Hand("b", "left"), Hand("b", "right"))
+    with pytest.raises(InputError, match=r"study test: has no subject 'c'; expected one of b, a"):
+        read.of_subject("c")
 
 
 def test_hands_come_in_the_sheets_order(tmp_path: Path) -> None:
@@ -122,7 +97,8 @@ def test_a_subject_of_any_name(tmp_path: Path) -> None:
     (tmp_path / "r.tsv").write_text(
         'subject\thand\ttask\trole\tfile\nA & <b>"x"\tright\t../rom 1\tboth\tr.csv\n'
     )
-    (tmp_path / "study.yaml").write_text(STUDY.replace("sheets/recordings", "r"))
+    text = write_study(tmp_path, "01 right a both a.csv").read_text()
+    (tmp_path / "study.yaml").write_text(text.replace("sheets/recordings", "r"))
     (recording,) = read_study(tmp_path / "study.yaml").recordings
     assert recording.hand.subject == 'A & <b>"x"'
     assert recording.hand.folder == "sub-A%20%26%20%3Cb%3E%22x%22/right"
@@ -160,10 +136,9 @@ def test_a_contradiction_is_refused(tmp_path: Path, rows: tuple[str, ...], more:
 
 def test_a_model_given_by_name_and_by_path_is_given_twice(tmp_path: Path) -> None:
     (tmp_path / "rigid.yaml").write_text("model: rigid\ndescription: Another.\n")
-    study(tmp_path, "01 right a both a.csv")
-    (tmp_path / "study.yaml").write_text(STUDY.replace("paper-fig4", "rigid.yaml"))
+    file = write_study(tmp_path, "01 right a both a.csv", models=("rigid", "rigid.yaml"))
     with pytest.raises(InputError, match="models: rigid is given twice"):
-        read_study(tmp_path / "study.yaml")
+        read_study(file)
 
 
 def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) -> None:

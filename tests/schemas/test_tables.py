@@ -26,6 +26,7 @@ from schemas.tables import (
     rows_of,
     write_failure,
     write_table,
+    write_table_in_parts,
 )
 
 SMALL = Table(
@@ -61,7 +62,7 @@ def values_of(column: Column) -> st.SearchStrategy[Any]:
 
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
-@settings(max_examples=10)
+@settings(max_examples=5)
 @given(data=st.data())
 def test_every_table_comes_back_as_it_was(
     tmp_path_factory: pytest.TempPathFactory, table: Table, data: st.DataObject
@@ -91,19 +92,16 @@ def test_units_are_in_names_and_metadata(tmp_path: Path, table: Table) -> None:
 
 
 def test_nan_becomes_null_from_every_kind_of_array(tmp_path: Path) -> None:
-    """Gaps are nulls in the file, and NaN only in NumPy."""
+    """Gaps are nulls in the file, also in lists, and NaN only in NumPy."""
     floats = [0.5, float("nan")]
     for values in (floats, np.array(floats), pa.array(floats), pa.chunked_array([[0.5], [float("nan")]])):
         write_table(tmp_path / "t.parquet", SMALL, COLUMNS | {"length_mm": values}, Provenance())
         read = read_table(tmp_path / "t.parquet", SMALL)
         assert read["length_mm"].to_pylist() == [0.5, None]
         np.testing.assert_array_equal(column_array(read, "length_mm"), floats)
-
-
-def test_nan_in_lists_becomes_null(tmp_path: Path) -> None:
     pairs = Table("pairs", 1, "", (Column("pair", pa.list_(pa.float64(), 2), "", "two", True),), ())
-    nan = float("nan")
-    for values in (np.array([[1, nan], [nan, 2]]), [np.array([1, nan]), np.array([nan, 2])]):
+    lists = np.array([[1, float("nan")], [float("nan"), 2]])
+    for values in (lists, list(lists)):
         write_table(tmp_path / "t.parquet", pairs, {"pair": values}, Provenance())
         assert read_table(tmp_path / "t.parquet", pairs)["pair"].to_pylist() == [[1, None], [None, 2]]
 
@@ -165,6 +163,21 @@ def test_row_groups_of_any_lengths(tmp_path: Path) -> None:
         assert read_table(path, SMALL)["count"].to_pylist() == [0, 1, 2, 3, 4]
     with pytest.raises(ValueError, match="row groups of 4 rows, but there are 5"):
         write_table(path, SMALL, columns, Provenance(), row_group_rows=[4])
+
+
+def test_a_table_in_parts_has_a_row_group_a_part(tmp_path: Path) -> None:
+    """The same rows as at once; no part at all is a table without rows, a part that fails no table."""
+    parts = [{"name": [name], "count": [n], "length_mm": [None]} for n, name in enumerate("abc")]
+    path = tmp_path / "t.parquet"
+    assert write_table_in_parts(path, SMALL, iter(parts), Provenance()) == 3
+    assert pq.ParquetFile(path).num_row_groups == 3
+    assert read_table(path, SMALL)["count"].to_pylist() == [0, 1, 2]
+    assert write_table_in_parts(path, SMALL, [], Provenance()) == 0
+    assert read_table(path, SMALL).num_rows == 0
+    path.unlink()
+    with pytest.raises(ValueError, match="columns missing or left over: count"):
+        write_table_in_parts(path, SMALL, [*parts, {"name": [], "length_mm": []}], Provenance())
+    assert list(tmp_path.iterdir()) == []
 
 
 def rewrite(path: Path, table: pa.Table, **metadata: Any) -> None:

@@ -1,52 +1,235 @@
-"""How a stage fails: one sentence and 2, or the reason in its tables and 0; a bug stays a bug."""
+"""What the stages' command lines share: which hands they work on, how they fail, how they begin and end."""
 
 import argparse
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
+from small_study import write_plans, write_study
 
-from schemas.errors import InputError
-from stages.command_line import parser, run
+from schemas.catalogue import CALIBRATION_ADVICE, JOINT_CENTRES, POSES
+from schemas.errors import InputError, TableError
+from schemas.files import write_text
+from schemas.parts import Part, part_metadata, parts_writer, read_part
+from schemas.plan import read_plan
+from schemas.tables import Provenance, columns_from_rows, write_table
+from stages import command_line
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+RIGHT, LEFT = Part("right", "rigid", "", "01"), Part("left", "rigid", "", "01")
+NO_ROWS = columns_from_rows(POSES, [])
+ROW = {"joint": "wrist", "parent_segment": "", "child_segment": "hand", "dof": 0, "n_frames": 0}
+ROW |= {"source": "", "status": "ok", "message": ""}
 
 
-def given(*words: str) -> argparse.Namespace:
-    return parser("stages.any", "Any.", "any --record-failure").parse_args(words)
+# --- which hands ------------------------------------------------------------------------------------------
 
 
-def failing(error: Exception):
+def options(*argv: object) -> argparse.Namespace:
+    parser = command_line.parser("stages.any", "Any.", "any")
+    command_line.add_plan_options(
+        parser,
+        calibration="--calibration",
+        evaluated="--poses",
+        sizes=("hand_length_mm", "hand_breadth_mm"),
+        sheets=("corrections",),
+    )
+    return parser.parse_args([str(argument) for argument in argv])
+
+
+def poses(path: Path, task: str, hand: str = "right") -> Path:
+    names = {"subject": "01", "hand": hand, "task": task, "trial": ""}
+    write_table(path, POSES, NO_ROWS, Provenance(parameters=names))
+    return path
+
+
+def test_a_plan_is_read(tmp_path: Path) -> None:
+    path = write_plans(write_study(tmp_path, "01 right rom both a.csv"))["01"]
+    given = options("--plan", path)
+    assert command_line.plan_of(given) == read_plan(path)
+    assert command_line.config_files(given) == [path]
+
+
+def test_a_hand_alone_is_a_plan_of_its_poses(tmp_path: Path) -> None:
+    rom, pinch = poses(tmp_path / "1", "rom"), poses(tmp_path / "2", "pinch")
+    alone = ["--layout", "liberty16", "--model", "rigid", "--calibration", rom, "--poses", pinch]
+    given = options(*alone, "--hand-length-mm", 181, "--hand", "right")
+    plan = command_line.plan_of(given)
+    assert (plan.subject, plan.hand_length_mm, plan.hand_breadth_mm) == ("01", 181.0, None)
+    assert command_line.poses_files(plan) == [rom, pinch]
+    assert plan.parts() == [RIGHT]
+    assert [path.name for path in command_line.config_files(given)] == ["liberty16.yaml", "rigid.yaml"]
+
+
+def test_a_table_says_whose_hand_it_is_where_no_poses_do(tmp_path: Path) -> None:
+    table = tmp_path / "joints.parquet"
+    with parts_writer(table, JOINT_CENTRES, Provenance()) as writer:
+        writer.rows(LEFT, [])
+    assert command_line.plan_of(options("--layout", "liberty16"), (table, JOINT_CENTRES)).hands == ("left",)
+    with pytest.raises(InputError, match="no poses file, so --subject and --hand must say"):
+        command_line.plan_of(options("--layout", "liberty16"))
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        ((), "--plan or --layout: give the subject's plan, or the poses and the layout of a hand"),
+        (("--layout", "liberty61"), "did you mean 'liberty16'"),
+        (
+            ("--layout", "arm", "--hand-length-mm", "19"),
+            "length-mm: is 19; expected millimetres, 50 to 400",
+        ),
+        (("--layout", "arm", "--hand-breadth-mm", "200"), "--hand-breadth-mm: is 200; expected millimetres"),
+        (("--layout", "arm", "--hand-length-mm", "nan"), "--hand-length-mm: is nan"),
+        (("--plan", "no/plan.json"), r"no/plan\.json: no such file; run the study"),
+    ],
+)
+def test_options_that_name_no_hand(argv: tuple[str, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        command_line.plan_of(options(*argv))
+
+
+def test_poses_of_another_recording_than_the_plan_says(tmp_path: Path) -> None:
+    """A file copied to another's place is no result of the study; one that failed still has its name."""
+    rows = ("01 right rom both a.csv", "01 right pinch both b.csv - - moved")
+    plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
+    path = plan.poses(plan.recordings[0])
+    write_text(path, "")
+    poses(path, "rom")
+    assert command_line.poses_files(plan) == [path]
+    for task, hand in (("pinch", "right"), ("rom", "left")):
+        poses(path, task, hand)
+        with pytest.raises(
+            TableError, match=f"of subject 01, {hand} hand, {task}; expected subject 01, right"
+        ):
+            command_line.poses_files(plan)
+
+
+# --- failing ----------------------------------------------------------------------------------------------
+
+INTERNAL = "internal error (ZeroDivisionError: oh); please report it with the log"
+
+
+def given(*argv: str) -> argparse.Namespace:
+    return command_line.parser("stages.any", "Any.", "any --record-failure").parse_args(argv)
+
+
+def failing(error: Exception) -> Callable[[argparse.Namespace], None]:
     def work(_: argparse.Namespace) -> None:
         raise error
 
     return work
 
 
-def test_bad_input_is_a_sentence_and_2(capsys: pytest.CaptureFixture[str]) -> None:
-    recorded: list[str] = []
-    code = run(given(), failing(InputError("f.csv: row 3")), lambda _, message: recorded.append(message))
-    assert (code, recorded, capsys.readouterr().err) == (2, [], "error: f.csv: row 3\n")
-
-
-def test_a_recorded_failure_is_0_and_still_said(capsys: pytest.CaptureFixture[str]) -> None:
-    recorded: list[str] = []
-    work = failing(InputError("f.csv: row 3"))
-    code = run(given("--record-failure"), work, lambda _, message: recorded.append(message))
-    assert (code, recorded, capsys.readouterr().err) == (0, ["f.csv: row 3"], "error: f.csv: row 3\n")
-
-
-def test_a_bug_is_raised_or_recorded_with_its_traceback_in_the_log(
+@pytest.mark.parametrize(
+    ("argv", "error", "code", "recorded"),
+    [
+        ((), InputError("f.csv: row 3"), 2, []),
+        (("--record-failure",), InputError("f.csv: row 3"), 0, ["f.csv: row 3"]),
+        (("--record-failure",), TableError("t: cut"), 2, []),
+        (("--record-failure",), ZeroDivisionError("oh"), 0, [INTERNAL]),
+    ],
+    ids=["bad-input", "recorded", "damaged-table", "bug"],
+)
+def test_a_failure_is_in_the_log_and_recorded_where_asked(
     capsys: pytest.CaptureFixture[str],
+    argv: tuple[str, ...],
+    error: Exception,
+    code: int,
+    recorded: list[str],
 ) -> None:
-    recorded: list[str] = []
+    """But a damaged table never is: a study that went on would say of the subject what is so of a file."""
+    found: list[str] = []
+    assert command_line.run(given(*argv), failing(error), lambda _, message: found.append(message)) == code
+    assert found == recorded
+    log = capsys.readouterr().err
+    if isinstance(error, InputError):
+        assert log == f"error: {error}\n"
+    else:
+        assert "Traceback" in log
+
+
+def test_a_bug_that_is_not_to_be_recorded_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
-        run(given(), failing(ZeroDivisionError("oh")), lambda _, message: recorded.append(message))
-    assert recorded == []
-    work = failing(ZeroDivisionError("oh"))
-    assert run(given("--record-failure"), work, lambda _, message: recorded.append(message)) == 0
-    assert recorded == ["internal error (ZeroDivisionError: oh); please report it with the log"]
-    assert "Traceback" in capsys.readouterr().err
+        command_line.run(given(), failing(ZeroDivisionError("oh")), lambda *_: None)
 
 
 def test_a_failure_that_cannot_be_recorded_is_2() -> None:
     def record(_: argparse.Namespace, __: str) -> None:
         raise InputError("t.parquet: cannot be written")
 
-    assert run(given("--record-failure"), failing(InputError("bad")), record) == 2
+    assert command_line.run(given("--record-failure"), failing(InputError("bad")), record) == 2
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (InputError("no usable poses"), "no usable poses"),
+        (ZeroDivisionError("oh"), INTERNAL),
+    ],
+)
+def test_a_part_that_fails_is_recorded_in_every_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], error: Exception, message: str
+) -> None:
+    """The other parts keep their rows, and the log has what happened."""
+    paths = [tmp_path / "one.parquet", tmp_path / "two.parquet"]
+    with (
+        parts_writer(paths[0], JOINT_CENTRES, Provenance()) as one,
+        parts_writer(paths[1], CALIBRATION_ADVICE, Provenance()) as two,
+    ):
+        for part in (RIGHT, LEFT):
+            with command_line.recording_failure(given("--record-failure"), part, one, two):
+                one.rows(part, [ROW])
+                if part == RIGHT:
+                    raise error
+                two.rows(part, [])
+    for path, table in zip(paths, (JOINT_CENTRES, CALIBRATION_ADVICE), strict=True):
+        assert part_metadata(path, table) == {RIGHT: {"failure": message}, LEFT: {}}
+    assert read_part(paths[0], JOINT_CENTRES, LEFT).num_rows == 1
+    log = capsys.readouterr().err
+    assert ("Traceback" in log) == isinstance(error, ZeroDivisionError)
+    assert str(error) in log
+
+
+@pytest.mark.parametrize(
+    ("argv", "error"), [((), InputError("bad")), (("--record-failure",), TableError("cut"))]
+)
+def test_a_part_that_fails_ends_the_stage_where_it_is_not_to_be_recorded(
+    tmp_path: Path, argv: tuple[str, ...], error: InputError
+) -> None:
+    with (
+        pytest.raises(type(error)),
+        parts_writer(tmp_path / "one.parquet", JOINT_CENTRES, Provenance()) as one,
+        command_line.recording_failure(given(*argv), RIGHT, one),
+    ):
+        raise error
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- a job's begin and end --------------------------------------------------------------------------------
+
+WRITING = """
+import sys, time
+from pathlib import Path
+from schemas.files import replacing
+from stages import command_line
+command_line.begin()
+with replacing(Path(sys.argv[1])) as temporary:
+    temporary.write_text("half")
+    print("writing", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_job_that_is_ended_while_it_writes_leaves_no_file(tmp_path: Path) -> None:
+    argv = [sys.executable, "-c", WRITING, str(tmp_path / "table.parquet")]
+    with subprocess.Popen(argv, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "writing\n"
+        assert [path.suffix for path in tmp_path.iterdir()] == [".tmp"]
+        process.terminate()
+        assert process.wait(60) == 128 + signal.SIGTERM
+    assert not list(tmp_path.iterdir())

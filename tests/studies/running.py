@@ -20,23 +20,37 @@ from stages.simulate.recording import write_recording
 from stages.simulate.simulation import simulate
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-PARTS = ("Snakefile", "stages", "kinematics", "schemas", "config", "profiles", "data")
+PARTS = (
+    "Snakefile",
+    "workflow",
+    "stages",
+    "trackers",
+    "skeleton",
+    "anatomy",
+    "schemas",
+    "config",
+    "profiles",
+    "captions",
+    "data",
+)
 
-_BLOCK = re.compile(r"^(?:local)?(?:rule|checkpoint) (\w+):\n((?:    .*\n)*)", re.MULTILINE)
-_WILDCARDS = re.compile(r"^    wildcards: (.*)$", re.MULTILINE)
+_JOB = re.compile(r"^Job \d+: (\w+): (.*)$", re.MULTILINE)
 
 Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Job:
-    """A job that Snakemake wants to run: its rule and its wildcards."""
+    """A job that Snakemake wants to run: its rule, and what its message says that it is about."""
 
     rule: str
-    wildcards: tuple[tuple[str, str], ...] = ()
+    about: str
 
-    def __getitem__(self, wildcard: str) -> str | None:
-        return dict(self.wildcards).get(wildcard)
+    @property
+    def subject(self) -> str | None:
+        """The subject as it stands in paths; None of a job of the whole study."""
+        found = re.match(r"subject ([^,]+)", self.about)
+        return None if found is None else found[1]
 
 
 @dataclass(frozen=True)
@@ -66,9 +80,9 @@ class StudyRun:
         assert done.returncode == 0, done.stderr
         return done.stderr
 
-    def planned(self) -> set[Job]:
-        """Jobs that a run would do now; `all`, which does nothing, left out."""
-        done = self.snakemake("--dry-run")
+    def planned(self, *targets: str) -> set[Job]:
+        """Jobs that a run would do now, of those targets alone where some are named."""
+        done = self.snakemake("--dry-run", *targets)
         assert done.returncode == 0, done.stderr
         return jobs_in(done.stdout + done.stderr)
 
@@ -106,14 +120,8 @@ def snakemake(
 
 
 def jobs_in(text: str) -> set[Job]:
-    """Jobs that Snakemake's output names, each with its wildcards."""
-    return {_job(found) for found in _BLOCK.finditer(text) if found[1] != "all"}
-
-
-def _job(found: re.Match[str]) -> Job:
-    wildcards = _WILDCARDS.search(found[2])
-    pairs = wildcards[1].split(", ") if wildcards else []
-    return Job(found[1], tuple(sorted(tuple(pair.split("=", 1)) for pair in pairs)))  # type: ignore[misc]
+    """Jobs that Snakemake's output names by their messages."""
+    return {Job(found[1], found[2]) for found in _JOB.finditer(text)}
 
 
 def write_study(folder: Path, name: str, rows: list[str], models: list[str], **keys: str) -> StudyRun:

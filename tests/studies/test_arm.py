@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from studies.running import Row, StudyRun, write_study
 
 from schemas.catalogue import JOINT_ANGLES, JOINT_SOLUTIONS
-from schemas.study import Hand
+from schemas.parts import read_part
+from schemas.plan import SubjectPlan, read_plan
 from schemas.tables import read_table, rows_of
 
 pytestmark = pytest.mark.slow
@@ -32,6 +34,12 @@ def _joints(study: StudyRun, side: str, model: str = "paper-fig4") -> dict[str, 
     return {row["joint"]: row for row in rows}
 
 
+def _plan(study: StudyRun) -> SubjectPlan:
+    """The subject's plan, its paths as from here."""
+    plan = read_plan(study.results.plan("01"))
+    return replace(plan, folder=study.folder / plan.folder)
+
+
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("joint", FREE_GAP_MM)
 def test_a_free_centre_closes_as_well_as_skin_lets_it(study: StudyRun, side: str, joint: str) -> None:
@@ -44,8 +52,10 @@ def test_a_free_centre_closes_as_well_as_skin_lets_it(study: StudyRun, side: str
 @pytest.mark.parametrize("joint", FREE_GAP_MM)
 def test_five_singular_values_close_worse_than_six(study: StudyRun, side: str, joint: str) -> None:
     """A least-squares fit with one direction left out cannot have the smaller gap."""
-    path = study.results.hand_table("paper-fig4", Hand("01", side), "joint_solutions")
-    solution = {row["joint"]: row for row in rows_of(read_table(path, JOINT_SOLUTIONS))}[joint]
+    plan = _plan(study)
+    part = plan.part(side, "paper-fig4")
+    rows = rows_of(read_part(plan.table("joint_solutions"), JOINT_SOLUTIONS, part))
+    solution = {row["joint"]: row for row in rows}[joint]
     assert solution["gap_rms_mm"] > solution["gap_rms_free_mm"]
 
 
@@ -77,8 +87,8 @@ def test_the_whole_arm_is_fitted_and_posed(study: StudyRun, side: str) -> None:
     for row in joints.values():
         assert row["gap_rms_mm"] < 1.35 * row["gap_rms_free_mm"]
         assert "converge" not in row["message"]
-    folder = study.results.skeleton("whole-hand", Hand("01", side))
-    angles = list(rows_of(read_table(folder / "joint_angles.parquet", JOINT_ANGLES)))
+    path = _plan(study).fit_table(side, "whole-hand", "joint_angles")
+    angles = list(rows_of(read_table(path, JOINT_ANGLES)))
     assert {row["joint"] for row in angles} == set(FREE_GAP_MM)
     elbow = [row["flexion_deg"] for row in angles if row["joint"] == "elbow" and row["flexion_deg"]]
     assert max(elbow) - min(elbow) > 40

@@ -41,7 +41,7 @@ def on_two_cores(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
 def test_every_result_is_the_same_to_the_byte(on_one_core: StudyRun, on_two_cores: StudyRun) -> None:
     """Tables, the report and whatever else is under results; logs may say where they were."""
     found = hashes(on_one_core.results.folder)
-    assert {"report.html", "tips.parquet", "problems.parquet"} <= set(found)
+    assert {"report.html", "sub-01/tips.parquet", "problems.parquet"} <= set(found)
     assert found == hashes(on_two_cores.results.folder)
 
 

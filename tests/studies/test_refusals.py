@@ -12,7 +12,6 @@ import pytest
 from pipeline import import_recording, run_hand
 from studies.running import REPOSITORY, record, snakemake, write_study
 
-from stages import command_line
 from stages.capture.__main__ import main as capture
 
 pytestmark = pytest.mark.slow
@@ -196,10 +195,8 @@ def test_a_damaged_recording_is_refused_by_capture(
 def test_a_study_that_is_not_there_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], stage: str
 ) -> None:
-    module = importlib.import_module(f"stages.{stage}.__main__")
-    work = module.gather if stage == "gather" else module.report
-    words = ["--study", str(tmp_path / "nowhere.yaml"), "--results", str(tmp_path / "results")]
-    words += ["--out", str(tmp_path / "report.html")] if stage == "report" else []
-    code = command_line.run(module.build_parser().parse_args(words), work, module.record_failure)
+    argv = ["--study", str(tmp_path / "nowhere.yaml"), "--results", str(tmp_path / "results")]
+    argv += ["--out", str(tmp_path / "report.html")] if stage == "report" else []
+    code = importlib.import_module(f"stages.{stage}.__main__").main(argv)
     _assert_refused(code, capsys.readouterr().err, ["nowhere.yaml", "no such study file"])
     assert not list(tmp_path.iterdir())

@@ -46,4 +46,4 @@ def _kind(process: psutil.Process) -> str:
 
 
 def _is_warm(process: psutil.Process) -> bool:
-    return "stages.warm_process" in process.cmdline()
+    return "workflow.warm_process" in process.cmdline()

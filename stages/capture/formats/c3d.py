@@ -10,33 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.rotations import Array, from_matrix
 from schemas.errors import InputError
 from schemas.layout import Layout
-from schemas.mapping import MM_PER_UNIT, FileMapping
+from schemas.mapping import UNIT_NAMES, FileMapping
+from skeleton.rotations import Array, from_matrix
 from stages.capture.formats.c3d_content import PARAMETERS, read_content
 from stages.capture.formats.clusters import ClusterPoses, cluster_poses
 from stages.capture.formats.mapped import (
     Integers,
     Track,
-    did_you_mean,
     mapped_segments,
     required_mapping,
     samples_of_tracks,
 )
 from stages.capture.formats.orientation import proper_rotations
-from stages.capture.samples import ReadingOptions, Samples
+from stages.capture.samples import ReadingOptions, Samples, did_you_mean
 
 _MIPS = 86
 """Processor type of files whose numbers have their high byte first."""
-
-_UNITS = {
-    **{unit: unit for unit in MM_PER_UNIT},
-    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
-    **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
-    **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
-    **dict.fromkeys(("in", "inches"), "inch"),
-}
 
 
 @dataclass(frozen=True)
@@ -106,7 +97,7 @@ def open_c3d(path: Path) -> C3dFile:
         _labels(content, "POINT"),
         content["rotations"],
         _labels(content, "ROTATION"),
-        _UNITS.get(unit.lower(), unit),
+        UNIT_NAMES.get(unit.lower(), unit),
         rate if rate > 0 else float("nan"),
         first + 1,
     )
@@ -131,17 +122,17 @@ def _first(content: Mapping[str, np.ndarray], name: str, otherwise: object) -> A
 
 def _labels(content: Mapping[str, np.ndarray], group: str) -> tuple[str, ...]:
     """Labels of a group; beyond 255 they run on in LABELS2, LABELS3 and so on."""
-    names = [name for found, name in PARAMETERS if found == group and name.startswith("LABELS")]
-    found = [content[f"{group}:{name}"] for name in names if f"{group}:{name}" in content]
-    return tuple(str(label).strip() for labels in found for label in labels)
+    names = [name for of_group, name in PARAMETERS if of_group == group and name.startswith("LABELS")]
+    parameters = [content[f"{group}:{name}"] for name in names if f"{group}:{name}" in content]
+    return tuple(str(label).strip() for labels in parameters for label in labels)
 
 
 def _check_unit(file: C3dFile, mapping: FileMapping) -> None:
-    told = mapping.config["position_unit"]
-    if file.unit and file.unit != told:
+    mapped_unit = mapping.config["position_unit"]
+    if file.unit and file.unit != mapped_unit:
         raise InputError(
             f"{file.path}: states its unit as {file.unit!r} (POINT:UNITS), but {mapping.where} says "
-            f"{told!r}; correct the mapping, or the file if its unit is wrong"
+            f"{mapped_unit!r}; correct the mapping, or the file if its unit is wrong"
         )
 
 

@@ -93,13 +93,13 @@ def main(path: str) -> None:
 
 
 def _parameters(groups: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    found = {}
+    arrays = {}
     for group, name in PARAMETERS:
         parameter = groups.get(group, {}).get(name)
         if parameter is not None:
             values = parameter["value"]
-            found[f"{group}:{name}"] = np.array(values, float if name == "RATE" else str)
-    return found
+            arrays[f"{group}:{name}"] = np.array(values, float if name == "RATE" else str)
+    return arrays
 
 
 if __name__ == "__main__":

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.rotations import Array
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
-from stages.capture.samples import ReadingOptions, Samples, segments_of_names
+from skeleton.rotations import Array
+from stages.capture.samples import ReadingOptions, Samples, did_you_mean, joined, segments_of_names
 
 Integers = npt.NDArray[np.int64]
 
@@ -42,6 +42,12 @@ class Track:
     numbers: Array
     marks: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
 
+    def of(self, samples: npt.NDArray[Any]) -> Track:
+        """Those samples alone, by index or by a boolean for each."""
+        marks = {flag: marked[samples] for flag, marked in self.marks.items()}
+        row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
+        return Track(row, frame, time_s, self.numbers[samples], marks)
+
 
 def required_mapping(path: Path, options: ReadingOptions, what: str) -> FileMapping:
     """Give the mapping; InputError where there is none, `what` naming the kind of file."""
@@ -51,6 +57,34 @@ def required_mapping(path: Path, options: ReadingOptions, what: str) -> FileMapp
             f"`python -m stages.capture inspect {path} --write-mapping mapping.yaml` writes one to edit"
         )
     return options.mapping
+
+
+def implied_mapping(where: str, format_: str, key: str, names: Sequence[str]) -> FileMapping:
+    """The mapping of a file that describes itself: each of its names, under that key, is a segment.
+
+    Raises InputError where there is none.
+    """
+    if not names:
+        raise InputError(f"{where}: names nothing that has a position or an orientation")
+    receivers = {name: {key: name} for name in names}
+    return FileMapping(where, format_, 0.0, None, None, receivers, (), {})
+
+
+def name_in_file(mapping: FileMapping, segment: str, key: str, known: Sequence[str], where: str) -> str:
+    """What a file that describes itself calls a segment, by that key of its receiver in the mapping.
+
+    Raises InputError where the mapping says nothing, or a name that is not known `where` names are looked up.
+    """
+    place = f"{mapping.where}: receivers.{segment}"
+    if key not in mapping.receivers[segment]:
+        raise InputError(f"{place}: has no {key}; say which of the file's it is")
+    name = str(mapping.receivers[segment][key])
+    if name not in known:
+        raise InputError(
+            f"{place}: {key} {name!r} is not in {where}, which has {', '.join(known) or 'none'}"
+            f"{did_you_mean(name, known)}"
+        )
+    return name
 
 
 def mapped_segments(mapping: FileMapping, layout: Layout) -> Integers:
@@ -77,30 +111,27 @@ def samples_of_tracks(
     time of the first receiver that has the frame. Times and distances that make a unit of the mapping
     doubtful are noted.
     """
-    segments = mapped_segments(mapping, layout)
     if mapping.config:  # a file that describes itself says its units, too
         notes = [*notes, *_time_doubts(tracks, mapping), *_distance_doubts(tracks, mapping)]
-    frames, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
-    time_s = np.concatenate([track.time_s for track in tracks])[first]
-    row = np.concatenate([track.row for track in tracks])[first]
-    still = Track(row, frames, time_s, np.tile(IDENTITY_POSE, (len(frames), 1)))
+    frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
+    row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
+    still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
+    segments = mapped_segments(mapping, layout)
     every = [*tracks, *(still for _ in mapping.fixed)]
     rows = np.concatenate([track.row for track in every])
-    flags = {flag for track in tracks for flag in track.marks}
-    unmarked = [np.zeros(len(track.row), bool) for track in every]
-    return Samples(
-        layout.measured,
-        np.repeat(segments, [len(track.row) for track in every]),
-        np.concatenate([track.frame for track in every]),
-        np.concatenate([track.time_s for track in every]),
-        np.concatenate([track.numbers for track in every]),
-        lambda sample: place(int(rows[sample])),
-        {
-            flag: np.concatenate([t.marks.get(flag, none) for t, none in zip(every, unmarked, strict=True)])
-            for flag in sorted(flags)
-        },
-        tuple(notes),
-    )
+    parts = [
+        Samples(
+            layout.measured,
+            np.full(len(track.row), segment),
+            track.frame,
+            track.time_s,
+            track.numbers,
+            str,
+            track.marks,
+        )
+        for segment, track in zip(segments.tolist(), every, strict=True)
+    ]
+    return replace(joined(parts), place=lambda sample: place(int(rows[sample])), notes=tuple(notes))
 
 
 def _time_doubts(tracks: Sequence[Track], mapping: FileMapping) -> list[str]:
@@ -122,25 +153,18 @@ def _distance_doubts(tracks: Sequence[Track], mapping: FileMapping) -> list[str]
     for place, track in zip(position_mm, tracks, strict=True):
         _, at, of = np.intersect1d(frames, track.frame, return_indices=True)
         place[at] = track.numbers[of, :3]
-    found = {}
-    for one, other in itertools.combinations(range(len(tracks)), 2):
-        distance = np.linalg.norm(position_mm[one] - position_mm[other], axis=-1)
+    median_mm = {}
+    for i, j in itertools.combinations(range(len(tracks)), 2):
+        distance = np.linalg.norm(position_mm[i] - position_mm[j], axis=-1)
         if np.isfinite(distance).any():
-            found[f"{names[one]} and {names[other]}"] = float(np.nanmedian(distance))
-    if not found:
+            median_mm[f"{names[i]} and {names[j]}"] = float(np.nanmedian(distance))
+    if not median_mm:
         return []
-    nearest, farthest = min(found, key=found.__getitem__), max(found, key=found.__getitem__)
-    odd = [nearest] if found[nearest] < NEAREST_MM else []
-    odd += [farthest] if found[farthest] > FARTHEST_MM else []
+    nearest, farthest = min(median_mm, key=median_mm.__getitem__), max(median_mm, key=median_mm.__getitem__)
+    odd = [nearest] if median_mm[nearest] < NEAREST_MM else []
+    odd += [farthest] if median_mm[farthest] > FARTHEST_MM else []
     return [
-        f"{pair} are {found[pair]:.3g} mm apart in the median; is position_unit "
+        f"{pair} are {median_mm[pair]:.3g} mm apart in the median; is position_unit "
         f"({mapping.config['position_unit']}) right?"
         for pair in odd
     ]
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Give the nearest known word as the end of a sentence; nothing where none is near."""
-    by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), by_lower, 1)
-    return f"; did you mean {by_lower[near[0]]!r}?" if near else ""

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from kinematics.rotations import Array, from_matrix
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
+from skeleton.rotations import Array, from_matrix
 from stages.capture.formats.mapped import Track, mapped_segments, required_mapping, samples_of_tracks
 from stages.capture.formats.orientation import proper_rotations
 from stages.capture.samples import ReadingOptions, Samples
@@ -63,12 +63,12 @@ def open_matrices(path: Path, pattern: str) -> Matrices:
     """
     parts = [_read_file(file) for file in _files(path, pattern)]
     places = tuple(place for part in parts for place in part.places)
-    found = Matrices(np.concatenate([part.values for part in parts]), places)
-    if not len(found.values):
+    matrices = Matrices(np.concatenate([part.values for part in parts]), places)
+    if not len(matrices.values):
         raise InputError(
             f"{path}: has no matrix; expected four lines of four numbers each, or 16 numbers a line"
         )
-    return found
+    return matrices
 
 
 def _files(path: Path, pattern: str) -> list[Path]:
@@ -94,49 +94,39 @@ def _read_file(path: Path) -> Matrices:
         raise InputError(f"{path}: is no text; expected matrices, four lines of four numbers each") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); expected matrices as text") from error
-    words: list[str] = []
-    starts: list[int] = []
-    for start, block in _blocks(path, lines):
-        starts.append(start)
-        words += block
-    try:
-        numbers = np.array(words, float)
-    except ValueError:
-        raise _no_number(path, lines) from None
-    return Matrices(numbers.reshape(-1, 4, 4), tuple((path, start) for start in starts))
+    blocks = list(_blocks(path, lines))
+    values = np.array([numbers for _, numbers in blocks], float).reshape(-1, 4, 4)
+    return Matrices(values, tuple((path, start) for start, _ in blocks))
 
 
-def _blocks(path: Path, lines: list[str]) -> Iterator[tuple[int, list[str]]]:
-    """Give each matrix's first line, counted from 1, and its 16 words."""
-    start, words = 0, list[str]()
+def _blocks(path: Path, lines: list[str]) -> Iterator[tuple[int, list[float]]]:
+    """Give each matrix's first line, counted from 1, and its 16 numbers."""
+    start, cells = 0, list[float]()
     for line, text in enumerate([*lines, ""], 1):
         row = text.split()
-        if not words:
+        if not cells:
             start = line
-        if len(row) not in (0, 4, 16) or (len(row) == 16 and words):
+        if len(row) not in (0, 4, 16) or (len(row) == 16 and cells):
             raise InputError(
                 f"{path}: line {line}: has {len(row)} numbers; expected four, or sixteen in a line"
             )
-        if not row and words:
+        if not row and cells:
             raise InputError(
-                f"{path}: line {line}: the matrix that begins in line {start} has {len(words) // 4} lines; "
+                f"{path}: line {line}: the matrix that begins in line {start} has {len(cells) // 4} lines; "
                 "expected four (is it cut off?)"
             )
-        words = words + row
-        if len(words) == 16:
-            yield start, words
-            words = []
+        cells = cells + [_number(word, f"{path}: line {line}") for word in row]
+        if len(cells) == 16:
+            yield start, cells
+            cells = []
 
 
-def _no_number(path: Path, lines: list[str]) -> InputError:
-    for line, text in enumerate(lines, 1):
-        for word in text.split():
-            try:
-                float(word)
-            except ValueError:
-                hint = " with a decimal point, not a comma" if "," in word else ""
-                return InputError(f"{path}: line {line}: is {word!r}; expected a number{hint}")
-    return InputError(f"{path}: has something that is no number")
+def _number(text: str, place: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        hint = " with a decimal point, not a comma" if "," in text else ""
+        raise InputError(f"{place}: is {text!r}; expected a number{hint}") from None
 
 
 def _poses(matrices: Matrices, mapping: FileMapping) -> Array:
@@ -145,9 +135,9 @@ def _poses(matrices: Matrices, mapping: FileMapping) -> Array:
     off = np.abs(values[:, 3] - _BOTTOM).max(-1) > _BOTTOM_TOLERANCE  # False for NaN
     if off.any():
         first = int(np.argmax(off))
-        found = " ".join(f"{number:g}" for number in values[first, 3])
+        row = " ".join(f"{number:g}" for number in values[first, 3])
         raise InputError(
-            f"{matrices.place(first)}: the last row of the matrix is {found}; expected 0 0 0 1 "
+            f"{matrices.place(first)}: the last row of the matrix is {row}; expected 0 0 0 1 "
             "(a matrix with the position in its last row is transposed)"
         )
     rotation, position = proper_rotations(values[:, :3, :3], matrices.place), values[:, :3, 3]

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.rotations import Array, about_axis, conjugate, from_matrix, multiply, nearest_rotation
 from schemas.errors import InputError
+from skeleton.rotations import Array, about_axis, conjugate, from_matrix, multiply, nearest_rotation
 
 TOLERANCE = 1e-2
 """How far a matrix may be off a rotation, element by element of R^T R, and still be rounding."""
@@ -24,16 +24,16 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], place: Callable[
     """
     kind = orientation["kind"]
     if kind == "quaternion":
-        found = numbers if orientation["order"] == "wxyz" else numbers[:, [3, 0, 1, 2]]
+        turned = numbers if orientation["order"] == "wxyz" else numbers[:, [3, 0, 1, 2]]
     elif kind == "euler":
-        found = _from_angles(
+        turned = _from_angles(
             np.radians(numbers) if orientation["unit"] == "deg" else numbers, orientation["axes"]
         )
     else:
-        found = from_matrix(proper_rotations(numbers.reshape(-1, 3, 3), place))
+        turned = from_matrix(proper_rotations(numbers.reshape(-1, 3, 3), place))
     if kind != "quaternion":
-        found = np.where(np.isinf(numbers).any(-1, keepdims=True), np.inf, found)
-    return conjugate(found) if orientation["rotates"] == "transmitter-to-receiver" else np.asarray(found)
+        turned = np.where(np.isinf(numbers).any(-1, keepdims=True), np.inf, turned)
+    return conjugate(turned) if orientation["rotates"] == "transmitter-to-receiver" else np.asarray(turned)
 
 
 def _from_angles(angles_rad: Array, axes: str) -> Array:
@@ -45,8 +45,8 @@ def _from_angles(angles_rad: Array, axes: str) -> Array:
     first, second, third = (
         about_axis(np.eye(3)["XYZ".index(axis)], angles_rad[:, i]) for i, axis in enumerate(axes)
     )
-    found = multiply(multiply(first, second), third)
-    return np.asarray(np.where(np.isnan(angles_rad).any(-1, keepdims=True), np.nan, found))
+    turned = multiply(multiply(first, second), third)
+    return np.asarray(np.where(np.isnan(angles_rad).any(-1, keepdims=True), np.nan, turned))
 
 
 def proper_rotations(matrices: Array, place: Callable[[int], str]) -> Array:
@@ -55,7 +55,7 @@ def proper_rotations(matrices: Array, place: Callable[[int], str]) -> Array:
     Raises InputError at the first that is mirrored or off by more than TOLERANCE: a nearest rotation of
     something else would be made up.
     """
-    found = np.full(matrices.shape, np.nan)
+    rotations = np.full(matrices.shape, np.nan)
     whole = np.isfinite(matrices).all((-2, -1))
     some = matrices[whole]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -66,8 +66,8 @@ def proper_rotations(matrices: Array, place: Callable[[int], str]) -> Array:
         first = int(np.argmax(bad))
         what = _fault(some[first], float(off[first]), bool(mirrored[first]))
         raise InputError(f"{place(int(np.flatnonzero(whole)[first]))}: {what}")
-    found[whole] = nearest_rotation(some)
-    return found
+    rotations[whole] = nearest_rotation(some)
+    return rotations
 
 
 def _fault(matrix: Array, off: float, mirrored: bool) -> str:

@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from schemas.errors import InputError
 from schemas.layout import Layout
-from stages.capture.archive import open_archive
-from stages.capture.decode.findings import findings
-from stages.capture.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
-from stages.capture.decode.stream import Block
-from stages.capture.decode.survey import survey_archive
-from stages.capture.samples import ReadingOptions, Samples, joined, segments_of_stations
+from stages.capture.samples import ReadingOptions, Samples, segments_of_stations
+from trackers.archive import open_archive
+from trackers.decode.findings import findings
+from trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
+from trackers.decode.stream import Block
+from trackers.decode.survey import survey_archive
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
@@ -28,16 +28,12 @@ _KEPT_BYTES = 16 << 20
 """A capture that is no longer is decoded once, and stays in memory."""
 
 
-def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
-    """Read a raw capture; a record whose station or frame cannot be believed is left out and counted.
+def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Iterator[Samples]:
+    """Read a raw capture part by part; the last part has no samples, but what is to be said of the whole.
 
-    Raises InputError where the file is no capture, holds no pose or a station that the layout does not name.
+    A record whose station or frame cannot be believed is left out and counted. Raises InputError where the
+    file is no capture, holds no pose or none of a station that the layout names.
     """
-    return joined(capture_parts(path, layout, options))
-
-
-def capture_parts(path: Path, layout: Layout, options: ReadingOptions) -> Iterator[Samples]:
-    """Read a raw capture as `read_capture` does, part by part; the last, without samples, has the notes."""
     archive = open_archive(path)
     kept: list[Block] | None = [] if archive.size_bytes <= _KEPT_BYTES else None
     survey = survey_archive(archive, kept)

@@ -23,20 +23,21 @@ if TYPE_CHECKING:
 class Format:
     """One file format: the endings that mean it, and the reader's module and function.
 
-    parts : the function that reads the recording part by part, of a format that can be long.
+    in_parts : whether the function gives the recording part by part, as a format can be long.
+    Modules have their full names here, so that a study sees when their code changes.
     """
 
     endings: tuple[str, ...]
     module: str
     function: str
-    parts: str = ""
+    in_parts: bool = False
 
 
 FORMATS = {
-    "csv": Format((".csv",), "stages.capture.formats.tidy", "read_csv", "csv_parts"),
-    "parquet": Format((".parquet", ".pq"), "stages.capture.formats.tidy", "read_parquet", "parquet_parts"),
-    "capture": Format((".arrows",), "stages.capture.formats.raw_capture", "read_capture", "capture_parts"),
-    "motion-bids": Format(("_motion.tsv",), "stages.capture.formats.motion_bids", "read_motion_bids"),
+    "csv": Format((".csv",), "stages.capture.formats.tidy", "read_csv", in_parts=True),
+    "parquet": Format((".parquet", ".pq"), "stages.capture.formats.tidy", "read_parquet", in_parts=True),
+    "capture": Format((".arrows",), "stages.capture.formats.raw_capture", "read_capture", in_parts=True),
+    "motion-bids": Format(("_motion.tsv",), "stages.capture.formats.motion_tsv", "read_motion_bids"),
     "xdf": Format((".xdf", ".xdfz"), "stages.capture.formats.xdf", "read_xdf"),
 }
 """Formats that say themselves what their numbers are."""
@@ -53,38 +54,26 @@ MAPPED = {
 AUTO = "auto"
 
 
-def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
+def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
     """Give the reader of the mapping's format, of the named one, or for "auto" that of the file's ending.
 
+    It gives the recording part by part, at least one; what a part notes is of the whole recording.
     Raises InputError where the ending is none that is known, or is one that needs a mapping.
     """
-    found = _find(path, name, mapping)
-    reader: Reader = getattr(importlib.import_module(found.module), found.function)
-    return reader
-
-
-def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
-    """Give the same reader as `find_reader`, one that gives the recording part by part, in order.
-
-    At least one part; what a part notes is of the whole recording. Of a format that is read at once there is
-    one part.
-    """
-    found = _find(path, name, mapping)
-    if found.parts:
-        parts: PartsReader = getattr(importlib.import_module(found.module), found.parts)
-        return parts
-    read = find_reader(path, name, mapping)
-
-    def one_part(path: Path, layout: Layout, options: ReadingOptions) -> Iterator[Samples]:
-        yield read(path, layout, options)
-
-    return one_part
-
-
-def _find(path: Path, name: str, mapping: FileMapping | None) -> Format:
     if mapping is not None:
-        return MAPPED[mapping.format]
-    return FORMATS[_format_by_ending(path) if name == AUTO else name]
+        chosen = MAPPED[mapping.format]
+    else:
+        chosen = FORMATS[_format_by_ending(path) if name == AUTO else name]
+    read = getattr(importlib.import_module(chosen.module), chosen.function)
+    return read if chosen.in_parts else lambda path, layout, options: iter([read(path, layout, options)])
+
+
+def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
+    """Give the same reader as `find_parts_reader`, one that gives the recording whole."""
+    from stages.capture.samples import joined
+
+    read = find_parts_reader(path, name, mapping)
+    return lambda path, layout, options: joined(read(path, layout, options))
 
 
 def _format_by_ending(path: Path) -> str:

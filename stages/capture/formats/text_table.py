@@ -1,54 +1,56 @@
-"""A table as text in whatever dress a program gave it: separators, comments, decimal commas, no header."""
+"""A table as text in whatever form a program gave it: separators, comments, decimal commas, no header.
+
+What is wrong with its lines is looked for when something is.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
+import itertools
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from schemas.errors import InputError
-from stages.capture.formats.csv_columns import EMPTY, CsvColumns
-from stages.capture.formats.mapped import did_you_mean
+from stages.capture.formats.cells import EMPTY, Cells
+from stages.capture.samples import did_you_mean
+
+BLOCK_ROWS = 1 << 16
+READ_BYTES = 1 << 20
+"""How much text is parsed at a time, which is more than the longest line."""
 
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Runs of blanks are made one tab before anything else reads them."""
 
 
 @dataclass(frozen=True)
-class TableText:
-    """A table's text: what is no row of it is blanked, so that lines keep their numbers.
+class TextTable:
+    """A table's text.
 
-    header : names of the columns, their numbers from 1 where the text names none.
+    open : gives its bytes from the start. header : names of the columns, their numbers from 1 where the text
+    names none; titles : what they go by, no two the same. header_lines : up to and with the header.
+    expected : how many cells a row must have, in words. empty : the texts that mean "no value". quoted :
+    whether quotation marks may hold a cell together.
     """
 
     path: Path
-    data: bytes
+    open: Callable[[], BinaryIO]
     separator: str
-    decimal: str
     header: tuple[str, ...]
-    named: bool
-    missing: tuple[str, ...]
-
-    @property
-    def titles(self) -> list[str]:
-        """What columns go by: their names, or "number 4" where that names none or several."""
-        counts = Counter(self.header)
-        clear = [bool(name) and self.named and counts[name] == 1 for name in self.header]
-        return [
-            name if good else f"number {index}"
-            for index, (name, good) in enumerate(zip(self.header, clear, strict=True), 1)
-        ]
+    titles: tuple[str, ...]
+    header_lines: int
+    expected: str
+    empty: tuple[str, ...] = EMPTY
+    decimal: str = "."
+    quoted: bool = True
 
     def column(self, wanted: str | int, place: str) -> str:
         """Title of a column given by name or by number from 1; `place` names the mapping's key."""
@@ -60,133 +62,206 @@ class TableText:
         if count > 1:
             raise InputError(f"{place}: {self.path} has {count} columns {wanted!r}; give the column's number")
         if not count:
-            found = ", ".join(name for name in self.header if name)
-            known = did_you_mean(wanted, self.header) or f"; found {found}"
+            known = did_you_mean(wanted, self.header)
+            known = known or f"; found {', '.join(name for name in self.header if name)}"
             raise InputError(f"{place}: column {wanted!r} is missing in {self.path}{known}")
         return wanted
 
+    def cells(self, wanted: Sequence[str]) -> Cells:
+        """Read the columns of those titles. Raises InputError as `blocks` does, and where there is no row."""
+        tables = list(self._tables(list(dict.fromkeys(wanted)), READ_BYTES))
+        if not tables:
+            raise InputError(f"{self.path}: has no rows; expected one a frame, or a receiver and frame")
+        return self._cells(pa.concat_tables(tables), 0)
 
-class TextColumns(CsvColumns):
-    """The wanted columns of a table, by their titles; numbers are read once."""
+    def blocks(
+        self, wanted: Sequence[str], least_rows: int = BLOCK_ROWS, read_bytes: int = READ_BYTES
+    ) -> Iterator[Cells]:
+        """Read the columns of those titles, so many rows at a time or some more.
 
-    def __init__(self, text: TableText, columns: dict[str, pa.ChunkedArray]) -> None:
-        super().__init__(text.path, columns)
-        self._text = text
-        self._read: dict[str, npt.NDArray[np.float64]] = {}
+        Raises InputError where the text is no table, or a row has another number of cells than it must have.
+        """
+        start, tables = 0, self._tables(list(wanted), read_bytes)
+        for first in tables:
+            block = [first]
+            while sum(table.num_rows for table in block) < least_rows and (more := next(tables, None)):
+                block.append(more)
+            yield self._cells(pa.concat_tables(block), start)
+            start += sum(table.num_rows for table in block)
 
-    def reals(self, name: str) -> npt.NDArray[np.float64]:
-        """Numbers, shape (N,), NaN where a cell is empty; InputError at the first that is none."""
-        if name not in self._read:
-            if self._text.decimal == ",":
-                cells = self._columns[name]
-                points = pc.fill_null(pc.match_substring(cells, "."), False)
-                self.refuse_first(points.to_numpy(), name, "a number with a decimal comma")
-                self._columns[name] = pc.replace_substring(cells, ",", ".")
-            self._read[name] = super().reals(name)
-        return self._read[name]
+    def _cells(self, table: pa.Table, start: int) -> Cells:
+        return Cells(self.path, table, lambda row: self._place(start + row), self.empty, self.decimal)
 
-    def integers(self, name: str) -> None:
-        """None always: numbers are read as reals, which knows decimal commas."""
+    def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
+        with reading(self.path), self.open() as stream:
+            try:
+                yield from (
+                    pa.Table.from_batches([batch])
+                    for batch in pa_csv.open_csv(
+                        stream,
+                        # One thread: of several, each has a block at work and others ahead.
+                        pa_csv.ReadOptions(
+                            use_threads=False,
+                            block_size=read_bytes,
+                            column_names=list(self.titles),
+                            skip_rows=self.header_lines,
+                        ),
+                        pa_csv.ParseOptions(
+                            delimiter=self.separator, quote_char='"' if self.quoted else False
+                        ),
+                        pa_csv.ConvertOptions(
+                            include_columns=wanted,
+                            column_types=dict.fromkeys(wanted, pa.string()),
+                            strings_can_be_null=True,
+                            null_values=self.empty,
+                        ),
+                    )
+                    if batch.num_rows
+                )
+            except pa.ArrowInvalid as error:
+                self._refuse_lines(error)
 
-    def place(self, row: int) -> str:
+    def _records(self) -> Iterator[tuple[int, list[str]]]:
+        """Give every row, without empty lines, with the number of its (last) line."""
+        records = text_records(self.open(), self.separator, quoted=self.quoted)
+        return itertools.dropwhile(lambda record: record[0] <= self.header_lines, records)
+
+    def _place(self, row: int) -> str:
         """File and line of a row, as an editor counts lines."""
-        for index, (line, _) in enumerate(_records(self._text)):
-            if index == row:
-                return f"{self._text.path}: line {line}"
-        return f"{self._text.path}: row {row + 1}"
+        for line, _ in itertools.islice(self._records(), row, None):
+            return f"{self.path}: line {line}"
+        return f"{self.path}: row {row + 1}"
+
+    def _refuse_lines(self, error: Exception) -> None:
+        """Say which line pyarrow stumbled over; do nothing where there is no row at all."""
+        some = False
+        try:
+            for line, record in self._records():
+                some = True
+                if len(record) != len(self.header):
+                    raise InputError(
+                        f"{self.path}: line {line}: has {len(record)} cells; expected {self.expected}"
+                    )
+        except UnicodeDecodeError:
+            raise undecodable(self.path, self.open()) from error
+        except csv.Error as unreadable:
+            raise InputError(f"{self.path}: cannot be read as a table ({unreadable})") from error
+        if some:
+            raise InputError(
+                f"{self.path}: cannot be read as a table ({' '.join(str(error).split())})"
+            ) from error
 
 
-def open_text(path: Path, told: Mapping[str, Any]) -> TableText:
-    """Read a table's text as the mapping's `csv` group says.
-
-    Raises InputError where it cannot be read, is not UTF-8 or has no row.
-    """
+@contextmanager
+def reading(path: Path, expected: str = "a recording") -> Iterator[None]:
+    """Turn what goes wrong when a file is opened or read into a sentence."""
     try:
-        data = path.read_bytes()
+        yield
     except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected a table as text") from error
+        raise InputError(f"{path}: no such file; expected {expected}") from error
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); expected a table as text") from error
-    data = _lines_that_count(path, data, told)
-    separator = _SEPARATOR[told["delimiter"]]
-    text = TableText(path, data, separator, told["decimal"], (), told["header"], tuple(told["missing"]))
-    line, first = next(_records(text), (0, []))
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror or error}); expected {expected}"
+        ) from error
+
+
+def text_records(stream: BinaryIO, separator: str, *, quoted: bool = True) -> Iterator[tuple[int, list[str]]]:
+    """Give every record that is not an empty line, with the number of its (last) line."""
+    with io.TextIOWrapper(stream, "utf-8-sig", newline="") as text:
+        reader = csv.reader(
+            text, delimiter=separator, quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE
+        )
+        yield from ((reader.line_num, record) for record in reader if record)
+
+
+def undecodable(path: Path, stream: BinaryIO) -> InputError:
+    """Name the first line that is not UTF-8."""
+    with stream:
+        for number, line in enumerate(stream, 1):
+            try:
+                line.decode("utf-8")
+            except UnicodeDecodeError:
+                return InputError(f"{path}: line {number}: is not UTF-8 text; save it as UTF-8")
+    raise AssertionError("every line can be decoded")
+
+
+def open_tidy_csv(path: Path) -> TextTable:
+    """Open a CSV file in UTF-8 with a header, commas and decimal points.
+
+    Raises InputError where the file cannot be read, is empty or is not UTF-8.
+    """
+    line, header = _first_record(path, lambda: path.open("rb"), ",")
+    if not header or not any(map(str.strip, header)):
+        raise InputError(f"{path}: is empty; expected a tidy recording with a header line")
+    expected = (
+        f"{len(header)} as in the header (a cut-off line, or decimal commas: numbers need a decimal point)"
+    )
+    names = [name.strip() for name in header]
+    return TextTable(path, lambda: path.open("rb"), ",", tuple(names), _titles(names), line, expected)
+
+
+def open_text(path: Path, details: Mapping[str, Any]) -> TextTable:
+    """Open a table's text as the mapping's `csv` group says.
+
+    Raises InputError where it cannot be read, is not UTF-8 or is empty.
+    """
+    with reading(path, "a table as text"):
+        data = _normalised(path, path.read_bytes(), details)
+    separator = _SEPARATOR[details["delimiter"]]
+    line, first = _first_record(path, lambda: io.BytesIO(data), separator)
     if not first:
         raise InputError(f"{path}: is empty; expected a table")
-    header = [name.strip() for name in first] if told["header"] else [str(i + 1) for i in range(len(first))]
-    if told["header"]:
-        data = _without_lines(data, line)
-    return TableText(path, data, separator, told["decimal"], tuple(header), told["header"], text.missing)
+    expected = (
+        f"{len(first)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
+    )
+    names = [name.strip() for name in first] if details["header"] else [""] * len(first)
+    header = names if details["header"] else map(str, range(1, len(first) + 1))
+    return TextTable(
+        path,
+        lambda: io.BytesIO(data),
+        separator,
+        tuple(header),
+        _titles(names),
+        line if details["header"] else 0,
+        expected,
+        (*EMPTY, *details["missing"]),
+        details["decimal"],
+    )
 
 
-def read_columns(text: TableText, wanted: Sequence[str]) -> TextColumns:
-    """Read the columns of those titles as text, trimmed, empty where the cell says "no value".
+def _titles(names: Sequence[str]) -> tuple[str, ...]:
+    """What columns go by: their names, or "number 4" where that names none or several."""
+    counts = Counter(names)
+    return tuple(
+        name if name and counts[name] == 1 else f"number {index}" for index, name in enumerate(names, 1)
+    )
 
-    Raises InputError where a row has another number of cells than the first line, or there is no row.
-    """
-    picked = list(dict.fromkeys(wanted))
+
+def _first_record(path: Path, open_: Callable[[], BinaryIO], separator: str) -> tuple[int, list[str]]:
     try:
-        table = pa_csv.read_csv(
-            pa.BufferReader(text.data),
-            pa_csv.ReadOptions(column_names=text.titles),
-            pa_csv.ParseOptions(delimiter=text.separator),
-            pa_csv.ConvertOptions(include_columns=picked, column_types=dict.fromkeys(picked, pa.string())),
-        )
-    except pa.ArrowInvalid as error:
-        raise _structural_error(text, error) from error
-    if not table.num_rows:
-        raise InputError(f"{text.path}: has no rows; expected one a frame, or a receiver and frame")
-    empty = pa.array([*EMPTY, *text.missing])
-    columns = {}
-    for name in picked:
-        bare = pc.utf8_trim_whitespace(table.column(name))
-        columns[name] = pc.if_else(pc.is_in(bare, empty), pa.scalar(None, pa.string()), bare)
-    return TextColumns(text, columns)
+        with reading(path):
+            return next(text_records(open_(), separator), (0, []))
+    except UnicodeDecodeError as error:
+        raise undecodable(path, open_()) from error
+    except csv.Error as error:
+        raise InputError(f"{path}: cannot be read as a table ({error})") from error
 
 
-def _lines_that_count(path: Path, data: bytes, told: Mapping[str, Any]) -> bytes:
-    """The text with the skipped lines, the comments and (by blanks) the indents emptied."""
+def _normalised(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
+    """The text with skipped lines and comments emptied, so that lines keep their numbers, and no indents."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(f"{path}: is UTF-16 text; save it as UTF-8")
     try:
         data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(f"{path}: line {line}: is not UTF-8 text; save it as UTF-8") from error
+        raise undecodable(path, io.BytesIO(data)) from error
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    data = _without_lines(data, told["skip_lines"])
-    if "comment" in told:
-        data = re.sub(rb"(?m)^[ \t]*" + re.escape(told["comment"].encode()) + rb".*$", b"", data)
+    lines = data.split(b"\n", details["skip_lines"])
+    data = b"\n" * (len(lines) - 1) + lines[-1] if len(lines) > details["skip_lines"] else b""
+    if "comment" in details:
+        data = re.sub(rb"(?m)^[ \t]*" + re.escape(details["comment"].encode()) + rb".*$", b"", data)
     data = re.sub(rb"(?m)^[ \t]+$", b"", data)
-    if told["delimiter"] == "space":
+    if details["delimiter"] == "space":
         data = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", data)
         data = re.sub(rb"[ \t]+", b"\t", data)
     return data
-
-
-def _without_lines(data: bytes, count: int) -> bytes:
-    """The text with its first lines emptied."""
-    lines = data.split(b"\n", count)
-    return b"\n" * (len(lines) - 1) + lines[-1] if len(lines) > count else b""
-
-
-def _records(text: TableText) -> Iterator[tuple[int, list[str]]]:
-    """Give every record that is not an empty line, with its line."""
-    reader = csv.reader(io.StringIO(text.data.decode("utf-8"), newline=""), delimiter=text.separator)
-    for record in reader:
-        if record:
-            yield reader.line_num, record
-
-
-def _structural_error(text: TableText, error: Exception) -> InputError:
-    cells = len(text.header)
-    try:
-        for line, record in _records(text):
-            if len(record) != cells:
-                return InputError(
-                    f"{text.path}: line {line}: has {len(record)} cells; expected {cells} as in the "
-                    "first line (a cut-off line, or another delimiter than the mapping says)"
-                )
-    except csv.Error as unreadable:
-        return InputError(f"{text.path}: cannot be read as a table ({unreadable})")
-    return InputError(f"{text.path}: cannot be read as a table ({' '.join(str(error).split())})")

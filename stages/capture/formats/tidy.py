@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from schemas.errors import InputError
 from schemas.layout import Layout
-from stages.capture.formats.columns import Columns
+from stages.capture.formats.cells import Cells
+from stages.capture.formats.text_table import open_tidy_csv
 from stages.capture.samples import (
     NUMBERS,
     ReadingOptions,
     Samples,
-    joined,
     segments_of_names,
     segments_of_stations,
 )
@@ -24,40 +28,63 @@ SEGMENT, RECEIVER = "segment", "receiver"
 REQUIRED = ("frame", "time_s", *NUMBERS)
 """Beside these one of `segment` and `receiver`; any other column is left alone."""
 
+BLOCK_ROWS = 1 << 16
+
+_READ_BYTES = 1 << 20
+"""How much of a Parquet column is read at a time: one row group may hold the whole recording."""
+
 _COMMENTS = ("#", "%", "//")
 """What the first line of a table with comments starts with."""
 
 
-def read_csv(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
-    """Read a tidy CSV file (UTF-8, commas, decimal points). Raises InputError where it is none."""
-    return joined(csv_parts(path, layout, options))
+def read_csv(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
+    """Read a tidy CSV file (UTF-8, commas, decimal points) in parts. Raises InputError where it is none."""
+    return _parts(csv_blocks(path), path, layout)
 
 
-def read_parquet(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
-    """Read a tidy Parquet file. Raises InputError where it is none."""
-    return joined(parquet_parts(path, layout, options))
+def read_parquet(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
+    """Read a tidy Parquet file in parts. Raises InputError where it is none."""
+    return _parts(parquet_blocks(path), path, layout)
 
 
-def csv_parts(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
-    """Read a tidy CSV file part by part, in its order."""
-    from stages.capture.formats.csv_columns import csv_blocks
-
-    return _parts(csv_blocks(path, wanted_columns), path, layout)
-
-
-def parquet_parts(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
-    """Read a tidy Parquet file part by part, in its order."""
-    from stages.capture.formats.parquet_columns import parquet_blocks
-
-    return _parts(parquet_blocks(path, wanted_columns), path, layout)
+def csv_blocks(path: Path) -> Iterator[Cells]:
+    """Give the columns of a tidy recording, some rows at a time."""
+    table = open_tidy_csv(path)
+    return table.blocks(wanted_columns(path, table.header))
 
 
-def _parts(blocks: Iterator[Columns], path: Path, layout: Layout) -> Iterator[Samples]:
+def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
+    """Give the columns of a tidy recording, some rows at a time, in whatever number types they are."""
+    start = 0
+    with open_parquet(path) as file:
+        names = wanted_columns(path, file.schema_arrow.names)
+        for batch in file.iter_batches(block_rows, columns=names):
+            yield Cells(path, pa.Table.from_batches([batch]), partial(_numbered_row, path, start))
+            start += batch.num_rows
+
+
+def _numbered_row(path: Path, start: int, row: int) -> str:
+    return f"{path}: row {start + row + 1}"
+
+
+@contextmanager
+def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
+    """Open a Parquet file. Raises InputError where it is absent, is none or is damaged further on."""
+    try:
+        with pq.ParquetFile(path, buffer_size=_READ_BYTES, pre_buffer=False) as file:
+            yield file
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; expected a recording") from error
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise InputError(f"{path}: not a readable Parquet file ({error}); copy it again") from error
+
+
+def _parts(blocks: Iterable[Cells], path: Path, layout: Layout) -> Iterator[Samples]:
     empty = True
-    for columns in blocks:
-        if columns.rows:
+    for cells in blocks:
+        if cells.rows:
             empty = False
-            yield read_samples(columns, path, layout)
+            yield read_samples(cells, path, layout)
     if empty:
         raise InputError(f"{path}: has a header but no rows; expected one row a receiver and frame")
 
@@ -73,9 +100,9 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
     if SEGMENT not in header and RECEIVER not in header:
         missing.append(f"{SEGMENT} (or {RECEIVER})")
     if missing:
-        found = ", ".join(name for name in header if name) or "none"
+        present = ", ".join(name for name in header if name) or "none"
         raise InputError(
-            f"{path}: column {', '.join(missing)} is missing; found {found}{_header_hint(path, header)}"
+            f"{path}: column {', '.join(missing)} is missing; found {present}{_header_hint(path, header)}"
         )
     wanted = [name for name in (*REQUIRED, SEGMENT, RECEIVER) if name in header]
     twice = [name for name in wanted if list(header).count(name) > 1]
@@ -84,27 +111,27 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
     return wanted
 
 
-def read_samples(columns: Columns, path: Path, layout: Layout) -> Samples:
-    """Turn columns into samples. Raises InputError where a cell is not what its column holds."""
+def read_samples(cells: Cells, path: Path, layout: Layout) -> Samples:
+    """Turn cells into samples. Raises InputError where a cell is not what its column holds."""
     return Samples(
         layout.measured,
-        _segments(columns, path, layout),
-        columns.wholes("frame"),
-        columns.reals("time_s"),
-        np.stack([columns.reals(name) for name in NUMBERS]).T,
-        columns.place,
+        _segments(cells, path, layout),
+        cells.wholes("frame"),
+        cells.reals("time_s"),
+        np.stack([cells.reals(name) for name in NUMBERS]).T,
+        cells.place,
     )
 
 
-def _segments(columns: Columns, path: Path, layout: Layout) -> npt.NDArray[np.int64]:
-    if SEGMENT in columns.names:
-        return segments_of_names(*columns.words(SEGMENT), layout, columns.place)
+def _segments(cells: Cells, path: Path, layout: Layout) -> npt.NDArray[np.int64]:
+    if SEGMENT in cells.names:
+        return segments_of_names(*cells.names_in(SEGMENT), layout, cells.place)
     if all(layout.segments[name].receiver is None for name in layout.measured):
         raise InputError(
             f"{path}: names receivers by station number, but layout {layout.name} gives its segments none; "
             f"add `receiver:` to the layout's segments or use a {SEGMENT} column"
         )
-    return segments_of_stations(columns.wholes(RECEIVER), layout, columns.place)
+    return segments_of_stations(cells.wholes(RECEIVER), layout, cells.place)
 
 
 def _header_hint(path: Path, header: Sequence[str]) -> str:

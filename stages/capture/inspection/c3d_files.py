@@ -12,13 +12,13 @@ import numpy as np
 from schemas.layout import Layout
 from schemas.mapping import MM_PER_UNIT
 from stages.capture.formats.c3d import C3dFile, open_c3d
-from stages.capture.inspection.findings import CHECK, Findings, comment, extent_line, heading
+from stages.capture.inspection.description import CHECK, Description, draft, extent_line
 
 RIGID_SHARE = 0.05
 """A cluster whose distances vary (interquartile) by less than this share of them is taken for rigid."""
 
 
-def look_at_c3d(path: Path, layout: Layout) -> Findings:
+def describe_c3d(path: Path, layout: Layout) -> Description:
     """Say what is in a C3D file. Raises InputError where it is none."""
     file = open_c3d(path)
     lines = [
@@ -43,24 +43,24 @@ def look_at_c3d(path: Path, layout: Layout) -> Findings:
         for stem, (distance, spread) in variations.items()
     ]
     rigid = {stem: clusters[stem] for stem, (d, spread) in variations.items() if spread < RIGID_SHARE * d}
-    return Findings(tuple(lines), _draft(file, rigid, layout))
+    return Description(tuple(lines), _draft(file, rigid, layout))
 
 
 def _stems(labels: Sequence[str]) -> dict[str, list[str]]:
     """Labels that differ in their last number only, where there are three or more."""
-    found: dict[str, list[str]] = {}
+    groups: dict[str, list[str]] = {}
     for label in labels:
         match = re.fullmatch(r"(.*?\D)[ _.-]?\d+", label)
         if match:
-            found.setdefault(match[1].rstrip(" _.-"), []).append(label)
-    return {stem: group for stem, group in found.items() if len(group) >= 3}
+            groups.setdefault(match[1].rstrip(" _.-"), []).append(label)
+    return {stem: group for stem, group in groups.items() if len(group) >= 3}
 
 
 def _variation(file: C3dFile, labels: Sequence[str]) -> tuple[float, float]:
     """Median distance between a group's markers, and the largest interquartile range; NaN if unseen."""
     points = file.points[:, [file.labels.index(label) for label in labels]]
-    one, other = np.triu_indices(len(labels), 1)
-    distance = np.linalg.norm(points[:, one] - points[:, other], axis=-1)
+    first, second = np.triu_indices(len(labels), 1)
+    distance = np.linalg.norm(points[:, first] - points[:, second], axis=-1)
     seen = distance[:, np.isfinite(distance).any(0)]
     if seen.shape[1] < 3:
         return float("nan"), float("nan")
@@ -79,33 +79,21 @@ def _rigidity(distance: float, spread: float, unit: str) -> str:
 def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) -> str:
     known = file.unit in MM_PER_UNIT
     unit_why = "as the file states" if known else "mm, cm, m or inch; the file states none of these"
-    lines = [
-        heading(file.path),
+    lines: list[str | tuple[str, str]] = [
         "format: c3d",
-        comment(f"position_unit: {file.unit if known else CHECK}", unit_why),
-        *([] if file.rate_hz > 0 else [comment(f"rate_hz: {CHECK}", "frames a second")]),
-        comment(
-            "receivers:", f"name each by its segment in layout {layout.name}: {', '.join(layout.measured)}"
-        ),
+        (f"position_unit: {file.unit if known else CHECK}", unit_why),
+        *([] if file.rate_hz > 0 else [(f"rate_hz: {CHECK}", "frames a second")]),
+        ("receivers:", f"name each by its segment in layout {layout.name}: {', '.join(layout.measured)}"),
     ]
     lines += [f"  {CHECK}_{_key(label)}: {{rotation: {json.dumps(label)}}}" for label in file.rotation_labels]
     lines += [
         f"  {CHECK}_{_key(stem)}: {{markers: {json.dumps(list(labels))}}}" for stem, labels in rigid.items()
     ]
     if not (file.rotation_labels or rigid):
-        lines.append(
-            comment(
-                f"  {CHECK}: {{markers: [{CHECK}, {CHECK}2, {CHECK}3]}}", "no group of markers looks rigid"
-            )
-        )
-    lines += [
-        "# c3d:",
-        comment(
-            f"#   last_frame: {file.frames}",
-            "frames count from 1 at the first stored frame, whatever its number",
-        ),
-    ]
-    return "\n".join(lines) + "\n"
+        markers = f"[{CHECK}, {CHECK}2, {CHECK}3]"
+        lines.append((f"  {CHECK}: {{markers: {markers}}}", "no group of markers looks rigid"))
+    counted = "frames count from 1 at the first stored frame, whatever its number"
+    return draft(file.path, [*lines, "# c3d:", (f"#   last_frame: {file.frames}", counted)])
 
 
 def _key(label: str) -> str:

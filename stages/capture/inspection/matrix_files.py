@@ -8,10 +8,10 @@ import numpy as np
 
 from schemas.errors import InputError
 from stages.capture.formats.matrices import Matrices, open_matrices
-from stages.capture.inspection.findings import CHECK, Findings, comment, extent_line, heading
+from stages.capture.inspection.description import CHECK, Description, draft, extent_line
 
 
-def look_at_matrices(path: Path) -> Findings:
+def describe_matrices(path: Path) -> Description:
     """Say what the matrices of a file or folder are. Raises InputError where there are none."""
     pattern, matrices = _open(path)
     values = matrices.values
@@ -28,10 +28,10 @@ def look_at_matrices(path: Path) -> Findings:
         turned + ("; some are mirrored" if (np.linalg.det(rotation[~missing]) < 0).any() else ""),
         extent_line("last column, the position", values[:, :3, 3]),
         "it has no times and names no receivers: the mapping gives the rate and the receivers of a sample",
-        "whether a matrix takes receiver coordinates to the transmitter or back is not told; the "
+        "whether a matrix takes receiver coordinates to the transmitter or back is not known; the "
         "last column must be where the receiver was",
     ]
-    return Findings(tuple(lines), _draft(path, pattern, values))
+    return Description(tuple(lines), _draft(path, pattern, values))
 
 
 def _open(path: Path) -> tuple[str, Matrices]:
@@ -46,24 +46,17 @@ def _open(path: Path) -> tuple[str, Matrices]:
 
 
 def _draft(path: Path, pattern: str, values: np.ndarray) -> str:
-    lines = [
-        heading(path),
+    extent = extent_line("the position", values[:, :3, 3])
+    lines: list[str | tuple[str, str]] = [
         "format: matrices",
-        comment(
-            f"position_unit: {CHECK}", "mm, cm, m or inch; " + extent_line("the position", values[:, :3, 3])
-        ),
-        comment(f"rate_hz: {CHECK}", "matrices a second and receiver; leave the line out where nobody knows"),
+        (f"position_unit: {CHECK}", f"mm, cm, m or inch; {extent}"),
+        (f"rate_hz: {CHECK}", "matrices a second and receiver; leave the line out where nobody knows"),
         "orientation:",
         "  kind: matrix",
-        comment(f"  rotates: {CHECK}", "receiver-to-transmitter (the usual), or transmitter-to-receiver"),
+        (f"  rotates: {CHECK}", "receiver-to-transmitter (the usual), or transmitter-to-receiver"),
         "receivers:",
-        comment(
-            f"  {CHECK}: {{}}", "a segment of the layout; several, one a line, in the order of their matrices"
-        ),
+        (f"  {CHECK}: {{}}", "a segment of the layout; several, one a line, in the order of their matrices"),
     ]
     if path.is_dir():
-        lines += [
-            "matrices:",
-            comment(f'  pattern: "{pattern}"', "files are taken in the order of their names"),
-        ]
-    return "\n".join(lines) + "\n"
+        lines += ["matrices:", (f'  pattern: "{pattern}"', "files are taken in the order of their names")]
+    return draft(path, lines)

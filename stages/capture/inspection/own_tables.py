@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.tables import read_metadata
-from stages.capture.formats.columns import Columns
-from stages.capture.formats.csv_columns import open_csv
-from stages.capture.formats.parquet_columns import open_parquet
-from stages.capture.formats.tidy import RECEIVER, REQUIRED, SEGMENT, wanted_columns
-from stages.capture.inspection.findings import Findings, extent_line, rate_line
+from stages.capture.formats.cells import Cells
+from stages.capture.formats.tidy import (
+    RECEIVER,
+    REQUIRED,
+    SEGMENT,
+    csv_blocks,
+    open_parquet,
+    parquet_blocks,
+)
+from stages.capture.inspection.description import Description, extent_line, rate_line
+from stages.capture.samples import NUMBERS
 
 
 def is_tidy(path: Path) -> bool:
@@ -30,27 +34,23 @@ def _tidy_header(names: Sequence[str]) -> bool:
     return {*REQUIRED} <= {*names} and not {SEGMENT, RECEIVER}.isdisjoint(names)
 
 
-def look_at_tidy_csv(path: Path, layout: Layout) -> Findings:
+def describe_tidy_csv(path: Path, layout: Layout) -> Description:
     """Say what a tidy CSV file holds. Raises InputError where a cell is not what its column holds."""
-    return Findings(
-        ("a tidy recording (CSV): needs no mapping", *_tidy(open_csv(path, wanted_columns), layout))
-    )
+    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(csv_blocks(path), layout)))
 
 
-def look_at_parquet(path: Path, layout: Layout) -> Findings:
+def describe_parquet(path: Path, layout: Layout) -> Description:
     """Say what a Parquet file holds: a tidy recording, or a table that a stage wrote."""
-    try:
-        with pq.ParquetFile(path) as file:
-            names, rows = file.schema_arrow.names, file.metadata.num_rows
-            kinds = [f"{field.name} ({field.type})" for field in file.schema_arrow]
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{path}: not a readable Parquet file ({error}); copy it again") from error
+    with open_parquet(path) as file:
+        names, rows = file.schema_arrow.names, file.metadata.num_rows
+        kinds = [f"{field.name} ({field.type})" for field in file.schema_arrow]
     try:
         metadata = read_metadata(path)
     except InputError:
         if _tidy_header(names):
-            facts = _tidy(open_parquet(path, wanted_columns), layout)
-            return Findings(("a tidy recording (Parquet): needs no mapping", *facts))
+            return Description(
+                ("a tidy recording (Parquet): needs no mapping", *_tidy(parquet_blocks(path), layout))
+            )
         raise InputError(
             f"{path}: a Parquet file, but neither a tidy recording nor a table of this project; it has "
             f"{', '.join(kinds)}; rename its columns, or save it as CSV and write a mapping"
@@ -60,34 +60,36 @@ def look_at_parquet(path: Path, layout: Layout) -> Findings:
         f"{metadata['program_version']}: {rows} rows"
     ]
     lines += [
-        f"column {name} [{told['unit'] or '-'}]: {told['description']}"
-        for name, told in metadata["columns"].items()
+        f"column {name} [{column['unit'] or '-'}]: {column['description']}"
+        for name, column in metadata["columns"].items()
     ]
     shown = {"schema", "schema_version", "program", "program_version", "columns"}
     lines += [f"{key}: {value}" for key, value in metadata.items() if key not in shown]
-    return Findings(tuple(lines), recording=False)
+    return Description(tuple(lines), recording=False)
 
 
-def _tidy(columns: Columns, layout: Layout) -> list[str]:
-    if not columns.rows:
+def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
+    parts = [part for part in blocks if part.rows]
+    if not parts:
         return ["it has a header but no rows"]
-    frames, time_s = columns.wholes("frame"), columns.reals("time_s")
-    position = np.stack([columns.reals(name) for name in ("x_mm", "y_mm", "z_mm")], -1)
-    turned = np.stack([columns.reals(name) for name in ("qw", "qx", "qy", "qz")], -1)
-    lines = [
-        f"{columns.rows} rows, frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"
-    ]
-    if SEGMENT in columns.names:
-        _, words = columns.words(SEGMENT)
-        lines.append(f"segments: {', '.join(words)}")
-        odd = [word for word in words if word not in layout.measured]
+    frames, time_s = (
+        np.concatenate([part.wholes("frame") for part in parts]),
+        np.concatenate([part.reals("time_s") for part in parts]),
+    )
+    numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
+    lines = [f"{len(frames)} rows, frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"]
+    if SEGMENT in parts[0].names:
+        segments = list(dict.fromkeys(name for part in parts for name in part.names_in(SEGMENT)[1]))
+        lines.append(f"segments: {', '.join(segments)}")
+        odd = [segment for segment in segments if segment not in layout.measured]
         lines += [f"not measured in layout {layout.name}: {', '.join(odd)}"] if odd else []
     else:
-        lines.append(f"receivers: {', '.join(str(number) for number in np.unique(columns.wholes(RECEIVER)))}")
+        stations = np.unique(np.concatenate([part.wholes(RECEIVER) for part in parts]))
+        lines.append(f"receivers: {', '.join(map(str, stations))}")
     if np.isfinite(time_s).any():
         lines.append(rate_line("time_s", time_s, [("s", 1.0)]))
-    whole = np.isfinite(np.concatenate([position, turned], -1)).all(-1)
+    whole = np.isfinite(numbers).all(-1)
     lines.append(f"{(~whole).sum()} of {len(whole)} rows lack a number and stay gaps")
-    lines.append(extent_line("positions", position))
-    norm = np.linalg.norm(turned, axis=-1)
+    lines.append(extent_line("positions", numbers[:, :3]))
+    norm = np.linalg.norm(numbers[:, 3:], axis=-1)
     return [*lines, f"quaternions: median norm {np.nanmedian(norm):.5f}"] if whole.any() else lines

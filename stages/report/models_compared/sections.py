@@ -6,27 +6,29 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stages.report.comparison import ALL_DIGITS, Comparison, missing_in_words
-from stages.report.comparison_words import comparison_table
-from stages.report.data_table import DASH, Block, DataTable, Folded, listed, number
-from stages.report.models_compared.answers import Answer, answer, baseline_of
-from stages.report.models_compared.pictures import Panels, difference_panels, title_of, value_panels
-from stages.report.models_compared.questions import QUESTIONS
-from stages.report.models_compared.words import (
-    bullets,
-    missing_in_sentences,
+from stages.report.comparison.answers import Answer, answer
+from stages.report.comparison.comparison_text import (
     missing_of,
+    missing_sentences,
+    p_text,
+    sentences,
     summary,
     untestable,
+    with_statistics,
 )
+from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, missing_text
+from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, Paired
+from stages.report.comparison.questions import QUESTIONS
+from stages.report.models_compared.panels import Panels, difference_panels, digit_title, value_panels
 from stages.report.study_results import StudyResults
+from stages.report.table_cells import DASH, Block, DataTable, Folded, counted, listed, number
 
 
 @dataclass(frozen=True)
 class Section:
     """The answer to one question.
 
-    key : an identifier. kind : which data it is from. sentences : what was found, less what the finding of
+    key : an identifier. kind : which data it is from. sentences : what was own, less what the finding of
     all says already; bullets : comparison by comparison, where any can be tested. differences, table,
     by_digit : None where nothing could be compared.
     """
@@ -47,77 +49,76 @@ class Section:
 
 @dataclass(frozen=True)
 class ModelsCompared:
-    """The study's answer: its finding in a paragraph, the sections, and all comparisons that were made."""
+    """The study's answer: its headline in a paragraph, the sections, and all comparisons that were made."""
 
-    finding: str
+    headline: str
     sections: tuple[Section, ...]
     comparisons: tuple[Comparison, ...]
 
 
-def models_compared(results: StudyResults, baseline: str | None = None) -> ModelsCompared:
-    """Compare the study's models across its subjects.
-
-    baseline : the model that the others are held against; unless given the paper's, see `answers`.
-    """
-    base = baseline_of(results) if baseline is None else baseline
-    answers = [found for question in QUESTIONS if (found := answer(results, question, base)) is not None]
-    finding = _finding(results, answers)
+def models_compared(results: StudyResults) -> ModelsCompared:
+    """Compare the study's models across its subjects."""
+    answers = [own for question in QUESTIONS if (own := answer(results, question)) is not None]
+    headline = _headline(results, answers)
     return ModelsCompared(
-        finding,
-        tuple(_section(each, finding) for each in answers),
+        headline,
+        tuple(_section(each, headline) for each in answers),
         tuple(comparison for each in answers for comparison in (*each.overall, *each.digits)),
     )
 
 
-def _finding(results: StudyResults, answers: Sequence[Answer]) -> str:
+def _headline(results: StudyResults, answers: Sequence[Answer]) -> str:
     """What the study shows of its models by the answer that judges best; where it cannot, that it cannot."""
-    judging = [each for each in answers if each.judges]
-    if not judging:
+    main = next((each for each in answers if each.judges), None)
+    if main is None:
         return (
             "The data of this study cannot say which of its models is the better skeleton: there is no truth "
             "and no fitted hand that was held out, and the replay's error says only how well joints close."
         )
-    main = judging[0]
     seen = "" if main.held_out else ", on recordings that they were made from, for nothing is held out"
-    told = [f"Models are judged by {main.question.judged_by}{seen}.", untestable(main.overall), *_told(main)]
+    parts = [
+        f"Models are judged by {main.question.judged_by}{seen}.",
+        untestable(main.overall),
+        *_summary(main),
+    ]
     others = [name for name in results.models if name not in results.fitted]
     if main.question.fitted_only and len(others) > 1:
-        told.append(
+        parts.append(
             f"Between {listed(others)} the data of this study cannot decide: there is no truth, and the "
             "replay's error says only how well joints close."
         )
-    return " ".join(filter(None, told))
+    return " ".join(filter(None, parts))
 
 
-def _section(found: Answer, finding: str) -> Section:
-    table, by_digit = _tables(found)
-    told = [untestable(found.overall), *_told(found)]
+def _section(own: Answer, headline: str) -> Section:
+    overall, by_digit = (_comparison_table(own, comparisons) for comparisons in (own.overall, own.digits))
+    summarised = [untestable(own.overall), *_summary(own)]
     return Section(
-        key=found.question.metric,
-        choice=found.question.choice,
-        says=found.question.says,
-        kind=_kind(found),
-        sentences=tuple(sentence for sentence in told if sentence and sentence not in finding),
-        bullets=tuple(bullets(found.overall)),
-        missing=tuple(missing_in_sentences(found.overall)),
-        values=value_panels(found),
-        differences=difference_panels(found),
-        table=table,
-        by_digit=by_digit,
-        subjects=_subject_table(found),
+        key=own.question.metric,
+        choice=own.question.choice,
+        says=own.question.says,
+        kind=_kind(own),
+        sentences=tuple(text for text in summarised if text and text not in headline),
+        bullets=tuple(sentences(own.overall)),
+        missing=tuple(missing_sentences(own.overall)),
+        values=value_panels(own),
+        differences=difference_panels(own),
+        table=overall,
+        by_digit=Folded("The same, digit by digit", by_digit) if by_digit else None,
+        subjects=_subject_table(own),
     )
 
 
-def _told(found: Answer) -> list[str]:
-    return summary(found.overall) if found.overall else [f"There is only {listed(found.models)} to look at."]
+def _summary(own: Answer) -> list[str]:
+    return summary(own.overall) if own.overall else [f"There is only {listed(own.models)} to look at."]
 
 
-def _held_out(found: Answer) -> str:
-    return "held out" if found.held_out else "in-sample"
+def _held_out(own: Answer) -> str:
+    return "held out" if own.held_out else "in-sample"
 
 
-def _kind(found: Answer) -> str:
-    if found.held_out:
+def _kind(own: Answer) -> str:
+    if own.held_out:
         return "Held out: skeletons made without the recordings that they are scored on."
     return (
         "In-sample: nothing is held out, so a skeleton may have learnt the recording that it is scored on "
@@ -125,54 +126,75 @@ def _kind(found: Answer) -> str:
     )
 
 
-def _tables(found: Answer) -> tuple[DataTable | None, Folded | None]:
-    """The comparisons over all digits, a row a model, and folded the same with a block a digit."""
-    overall, digits = (_table(found, made) for made in (found.overall, found.digits))
-    return overall, Folded("The same, digit by digit", digits) if digits else None
-
-
-def _table(found: Answer, comparisons: Sequence[Comparison]) -> DataTable | None:
-    """The numbers of `comparison_table`, laid out for one baseline.
-
-    Of its notes only how to read it: what the numbers do not say the section says.
-    """
-    made = [each for each in comparisons if each.found is not None]
-    table = comparison_table(made)
-    if table is None:
-        return None
-    unit, measured = found.metric.unit, table.blocks[0].header[4:]
+def _comparison_table(own: Answer, comparisons: Sequence[Comparison]) -> DataTable | None:
+    """A row a model that could be compared with the baseline, a block a digit."""
+    unit = own.question.unit
     of_digit: dict[str, list[tuple[str, ...]]] = defaultdict(list)
-    for each, row in zip(made, (row for block in table.blocks for row in block.rows), strict=True):
-        of_digit[each.digit].append((each.model, *row[1:]))
-    blocks = tuple(
-        Block(
-            (title_of(digit), "Subjects", f"Model [{unit}]", f"{found.baseline} [{unit}]", *measured),
-            tuple(rows),
-        )
-        for digit, rows in of_digit.items()
-    )
+    for each, statistics in with_statistics(comparisons):
+        of_digit[each.digit].append(_cells(each, statistics))
+    if not of_digit:
+        return None
+    measured = (
+        "Subjects", f"Model [{unit}]", f"{own.baseline} [{unit}]", f"Difference [{unit}]", f"Median [{unit}]",
+        f"95 % interval [{unit}]", "p", "p corrected", "Effect size", "Better in",
+    )  # fmt: skip
+    blocks = (Block((digit_title(digit), *measured), tuple(rows)) for digit, rows in of_digit.items())
     scope = "" if ALL_DIGITS in of_digit else ", digit by digit"
-    caption = f"{found.question.choice}: every model against {found.baseline}{scope}, {_held_out(found)}."
-    _, _, how = table.notes[0].partition(". ")
-    what = f"Differences are the model's number less that of {found.baseline}: below 0 the model is better."
-    return DataTable(caption, blocks, (f"{what} {how}",))
+    return DataTable(
+        f"{own.question.choice}: every model against {own.baseline}{scope}, {_held_out(own)}.",
+        tuple(blocks),
+        (
+            f"Differences are the model's number less that of {own.baseline}: below 0 the model is better. A "
+            "subject counts once, by its mean over the places in which both have a number. Interval: "
+            "expanded "
+            f"percentile bootstrap over subjects, from {FEWEST_SUBJECTS} subjects on, for one comparison. "
+            f"p: sign-flip test; corrected by Holm over {counted(comparisons[0].n_compared, 'comparison')}. "
+            "Effect size: Cohen's d_z with Hedges' correction.",
+        ),
+        frozenset({0, 6}),
+    )
 
 
-def _subject_table(found: Answer) -> Folded:
+def _cells(comparison: Comparison, statistics: Paired) -> tuple[str, ...]:
+    compared = comparison.compared
+    some = f" of {len(comparison.subjects)}" if len(compared) < len(comparison.subjects) else ""
+    interval = statistics.interval
+    return (
+        comparison.model,
+        f"{len(compared)}{some}",
+        *(
+            number(sum(value or 0.0 for value in values) / statistics.n)
+            for values in ([pair.value for pair in compared], [pair.other for pair in compared])
+        ),
+        number(statistics.mean),
+        number(statistics.median),
+        f"{number(interval[0])} to {number(interval[1])}" if interval else DASH,
+        _p_cell(statistics.p),
+        _p_cell(comparison.p_holm),
+        number(statistics.effect),
+        f"{statistics.n_better} of {statistics.n}",
+    )
+
+
+def _p_cell(p: float | None) -> str:
+    return DASH if p is None else p_text(p).removeprefix("p ").removeprefix("= ")
+
+
+def _subject_table(own: Answer) -> Folded:
     """A row a subject, a column a model, and what is missing."""
-    means = found.by_digit[ALL_DIGITS]
-    gone = {subject: missing_in_words(missing) for subject, missing in missing_of(found.overall).items()}
-    told = ("Missing",) if any(gone.values()) else ()
-    header = (f"Subject [{found.metric.unit}]", *found.names, *told)
+    means = own.by_digit[ALL_DIGITS]
+    gone = {subject: missing_text(missing) for subject, missing in missing_of(own.overall).items()}
+    last = ("Missing",) if any(gone.values()) else ()
+    header = (f"Subject [{own.question.unit}]", *own.names, *last)
     subjects = sorted({*gone, *(subject for numbers in means.values() for subject in numbers)})
     rows = tuple(
         (
             subject,
-            *(number(means.get(name, {}).get(subject)) for name in found.names),
-            *((gone.get(subject) or DASH,) if told else ()),
+            *(number(means.get(name, {}).get(subject)) for name in own.names),
+            *((gone.get(subject) or DASH,) if last else ()),
         )
         for subject in subjects
     )
-    caption = f"{found.question.choice}, subject by subject: mean over all digits, {_held_out(found)}."
-    text = frozenset({0, len(header) - 1} if told else {0})
+    caption = f"{own.question.choice}, subject by subject: mean over all digits, {_held_out(own)}."
+    text = frozenset({0, len(header) - 1} if last else {0})
     return Folded("Subject by subject", DataTable(caption, (Block(header, rows),), (), text))

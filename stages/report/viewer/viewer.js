@@ -1,5 +1,5 @@
 "use strict";
-/* The moving hand: reads what motion_data.py packs and draws it with WebGL 2. Lengths are mm, times s.
+/* The moving hand: reads what packed_motion.py packs and draws it with WebGL 2. Lengths are mm, times s.
    Nothing moves before Play is pressed, so that prefers-reduced-motion has nothing to turn off.
    An element with data-hand-viewer gets a property `viewer` and sends "viewerready", then "viewershown"
    whenever other skeletons are chosen; both bubble.
@@ -324,18 +324,18 @@ class HandViewer {
   readColours() {
     const style = getComputedStyle(this.root);
     const read = (name) => {
-      const hex = style.getPropertyValue(`--viewer-${name}`).match(/[0-9a-f]{2}/gi);
+      const hex = style.getPropertyValue(`--${name}`).match(/[0-9a-f]{2}/gi);
       return hex.map((part) => parseInt(part, 16) / 255);
     };
-    this.colours = {bone: read("bone"), plain: read("plain"), weak: read("weak")};
-    for (const [name, n] of [["digit", 5], ["model", 2], ["mm", 7], ["axis", 3]]) {
+    this.colours = {bone: read("bone"), plain: read("plain"), weak: read("amber")};
+    for (const [name, n] of [["digit", 5], ["model", 7], ["error", 7], ["axis", 3]]) {
       this.colours[name] = Array.from({length: n}, (_, i) => read(name + i));
     }
     this.wake();
   }
 
   class(mm) {
-    return this.colours.mm[mm === null || isNaN(mm) ? 6 : CLASSES_MM.filter((end) => mm >= end).length];
+    return this.colours.error[mm === null || isNaN(mm) ? 6 : CLASSES_MM.filter((end) => mm >= end).length];
   }
 
   shapes(skeletons, base) {
@@ -359,7 +359,7 @@ class HandViewer {
     const grow = (i, size, colour) => (balls[i] = [max(balls[i][0], size), colour ?? balls[i][1]]);
     for (const [start, end, digit, level, shared] of bones) {
       const own = {digit: colours.digit[digit % 5], tip: errors[digit]}[by] ?? colours.bone;
-      const colour = together ? colours.model[this.shown.indexOf(s)] : own;
+      const colour = together ? colours.model[this.skeletons[s].place % 7] : own;
       const thick = slim * max(2.6, 4.3 - .5 * level), thin = thick - .5 * slim;
       if (level < 0) {
         add("rod", places[start], places[end], [1.1, 1.1], colours.plain);
@@ -555,6 +555,7 @@ class HandViewer {
     for (const i of [0, 1]) {
       part[`name${i}`].hidden = !shown[i];
       part[`name${i}`].textContent = part[`key${i}`].textContent = shown[i]?.model;
+      part[`mark${i}`].style.setProperty("--mark", `var(--model${(shown[i]?.place ?? 0) % 7})`);
     }
     const same = shown.every(({errorIs}) => errorIs === shown[0].errorIs);
     const said = shown.map(({model, errorIs}) => (same ? errorIs : `${model}: ${errorIs}`));

@@ -4,29 +4,24 @@ import csv
 import json
 import subprocess
 import sys
-from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+import recording_files
+from poses_columns import poses_columns
+from recording_files import LIBERTY
 
 from schemas.catalogue import POSES
-from schemas.layout import read_layout
-from schemas.poses import RecordingName
 from schemas.tables import Provenance, read_metadata, read_table, write_table
 from stages.capture.__main__ import main
-from stages.capture.bids.decimals import NotANumberError, numbers_of, text_of
-from stages.capture.bids.labels import label, recording_stem
-from stages.capture.formats.motion_bids import read_motion_bids
-from stages.capture.poses import FLAGS, poses_table
-from stages.capture.samples import ReadingOptions, Samples
-from stages.simulate.__main__ import main as simulate
+from stages.capture.poses_table import FLAGS
+from stages.capture.samples import Samples
+from stages.simulate.realism import Realism
+from stages.simulate.recording import write_recording
+from stages.simulate.simulation import simulate
 
-LIBERTY = read_layout("liberty16")
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 WHO = ["--subject", "A & b_1", "--hand", "right", "--task", "thumb opposition", "--trial", "2"]
 STEM = "sub-AQsQx26xQsbQu1_task-thumbQsopposition_tracksys-righthand_run-2"
@@ -46,8 +41,8 @@ def export(poses: Path, dataset: Path, *more: str) -> int:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated recording with gaps of every kind that a tidy file can have."""
     folder = tmp_path_factory.mktemp("recording")
-    words = ["--subject", "01", "--hand", "right", "--task", "opposition", "--frames", "300"]
-    assert simulate([*words, "--out", str(folder / "whole.csv")]) == 0
+    simulated = simulate("01", "right", "opposition", 1, Realism.full(), 300)
+    write_recording(folder / "whole.csv", simulated)
     with (folder / "whole.csv").open(newline="") as file:
         header, *rows = csv.reader(file)
     kept = [row for row in rows if not (row[2] == "index_distal" and 40 <= int(row[0]) < 60)]
@@ -73,32 +68,22 @@ def motion(dataset: Path) -> Path:
 
 
 def test_what_is_written_reads_back_the_same(poses: Path, tmp_path: Path) -> None:
-    """Every column of every row: gaps, missing times, negative frame numbers and flags.
-
-    Reading brings quaternions to length 1, in a poses table too, which may turn their last bit; so they are
-    compared with those of the poses table read as a recording.
-    """
+    """Every column of every row to the last bit: gaps, missing times, negative frame numbers and flags."""
     assert export(poses, tmp_path / "set") == 0
     again = read_table(import_(motion(tmp_path / "set"), tmp_path / "again.parquet"), POSES)
     first = read_table(poses, POSES)
     for name in first.column_names:
         assert again.column(name).equals(first.column(name)), name
+    present = np.array([flags != "no-row" for flags in first.column("flags").to_pylist()])
+    expected = np.stack([first.column(name).to_numpy().astype(float)[present] for name in NUMBERS], -1)
+    missing = np.isnan(expected)
+    assert missing.sum() == 20 * 7
+    numbers = recording_files.read(motion(tmp_path / "set"), LIBERTY).numbers
+    np.testing.assert_array_equal(np.isnan(numbers), missing)
+    assert numbers[~missing].tobytes() == expected[~missing].tobytes()
     seen = set(first.column("flags").to_pylist())
     assert seen == {"", "no-row", "missing", "time-missing", "duplicate-frame"}
     assert first.column("frame")[0].as_py() == -98
-
-
-def test_numbers_come_back_to_the_last_bit(poses: Path, tmp_path: Path) -> None:
-    assert export(poses, tmp_path / "set") == 0
-    samples = read_motion_bids(motion(tmp_path / "set"), LIBERTY, ReadingOptions())
-    table = read_table(poses, POSES)
-    present = np.array([flags != "no-row" for flags in table.column("flags").to_pylist()])
-    expected = np.stack([np.asarray(table.column(name).to_numpy(), float)[present] for name in NUMBERS], -1)
-    assert samples.numbers.shape == expected.shape
-    missing = np.isnan(expected)
-    assert missing.sum() == 20 * 7
-    np.testing.assert_array_equal(np.isnan(samples.numbers), missing)
-    assert samples.numbers[~missing].tobytes() == expected[~missing].tobytes()
 
 
 def test_files_labels_and_sidecars(poses: Path, tmp_path: Path) -> None:
@@ -116,14 +101,8 @@ def test_files_labels_and_sidecars(poses: Path, tmp_path: Path) -> None:
         channels = list(csv.DictReader(file, delimiter="\t"))
     assert list(channels[0])[:5] == ["name", "component", "type", "tracked_point", "units"]
     assert told["MotionChannelCount"] == len(channels)
-    for kind, key in [
-        ("POS", "POS"),
-        ("ORNT", "ORNT"),
-        ("LATENCY", "LATENCY"),
-        ("MISC", "Misc"),
-        ("MISC", "MISC"),
-    ]:
-        assert told[f"{key}ChannelCount"] == sum(channel["type"] == kind for channel in channels)
+    for key in ("POS", "ORNT", "LATENCY", "Misc", "MISC"):
+        assert told[f"{key}ChannelCount"] == sum(channel["type"] == key.upper() for channel in channels)
     assert {c["units"] for c in channels if c["type"] == "POS"} == {"m"}
     own = told["Shukotsu"]
     assert [own[key] for key in ("Subject", "Hand", "Task", "Trial")] == [
@@ -196,30 +175,31 @@ def test_a_folder_that_holds_something_else_is_left_alone(
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
+TIDY = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz"
+
+
 def test_a_recording_without_times_needs_a_rate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """And its times stay missing when it is read back."""
-    tidy = tmp_path / "rom.csv"
     rows = [f"{frame},,hand,{frame},2,3,1,0,0,0" for frame in (1, 2, 5)]
-    tidy.write_text("\n".join(["frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz", *rows]))
-    poses = import_(tidy, tmp_path / "poses.parquet")
+    (tmp_path / "rom.csv").write_text("\n".join([TIDY, *rows]))
+    poses = import_(tmp_path / "rom.csv", tmp_path / "poses.parquet")
     assert export(poses, tmp_path / "set") == 2
     assert "has no times to tell the sampling frequency from; give --rate-hz" in capsys.readouterr().err
-    assert export(poses, tmp_path / "set", "--rate-hz", "240") == 0
-    again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet")
-    assert read_table(again, POSES).equals(read_table(poses, POSES))
-    assert not validate(tmp_path / "set")["errors"]
+    check_round_trip(poses, tmp_path, "--rate-hz", "240")
 
 
 def test_receivers_with_times_of_their_own_keep_them(tmp_path: Path) -> None:
-    tidy = tmp_path / "rom.csv"
     late_s = {"hand": 0, "index_distal": 0.001}
     rows = [f"{f},{f / 240 + late_s[s]},{s},{f},2,3,1,0,0,0" for s in late_s for f in range(9)]
-    tidy.write_text("\n".join(["frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz", *rows]))
-    poses = import_(tidy, tmp_path / "poses.parquet")
-    assert export(poses, tmp_path / "set") == 0
-    again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet")
+    (tmp_path / "rom.csv").write_text("\n".join([TIDY, *rows]))
+    check_round_trip(import_(tmp_path / "rom.csv", tmp_path / "poses.parquet"), tmp_path)
+
+
+def check_round_trip(poses: Path, folder: Path, *more: str) -> None:
+    assert export(poses, folder / "set", *more) == 0
+    again = import_(motion(folder / "set"), folder / "again.parquet")
     assert read_table(again, POSES).equals(read_table(poses, POSES))
-    assert not validate(tmp_path / "set")["errors"]
+    assert not validate(folder / "set")["errors"]
 
 
 def test_a_real_recording(real_data: Path, tmp_path: Path) -> None:
@@ -253,9 +233,8 @@ def test_every_mark_of_a_reader_comes_back(tmp_path: Path) -> None:
     )  # fmt: skip
     samples.numbers[MARKS.index("conflicting-duplicate")] = np.nan
     samples.numbers[:, 0] += np.arange(frames)
-    made = poses_table(samples, {})
     names = {"subject": "1", "hand": "left", "task": "rom", "trial": "pre-op", "layout": "liberty16"}
-    write_table(tmp_path / "poses.parquet", POSES, made.columns, Provenance((), names))
+    write_table(tmp_path / "poses.parquet", POSES, poses_columns(samples), Provenance((), names))
     assert export(tmp_path / "poses.parquet", tmp_path / "set") == 0
     assert motion(tmp_path / "set").name == "sub-1_task-rom_tracksys-lefthand_acq-preQdop_motion.tsv"
     again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet")
@@ -263,50 +242,3 @@ def test_every_mark_of_a_reader_comes_back(tmp_path: Path) -> None:
     assert read_table(again, POSES).equals(first)
     assert 0 < sum(first.column("valid").to_pylist()) < frames - 1
     assert read_metadata(again)["schema"] == "poses"
-
-
-finite = st.floats(allow_nan=False, allow_infinity=False)
-
-
-@given(
-    st.lists(finite | st.floats(-1e4, 1e4) | st.just(float("nan")), max_size=30), st.sampled_from([0, -1, -3])
-)
-def test_numbers_survive_as_text_in_any_unit(values: list[float], shift: int) -> None:
-    array = np.array(values, float)
-    text = text_of(array, shift)
-    again = numbers_of(text, -shift)
-    missing = np.isnan(array)
-    np.testing.assert_array_equal(np.isnan(again), missing)
-    assert again[~missing].tobytes() == array[~missing].tobytes()
-
-
-@given(st.decimals(-10000, 10000, places=4))
-def test_a_number_of_few_digits_keeps_them(value: Decimal) -> None:
-    """212.4 mm is written 0.2124 m and not 0.21239999999999998."""
-    (text,) = text_of(np.array([float(value)]), -3).to_pylist()
-    assert Decimal(text) * 1000 == value
-
-
-@pytest.mark.parametrize("text", ["inf", "nan", "1_0", "0x1", "", "1e", "1,5", "--1"])
-def test_what_is_no_decimal_number(text: str) -> None:
-    with pytest.raises(NotANumberError) as caught:
-        numbers_of(pa.array(["1", None, "2e1", text]), 3)
-    assert caught.value.index == 3
-
-
-@given(st.text(), st.text())
-def test_labels_are_legal_and_of_one_name_each(one: str, other: str) -> None:
-    assert label(one).isascii()
-    assert label(one).isalnum() or not one
-    assert (label(one) == label(other)) == (one == other)
-
-
-def test_no_two_recordings_share_their_files() -> None:
-    names = [
-        RecordingName(subject, hand, task, trial)
-        for subject in ("1", "01", "0-1", "Q")
-        for hand in ("left", "right")
-        for task in ("rom", "r_om", "rQuom")
-        for trial in ("", "1", "01", "a", "run-1")
-    ]
-    assert len({recording_stem(name) for name in names}) == len(names)

@@ -1,20 +1,20 @@
 """From samples to the poses table and back through `schemas.poses`: order, grid, gaps, flags."""
 
+import itertools
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from poses_columns import columns_of
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError
 from schemas.poses import pose_blocks, read_poses
 from schemas.tables import Provenance, write_table_in_parts
-from stages.capture import poses as capture_poses
-from stages.capture.poses import FLAGS, FROZEN_FRAMES, PosesTable
+from stages.capture.poses_table import FLAGS, FROZEN_FRAMES, PosesTable, poses_table
 from stages.capture.samples import Samples
 
 SEGMENTS = ("hand", "thumb", "index")
@@ -23,9 +23,9 @@ GOOD = (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)
 PARENTS = {"thumb": "hand", "index": "hand"}
 
 
-def poses_table(samples: Samples, row_group_frames: int = 1000) -> PosesTable:
+def table_of(samples: Samples) -> PosesTable:
     """Make the table of a hand from which a thumb and an index finger hang."""
-    return capture_poses.poses_table(samples, PARENTS, row_group_frames)
+    return poses_table(lambda: [samples], PARENTS)
 
 
 def samples_of(*rows: tuple[str, int, float, tuple[float, ...]]) -> Samples:
@@ -45,14 +45,14 @@ def table_rows(table: PosesTable) -> list[dict[str, Any]]:
     """Give the table's rows as dictionaries, NaN as None."""
     columns = {
         name: values.tolist() if isinstance(values, np.ndarray) else values.to_pylist()
-        for name, values in table.columns.items()
+        for name, values in columns_of(table).items()
     }
     rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
     return [{k: None if v != v else v for k, v in row.items()} for row in rows]
 
 
 def one_row(numbers: tuple[float, ...] = GOOD, time_s: float = 0.0) -> dict[str, Any]:
-    return table_rows(poses_table(samples_of(("hand", 0, time_s, numbers))))[0]
+    return table_rows(table_of(samples_of(("hand", 0, time_s, numbers))))[0]
 
 
 def numbers_of(row: dict[str, Any]) -> list[float | None]:
@@ -61,9 +61,7 @@ def numbers_of(row: dict[str, Any]) -> list[float | None]:
 
 def test_order_and_full_grid() -> None:
     """Rows go by the layout's segments, then by frame; a row that the recording lacks is null and says so."""
-    table = poses_table(
-        samples_of(("index", 12, 0.3, GOOD), ("hand", 10, 0.1, GOOD), ("index", -5, 0.05, GOOD))
-    )
+    table = table_of(samples_of(("index", 12, 0.3, GOOD), ("hand", 10, 0.1, GOOD), ("index", -5, 0.05, GOOD)))
     rows = table_rows(table)
     assert [(row["segment"], row["frame"], row["flags"]) for row in rows] == [
         ("hand", -5, "no-row"),
@@ -87,6 +85,7 @@ def test_order_and_full_grid() -> None:
         ((NAN, *GOOD[1:]), "partly-missing"),
         ((*GOOD[:6], NAN), "partly-missing"),
         ((*GOOD[:3], NAN, 0.0, 0.0, 0.0), "partly-missing"),
+        ((NAN, NAN, NAN, 0, 0, 0, 0), "partly-missing"),
         ((float("inf"), *GOOD[1:]), "not-finite"),
         ((float("-inf"), NAN, *GOOD[2:]), "partly-missing;not-finite"),
     ],
@@ -118,18 +117,14 @@ def test_no_unit_quaternion_refuses_the_file(quaternion: tuple[float, ...], mess
     bad = (0.0, 0.0, 0.0, *quaternion)
     samples = samples_of(("thumb", 4, 0, GOOD), ("thumb", 3, 0, bad), ("hand", 3, 0, bad))
     with pytest.raises(InputError, match=message) as caught:
-        poses_table(samples)
+        table_of(samples)
     assert str(caught.value).startswith("rom.csv: line 3, segment thumb, frame 3: the quaternion ")
     assert "and 1 more rows like it" in str(caught.value)
 
 
-def test_a_bad_quaternion_in_an_incomplete_row_is_only_a_gap() -> None:
-    assert one_row((NAN, NAN, NAN, 0, 0, 0, 0))["flags"] == "partly-missing"
-
-
 def test_the_same_row_twice_is_kept_once() -> None:
     samples = samples_of(*[("hand", 1, 0.5, GOOD)] * 3, *[("hand", 2, NAN, (NAN,) * 7)] * 2)
-    rows = table_rows(poses_table(samples))
+    rows = table_rows(table_of(samples))
     assert [row["flags"] for row in rows] == ["duplicate-frame", "missing;duplicate-frame;time-missing"]
     assert numbers_of(rows[0]) == list(GOOD)
     assert rows[0]["valid"]
@@ -145,7 +140,7 @@ def test_rows_that_contradict_each_other_are_a_gap(
 ) -> None:
     """Nobody can know which is right, also where the first and third agree; what agrees is kept."""
     samples = samples_of(("hand", 1, 0.5, GOOD), ("hand", 1, time_s, numbers), ("hand", 1, 0.5, GOOD))
-    (row,) = table_rows(poses_table(samples))
+    (row,) = table_rows(table_of(samples))
     assert row["flags"].split(";")[0] == "conflicting-duplicate"
     assert numbers_of(row) == [None] * 7
     assert (row["valid"], row["time_s"]) == (False, kept_time_s)
@@ -155,7 +150,7 @@ def test_time_is_kept_as_it_is_and_flagged() -> None:
     """Compared with the receiver's last known time before, within one segment only."""
     times = [0.1, 0.2, NAN, 0.2, 0.15, 0.3, float("inf")]
     rows = [("thumb", frame, time, GOOD) for frame, time in enumerate(times)]
-    found = table_rows(poses_table(samples_of(("hand", 9, 9.0, GOOD), *rows)))[8:15]
+    found = table_rows(table_of(samples_of(("hand", 9, 9.0, GOOD), *rows)))[8:15]
     assert [row["time_s"] for row in found] == [0.1, 0.2, None, 0.2, 0.15, 0.3, None]
     late, missing = "time-not-increasing", "time-missing"
     assert [row["flags"] for row in found] == ["", "", missing, late, late, "", missing]
@@ -178,57 +173,120 @@ def test_a_receiver_that_never_moves_while_its_parent_does(frames: int, still: s
         for frame in range(frames)
         for segment in ("hand", "thumb")
     ]
-    table = poses_table(samples_of(*rows, ("hand", frames, 9.0, (NAN,) * 7)))
+    table = table_of(samples_of(*rows, ("hand", frames, 9.0, (NAN,) * 7)))
     found = [row for row in table_rows(table) if row["segment"] == "thumb"]
     assert {row["valid"] for row in found[:-1]} == {not frozen}
     assert {row["flags"] for row in found[:-1]} == ({"frozen"} if frozen else {""})
     assert table.frozen == (("thumb",) if frozen else ())
 
 
-def write(path: Path, table: PosesTable) -> None:
-    write_table_in_parts(path, POSES, table.row_groups(), Provenance())
+def write(path: Path, table: PosesTable, group_frames: int) -> None:
+    write_table_in_parts(path, POSES, table.row_groups(group_frames), Provenance())
 
 
-@st.composite
-def recordings(draw: st.DrawFn) -> Samples:
-    """Any subset of a grid of segments and frames, in any order, with gaps."""
-    cells = draw(st.lists(st.tuples(st.sampled_from(SEGMENTS), st.integers(-6, 12)), min_size=1, unique=True))
-    gaps = draw(st.lists(st.booleans(), min_size=len(cells), max_size=len(cells)))
-    return samples_of(
-        *(
-            (segment, frame, frame / 8, (NAN,) * 7 if gap else (frame, i, 0.0, 0.6, 0.8, 0.0, 0.0))
-            for i, ((segment, frame), gap) in enumerate(zip(cells, gaps, strict=True))
-        )
+def any_samples(random: np.random.Generator, order: str) -> Samples:
+    """Rows in order of frames, of segments or in none, with rows twice, gaps, marks and times that fall."""
+    count = random.integers(1, 60)
+    segment, frame = random.integers(0, len(SEGMENTS), count), random.integers(-4, 14, count)
+    rows = np.lexsort(
+        {"frames": (segment, frame), "segments": (frame, segment)}.get(order, (np.arange(count),))
     )
+    numbers = np.tile([1.0, 2.0, 3.0, 0.6, 0.8, 0.0, 0.0], (count, 1))
+    numbers[:, 0] += random.integers(0, 2, count)
+    numbers[random.random((count, 7)) < 0.03] = NAN
+    time_s = np.where(random.random(count) < 0.2, NAN, frame / 8 - random.integers(0, 2, count) / 4)
+    marks = {"distorted": random.random(count) < 0.3, "misfit": random.random(count) < 0.1}
+    return Samples(SEGMENTS, segment[rows], frame[rows], time_s[rows], numbers, "line {}".format, marks)
 
 
-@given(recordings(), st.integers(1, 25), st.integers(1, 25))
-@settings(max_examples=60)
-def test_blocks_give_back_what_was_recorded(
-    tmp_path_factory: pytest.TempPathFactory, samples: Samples, group_frames: int, block_frames: int
+def cut(samples: Samples, cuts: Iterable[int]) -> list[Samples]:
+    """Cut samples at those rows; parts may be empty, and have places of their own."""
+    columns = (samples.segment, samples.frame, samples.time_s, samples.numbers)
+    return [
+        Samples(
+            samples.segments,
+            *(column[first:end] for column in columns),
+            lambda row, first=first: samples.place(first + row),
+            {flag: marked[first:end] for flag, marked in samples.marks.items()},
+        )
+        for first, end in itertools.pairwise([0, *sorted(cuts), len(samples.segment)])
+    ]
+
+
+@pytest.mark.parametrize("order", ["frames", "segments", "none"])
+@pytest.mark.parametrize("seed", range(6))
+def test_parts_give_the_table_of_the_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: str, seed: int
 ) -> None:
+    """Wherever the recording is cut, whether rows wait in memory or in files, and however these are read."""
+    random = np.random.default_rng(seed)
+    samples = any_samples(random, order)
+    pieces = cut(samples, random.integers(0, len(samples.segment) + 1, seed + 1).tolist())
+    monkeypatch.setattr("stages.capture.poses_table.SPAN_FRAMES", 3)  # so that few frames are many
+    monkeypatch.setattr("stages.capture.poses_table.FROZEN_FRAMES", 2)
+    whole = table_of(samples)
+    for limit in ("BLOCK_ROWS", "MOST_FRAMES", "MEMORY_BYTES"):
+        monkeypatch.setattr(f"stages.capture.poses_table.{limit}", 3)
+    with poses_table(lambda: pieces, PARENTS, tmp_path) as table:
+        assert list(tmp_path.iterdir()) == []
+        write(tmp_path / "parts.parquet", table, seed + 1)
+    write(tmp_path / "whole.parquet", whole, seed + 1)
+    assert (tmp_path / "parts.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
+    assert (table.segments, table.usable, table.frozen) == (whole.segments, whole.usable, whole.frozen)
+    np.testing.assert_equal(table.span_mm, whole.span_mm)
+
+
+@pytest.mark.parametrize(("group_frames", "block_frames"), [(1, 7), (5, 1), (4, 4), (25, 25)])
+def test_blocks_give_back_what_was_recorded(tmp_path: Path, group_frames: int, block_frames: int) -> None:
     """Through the file, in blocks of any size over row groups of any size, segments asked in any order."""
-    path = tmp_path_factory.mktemp("poses") / "poses.parquet"
-    write(path, poses_table(samples, group_frames))
+    random = np.random.default_rng(group_frames)
+    cells = [(segment, frame) for segment in SEGMENTS for frame in range(-6, 12) if random.random() < 0.6]
+    random.shuffle(cells)
+    poses = [
+        (NAN,) * 7 if random.random() < 0.2 else (i, 1.0, 0.0, 0.6, 0.8, 0.0, 0.0) for i in range(len(cells))
+    ]
+    samples = samples_of(*((s, f, f / 8, pose) for (s, f), pose in zip(cells, poses, strict=True)))
+    path = tmp_path / "poses.parquet"
+    write(path, table_of(samples), group_frames)
     asked = ("index", "nobody", "thumb", "hand")
     blocks = list(pose_blocks(path, asked, block_frames))
     frames = np.concatenate([block.frame for block in blocks])
     numbers = np.concatenate([np.dstack([block.position_mm, block.quaternion]) for block in blocks])
-    valid = np.concatenate([block.valid for block in blocks])
     np.testing.assert_array_equal(frames, np.unique(samples.frame))
     assert all(len(block.frame) == block_frames for block in blocks[:-1])
     expected = np.full((len(frames), len(asked), 7), np.nan)
-    for segment, frame, row in zip(samples.segment, samples.frame, samples.numbers, strict=True):
-        expected[np.searchsorted(frames, frame), asked.index(SEGMENTS[segment])] = row
+    for (segment, frame), pose in zip(cells, poses, strict=True):
+        expected[np.searchsorted(frames, frame), asked.index(segment)] = pose
     np.testing.assert_allclose(numbers, expected, rtol=1e-15)
-    np.testing.assert_array_equal(valid, np.isfinite(expected).all(-1))
+    valid = np.isfinite(expected).all(-1)
+    np.testing.assert_array_equal(np.concatenate([block.valid for block in blocks]), valid)
     np.testing.assert_allclose(np.concatenate([block.time_s for block in blocks]), frames / 8)
     np.testing.assert_array_equal(read_poses(path, asked).valid, valid)
 
 
+def test_the_place_of_a_bad_quaternion_is_that_in_the_whole_recording() -> None:
+    """The first in the recording's order, though it is the last segment's, and of all parts are counted."""
+    numbers = np.tile(GOOD, (9, 1))
+    numbers[[4, 5, 8], 3] = 2.0
+    segment = np.array([0, 1, 2, 0, 2, 1, 0, 1, 0])
+    samples = Samples(SEGMENTS, segment, np.arange(9), np.arange(9) / 9, numbers, lambda row: f"line {row}")
+    with pytest.raises(InputError) as caught:
+        poses_table(lambda: cut(samples, [2, 3]), {})
+    assert str(caught.value).startswith("line 4, segment index, frame 4: ")
+    assert "and 2 more rows like it" in str(caught.value)
+
+
+def test_a_folder_that_cannot_be_written_to_is_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 1)
+    with pytest.raises(InputError, match="nowhere: cannot be written"):
+        poses_table(lambda: [samples_of(("hand", 0, 0.0, GOOD))], {}, tmp_path / "nowhere")
+
+
 def test_no_row_group_holds_two_segments(tmp_path: Path) -> None:
     rows = [(segment, frame, 0.1 * frame, GOOD) for segment in SEGMENTS for frame in range(10)]
-    write(tmp_path / "poses.parquet", poses_table(samples_of(*rows), 4))
+    write(tmp_path / "poses.parquet", table_of(samples_of(*rows)), 4)
     file = pq.ParquetFile(tmp_path / "poses.parquet")
     groups = [file.read_row_group(index) for index in range(file.metadata.num_row_groups)]
     assert [group.num_rows for group in groups] == [4, 4, 2] * 3

@@ -2,23 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from pipeline import HandResults, import_recording, run_hand
+from chains import reader_of
+from pipeline import HandResults, run_hand
+from simulated_poses import recorded, write_poses
 
-from kinematics.rotations import Array
 from schemas.catalogue import JOINT_CENTRES
-from schemas.config_files import CONFIG_FOLDER
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.poses import Poses, read_poses
 from schemas.tables import read_table, rows_of
-from stages.estimate_metacarpals.hand import BuiltHand, build_hand
-from stages.simulate.realism import Realism
-from stages.simulate.recording import write_recording
-from stages.simulate.simulation import simulate
+from skeleton.rotations import Array
+from stages.estimate_metacarpals.hand import BuiltHand, build_hand, pose_metacarpals
+from stages.estimate_metacarpals.wrist_row import wrist_row
 
 Build = Callable[..., BuiltHand]
 
@@ -27,10 +25,8 @@ Build = Callable[..., BuiltHand]
 def hand(tmp_path_factory: pytest.TempPathFactory) -> HandResults:
     """A realistic hand with a forearm receiver, run once."""
     folder = tmp_path_factory.mktemp("hand")
-    write_recording(
-        folder / "r.parquet", simulate("01", "right", "rom", 5, Realism.full(), 600, forearm=True)
-    )
-    poses = import_recording(folder / "r.parquet", folder / "poses.parquet")
+    made = recorded("right", "rom", seed=5, n_frames=600, forearm=True)[0]
+    poses = write_poses(folder / "poses.parquet", made, "right", "rom")
     return run_hand(poses, poses, "paper-fig4", folder)
 
 
@@ -44,7 +40,7 @@ def build(hand: HandResults) -> Build:
         layout = layout or read_layout("liberty16")
         poses: Poses = read_poses(hand.path("poses"), layout.measured)
         kept = {name: row for name, row in rows.items() if name not in without}
-        return build_hand(kept, layout, model, [poses])
+        return build_hand(kept, layout, model, reader_of(poses))
 
     return built
 
@@ -127,6 +123,11 @@ def test_bones_end_where_the_model_says(build: Build) -> None:
     assert bones["paper-fig3-rest"]["thumb_metacarpal"]["driven_by"] == "thumb_metacarpal"
     assert bones["paper-fig3"]["thumb_metacarpal"]["driven_by"] == ""
     assert bones["rigid"]["index_metacarpal"]["driven_by"] == "hand"
+    ends = {model: by_bone["thumb_metacarpal"] for model, by_bone in bones.items()}
+    assert (ends["paper-fig3"]["starts_at"], ends["paper-fig3"]["ends_at"]) == ("wrist", "thumb_mcp")
+    assert (ends["paper-fig4"]["starts_at"], ends["paper-fig4"]["ends_at"]) == ("thumb_cmc", "thumb_mcp")
+    last = bones["rigid"]["index_distal"]
+    assert (last["starts_at"], last["ends_at"]) == ("index_dip", "distal receiver")
     for by_bone in bones.values():
         for name, bone in by_bone.items():
             assert bone["sd_mm"] > 0, name
@@ -135,11 +136,28 @@ def test_bones_end_where_the_model_says(build: Build) -> None:
                 assert bone["length_mm"] == pytest.approx(length)
 
 
-def test_own_cmc_of_an_unmeasured_metacarpal_is_refused(hand: HandResults, tmp_path: Path) -> None:
-    """A finger's CMC joint carries no receiver, so no model can start there; one sentence says so."""
-    text = (CONFIG_FOLDER / "models" / "paper-fig4.yaml").read_text("utf-8")
-    (tmp_path / "wrong.yaml").write_text(
-        text.replace("paper-fig4", "wrong").replace("[thumb_cmc]", "[thumb_cmc, index_cmc]")
-    )
-    with pytest.raises(AssertionError, match="estimate_metacarpals"):
-        run_hand(hand.path("poses"), hand.path("poses"), str(tmp_path / "wrong.yaml"), tmp_path)
+def test_a_gap_is_flagged_and_has_no_numbers(build: Build, hand: HandResults) -> None:
+    """Where a receiver is lost that the posture needs, and only there."""
+    layout, model = read_layout("liberty16"), read_model("paper-fig4")
+    poses = read_poses(hand.path("poses"), layout.measured)
+    valid = poses.valid.copy()
+    valid[:9, poses.index("hand")] = False
+    valid[20:25, poses.index("index_proximal")] = False
+    found = pose_metacarpals(build(model), layout, model, replace(poses, valid=valid))
+    columns = {own["digit"]: own for own in found}
+    lost = {"index": [*range(9), *range(20, 25)], "ring": [*range(9)]}
+    for digit, frames in lost.items():
+        flags = columns[digit]["flags"].to_numpy(zero_copy_only=False).astype(str)
+        assert np.flatnonzero(np.char.find(flags, "gap") >= 0).tolist() == frames
+        assert np.flatnonzero(np.isnan(columns[digit]["qw"])).tolist() == frames
+
+
+def test_the_wrist_of_long_recordings_goes_by_some_frames(build: Build, hand: HandResults) -> None:
+    """24,000 frames are thinned to evenly spaced ones, however many recordings they are in."""
+    layout, model = read_layout("liberty16"), read_model("paper-fig3")
+    rows = {row["joint"]: row for row in build(model).joints if row["joint"] != "wrist"}
+    poses = read_poses(hand.path("poses"), layout.measured).take(np.arange(24000) % 600)
+    pieces = [poses.take(slice(start, start + 737)) for start in range(0, 24000, 737)]
+    whole, cut = (wrist_row(rows, layout, model, reader_of(*part)) for part in ([poses], pieces))
+    assert whole is not None
+    assert str(cut) == str(whole)

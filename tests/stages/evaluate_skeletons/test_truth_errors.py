@@ -8,10 +8,9 @@ import pytest
 
 from schemas.layout import read_layout
 from schemas.poses import RecordingName
-from stages.evaluate_skeletons.evaluation import joint_rows
-from stages.evaluate_skeletons.skeleton_folder import SkeletonFolder, Stated
+from stages.evaluate_skeletons.scored_skeleton import Stated
+from stages.evaluate_skeletons.truth import Truth
 from stages.evaluate_skeletons.truth_errors import centre_errors, joint_errors, truth_for
-from stages.evaluate_skeletons.truth_folder import TruthFolder
 
 LAYOUT = read_layout("liberty16")
 Row = dict[str, Any]
@@ -27,10 +26,10 @@ def centre(joint: str, child: tuple[float, ...], parent: tuple[float, ...], **ot
     return row | other
 
 
-def truth_of(task: str, *joints: Row, **length_mm: float) -> TruthFolder:
+def truth_of(task: str, *joints: Row, **length_mm: float) -> Truth:
     bones = {bone: {"length_mm": value} for bone, value in length_mm.items()}
     stated = Stated({row["joint"]: row for row in joints}, bones)
-    return TruthFolder(Path(task), RecordingName("01", "right", task), stated)
+    return Truth(Path(task), RecordingName("01", "right", task), stated)
 
 
 def test_a_centre_along_and_across_its_axis() -> None:
@@ -69,24 +68,31 @@ def test_only_bones_that_are_stated_are_compared() -> None:
         index_distal=20.0,
     )
     joints = {name: centre(name, (0, 0, 0), (0, 0, 0)) for name in names}
-    bones = {name: {"bone_mm": None, "length_mm": 24.0} for name in true.stated.bones}
+    ends = {
+        "thumb_metacarpal": ("wrist", "thumb_mcp"),
+        "index_middle": ("index_pip", "index_dip"),
+        "index_distal": ("index_dip", "distal receiver"),
+    }
 
-    def errors(stated: Stated) -> dict[str, tuple[str, float | None, float | None]]:
-        rows = joint_errors(stated, true, LAYOUT)
+    def errors(length_mm: float | None, **other: tuple[str, str]) -> dict[str, tuple[str, Any, Any]]:
+        bones = {
+            bone: {"starts_at": start, "ends_at": end, "length_mm": length_mm}
+            for bone, (start, end) in (ends | other).items()
+        }
+        rows = joint_errors(Stated(joints, bones), true, LAYOUT)
         return {r["joint"]: (r["bone"], r.get("bone_error_mm"), r.get("bone_error_percent")) for r in rows}
 
     nothing = ("", None, None)
-    assert errors(Stated(joints, bones)) == {
+    assert errors(24.0) == {
         "thumb_cmc": nothing,
         "index_pip": ("index_middle", -1.0, -4.0),
         "index_dip": nothing,
     }
-    assert errors(Stated(joints, bones, ("thumb_cmc",)))["thumb_cmc"] == ("thumb_metacarpal", -26.0, -52.0)
-    whole = {name: {"bone_mm": 21.0, "length_mm": 99.0} for name in bones}
-    assert errors(Stated(joints, whole))["index_dip"] == ("index_distal", 1.0, 5.0)
-    unknown = {name: {"bone_mm": None, "length_mm": None} for name in bones}
-    assert set(errors(Stated(joints, unknown)).values()) == {nothing}
-    assert set(errors(Stated(joints, {})).values()) == {nothing}
+    own_cmc = errors(24.0, thumb_metacarpal=("thumb_cmc", "thumb_mcp"))
+    assert own_cmc["thumb_cmc"] == ("thumb_metacarpal", -26.0, -52.0)
+    whole = errors(21.0, index_distal=("index_dip", "fingertip"))
+    assert whole["index_dip"] == ("index_distal", 1.0, 5.0)
+    assert set(errors(None).values()) == {nothing}
 
 
 def test_a_joint_that_failed_or_is_missing_has_no_number() -> None:
@@ -107,19 +113,3 @@ def test_the_truth_of_the_first_calibration_task() -> None:
     assert truth_for(["opposition", "grasp", "rom"], [rom, grasp]) is grasp
     assert truth_for(["opposition"], [rom, grasp]) is rom
     assert truth_for(["rom"], []) is None
-
-
-def test_every_skeleton_is_held_against_its_own_calibration() -> None:
-    """Without a word on it, against the hand's; the joint is 1 mm from one truth and 3 mm from the other."""
-    truths = [
-        truth_of(task, centre("index_pip", (0, 0, z), (0, 0, 0))) for task, z in (("rom", 0), ("grasp", 4))
-    ]
-    stated = Stated({"index_pip": centre("index_pip", (0, 0, 1), (0, 0, 0))}, {})
-    folders = [
-        SkeletonFolder(Path(), "m", calibrated_on, "", False, stated, {}, "")
-        for calibrated_on in (("rom",), ("grasp, 2", "rom"), None)
-    ]
-    calibration = [RecordingName("01", "right", "grasp")]
-    rows = list(joint_rows(calibration, LAYOUT, folders, truths, None))
-    assert [row["error_mm"] for row in rows] == [1.0, 3.0, 3.0]
-    assert [row["calibrated_on"] for row in rows] == ["rom", "grasp, 2;rom", ""]

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from browser import browser  # noqa: F401
 from export_samples.known_hands import KnownHand, make_hand
 
 

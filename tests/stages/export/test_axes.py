@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from export_samples.made_motion import made_motion
+from export_samples.moving_fingers import moving_fingers
 
-from kinematics.rotations import angle, conjugate, matrix, multiply, rotate
-from stages.export.axes import DIRECTIONS, UNITS_PER_MM, turned, upright
+from skeleton.rotations import angle, conjugate, matrix, multiply, rotate
+from stages.export.axes import DIRECTIONS, turned, upright
 from stages.export.motion import local_motion
 
 
@@ -26,14 +26,10 @@ def test_z_up_to_y_up_is_the_usual_one() -> None:
 
 
 def test_a_turned_world_has_the_same_hand_in_it() -> None:
-    motion = made_motion(20, slip_mm=1.0)
+    motion = moving_fingers(20, slip_mm=1.0)
     there = turned(motion, upright("z", "y"))
     before, after = local_motion(motion), local_motion(there)
     np.testing.assert_allclose(before.offset_mm[:, 1:], after.offset_mm[:, 1:], atol=1e-9)
     assert angle(multiply(conjugate(before.quaternion), after.quaternion))[:, 1:].max() < 1e-7
     np.testing.assert_allclose(there.position_mm[..., 1], motion.position_mm[..., 2], atol=1e-9)
     np.testing.assert_allclose(there.receivers.position_mm[..., 1], motion.receivers.position_mm[..., 2])
-
-
-def test_units() -> None:
-    assert {name: 1000 * factor for name, factor in UNITS_PER_MM.items()} == {"m": 1, "cm": 100, "mm": 1000}

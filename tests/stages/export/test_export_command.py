@@ -9,21 +9,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
+from export_samples.known_hands import FITTED, POSE, REPLAYED, KnownHand, make_hand, make_hands
 from export_samples.minimal_bvh import read_bvh
 from export_samples.minimal_glb import read_glb
 
 from schemas.catalogue import BONE_POSES
 from stages.export.__main__ import main
-from stages.export.formats import FORMATS
+from stages.export.registry import FORMATS
 
 STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
 
 
-def run(known: KnownHand, out: Path, *words: str, model: str = FITTED) -> int:
-    who = ["--subject", known.recording.hand.subject, "--hand", known.recording.hand.hand]
-    where = ["--study", str(known.study), "--results", str(known.paths.folder), "--out", str(out)]
-    return main([*who, *where, "--recording", "opposition", "--model", model, "--formats", "bvh,csv", *words])
+def run(known: KnownHand, out: Path, *argv: str, model: str = FITTED) -> int:
+    """Export the hand's recording under one model as BVH and CSV, unless argv says otherwise."""
+    which = ["--plan", str(known.plan_path), "--hand", known.made.hand, "--recording", "opposition"]
+    return main([*which, "--model", model, "--formats", "bvh,csv", "--out", str(out), *argv])
 
 
 def test_files_have_their_names_and_notes(
@@ -37,15 +37,8 @@ def test_files_have_their_names_and_notes(
     assert "bvh: not in the file: device times" in told.err
     note = (tmp_path / f"{STEM}.bvh.txt").read_text("utf-8")
     assert "licence: CC BY 4.0\n" in note
-    assert f"models/{FITTED}/sub-01/right/bone_poses.parquet\n" in note
+    assert f"  sub-01/fits/right/{FITTED}/bone_poses.parquet\n" in note
     assert str(tmp_path) not in note
-
-
-def test_the_same_input_gives_the_same_bytes(right: KnownHand, tmp_path: Path) -> None:
-    for out in ("a", "b"):
-        assert run(right, tmp_path / out) == 0
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
 def test_both_formats_have_the_same_joints_in_their_own_worlds(right: KnownHand, tmp_path: Path) -> None:
@@ -62,8 +55,8 @@ def test_both_formats_have_the_same_joints_in_their_own_worlds(right: KnownHand,
 def test_options_reach_the_files(
     right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--unit", "m", "--up", "z", "--transmitter-up=-z", "--rig", "mixamo", "--bones", "stiff"]
-    assert run(right, tmp_path, *words) == 0
+    argv = ["--unit", "m", "--up", "z", "--transmitter-up=-z", "--rig", "mixamo", "--bones", "stiff"]
+    assert run(right, tmp_path, *argv) == 0
     bvh, rows = read_bvh(tmp_path / f"{STEM}.bvh"), pd.read_csv(tmp_path / f"{STEM}.csv")
     wrist = rows[rows["joint"] == "mixamorig:RightHand"][["x_mm", "y_mm", "z_mm"]].to_numpy()
     np.testing.assert_allclose(bvh.series("mixamorig:RightHand"), wrist * [1e-3, -1e-3, -1e-3], atol=1e-8)
@@ -77,7 +70,7 @@ def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) ->
     rows = known.rows(FITTED, BONE_POSES)
     for row in rows:
         if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
-            row |= dict.fromkeys(("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"))
+            row |= dict.fromkeys(POSE)
     known.write(FITTED, BONE_POSES, rows)
     out = tmp_path / "out"
     assert run(known, out) == 2
@@ -91,56 +84,74 @@ def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("argv", "message"),
     [
         (["--formats", "bvh,fbx"], "'fbx' is no format; expected one or more of"),
-        (["--subject", "99"], "has no right hand of '99'; it has 01 right"),
-        (["--recording", "rom"], "'rom' is not one recording of that hand; expected one of opposition"),
-        (["--model", "rigid"], "has no model 'rigid'"),
+        (["--hand", "left"], "has no left hand of '01'; it has right"),
+        (["--recording", "rom"], "'rom' is not one recording of the right hand"),
+        (["--model", "rigid"], "has no model 'rigid'; it has paper-fig4, whole-hand"),
         (["--frames", "5000:"], "no frame of the recording is in 5000:"),
         (["--rig", "maya"], "there is no rig 'maya'"),
         (["--rate-hz", "100"], "has device times of its own"),
+        (["--plan", "none/plan.json"], "none/plan.json: no such file"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_sentence(
-    right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+    right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str], argv: list[str], message: str
 ) -> None:
-    assert run(right, tmp_path / "out", *words) == 2
-    told = capsys.readouterr().err.splitlines()
-    assert said in told[-1]
-    assert told[-1].startswith("error: ")
+    assert run(right, tmp_path / "out", *argv) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert message in lines[-1]
+    assert lines[-1].startswith("error: ")
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("words", [["--frames", "7"], ["--fps", "0"], ["--max-gap-s", "nan"], ["--fps", "x"]])
-def test_words_that_are_no_numbers_are_refused(right: KnownHand, tmp_path: Path, words: list[str]) -> None:
+@pytest.mark.parametrize("argv", [["--frames", "7"], ["--fps", "0"], ["--max-gap-s", "nan"], ["--fps", "x"]])
+def test_values_that_are_no_numbers_are_refused(right: KnownHand, tmp_path: Path, argv: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        run(right, tmp_path, *words)
+        run(right, tmp_path, *argv)
     assert ended.value.code == 2
 
 
 def test_a_failure_can_be_recorded(right: KnownHand, tmp_path: Path) -> None:
+    """Of a format, of a recording under a model, or of the whole subject, and the rest is written."""
     assert run(right, tmp_path, "--frames", "5000:", "--record-failure") == 0
     for name in ("bvh", "csv"):
         assert "no frame of the recording" in (tmp_path / f"{STEM}_{name}.failed.txt").read_text("utf-8")
     assert run(right, tmp_path, "--record-failure", model="none") == 0
-    assert "has no model 'none'" in next(tmp_path.glob("*model-none.failed.txt")).read_text("utf-8")
+    assert "has no model 'none'" in (tmp_path / "sub-01.failed.txt").read_text("utf-8")
 
 
-def test_both_hands_stand_in_one_glb(tmp_path: Path) -> None:
-    """Each with its own skeleton and animation; a format for one hand says so and writes nothing."""
-    known = make_hand(tmp_path, "right", 30)
-    make_hand(tmp_path, "left", 30)
-    sheet = (tmp_path / "sheet.tsv").read_text("utf-8")
-    (tmp_path / "sheet.tsv").write_text(
-        sheet + sheet.splitlines()[1].replace("left", "right") + "\n", "utf-8"
-    )
+def test_a_model_that_failed_keeps_no_other_from_being_written(
+    fresh: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fresh.write(FITTED, BONE_POSES, "the hand was not fitted")
     out = tmp_path / "out"
-    assert run(known, out, "--formats", "glb", "--hand", "both") == 0
+    assert run(fresh, out, "--record-failure", model=f"{FITTED},{REPLAYED}") == 0
+    assert (out / f"{STEM}.failed.txt").read_text("utf-8") == "the hand was not fitted\n"
+    assert (out / f"{STEM.replace(FITTED, REPLAYED)}.bvh").is_file()
+    assert run(fresh, out, model=f"{FITTED},{REPLAYED}") == 2
+    assert capsys.readouterr().err.endswith("error: the hand was not fitted\n")
+
+
+def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path) -> None:
+    """Both hands in files of their own under every model, or with --hand both in one file of each model."""
+    known = make_hands(tmp_path, ["right", "left"], 30)[0]
+    out = tmp_path / "out"
+    argv = ["--plan", str(known.plan_path), "--out", str(out)]
+    assert main([*argv, "--formats", "csv"]) == 0
+    stems = {
+        f"sub-01_hand-{hand}_task-opposition_model-{model}"
+        for hand in ("right", "left")
+        for model in (REPLAYED, FITTED)
+    }
+    ends = (".csv", "_angles.csv", ".json")
+    assert {path.name for path in out.iterdir()} == {f"{stem}{end}" for stem in stems for end in ends}
+    assert main([*argv, "--formats", "glb", "--hand", "both"]) == 0
     scene = read_glb(out / f"{STEM.replace('right', 'both')}.glb").json
     assert len(scene["skins"]) == len(scene["animations"]) == 2
     assert {"right-hand", "left-hand"} <= {node.get("name") for node in scene["nodes"]}
-    assert run(known, out, "--hand", "both") == 2
+    assert main([*argv, "--formats", "bvh", "--hand", "both"]) == 2
     assert not list(out.glob("*.bvh"))
 
 

@@ -7,43 +7,33 @@ tests/export_tools/package.json, blender/bin/python with bpy. A test is skipped 
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from browser import browser  # noqa: F401
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.made_motion import made_motion
 from export_samples.minimal_glb import read_glb
+from export_samples.moving_fingers import both_hands, moving_fingers
 from export_tools.web_page import page_under, served
 
-from stages.export.formats import Target
+from stages.export.axes import Target
 from stages.export.glb import write, write_scene
 from stages.export.motion import SkeletonMotion
-from stages.export.names import RIGS
-from stages.export.settings import Settings, prepared
+from stages.export.rig_names import RIGS
 
 pytestmark = pytest.mark.tools
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 SCRIPTS = REPOSITORY / "tests" / "export_tools"
+ExportTool = Callable[[str], Path]
 METRES = Target("m", "y")
 NEAR_M = 3e-7
 """Asked for is 1e-6."""
-
-
-def tool(path: str) -> Path:
-    """A program's place; the test is skipped where it is not there."""
-    found = Path(os.environ.get("SHUKOTSU_TOOLS", REPOSITORY / ".tools")).absolute() / path
-    if not found.exists():
-        pytest.skip(f"no {found}; SHUKOTSU_TOOLS can name another folder than .tools")
-    return found
 
 
 def output_of(*words: str | Path) -> Any:
@@ -53,30 +43,17 @@ def output_of(*words: str | Path) -> Any:
     return json.loads(done.stdout)
 
 
-def read_in_node(file: Path) -> Any:
+def read_in_node(export_tool: ExportTool, file: Path) -> Any:
     """What three.js and the validator of the Khronos Group say of a file."""
-    modules = tool("node_modules/three").parent
-    if shutil.which("node") is None:
-        pytest.skip("no node on PATH")
+    modules = export_tool("node_modules/three").parent
     found = output_of("node", SCRIPTS / "read_glb.mjs", modules, file)
     assert found["messages"] == [], "errors, warnings, and no information either"
     return found
 
 
-def read_in_blender(file: Path, rate_hz: float) -> Any:
+def read_in_blender(export_tool: ExportTool, file: Path, rate_hz: float) -> Any:
     """What Blender has of a file."""
-    return output_of(tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, str(rate_hz))
-
-
-def upright(known: KnownHand, model: str) -> SkeletonMotion:
-    return prepared(known.motion(model), Settings(gaps="cut"), holds_gaps=False, up="y")
-
-
-def both(offset_s: float = 0.05) -> list[SkeletonMotion]:
-    """A right hand and a left one that begins a little later."""
-    one, other = made_motion(40, slip_mm=0.5), made_motion(30, seed=2)
-    other = replace(other, time_s=other.time_s + offset_s, origin=replace(other.origin, hand="left"))
-    return [one, replace(other, position_mm=other.position_mm + 30)]
+    return output_of(export_tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, str(rate_hz))
 
 
 def assert_joints(joints: Any, motion: SkeletonMotion, near_m: float, rows: slice = slice(None)) -> None:
@@ -97,11 +74,11 @@ def last_body(file: Path, node: str) -> np.ndarray:
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
 def test_three_has_every_joint_and_the_validator_no_word(
-    known: KnownHand, tmp_path: Path, model: str
+    known: KnownHand, tmp_path: Path, export_tool: ExportTool, model: str
 ) -> None:
-    motion, file = upright(known, model), tmp_path / "hand.glb"
+    motion, file = known.ready(model), tmp_path / "hand.glb"
     write(motion, METRES, file)
-    found = read_in_node(file)
+    found = read_in_node(export_tool, file)
     hand = f"{motion.origin.hand}-hand"
     clip = found["clips"][f"{hand} opposition"]
     np.testing.assert_allclose(clip["times"], motion.time_s - motion.time_s[0], atol=1e-5)
@@ -111,15 +88,15 @@ def test_three_has_every_joint_and_the_validator_no_word(
         np.testing.assert_allclose(found["bodies"][f"{hand}-body_{primitive}"], expected, atol=2e-6)
 
 
-def test_three_has_both_hands_of_a_scene(tmp_path: Path) -> None:
-    hands, file = both(), tmp_path / "hands.glb"
+def test_three_has_both_hands_of_a_scene(tmp_path: Path, export_tool: ExportTool) -> None:
+    hands, file = both_hands(0.05), tmp_path / "hands.glb"
     write_scene(hands, METRES, file)
-    clips = read_in_node(file)["clips"]
+    clips = read_in_node(export_tool, file)["clips"]
     for motion in hands:
         name = f"{motion.origin.hand}-made"
         assert_joints(clips[f"{name} wave"]["joints"][name], motion, NEAR_M)
     write_scene(hands, METRES, file, one_clock=True)
-    (clip,) = read_in_node(file)["clips"].values()
+    (clip,) = read_in_node(export_tool, file)["clips"].values()
     times = np.array(clip["times"])
     for motion in hands:
         at = np.abs(times[:, None] - motion.time_s).argmin(0)
@@ -127,23 +104,25 @@ def test_three_has_both_hands_of_a_scene(tmp_path: Path) -> None:
         assert_joints({name: np.array(series)[at] for name, series in joints.items()}, motion, NEAR_M)
 
 
-def test_the_validator_has_no_word_on_odd_files(tmp_path: Path) -> None:
+def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: ExportTool) -> None:
     """One frame, names in other scripts, a skeleton that is no hand."""
-    file, made = tmp_path / "odd.glb", made_motion(20)
+    file, made = tmp_path / "odd.glb", moving_fingers(20)
     write(made.take(slice(0, 1)), METRES, file)
-    assert len(read_in_node(file)["clips"]["right-made wave"]["times"]) == 1
+    assert len(read_in_node(export_tool, file)["clips"]["right-made wave"]["times"]) == 1
     joints = tuple(replace(joint, name=f"腕 {i}") for i, joint in enumerate(made.joints))
     write(replace(made, joints=joints, origin=replace(made.origin, licence="© 手")), METRES, file)
-    found = read_in_node(file)["clips"]["right-made wave"]["joints"]["right-made"]
+    found = read_in_node(export_tool, file)["clips"]["right-made wave"]["joints"]["right-made"]
     np.testing.assert_allclose(found["腕 3"], made.position_mm[:, 3] / 1000, atol=NEAR_M)
 
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_blender_has_every_joint_and_the_body(known: KnownHand, tmp_path: Path, model: str) -> None:
-    motion, file = upright(known, model), tmp_path / "hand.glb"
+def test_blender_has_every_joint_and_the_body(
+    known: KnownHand, tmp_path: Path, export_tool: ExportTool, model: str
+) -> None:
+    motion, file = known.ready(model), tmp_path / "hand.glb"
     write(motion, METRES, file)
     hand = f"{motion.origin.hand}-hand"
-    found = read_in_blender(file, motion.rate_hz)
+    found = read_in_blender(export_tool, file, motion.rate_hz)
     assert_joints(found["joints"][hand], motion, NEAR_M)
     body, expected = np.array(found["bodies"][f"{hand}-body"]), last_body(file, f"{hand}-body")
     assert len(body) == len(expected)
@@ -151,28 +130,28 @@ def test_blender_has_every_joint_and_the_body(known: KnownHand, tmp_path: Path, 
     np.testing.assert_allclose(body.max(0), expected.max(0), atol=2e-6)
 
 
-def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path) -> None:
-    motion, glb, fbx = upright(known, FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
+def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path, export_tool: ExportTool) -> None:
+    motion, glb, fbx = known.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
     write(motion, METRES, glb)
-    to_fbx(glb, fbx)
+    to_fbx(export_tool, glb, fbx)
     hand = f"{motion.origin.hand}-hand"
-    assert_joints(read_in_blender(fbx, 0)["joints"][hand], motion, 1e-4)
+    assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][hand], motion, 1e-4)
 
 
-def test_fbx_has_both_hands_in_motion(tmp_path: Path) -> None:
-    hands, glb, fbx = both(), tmp_path / "hands.glb", tmp_path / "hands.fbx"
+def test_fbx_has_both_hands_in_motion(tmp_path: Path, export_tool: ExportTool) -> None:
+    hands, glb, fbx = both_hands(0.05), tmp_path / "hands.glb", tmp_path / "hands.fbx"
     write_scene(hands, METRES, glb)
-    to_fbx(glb, fbx)
-    found = read_in_blender(fbx, 0)["joints"]
+    to_fbx(export_tool, glb, fbx)
+    found = read_in_blender(export_tool, fbx, 0)["joints"]
     for motion in hands:
         joints = found[f"{motion.origin.hand}-made"]
         n = len(motion.frame)  # the shorter one rests at its end
         assert_joints({name: series[:n] for name, series in joints.items()}, motion, 1e-4)
 
 
-def to_fbx(glb: Path, fbx: Path) -> None:
+def to_fbx(export_tool: ExportTool, glb: Path, fbx: Path) -> None:
     script = REPOSITORY / "stages" / "export" / "blender_to_fbx.py"
-    words = [str(tool("blender/bin/python")), str(script), str(glb), str(fbx)]
+    words = [str(export_tool("blender/bin/python")), str(script), str(glb), str(fbx)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -192,10 +171,12 @@ def ours(words: str) -> bool:
     return not ("GPU stall" in words or "rAF timed out" in words or words.startswith("blob:"))
 
 
-def test_the_page_of_the_guide_shows_the_hand_move(right: KnownHand, tmp_path: Path, browser: Any) -> None:  # noqa: F811
-    motion, file = upright(right, FITTED), tmp_path / "motion.glb"
+def test_the_page_of_the_guide_shows_the_hand_move(
+    right: KnownHand, tmp_path: Path, export_tool: ExportTool, browser: Any
+) -> None:
+    motion, file = right.ready(FITTED), tmp_path / "motion.glb"
     write(motion, METRES, file)
-    modules = tool("node_modules/three").parent
+    modules = export_tool("node_modules/three").parent
     with served(page_under("With three.js"), file, modules, tmp_path) as address:
         page = browser.new_page(viewport={"width": 400, "height": 300})
         heard = complaints(page)
@@ -218,10 +199,12 @@ def test_the_page_of_the_guide_shows_the_hand_move(right: KnownHand, tmp_path: P
         assert at.min() - 0.06 <= shown_mm <= at.max() + 0.06
 
 
-def test_model_viewer_shows_the_hand(right: KnownHand, tmp_path: Path, browser: Any) -> None:  # noqa: F811
-    motion, file = upright(right, FITTED), tmp_path / "motion.glb"
+def test_model_viewer_shows_the_hand(
+    right: KnownHand, tmp_path: Path, export_tool: ExportTool, browser: Any
+) -> None:
+    motion, file = right.ready(FITTED), tmp_path / "motion.glb"
     write(motion, METRES, file)
-    modules = tool("node_modules/@google/model-viewer").parents[1]
+    modules = export_tool("node_modules/@google/model-viewer").parents[1]
     with served(page_under("With model-viewer"), file, modules, tmp_path) as address:
         page = browser.new_page(viewport={"width": 400, "height": 300})
         heard = complaints(page)

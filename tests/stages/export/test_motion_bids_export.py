@@ -14,20 +14,19 @@ import numpy as np
 import pandas as pd
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.made_motion import made_motion
+from export_samples.moving_fingers import blanked, moving_fingers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.rotations import angle, conjugate, multiply
 from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.mapping import mapping_from_config
-from stages.capture.formats.motion_bids import read_motion_bids
+from skeleton.rotations import angle, conjugate, multiply
+from stages.capture.formats.motion_tsv import read_motion_bids
 from stages.capture.samples import ReadingOptions
-from stages.export.formats import Target
+from stages.export.axes import Target
 from stages.export.motion import SkeletonMotion
 from stages.export.motion_bids import DESCRIPTION, recording_path, write, write_dataset_files
-from stages.export.receivers import with_seen_receivers
 from stages.export.tidy_csv import bone_angles_deg
 
 LAYOUT = read_layout("liberty16")
@@ -71,13 +70,7 @@ def named(motion: SkeletonMotion, **names: str) -> SkeletonMotion:
 
 def with_gaps(motion: SkeletonMotion) -> SkeletonMotion:
     """Two poses of a joint missing, and one of a receiver."""
-    there = motion.receivers
-    place, turn = motion.position_mm.copy(), motion.quaternion.copy()
-    place[3:5, 2], turn[3:5, 2] = np.nan, np.nan
-    receiver_mm, receiver_turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()
-    receiver_mm[6, 1], receiver_turn[6, 1], valid[6, 1] = np.nan, np.nan, False
-    receivers = replace(there, position_mm=receiver_mm, quaternion=receiver_turn, valid=valid)
-    return replace(motion, position_mm=place, quaternion=turn, receivers=receivers)
+    return blanked(motion, joints=np.s_[3:5, 2], receivers=np.s_[6, 1])
 
 
 def validate(folder: Path) -> list[dict[str, Any]]:
@@ -106,7 +99,7 @@ def test_the_validator_finds_no_error_and_no_warning_that_we_could_avoid(
     """Names of any script, gaps, one frame, no trial and a trial that is a number or is none."""
     hand = named(right.motion(FITTED), licence="CC0")
     add(hand, tmp_path / "set")
-    made = with_gaps(made_motion(9))
+    made = with_gaps(moving_fingers(9))
     add(named(made, subject="山田 Ö.", task="ex-po_1", trial="2"), tmp_path / "set")
     add(named(made, subject="Q", hand="left", trial="pre op"), tmp_path / "set")
     one = replace(named(made.take(slice(1)), subject="one"), rate_hz=float("nan"))
@@ -171,12 +164,6 @@ def check_receivers(folder: Path, motion: SkeletonMotion) -> None:
         np.testing.assert_array_equal(samples.numbers[rows], expected)
 
 
-def test_our_import_gives_the_receivers_back(known: KnownHand, tmp_path: Path) -> None:
-    motion, _ = with_seen_receivers(known.motion(FITTED))
-    add(motion, tmp_path)
-    check_receivers(tmp_path, motion)
-
-
 @settings(max_examples=40)
 @given(
     st.lists(
@@ -189,7 +176,7 @@ def test_any_receivers_come_back(
     tmp_path_factory: pytest.TempPathFactory, numbers: list[float], first: int, start_s: float
 ) -> None:
     """Positions of any size to the last bit."""
-    motion = with_gaps(made_motion(12))
+    motion = with_gaps(moving_fingers(12))
     place = np.resize(np.array(numbers), motion.receivers.position_mm.shape)
     place[np.isnan(motion.receivers.position_mm)] = np.nan
     motion = replace(
@@ -204,7 +191,7 @@ def test_any_receivers_come_back(
 
 
 def test_our_import_reads_joints_by_a_mapping(tmp_path: Path) -> None:
-    motion = made_motion(9)
+    motion = moving_fingers(9)
     add(motion, tmp_path)
     told = {
         "format": "motion-bids",
@@ -218,7 +205,7 @@ def test_our_import_reads_joints_by_a_mapping(tmp_path: Path) -> None:
 
 
 def test_gaps_are_n_a_in_every_file(tmp_path: Path) -> None:
-    motion = with_gaps(made_motion(9))
+    motion = with_gaps(moving_fingers(9))
     time_s = motion.time_s.copy()
     time_s[7] = np.nan
     add(replace(motion, time_s=time_s), tmp_path)
@@ -242,7 +229,7 @@ def write_all(folder: Path, motions: Iterable[SkeletonMotion]) -> dict[str, byte
 
 
 def test_order_and_repetition_change_nothing(tmp_path: Path) -> None:
-    base = made_motion(9)
+    base = moving_fingers(9)
     motions = [
         base,
         named(base, model="other"),
@@ -275,15 +262,15 @@ def test_a_study_describes_its_dataset(tmp_path: Path) -> None:
     assert told["hand_length_mm"]["Units"] == "mm"
     before = content(tmp_path)
     write_dataset_files(tmp_path, "The study", dict(reversed(sizes.items())), "CC0")
-    add(named(made_motion(9), subject="山田"), tmp_path)
+    add(named(moving_fingers(9), subject="山田"), tmp_path)
     assert {name: data for name, data in content(tmp_path).items() if name in before} == before
-    add(named(made_motion(9), subject="zz"), tmp_path)
+    add(named(moving_fingers(9), subject="zz"), tmp_path)
     assert participants.read_text("utf-8").splitlines() == [*expected, "sub-zz\tzz\tn/a\tn/a"]
 
 
 @given(st.text(min_size=1, max_size=6), st.text(min_size=1, max_size=6), st.text(max_size=4))
 def test_no_two_recordings_share_a_file(one: str, other: str, trial: str) -> None:
-    folder, origin = Path("set"), made_motion(2).origin
+    folder, origin = Path("set"), moving_fingers(2).origin
 
     def place(**names: str) -> Path:
         return recording_path(folder, replace(origin, **names), "righthandskeletonmade")
@@ -298,7 +285,7 @@ def test_no_two_recordings_share_a_file(one: str, other: str, trial: str) -> Non
 
 
 def test_provenance_and_licence_are_inside(tmp_path: Path) -> None:
-    motion = named(made_motion(9), licence="CC BY 4.0", subject="Ö")
+    motion = named(moving_fingers(9), licence="CC BY 4.0", subject="Ö")
     add(motion.noting("resampled"), tmp_path / "exports")
     assert json.loads((tmp_path / "exports" / DESCRIPTION).read_text())["License"] == "CC BY 4.0"
     for path in (skeleton_path(tmp_path / "exports", motion), receivers_path(tmp_path / "exports", motion)):
@@ -308,22 +295,20 @@ def test_provenance_and_licence_are_inside(tmp_path: Path) -> None:
 
 
 def test_what_bids_cannot_hold_is_refused(tmp_path: Path) -> None:
-    motion = made_motion(9)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.txt").write_text("mine")
+    motion = moving_fingers(9)
     for folder, bad, words in (
         ("new", motion.take(slice(0)), "no recording without a frame"),
-        ("new", replace(motion, time_s=np.full(9, np.nan), rate_hz=float("nan")), "say it with --rate-hz"),
         ("other", motion, "holds files but no dataset_description.json"),
     ):
-        with pytest.raises(InputError, match=words) as caught:
+        with pytest.raises(InputError, match=words):
             add(bad, tmp_path / folder)
-        assert "\n" not in str(caught.value)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["other", "thesis.txt"]
 
 
 def test_a_rate_that_the_user_gave_and_a_time_that_is_uneven(tmp_path: Path) -> None:
-    motion = made_motion(11)
+    motion = moving_fingers(11)
     add(replace(motion, time_s=motion.time_s * 1.01), tmp_path)
     told = motion_json(receivers_path(tmp_path, motion))
     assert told["SamplingFrequency"] == 100

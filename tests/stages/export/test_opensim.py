@@ -7,11 +7,10 @@ other about a joint's axes after its translations.
 from __future__ import annotations
 
 import math
-import os
 import re
 import subprocess
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,21 +18,21 @@ from typing import Any
 import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from hypothesis import given, settings
+from export_samples.moving_fingers import blanked
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kinematics.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
-from schemas.errors import InputError
-from stages.export.formats import Target
-from stages.export.motion import Joint, Origin, Receivers, SkeletonMotion, continuous, stiffened
+from skeleton.posing import SkeletonJoint
+from skeleton.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
+from stages.export.axes import Target
+from stages.export.motion import Origin, Receivers, SkeletonMotion, continuous, stiffened
 from stages.export.opensim import write
-from stages.export.opensim_joints import body_fixed_rad, plain_names, turn_angles
-from stages.export.settings import Settings, prepared
+from stages.export.opensim_joints import body_fixed_rad, turn_angles
+from stages.export.rig_names import plain_names
 from stages.export.tidy_csv import bone_angles_deg
 
-REPOSITORY = Path(__file__).resolve().parents[3]
-READER = REPOSITORY / "tests" / "export_samples" / "readers" / "read_with_opensim.py"
+READER = Path(__file__).resolve().parents[2] / "export_samples" / "readers" / "read_with_opensim.py"
 TARGET = Target("m", "y")
 NEAR_M = 1e-9
 NEAR_RAD = 1e-8
@@ -159,10 +158,6 @@ def replayed(stem: Path) -> tuple[Model, list[dict[str, tuple[Array, Array]]]]:
     return model, [model.placed(dict(zip(labels, row.tolist(), strict=True))) for row in si]
 
 
-def ready(motion: SkeletonMotion, **asked: Any) -> SkeletonMotion:
-    return prepared(motion, Settings(**({"gaps": "cut"} | asked)), holds_gaps=False, up="y")
-
-
 def largest_errors(
     motion: SkeletonMotion, frames: list[dict[str, tuple[Array, Array]]]
 ) -> tuple[float, float]:
@@ -195,10 +190,10 @@ def made_arm(n_frames: int = 30, elbow_dof: int = 1) -> SkeletonMotion:
     elbow = multiply(about_axis(axes[0], 0.3), about_axis(axes[1], bend(n_frames, 0, 1.1)))
     offsets = np.array([[0, 0, 0], [20.0, 5, -90], [0, 0, -310], [0, 0, -250]])
     joints = (
-        Joint("scapula", -1, "scapula"),
-        Joint("shoulder", 0, "upper_arm", "arm", dof=3),
-        Joint("elbow", 1, "forearm", "arm", dof=elbow_dof),
-        Joint("arm_tip", 2, "forearm", "arm", tip=True),
+        SkeletonJoint("scapula", -1, "scapula"),
+        SkeletonJoint("shoulder", 0, "upper_arm", "arm", dof=3),
+        SkeletonJoint("elbow", 1, "forearm", "arm", dof=elbow_dof),
+        SkeletonJoint("arm_tip", 2, "forearm", "arm", tip=True),
     )
     turn, place = np.empty((n_frames, 4, 4)), np.empty((n_frames, 4, 3))
     turn[:, 0], place[:, 0] = root, np.linspace([300, 20, -40], [250, 60, 10], n_frames)
@@ -232,19 +227,24 @@ def made_arm(n_frames: int = 30, elbow_dof: int = 1) -> SkeletonMotion:
     )
 
 
-def only(motion: SkeletonMotion, rows: slice) -> SkeletonMotion:
-    return motion.take(rows)
-
-
 # -- every joint where it is
+
+
+@pytest.mark.parametrize("rig", ["", "openxr", "vrm", "unreal", "mixamo"])
+def test_every_bone_is_where_the_motion_has_it_on_any_rig(right: KnownHand, tmp_path: Path, rig: str) -> None:
+    motion = right.ready(FITTED, rig=rig).take(slice(0, 240, 40))
+    write(motion, TARGET, tmp_path / "hand.osim")
+    model, frames = replayed(tmp_path / "hand")
+    assert max(largest_errors(motion, frames)) < NEAR_RAD
+    assert all(re.fullmatch(r"\w+", element.get("name", "x"), re.ASCII) for element in model.root.iter())
 
 
 @pytest.mark.parametrize("stiff", [False, True])
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_every_bone_is_where_the_motion_has_it(
+def test_joints_have_translations_unless_bones_are_stiff(
     known: KnownHand, tmp_path: Path, model: str, stiff: bool
 ) -> None:
-    motion = only(ready(known.motion(model), stiff=stiff), slice(0, 240, 6))
+    motion = known.ready(model, stiff=stiff).take(slice(0, 240, 6))
     write(motion, TARGET, tmp_path / "hand.osim")
     read, frames = replayed(tmp_path / "hand")
     off_m, turned = largest_errors(motion, frames)
@@ -254,19 +254,9 @@ def test_every_bone_is_where_the_motion_has_it(
     assert (len(shifts) > 3) is not stiff
 
 
-@pytest.mark.parametrize("rig", ["webxr", "openxr", "vrm", "unity", "unreal", "mixamo"])
-def test_so_it_is_on_any_rig(right: KnownHand, tmp_path: Path, rig: str) -> None:
-    motion = only(ready(right.motion(FITTED), rig=rig), slice(0, 240, 40))
-    write(motion, TARGET, tmp_path / "hand.osim")
-    model, frames = replayed(tmp_path / "hand")
-    assert max(largest_errors(motion, frames)) < NEAR_RAD
-    for element in model.root.iter():
-        assert re.fullmatch(r"\w+", element.get("name", "x"), re.ASCII)
-
-
 @pytest.mark.parametrize(("dof", "turns"), [(1, 1), (2, 3)])
 def test_an_arm_of_no_known_anatomy_turns_about_its_own_axes(tmp_path: Path, dof: int, turns: int) -> None:
-    motion = ready(made_arm(elbow_dof=dof))
+    motion = made_arm(elbow_dof=dof)
     write(motion, TARGET, tmp_path / "arm.osim")
     model, frames = replayed(tmp_path / "arm")
     assert max(largest_errors(motion, frames)) < NEAR_RAD
@@ -279,9 +269,7 @@ def test_an_arm_of_no_known_anatomy_turns_about_its_own_axes(tmp_path: Path, dof
 
 
 def test_one_frame_is_enough(right: KnownHand, tmp_path: Path) -> None:
-    motion = replace(
-        only(ready(right.motion(FITTED)), slice(7, 8)), time_s=np.array([np.nan]), rate_hz=np.nan
-    )
+    motion = replace(right.ready(FITTED).take(slice(7, 8)), time_s=np.array([np.nan]), rate_hz=np.nan)
     write(motion, TARGET, tmp_path / "hand.osim")
     model, frames = replayed(tmp_path / "hand")
     assert max(largest_errors(motion, frames)) < NEAR_RAD
@@ -291,7 +279,7 @@ def test_one_frame_is_enough(right: KnownHand, tmp_path: Path) -> None:
 
 
 def test_a_bone_that_keeps_still_is_welded(tmp_path: Path) -> None:
-    motion = ready(made_arm())
+    motion = made_arm()
     still = np.tile(about_axis(np.array([0.0, 0, 1]), 0.3), (30, 1))
     joints = (*motion.joints[:2], replace(motion.joints[2], dof=0), motion.joints[3])
     turn = motion.quaternion.copy()
@@ -333,7 +321,7 @@ HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "littl
 
 
 def test_joints_of_two_degrees_have_the_angles_of_the_documentation(known: KnownHand, tmp_path: Path) -> None:
-    motion = with_hinges(ready(known.motion(FITTED)), HINGES)
+    motion = with_hinges(known.ready(FITTED), HINGES)
     write(motion, TARGET, tmp_path / "hand.osim")
     _, labels, table = read_mot(tmp_path / "hand.mot")
     joints, angles = bone_angles_deg(motion)
@@ -345,7 +333,7 @@ def test_joints_of_two_degrees_have_the_angles_of_the_documentation(known: Known
 
 
 def test_a_hinge_has_its_estimated_axis_and_flexion_alone(known: KnownHand, tmp_path: Path) -> None:
-    motion = with_hinges(ready(known.motion(FITTED)), HINGES)
+    motion = with_hinges(known.ready(FITTED), HINGES)
     write(motion, TARGET, tmp_path / "hand.osim")
     model, frames = replayed(tmp_path / "hand")
     assert max(largest_errors(motion, frames)) < NEAR_RAD
@@ -361,7 +349,7 @@ def test_a_hinge_has_its_estimated_axis_and_flexion_alone(known: KnownHand, tmp_
 
 
 def test_the_sense_of_an_axis_does_not_matter(right: KnownHand, tmp_path: Path) -> None:
-    motion = ready(right.motion(REPLAYED))
+    motion = right.ready(REPLAYED)
     write(motion, TARGET, tmp_path / "one.osim")
     write(replace(motion, axis=-motion.axis), TARGET, tmp_path / "other.osim")
     _, labels, ours = read_mot(tmp_path / "one.mot")
@@ -372,18 +360,18 @@ def test_the_sense_of_an_axis_does_not_matter(right: KnownHand, tmp_path: Path) 
 
 def test_a_model_opens_as_the_recording_begins(right: KnownHand, tmp_path: Path) -> None:
     """But with bones at their length."""
-    motion = ready(right.motion(REPLAYED))
+    motion = right.ready(REPLAYED)
     write(motion, TARGET, tmp_path / "hand.osim")
     model = Model.read(tmp_path / "hand.osim")
     defaults = {str(c.get("name")): numbers(c, "default_value")[0] for c in model.every("Coordinate")}
-    _, error = largest_errors(only(motion, slice(0, 1)), [model.placed(defaults)])
+    _, error = largest_errors(motion.take(slice(0, 1)), [model.placed(defaults)])
     assert error < NEAR_RAD
     assert defaults["index_pip_tx"] == 0
     np.testing.assert_allclose(defaults["wrist_tx"], motion.position_mm[0, 0, 0] / 1000, atol=NEAR_M)
 
 
 def test_a_hinge_that_is_none_turns_about_its_axis_first(right: KnownHand, tmp_path: Path) -> None:
-    motion = ready(right.motion(REPLAYED))
+    motion = right.ready(REPLAYED)
     write(motion, TARGET, tmp_path / "hand.osim")
     model = Model.read(tmp_path / "hand.osim")
     _, labels, table = read_mot(tmp_path / "hand.mot")
@@ -394,44 +382,10 @@ def test_a_hinge_that_is_none_turns_about_its_axis_first(right: KnownHand, tmp_p
     assert spread[0] > 5 * max(spread[1:])
 
 
-def test_sides_have_the_same_signs(tmp_path: Path, right: KnownHand) -> None:
-    """A right hand's mirror image, called left, has the same coordinates for its digits."""
-    motion = ready(right.motion(FITTED))
-    write(motion, TARGET, tmp_path / "right.osim")
-    write(mirror_image(motion), TARGET, tmp_path / "left.osim")
-    _, labels, ours = read_mot(tmp_path / "right.mot")
-    _, theirs_labels, theirs = read_mot(tmp_path / "left.mot")
-    assert set(labels) == set(theirs_labels)
-    turns = [name for name in labels if re.search("_(flexion|abduction|rotation)$", name)]
-    assert len(turns) > 25
-    for name in turns:
-        a, b = ours[:, labels.index(name)], theirs[:, theirs_labels.index(name)]
-        np.testing.assert_allclose(a, b, atol=1e-6, err_msg=name)
-
-
-def mirror_image(motion: SkeletonMotion) -> SkeletonMotion:
-    """In the plane x = 0 of world and bones, which keeps bone frames right-handed."""
-    across, turned = np.array([-1.0, 1, 1]), np.array([1.0, 1, -1, -1])
-    there = motion.receivers
-    return replace(
-        motion,
-        rest_offset_mm=motion.rest_offset_mm * across,
-        rest_rotation=motion.rest_rotation * turned,
-        neutral=motion.neutral * turned,
-        axis=motion.axis * -across,
-        position_mm=motion.position_mm * across,
-        quaternion=motion.quaternion * turned,
-        receivers=replace(
-            there, position_mm=there.position_mm * across, quaternion=there.quaternion * turned
-        ),
-        origin=replace(motion.origin, hand="left"),
-    )
-
-
 def test_coordinates_are_free_in_one_model_and_translations_locked_in_the_other(
     right: KnownHand, tmp_path: Path
 ) -> None:
-    motion = ready(right.motion(REPLAYED))
+    motion = right.ready(REPLAYED)
     told = write(motion, TARGET, tmp_path / "hand.osim")
     free, held = (Model.read(tmp_path / name) for name in ("hand.osim", "hand_ik.osim"))
     assert {c.findtext("locked") for c in free.every("Coordinate")} == {"false"}
@@ -447,7 +401,7 @@ def test_coordinates_are_free_in_one_model_and_translations_locked_in_the_other(
 
 
 def test_ranges_cover_the_motion_and_clamp_nothing(right: KnownHand, tmp_path: Path) -> None:
-    motion = ready(right.motion(REPLAYED))
+    motion = right.ready(REPLAYED)
     write(motion, TARGET, tmp_path / "hand.osim")
     _, labels, table = read_mot(tmp_path / "hand.mot")
     for coordinate in Model.read(tmp_path / "hand.osim").every("Coordinate"):
@@ -477,7 +431,7 @@ def test_angles_are_continuous(tmp_path: Path) -> None:
 
 
 def test_a_receiver_that_carries_its_bone_is_where_the_model_has_it(known: KnownHand, tmp_path: Path) -> None:
-    motion = only(ready(known.motion(REPLAYED)), slice(0, 240, 24))
+    motion = known.ready(REPLAYED).take(slice(0, 240, 24))
     write(motion, TARGET, tmp_path / "hand.osim")
     model, frames = replayed(tmp_path / "hand")
     _, names, time_s, measured = read_trc(tmp_path / "hand.trc")
@@ -501,7 +455,7 @@ def test_a_receiver_that_carries_its_bone_is_where_the_model_has_it(known: Known
 
 
 def test_tips_are_markers_of_the_model_alone(right: KnownHand, tmp_path: Path) -> None:
-    motion = ready(right.motion(FITTED), stiff=True)
+    motion = right.ready(FITTED, stiff=True)
     write(motion, TARGET, tmp_path / "hand.osim")
     model, frames = replayed(tmp_path / "hand")
     marker = next(m for m in model.every("Marker") if m.get("name") == "thumb_tip")
@@ -515,12 +469,9 @@ def test_tips_are_markers_of_the_model_alone(right: KnownHand, tmp_path: Path) -
 
 
 def test_a_receiver_without_a_pose_is_a_blank_cell(right: KnownHand, tmp_path: Path) -> None:
-    motion = only(ready(right.motion(FITTED)), slice(0, 20))
-    there = motion.receivers
-    place, turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()
-    last = there.segments.index("little_distal")
-    place[3:6, last], turn[3:6, last], valid[3:6, last] = np.nan, np.nan, False
-    motion = replace(motion, receivers=replace(there, position_mm=place, quaternion=turn, valid=valid))
+    motion = right.ready(FITTED).take(slice(0, 20))
+    last = motion.receivers.segments.index("little_distal")
+    motion = blanked(motion, receivers=np.s_[3:6, last])
     write(motion, TARGET, tmp_path / "hand.osim")
     _, names, _, measured = read_trc(tmp_path / "hand.trc")
     blank = np.isnan(measured).any(-1)
@@ -531,16 +482,8 @@ def test_a_receiver_without_a_pose_is_a_blank_cell(right: KnownHand, tmp_path: P
         assert not re.search(r"\b(nan|inf)\b", (tmp_path / f"hand{ending}").read_text("utf-8"))
 
 
-def blinded(motion: SkeletonMotion, row: int) -> SkeletonMotion:
-    """The motion with no receiver valid in one frame."""
-    there = motion.receivers
-    place, turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()
-    place[row], turn[row], valid[row] = np.nan, np.nan, False
-    return replace(motion, receivers=replace(there, position_mm=place, quaternion=turn, valid=valid))
-
-
 def test_a_frame_without_any_receiver_is_not_among_the_markers(right: KnownHand, tmp_path: Path) -> None:
-    motion = blinded(only(ready(right.motion(FITTED)), slice(0, 12)), 4)
+    motion = blanked(right.ready(FITTED).take(slice(0, 12)), receivers=4)
     told = write(motion, TARGET, tmp_path / "hand.osim")
     _, _, time_s, measured = read_trc(tmp_path / "hand.trc")
     expected = np.delete(motion.time_s - motion.time_s[0], 4)
@@ -551,7 +494,7 @@ def test_a_frame_without_any_receiver_is_not_among_the_markers(right: KnownHand,
 
 
 def test_a_receiver_on_no_bone_is_told(right: KnownHand, tmp_path: Path) -> None:
-    told = write(ready(right.motion(FITTED)), TARGET, tmp_path / "hand.osim")
+    told = write(right.ready(FITTED), TARGET, tmp_path / "hand.osim")
     assert any(sentence.startswith("receiver forearm, which") for sentence in told)
     assert not any(name.startswith("forearm") for name in read_trc(tmp_path / "hand.trc")[1])
 
@@ -560,7 +503,7 @@ def test_a_receiver_on_no_bone_is_told(right: KnownHand, tmp_path: Path) -> None
 
 
 def test_the_setup_names_files_beside_it_and_every_marker(right: KnownHand, tmp_path: Path) -> None:
-    motion = ready(right.motion(FITTED))
+    motion = right.ready(FITTED)
     write(motion, TARGET, tmp_path / "hand.osim")
     setup = ET.fromstring((tmp_path / "hand_ik_setup.xml").read_bytes())
     tool = setup.find("InverseKinematicsTool")
@@ -573,18 +516,8 @@ def test_the_setup_names_files_beside_it_and_every_marker(right: KnownHand, tmp_
     assert float(tool.findtext("time_range", "").split()[1]) == pytest.approx(table[-1, 0], abs=1e-9)
 
 
-def test_the_same_motion_gives_the_same_bytes(right: KnownHand, tmp_path: Path) -> None:
-    motion = ready(right.motion(REPLAYED))
-    for folder in ("a", "b"):
-        write(motion, TARGET, tmp_path / folder / "hand.osim")
-    names = sorted(path.name for path in (tmp_path / "a").iterdir())
-    assert names == ["hand.mot", "hand.osim", "hand.trc", "hand_ik.osim", "hand_ik_setup.xml"]
-    for name in names:
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-
-
 def test_subjects_of_any_script(right: KnownHand, tmp_path: Path) -> None:
-    motion = only(ready(right.motion(FITTED)), slice(0, 3))
+    motion = right.ready(FITTED).take(slice(0, 3))
     origin = replace(motion.origin, subject="母 <é>&\x01=", licence="CC BY 4.0, ask 母")
     write(replace(motion, origin=origin), TARGET, tmp_path / "sub-母_é.osim")
     model = Model.read(tmp_path / "sub-母_é.osim")
@@ -597,7 +530,7 @@ def test_subjects_of_any_script(right: KnownHand, tmp_path: Path) -> None:
 
 
 def test_masses_are_positive_and_inertias_possible(right: KnownHand, tmp_path: Path) -> None:
-    told = write(ready(right.motion(REPLAYED)), TARGET, tmp_path / "hand.osim")
+    told = write(right.ready(REPLAYED), TARGET, tmp_path / "hand.osim")
     bodies = Model.read(tmp_path / "hand.osim").every("Body")
     for body in bodies:
         xx, yy, zz, *products = numbers(body, "inertia")
@@ -608,35 +541,6 @@ def test_masses_are_positive_and_inertias_possible(right: KnownHand, tmp_path: P
     assert any("nominal" in sentence for sentence in told)
 
 
-# -- what cannot be written
-
-
-def test_a_motion_with_a_gap_is_refused(right: KnownHand, tmp_path: Path) -> None:
-    motion = ready(right.motion(FITTED))
-    position = motion.position_mm.copy()
-    position[4, 3] = np.nan
-    with pytest.raises(InputError, match="no frame without a pose"):
-        write(replace(motion, position_mm=position), TARGET, tmp_path / "hand.osim")
-    with pytest.raises(InputError, match="no file without a frame"):
-        write(only(motion, slice(0, 0)), TARGET, tmp_path / "hand.osim")
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("times", "words"),
-    [
-        ([0.0, 0.1, np.nan], "--rate-hz"),
-        ([0.0, 0.1, 0.1], "from frame 1 to the next"),
-        ([0.0, 0.2, 0.1], "grow"),
-    ],
-)
-def test_times_must_grow(tmp_path: Path, times: list[float], words: str) -> None:
-    motion = replace(made_arm(3), time_s=np.array(times))
-    with pytest.raises(InputError, match=words):
-        write(motion, TARGET, tmp_path / "arm.osim")
-    assert not list(tmp_path.iterdir())
-
-
 # -- mathematics
 
 quaternions = arrays(float, 4, elements=st.floats(-1, 1)).filter(lambda q: float(q @ q) > 1e-3).map(unit)
@@ -645,7 +549,6 @@ quaternions = arrays(float, 4, elements=st.floats(-1, 1)).filter(lambda q: float
 @given(
     arrays(float, (5, 4), elements=st.floats(-1, 1)), quaternions, st.permutations(range(3)), st.booleans()
 )
-@settings(max_examples=200)
 def test_turns_about_any_three_axes_give_the_rotation_back(
     raw: Array, frame: Array, order: list[int], flipped: bool
 ) -> None:
@@ -660,28 +563,14 @@ def test_turns_about_any_three_axes_give_the_rotation_back(
     assert abs(second[0]) <= np.pi / 2 + 1e-9
 
 
-def test_turns_go_on_beyond_a_right_angle_of_the_second() -> None:
-    relative = multiply(about_axis(np.eye(3)[0], 0.3), about_axis(np.eye(3)[1], np.linspace(0, 7, 300)))
-    turns = turn_angles(relative, np.eye(3))
-    np.testing.assert_allclose(turns[:, 1], np.linspace(0, 7, 300), atol=1e-9)
-    np.testing.assert_allclose(turns[:, [0, 2]], np.tile([0.3, 0.0], (300, 1)), atol=1e-9)
-
-
 @given(quaternions)
-@settings(max_examples=200)
+@example(multiply(about_axis(np.eye(3)[0], 0.7), about_axis(np.eye(3)[1], np.pi / 2)))
+@example(multiply(about_axis(np.eye(3)[0], 0.7), about_axis(np.eye(3)[1], 1e-9 - np.pi / 2)))
 def test_frames_turn_by_body_fixed_angles(quaternion: Array) -> None:
-    assert_same_frame(matrix(quaternion))
-
-
-@pytest.mark.parametrize("second", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9])
-def test_frames_at_a_right_angle_come_back(second: float) -> None:
-    assert_same_frame(axis_turn(np.eye(3)[0], 0.7) @ axis_turn(np.eye(3)[1], second))
-
-
-def assert_same_frame(rotation: Array) -> None:
-    x, y, z = body_fixed_rad(rotation)
-    back = axis_turn(np.eye(3)[0], x) @ axis_turn(np.eye(3)[1], y) @ axis_turn(np.eye(3)[2], z)
-    np.testing.assert_allclose(back, rotation, atol=1e-12)
+    turns = [
+        axis_turn(axis, rad) for axis, rad in zip(np.eye(3), body_fixed_rad(matrix(quaternion)), strict=True)
+    ]
+    np.testing.assert_allclose(turns[0] @ turns[1] @ turns[2], matrix(quaternion), atol=1e-12)
 
 
 @given(st.lists(st.text(max_size=6), max_size=6))
@@ -694,27 +583,23 @@ def test_names_are_plain_and_each_its_own(words: list[str]) -> None:
 # -- OpenSim itself
 
 
-def read_with_opensim(stem: Path, *words: str) -> dict[str, Any]:
+def read_with_opensim(export_tool: Callable[[str], Path], stem: Path, *options: str) -> dict[str, Any]:
     """What OpenSim reads; the test is skipped where it is not installed."""
-    folder = Path(os.environ.get("SHUKOTSU_TOOLS", REPOSITORY / ".tools")).absolute()
-    python = folder / "opensim" / "bin" / "python"
-    if not python.exists():
-        pytest.skip(f"no {python}; SHUKOTSU_TOOLS can name another folder than .tools")
-    out = stem.with_suffix(".npz")
-    subprocess.run(
-        [str(python), str(READER), str(stem), str(out), *words], check=True, capture_output=True, timeout=300
-    )
-    with np.load(out) as found:
+    command = [export_tool("opensim/bin/python"), READER, stem, stem.with_suffix(".npz"), *options]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
+    with np.load(stem.with_suffix(".npz")) as found:
         return dict(found)
 
 
 @pytest.mark.tools
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_opensim_has_every_bone_where_the_motion_has_it(known: KnownHand, tmp_path: Path, model: str) -> None:
-    motion = ready(known.motion(model))
+def test_opensim_has_every_bone_where_the_motion_has_it(
+    known: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path], model: str
+) -> None:
+    motion = known.ready(model)
     stem = tmp_path / "sub-母_hand"
     write(motion, TARGET, stem.with_suffix(".osim"))
-    found = read_with_opensim(stem)
+    found = read_with_opensim(export_tool, stem)
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     np.testing.assert_allclose(found["mot_time_s"], motion.time_s - motion.time_s[0], atol=1e-9)
     np.testing.assert_allclose(found["mot_place_m"], motion.position_mm[:, bones] / 1000, atol=NEAR_M)
@@ -730,7 +615,7 @@ def test_opensim_has_every_bone_where_the_motion_has_it(known: KnownHand, tmp_pa
 def riding(motion: SkeletonMotion) -> SkeletonMotion:
     """The same with receivers that sit on their bones without skin, the last one blind in some frames."""
     there = motion.receivers
-    place, turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()
+    place, turn = there.position_mm.copy(), there.quaternion.copy()
     segments = [joint.segment for joint in motion.joints]
     for number, segment in enumerate(there.segments):
         if segment in segments:
@@ -741,20 +626,22 @@ def riding(motion: SkeletonMotion) -> SkeletonMotion:
                 motion.quaternion[:, bone], np.array([1.0, 8.0, -15.0])
             )
     last = there.segments.index("little_distal")
-    place[4:6, last], turn[4:6, last], valid[4:6, last] = np.nan, np.nan, False
-    return replace(motion, receivers=replace(there, position_mm=place, quaternion=turn, valid=valid))
+    motion = replace(motion, receivers=replace(there, position_mm=place, quaternion=turn))
+    return blanked(motion, receivers=np.s_[4:6, last])
 
 
 @pytest.mark.tools
-def test_inverse_kinematics_of_opensim_finds_our_angles(known: KnownHand, tmp_path: Path) -> None:
+def test_inverse_kinematics_of_opensim_finds_our_angles(
+    known: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path]
+) -> None:
     """Exact receivers of a fitted hand: to 0.1 deg, but where a receiver was blind and tells nothing.
 
     In one frame all were.
     """
-    motion = with_hinges(ready(known.motion(FITTED)), HINGES)
-    motion = blinded(riding(only(motion, slice(0, 240, 12))), 11)
+    motion = with_hinges(known.ready(FITTED), HINGES)
+    motion = blanked(riding(motion.take(slice(0, 240, 12))), receivers=11)
     write(motion, TARGET, tmp_path / "hand.osim")
-    found = read_with_opensim(tmp_path / "hand", "--ik")
+    found = read_with_opensim(export_tool, tmp_path / "hand", "--ik")
     assert found["ik_ran"]
     told = np.delete(np.arange(20), 11)
     assert len(found["ik_rms_m"]) == len(told)

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
 
-from stages.export.__main__ import write_format
 from stages.export.bvh import AT_REST
+from stages.export.registry import write_format
 from stages.export.settings import Settings, prepared
 
 READERS = Path(__file__).resolve().parents[2] / "export_samples" / "readers"
@@ -62,7 +62,7 @@ def test_a_program_has_every_joint_where_it_is(
     words = command(program, export_tool)
     settings = Settings(stiff=stiff, gaps="cut", rig="webxr")
     motion = known.motion(model)
-    write_format(motion, settings, "bvh", tmp_path / "motion.bvh")
+    write_format([motion], settings, "bvh", tmp_path / "motion.bvh")
     expected = prepared(motion, settings, holds_gaps=False, up="y")
     files = [str(tmp_path / name) for name in ("motion.bvh", "found.json")]
     subprocess.run([*words, *files], check=True, capture_output=True, timeout=300)

@@ -6,21 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from export_samples.made_motion import made_motion
+from export_samples.moving_fingers import moving_fingers
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation, Slerp
 
-from kinematics.rotations import about_axis, angle, conjugate, multiply, unit
 from schemas.errors import InputError
-from stages.export.interpolation import bracketed, slerped
+from skeleton.rotations import about_axis, angle, conjugate, multiply, unit
 from stages.export.motion import SkeletonMotion
 from stages.export.resampling import in_range, largest_time_error_s, resampled, with_rate
 
 
 def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float) -> SkeletonMotion:
     """Every bone turns about one axis at one speed, and moves along it at another."""
-    motion = made_motion(len(time_s))
+    motion = moving_fingers(len(time_s))
     turn = about_axis(axis, speed * time_s)[:, None].repeat(6, 1)
     place = (time_s[:, None, None] * axis * 30).repeat(6, 1)
     return replace(motion, time_s=time_s, rate_hz=rate_hz, position_mm=place, quaternion=turn)
@@ -51,25 +49,15 @@ def test_a_constant_angular_velocity_stays_one(
     assert found.rate_hz == fps
 
 
-@given(st.integers(0, 2**31))
-def test_slerp_is_scipys(seed: int) -> None:
-    keys = Rotation.random(8, random_state=seed)
-    at = np.sort(np.random.default_rng(seed).uniform(0, 7, 40))
-    before, after, share = bracketed(at, np.arange(8.0))
-    quaternion = np.roll(keys.as_quat(), 1, -1)
-    found = Rotation.from_quat(np.roll(slerped(quaternion[before], quaternion[after], share), -1, -1))
-    assert (Slerp(np.arange(8.0), keys)(at).inv() * found).magnitude().max() < 1e-7
-
-
 def test_resampling_to_its_own_rate_changes_nothing() -> None:
-    motion = made_motion(50)
+    motion = moving_fingers(50)
     found = resampled(motion, motion.rate_hz)
     np.testing.assert_allclose(found.position_mm, motion.position_mm, atol=1e-9)
     np.testing.assert_array_equal(found.frame, motion.frame)
 
 
 def test_a_gap_that_was_kept_stays_a_gap() -> None:
-    motion = made_motion(100)
+    motion = moving_fingers(100)
     position = motion.position_mm.copy()
     position[40:50, 2] = np.nan
     found = resampled(replace(motion, position_mm=position), 30)
@@ -80,7 +68,7 @@ def test_a_gap_that_was_kept_stays_a_gap() -> None:
 
 
 def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
-    motion = made_motion(100).take(np.r_[0:40, 50:100])
+    motion = moving_fingers(100).take(np.r_[0:40, 50:100])
     found = resampled(motion, 30)
     inside = (found.time_s > motion.time_s[39]) & (found.time_s < motion.time_s[40])
     np.testing.assert_array_equal(~found.whole, inside)
@@ -90,14 +78,14 @@ def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
 
 
 def test_one_frame_stays_one_frame() -> None:
-    motion = made_motion(1)
+    motion = moving_fingers(1)
     found = resampled(motion, 60)
     assert len(found.frame) == 1
     np.testing.assert_array_equal(found.position_mm, motion.position_mm)
 
 
 def test_times_that_do_not_tell_are_refused() -> None:
-    motion = made_motion(10)
+    motion = moving_fingers(10)
     timeless = replace(motion, time_s=np.full(10, np.nan), rate_hz=np.nan)
     with pytest.raises(InputError, match="--rate-hz"):
         resampled(timeless, 60)
@@ -111,7 +99,7 @@ def test_times_that_do_not_tell_are_refused() -> None:
 
 
 def test_a_range_goes_by_recorded_frame_numbers() -> None:
-    motion = made_motion(50)
+    motion = moving_fingers(50)
     np.testing.assert_array_equal(in_range(motion, 20, 30).frame, np.arange(20, 31))
     np.testing.assert_array_equal(in_range(motion, None, 9).frame, [7, 8, 9])
     assert in_range(motion, None, None) is motion
@@ -121,7 +109,7 @@ def test_a_range_goes_by_recorded_frame_numbers() -> None:
 
 
 def test_times_off_an_even_rate_are_measured() -> None:
-    motion = made_motion(50)
+    motion = moving_fingers(50)
     assert largest_time_error_s(motion) < 1e-12
     time_s = motion.time_s.copy()
     time_s[30:] += 0.25

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.made_motion import made_motion
+from export_samples.moving_fingers import moving_fingers
 from scipy.spatial.transform import Rotation
 
-from kinematics.rotations import rotate
 from schemas.errors import InputError
+from skeleton.rotations import rotate
 from stages.export.motion import local_motion, rest_pose
-from stages.export.names import RIGS, ascii_name
+from stages.export.rig_names import RIGS, ascii_name
 from stages.export.rigging import folded, on_rig
 
 COUNTS = {"webxr": 25, "openxr": 26, "vrm": 21, "unity": 21, "unreal": 25, "mixamo": 21}
@@ -102,11 +102,11 @@ def test_a_rig_that_does_not_fit_is_refused(known: KnownHand) -> None:
     with pytest.raises(InputError, match="no rig 'maya'"):
         on_rig(motion, "maya")
     with pytest.raises(InputError, match="layout made has no middle metacarpal"):
-        on_rig(made_motion(3), "openxr")
+        on_rig(moving_fingers(3), "openxr")
 
 
 def test_a_skeleton_that_is_no_hand_is_refused() -> None:
-    motion = made_motion(3)
+    motion = moving_fingers(3)
     arm = replace(
         motion, joints=(motion.joints[0], replace(motion.joints[1], name="elbow"), *motion.joints[2:])
     )

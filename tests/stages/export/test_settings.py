@@ -7,21 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, KnownHand
-from export_samples.made_motion import made_motion
+from export_samples.moving_fingers import blanked, moving_fingers, translation_mm
 
 from schemas.errors import InputError
-from stages.export.motion import SkeletonMotion, translation_mm
 from stages.export.settings import Settings, prepared
 
 
-def with_gap(motion: SkeletonMotion) -> SkeletonMotion:
-    turn = motion.quaternion.copy()
-    turn[10:13, 2] = np.nan
-    return replace(motion, quaternion=turn)
-
-
 def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
-    motion = with_gap(made_motion(40))
+    motion = blanked(moving_fingers(40), np.s_[10:13, 2])
     kept = prepared(motion, Settings(), holds_gaps=True, up="")
     np.testing.assert_array_equal(kept.whole, motion.whole)
     assert prepared(motion, Settings(gaps="hold"), holds_gaps=True, up="").whole.all()
@@ -33,13 +26,13 @@ def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
 
 
 def test_gaps_are_closed_before_the_rate_is_changed() -> None:
-    motion = with_gap(made_motion(40))
+    motion = blanked(moving_fingers(40), np.s_[10:13, 2])
     assert prepared(motion, Settings(gaps="interpolate", fps=30), holds_gaps=False, up="y").whole.all()
 
 
 def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
     """Frame numbers go on, time does not: nobody knows what the hand did meanwhile."""
-    motion = made_motion(40)
+    motion = moving_fingers(40)
     time_s = motion.time_s.copy()
     time_s[20:] += 0.3
     jumped = replace(motion, time_s=time_s)
@@ -56,7 +49,7 @@ def test_stiff_bones_stay_stiff_on_a_rig_that_lacks_some(known: KnownHand) -> No
 
 
 def test_a_bone_without_length_is_refused() -> None:
-    motion = made_motion(5)
+    motion = moving_fingers(5)
     offset = motion.rest_offset_mm.copy()
     offset[2] = 0.0
     with pytest.raises(InputError, match="the bone from index_cmc to index_mcp has no length"):
@@ -67,7 +60,7 @@ def test_a_bone_without_length_is_refused() -> None:
 
 
 def test_a_recording_without_times_gets_them_from_its_frames() -> None:
-    motion = replace(made_motion(11), time_s=np.full(11, np.nan), rate_hz=np.nan)
+    motion = replace(moving_fingers(11), time_s=np.full(11, np.nan), rate_hz=np.nan)
     ready = prepared(motion, Settings(rate_hz=50.0, fps=25), holds_gaps=False, up="y")
     np.testing.assert_allclose(ready.time_s, np.arange(6) / 25)
     np.testing.assert_array_equal(ready.frame, motion.frame[::2])

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.made_motion import made_motion
+from export_samples.moving_fingers import blanked, moving_fingers
 
-from kinematics.joint_angles import angles_of_hand
-from kinematics.rotations import angle, conjugate, multiply
-from stages.export.formats import Target
+from anatomy.known_digits import rest_rotations
+from skeleton.joint_angles import angles_of_hand
+from skeleton.rotations import angle, conjugate, multiply
+from stages.export.axes import Target
 from stages.export.motion import rest_pose
 from stages.export.tidy_csv import bone_angles_deg, write
-from stages.fit_hand.chain import rest_rotations
-from stages.simulate.anatomy import BONES
+from stages.simulate.random_hand import BONES
 
 PLAIN = Target("mm", "")
 
@@ -38,10 +38,7 @@ def test_every_pose_comes_back(known: KnownHand, tmp_path: Path) -> None:
 
 
 def test_gaps_are_empty_cells(tmp_path: Path) -> None:
-    motion = made_motion(4)
-    place, turn = motion.position_mm.copy(), motion.quaternion.copy()
-    place[1, 2], turn[1, 2] = np.nan, np.nan
-    timeless = replace(motion, position_mm=place, quaternion=turn, time_s=np.full(4, np.nan))
+    timeless = replace(blanked(moving_fingers(4), np.s_[1, 2]), time_s=np.full(4, np.nan))
     write(timeless, PLAIN, tmp_path / "a.csv")
     lines = (tmp_path / "a.csv").read_text().splitlines()
     assert lines[1 + 6 + 2] == '8,,"index_mcp",,,,,,,'

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -19,19 +18,17 @@ from typing import Any
 import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.made_motion import made_motion
-from hypothesis import given
+from export_samples.moving_fingers import both_hands, moving_fingers, random_fingers
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from schemas.errors import InputError
-from stages.export.axes import UNITS_PER_MM
+from skeleton.rotations import matrix
+from stages.export.axes import UNITS_PER_MM, Target
 from stages.export.bone_mesh import bone_mesh
-from stages.export.formats import Target
-from stages.export.motion import SkeletonMotion, rest_pose, translation_mm
-from stages.export.names import RIGS
-from stages.export.note import facts
-from stages.export.settings import Settings, prepared
+from stages.export.file_facts import facts
+from stages.export.motion import SkeletonMotion, rest_pose
+from stages.export.rig_names import RIGS
 from stages.export.usd import write, write_scene
 
 METRES, CENTIMETRES = Target("m", "y"), Target("cm", "z")
@@ -141,16 +138,6 @@ def posed(hand: Prim) -> tuple[np.ndarray, np.ndarray]:
     return points, frames
 
 
-def turns(motion: SkeletonMotion) -> np.ndarray:
-    """Rotations of all bones as matrices (T, J, 3, 3)."""
-    flat = np.roll(motion.quaternion, -1, -1).reshape(-1, 4)
-    return Rotation.from_quat(flat).as_matrix().reshape(*motion.quaternion.shape[:2], 3, 3)
-
-
-def standing(known: KnownHand, model: str = FITTED, *, up: str = "y", stiff: bool = False) -> SkeletonMotion:
-    return prepared(known.motion(model), Settings(gaps="cut", stiff=stiff), holds_gaps=False, up=up)
-
-
 def written(motion: SkeletonMotion, folder: Path, target: Target = METRES) -> Prim:
     """The motion's SkelRoot of a file that is written."""
     write(motion, target, folder / "motion.usda")
@@ -168,16 +155,16 @@ def assert_joints(points: Any, motion: SkeletonMotion, near_m: float) -> None:
 def test_every_joint_is_where_the_motion_has_it(
     known: KnownHand, tmp_path: Path, model: str, stiff: bool, target: Target
 ) -> None:
-    motion = standing(known, model, up=target.up, stiff=stiff)
+    motion = known.ready(model, up=target.up, stiff=stiff)
     points, frames = posed(written(motion, tmp_path, target))
     assert len(points) > 50
     assert_joints(points / UNITS_PER_MM[target.unit] / 1000, motion, NEAR_M)
-    np.testing.assert_allclose(frames, turns(motion), atol=1e-6)
+    np.testing.assert_allclose(frames, matrix(motion.quaternion), atol=1e-6)
 
 
 def test_the_layer_says_its_units_axis_and_times(known: KnownHand, tmp_path: Path) -> None:
     for target, metres in ((METRES, "1"), (CENTIMETRES, "0.01"), (Target("mm", "y"), "0.001")):
-        motion = standing(known, up=target.up)
+        motion = known.ready(up=target.up)
         write(motion, target, tmp_path / "a.usda")
         layer = read_usda(tmp_path / "a.usda")
         assert layer.kind == "#usda 1.0"
@@ -195,7 +182,7 @@ def test_the_layer_says_its_units_axis_and_times(known: KnownHand, tmp_path: Pat
 
 
 def test_a_hand_has_the_names_and_the_tree_of_webxr(known: KnownHand, tmp_path: Path) -> None:
-    motion = standing(known)
+    motion = known.ready()
     paths = written(motion, tmp_path).one("Skeleton").words("joints")
     assert len(paths) == 25
     names = {path.rpartition("/")[2].replace("_", "-") for path in paths}
@@ -207,11 +194,11 @@ def test_a_hand_has_the_names_and_the_tree_of_webxr(known: KnownHand, tmp_path: 
 
 
 def test_other_names_become_identifiers_and_stay_apart(right: KnownHand, tmp_path: Path) -> None:
-    rigged = prepared(right.motion(FITTED), Settings(rig="mixamo", gaps="cut"), holds_gaps=False, up="y")
+    rigged = right.ready(rig="mixamo")
     skeleton = written(rigged, tmp_path).one("Skeleton")
     assert skeleton.words("joints")[0] == "mixamorig_RightHand"
     assert skeleton.values["string name"] == '"mixamorig:RightHand"', "as it is called, beside"
-    made = made_motion(5)
+    made = moving_fingers(5)
     names = ("腕", "3d", "a-b", "a_b", 'say "\\', "")
     arm = replace(made, joints=tuple(replace(j, name=n) for j, n in zip(made.joints, names, strict=True)))
     found = [path.rpartition("/")[2] for path in written(arm, tmp_path).one("Skeleton").words("joints")]
@@ -221,7 +208,7 @@ def test_other_names_become_identifiers_and_stay_apart(right: KnownHand, tmp_pat
 @pytest.mark.parametrize("target", [METRES, CENTIMETRES])
 def test_it_is_bound_at_rest_where_the_hand_begins(known: KnownHand, tmp_path: Path, target: Target) -> None:
     """Level, with the back up and fingers straight ahead: to -Z where Y is up, to +Y where Z is."""
-    motion = standing(known, up=target.up)
+    motion = known.ready(up=target.up)
     skeleton = written(motion, tmp_path, target).one("Skeleton")
     names = skeleton.words("joints")
     rest, bind = skeleton.array("restTransforms"), skeleton.array("bindTransforms")
@@ -231,26 +218,17 @@ def test_it_is_bound_at_rest_where_the_hand_begins(known: KnownHand, tmp_path: P
             world[index] = rest[index] @ world[names.index(name.rpartition("/")[0])]
     np.testing.assert_allclose(world, bind, atol=1e-7)
     scale = UNITS_PER_MM[target.unit]
-    np.testing.assert_allclose(bind[0, 3, :3], motion.position_mm[0, 0] * scale, atol=1e-9)
-    ahead, upward = ((0, 0, -1), (0, 1, 0)) if target.up == "y" else ((0, 1, 0), (0, 0, 1))
-    np.testing.assert_allclose(bind[0, :2, :3] @ [ahead, upward][1], [0, 1], atol=1e-9)
-    np.testing.assert_allclose(bind[0, 2, :3], -np.array(ahead), atol=1e-9)
-    length = np.linalg.norm(rest[1:, 3, :3], axis=1) / scale
-    np.testing.assert_allclose(length, np.linalg.norm(motion.rest_offset_mm[1:], axis=1), atol=1e-4)
-
-
-def test_left_is_left(known: KnownHand, tmp_path: Path) -> None:
-    """At rest, seen from above with the fingers away from us, a right thumb is on the left."""
-    for target in (METRES, CENTIMETRES):
-        motion = standing(known, up=target.up)
-        skeleton = written(motion, tmp_path, target).one("Skeleton")
-        names, place = skeleton.words("joints"), skeleton.array("bindTransforms")[:, 3, :3]
-        thumb = next(place[i] for i, name in enumerate(names) if name.endswith("thumb_tip")) - place[0]
-        assert np.sign(thumb[0]) == (-1 if motion.origin.hand == "right" else 1)
+    x, y, z = np.eye(3)
+    stand = np.eye(3) if target.up == "y" else np.stack([x, z, -y], -1)
+    rest_mm, rest_turn = rest_pose(motion)
+    np.testing.assert_allclose(
+        bind[:, 3, :3] / scale, motion.position_mm[0, 0] + rest_mm @ stand.T, atol=1e-4
+    )
+    np.testing.assert_allclose(bind[:, :3, :3].swapaxes(1, 2), stand @ matrix(rest_turn), atol=1e-9)
 
 
 def test_the_body_goes_with_the_bones_and_extents_hold_it(known: KnownHand, tmp_path: Path) -> None:
-    motion = standing(known, up="z")
+    motion = known.ready(up="z")
     hand = written(motion, tmp_path, CENTIMETRES)
     skeleton, side = hand.one("Skeleton"), motion.origin.hand
     bind = skeleton.array("bindTransforms")
@@ -285,7 +263,7 @@ def test_the_body_goes_with_the_bones_and_extents_hold_it(known: KnownHand, tmp_
 
 
 def test_normals_face_outward_where_z_is_up(right: KnownHand, tmp_path: Path) -> None:
-    hand = written(standing(right, up="z"), tmp_path, CENTIMETRES)
+    hand = written(right.ready(up="z"), tmp_path, CENTIMETRES)
     part = hand.prims["right_hand_bones"]
     corners = part.array("points")[part.array("faceVertexIndices").astype(int).reshape(-1, 3)]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -293,20 +271,19 @@ def test_normals_face_outward_where_z_is_up(right: KnownHand, tmp_path: Path) ->
     assert ((across * facing).sum(-1) > 0).all()
 
 
+@settings(max_examples=30)
 @given(st.integers(1, 30), st.integers(0, 2**31), st.sampled_from([0.0, 0.7]))
 def test_any_motion_comes_back(
     tmp_path_factory: pytest.TempPathFactory, n: int, seed: int, slip: float
 ) -> None:
-    motion = made_motion(n, seed=seed % 1000, slip_mm=slip)
-    turn = Rotation.random(n * 6, random_state=seed).as_quat().reshape(n, 6, 4)
-    motion = replace(motion, quaternion=np.roll(turn, 1, -1))
+    motion = random_fingers(n, seed, slip)
     points, frames = posed(written(motion, tmp_path_factory.mktemp("any")))
     assert_joints(points, motion, 1e-6)
-    np.testing.assert_allclose(frames, turns(motion), atol=3e-6)
+    np.testing.assert_allclose(frames, matrix(motion.quaternion), atol=3e-6)
 
 
 def test_signs_of_quaternions_that_jump_are_made_continuous(tmp_path: Path) -> None:
-    motion = made_motion(400)
+    motion = moving_fingers(400)
     assert (motion.quaternion[:, 0, 0] < -0.5).any(), "the root turns over"
     flipped = np.where(np.random.default_rng(1).random((400, 6, 1)) < 0.5, -1.0, 1.0)
     hand = written(replace(motion, quaternion=flipped * motion.quaternion), tmp_path)
@@ -315,18 +292,9 @@ def test_signs_of_quaternions_that_jump_are_made_continuous(tmp_path: Path) -> N
     assert_joints(posed(hand)[0], motion, NEAR_M)
 
 
-def test_joints_far_from_the_transmitter_are_as_near(tmp_path: Path) -> None:
-    motion = made_motion(200, slip_mm=2.0)
-    assert (translation_mm(motion)[1:] > 1).any()
-    motion = replace(motion, position_mm=motion.position_mm + 1100.0)
-    for target in (METRES, Target("mm", "y")):
-        points, _ = posed(written(motion, tmp_path, target))
-        assert_joints(points / UNITS_PER_MM[target.unit] / 1000, motion, NEAR_M)
-
-
 def test_one_frame_is_a_file_with_or_without_a_time(tmp_path: Path) -> None:
     for time_s in (3.5, np.nan):
-        motion = replace(made_motion(1), time_s=np.array([time_s]), rate_hz=np.nan)
+        motion = replace(moving_fingers(1), time_s=np.array([time_s]), rate_hz=np.nan)
         hand = written(motion, tmp_path)
         layer = read_usda(tmp_path / "motion.usda")
         assert layer.values["endTimeCode"] == "0"
@@ -336,7 +304,7 @@ def test_one_frame_is_a_file_with_or_without_a_time(tmp_path: Path) -> None:
 
 
 def test_samples_are_at_device_times(tmp_path: Path) -> None:
-    even = made_motion(4)
+    even = moving_fingers(4)
     assert write(even, METRES, tmp_path / "a.usda") == ()
     uneven = replace(even, time_s=np.array([5.0, 5.01, 5.0225, 5.05]))
     (said,) = write(uneven, METRES, tmp_path / "a.usda")
@@ -349,7 +317,7 @@ def test_samples_are_at_device_times(tmp_path: Path) -> None:
 
 
 def test_it_says_where_it_comes_from(right: KnownHand, tmp_path: Path) -> None:
-    motion = standing(right)
+    motion = right.ready()
     licence = 'CC BY 4.0, © "手"'
     motion = replace(motion, origin=replace(motion.origin, licence=licence))
     write(motion, METRES, tmp_path / "a.usda")
@@ -366,12 +334,12 @@ def test_it_says_where_it_comes_from(right: KnownHand, tmp_path: Path) -> None:
         *motion.notes,
         "joints named as by WebXR Hand Input, 25 joints",
     ]
-    write(made_motion(3), METRES, tmp_path / "a.usda")
+    write(moving_fingers(3), METRES, tmp_path / "a.usda")
     assert read_usda(tmp_path / "a.usda").values["int64 first_frame"] == "7"
 
 
 def test_joints_tell_their_bone_freedom_and_axis(right: KnownHand, tmp_path: Path) -> None:
-    motion = standing(right)
+    motion = right.ready()
     write(motion, METRES, tmp_path / "a.usda")
     text = (tmp_path / "a.usda").read_text("utf-8")
     (said,) = re.findall(r"dictionary index_finger_phalanx_intermediate = {(.*?)}", text, re.S)
@@ -383,15 +351,8 @@ def test_joints_tell_their_bone_freedom_and_axis(right: KnownHand, tmp_path: Pat
     np.testing.assert_allclose(numbers(axis), motion.axis[pip], atol=1e-8)
 
 
-def both_hands() -> list[SkeletonMotion]:
-    """A right hand, and a left one elsewhere with half the rate."""
-    one, other = made_motion(40, slip_mm=0.5), made_motion(20, rate_hz=50.0, seed=2)
-    other = replace(other, origin=replace(other.origin, hand="left"), time_s=other.time_s + 4)
-    return [one, replace(other, position_mm=other.position_mm + 30)]
-
-
 def test_two_hands_are_one_scene(tmp_path: Path) -> None:
-    hands = both_hands()
+    hands = both_hands(4.0, 50.0)
     (said,) = write_scene(hands, METRES, tmp_path / "both.usda")
     assert said.startswith("what 2 hands did at once")
     layer = read_usda(tmp_path / "both.usda")
@@ -407,57 +368,12 @@ def test_two_hands_are_one_scene(tmp_path: Path) -> None:
         )
 
 
-def test_what_cannot_be_written_is_refused_and_no_file_left(tmp_path: Path) -> None:
-    motion = made_motion(5)
-    position, time_s = motion.position_mm.copy(), motion.time_s.copy()
-    position[2, 3, 1] = np.nan
-    turn = motion.quaternion.copy()
-    turn[4, 0, 0] = np.nan
-    bad = [replace(motion, position_mm=position), replace(motion, quaternion=turn), motion.take(slice(0, 0))]
-    for one in bad:
-        with pytest.raises(InputError, match="USD holds no frame without a pose"):
-            write(one, METRES, tmp_path / "a.usda")
-    with pytest.raises(InputError, match="say a rate with --rate-hz"):
-        write(replace(motion, time_s=np.full(5, np.nan)), METRES, tmp_path / "a.usda")
-    time_s[3] = time_s[2]
-    with pytest.raises(InputError, match="does not grow from frame 9 to the next"):
-        write(replace(motion, time_s=time_s), METRES, tmp_path / "a.usda")
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_motion_is_left_as_it_was_and_the_file_is_the_same_again(tmp_path: Path) -> None:
-    motion = made_motion(10, slip_mm=0.5)
-    place, turn = motion.position_mm.copy(), motion.quaternion.copy()
-    for name in ("a.usda", "b.usda"):
-        write(motion, METRES, tmp_path / name)
-    np.testing.assert_array_equal(motion.position_mm, place)
-    np.testing.assert_array_equal(motion.quaternion, turn)
-    assert (tmp_path / "a.usda").read_bytes() == (tmp_path / "b.usda").read_bytes()
-
-
-@pytest.mark.slow
-def test_a_hundred_thousand_frames_take_seconds(tmp_path: Path) -> None:
-    motion = made_motion(100_000, slip_mm=0.5)
-    started = time.perf_counter()
-    write(motion, METRES, tmp_path / "a.usda")
-    assert time.perf_counter() - started < 20
-    wanted = "99000"
-    with (tmp_path / "a.usda").open(encoding="utf-8") as stream:
-        rows = [line for line in stream if line.lstrip().startswith(f"{wanted}: ")]
-    assert len(rows) == 3
-    root = numbers(rows[1].strip().rstrip(",").partition(": ")[2])[0]
-    np.testing.assert_allclose(root, motion.position_mm[99_000, 0] / 1000, atol=1e-8)
-
-
 READ_WITH_OPENUSD = """
 import json, sys
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, UsdValidation
 
 stage = Usd.Stage.Open(sys.argv[1])
-if len(sys.argv) > 2:
-    stage.Export(sys.argv[2])
-    stage = Usd.Stage.Open(sys.argv[2])
 validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
 names = [validator.GetMetadata().name for validator in validators]
 errors = UsdValidation.ValidationContext(validators).Validate(stage)
@@ -537,9 +453,9 @@ print(json.dumps({"hands": found, "body": body}), file=report)
 """
 
 
-def output_of(python: Path, script: str, *words: Path) -> Any:
+def output_of(python: Path, script: str, file: Path) -> Any:
     """What a script says on stdout, which is JSON."""
-    run = [str(python), "-c", script, *map(str, words)]
+    run = [str(python), "-c", script, str(file)]
     done = subprocess.run(run, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout[done.stdout.index("{") :])
@@ -551,9 +467,9 @@ def openusd(export_tool: Callable[[str], Path]) -> Path:
     return export_tool("usd/bin/python")
 
 
-def in_openusd(openusd: Path, *files: Path) -> Any:
+def in_openusd(openusd: Path, file: Path) -> Any:
     """What OpenUSD has of a file, on which its validators have no word."""
-    found = output_of(openusd, READ_WITH_OPENUSD, *files)
+    found = output_of(openusd, READ_WITH_OPENUSD, file)
     assert {"usdSkelValidators:SkelBindingApiValidator", "usdGeomValidators:StageMetadataChecker"} <= set(
         found["validators"]
     )
@@ -567,7 +483,7 @@ def in_openusd(openusd: Path, *files: Path) -> Any:
 def test_openusd_has_every_joint_and_the_body(
     known: KnownHand, tmp_path: Path, openusd: Path, model: str, target: Target
 ) -> None:
-    motion, file = standing(known, model, up=target.up), tmp_path / "hand.usda"
+    motion, file = known.ready(model, up=target.up), tmp_path / "hand.usda"
     write(motion, target, file)
     found = in_openusd(openusd, file)
     assert (found["unit"], found["up"]) == (0.001 / UNITS_PER_MM[target.unit], target.up.upper())
@@ -588,24 +504,15 @@ def last_body(motion: SkeletonMotion) -> np.ndarray:
     rest_mm, rest_turn = rest_pose(motion)
     back = Rotation.from_quat(np.roll(rest_turn, -1, -1)[mesh.joint]).inv()
     own = back.apply(mesh.position_mm - rest_mm[mesh.joint])
-    turn = turns(motion)[-1][mesh.joint]
+    turn = matrix(motion.quaternion)[-1][mesh.joint]
     moved = np.einsum("vij,vj->vi", turn, own) + motion.position_mm[-1, mesh.joint]
     return np.asarray(moved / 1000)
 
 
 @pytest.mark.tools
-def test_openusd_has_the_same_of_a_crate(right: KnownHand, tmp_path: Path, openusd: Path) -> None:
-    motion, file = standing(right), tmp_path / "hand.usda"
-    write(motion, METRES, file)
-    found = in_openusd(openusd, file, tmp_path / "hand.usdc")
-    assert (tmp_path / "hand.usdc").read_bytes().startswith(b"PXR-USDC")
-    assert_joints(found["hands"]["right_hand"]["joints"], motion, NEAR_M)
-
-
-@pytest.mark.tools
 def test_openusd_takes_odd_files(tmp_path: Path, openusd: Path) -> None:
     """One frame, uneven times, names and words of any script, two hands."""
-    file, made = tmp_path / "odd.usda", made_motion(20)
+    file, made = tmp_path / "odd.usda", moving_fingers(20)
     write(made.take(slice(0, 1)), METRES, file)
     assert_joints(in_openusd(openusd, file)["hands"]["right_made"]["joints"], made.take(slice(0, 1)), NEAR_M)
     names = ("腕", "3d", "a-b", "a_b", 'say "\\', "")
@@ -618,22 +525,10 @@ def test_openusd_takes_odd_files(tmp_path: Path, openusd: Path) -> None:
     assert found["known"]["right_made"]["licence"] == licence
     assert_joints(found["hands"]["right_made"]["joints"], odd, NEAR_M)
     np.testing.assert_allclose(found["hands"]["right_made"]["times"], odd.time_s * 100, atol=1e-6)
-    write_scene(both_hands(), METRES, file)
+    write_scene(both_hands(4.0, 50.0), METRES, file)
     found = in_openusd(openusd, file)["hands"]
-    for motion in both_hands():
+    for motion in both_hands(4.0, 50.0):
         assert_joints(found[f"{motion.origin.hand}_made"]["joints"], motion, NEAR_M)
-
-
-@pytest.mark.tools
-def test_the_validators_would_speak(tmp_path: Path, openusd: Path) -> None:
-    file = tmp_path / "bad.usda"
-    write(made_motion(3), METRES, file)
-    text = file.read_text("utf-8")
-    assert output_of(openusd, READ_WITH_OPENUSD, file)["errors"] == []
-    for ours, wrong in (("def SkelRoot", "def Xform"), ('    defaultPrim = "World"\n', "")):
-        assert ours in text
-        file.write_text(text.replace(ours, wrong), "utf-8")
-        assert output_of(openusd, READ_WITH_OPENUSD, file)["errors"]
 
 
 @pytest.mark.tools
@@ -641,7 +536,7 @@ def test_the_validators_would_speak(tmp_path: Path, openusd: Path) -> None:
 def test_blender_has_every_joint_and_the_body(
     known: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path], target: Target
 ) -> None:
-    motion, file = standing(known, up=target.up), tmp_path / "hand.usda"
+    motion, file = known.ready(up=target.up), tmp_path / "hand.usda"
     write(motion, target, file)
     found = output_of(export_tool("blender/bin/python"), READ_WITH_BLENDER, file)
     hand = found["hands"][f"{motion.origin.hand}_hand_skeleton"]

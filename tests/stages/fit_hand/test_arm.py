@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from chains import Chain, chain_layout, random_chain
 
-from kinematics.rotations import Array, about_axis, multiply, rotate, unit
 from schemas.layout import Layout, read_layout
 from schemas.poses import Poses, read_poses
+from skeleton.rotations import Array, about_axis, multiply, rotate, unit
 from stages.capture.__main__ import main as capture
 from stages.fit_hand.fit import HandFit, fit_hand
 from stages.solve_joints.closed import JointSolution, solve_closed
@@ -42,31 +42,23 @@ def in_closed_form(layout: Layout, poses: Poses) -> dict[str, JointSolution]:
 
 @pytest.mark.parametrize("side", SIDES)
 def test_a_real_arm_is_fitted(arms: dict[str, Arm], side: str) -> None:
-    """Every gap is near the least that there is, and the joint whose skin moves most is the weak one."""
+    """Every gap is near the least that there is, and the joint whose skin moves most is the weak one.
+
+    Two ways to weigh the same skin put a centre as far apart as a receiver's skin moves, no farther: that is
+    several of the sds that either states, which count how often skin wandered, not that it does the same at
+    every turn of the wheel.
+    """
     fit, closed = arms[side]
     assert fit.converged
-    assert set(fit.joints) == {"shoulder", "elbow", "wrist"}
+    status = {name: joint.status for name, joint in fit.joints.items()}
+    assert status == {"shoulder": "weak", "elbow": "ok", "wrist": "ok"}
+    assert "disagree" in fit.joints["shoulder"].message
     for name, joint in fit.joints.items():
         assert closed[name].gap_rms_mm < joint.gap_rms_mm < 1.25 * closed[name].gap_rms_mm, name
         assert joint.range_deg > 45
-    assert fit.joints["shoulder"].status == "weak"
-    assert "disagree" in fit.joints["shoulder"].message
-    assert [fit.joints[name].status for name in ("elbow", "wrist")] == ["ok", "ok"]
-
-
-@pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("name", ["elbow", "wrist"])
-def test_its_centres_are_those_of_the_closed_form(arms: dict[str, Arm], side: str, name: str) -> None:
-    """Two ways to weigh the same skin put a centre as far apart as a receiver's skin moves, no farther: that
-    is several of the sds that either states, which count how often skin wandered, not that it does the same
-    at every turn of the wheel.
-    """
-    fit, closed = arms[side]
-    for found, other in (
-        (fit.joints[name].parent_mm, closed[name].p_mm),
-        (fit.joints[name].child_mm, closed[name].q_mm),
-    ):
-        assert np.linalg.norm(found - other) < 1.7 * closed[name].gap_rms_mm
+        off_mm = np.stack([joint.parent_mm - closed[name].p_mm, joint.child_mm - closed[name].q_mm])
+        if name != "shoulder":
+            assert np.linalg.norm(off_mm, axis=-1).max() < 1.7 * closed[name].gap_rms_mm
 
 
 def skin_turned(chain: Chain, sd_deg: float, seed: int) -> Poses:

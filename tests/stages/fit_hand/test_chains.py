@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.rotations import Array
-from schemas.layout import Layout, read_layout
-from stages.fit_hand.anatomy_priors import UNDER_READING, UNDER_READING_SD
+from anatomy.average_hand import UNDER_READING, UNDER_READING_SD
+from schemas.layout import Layout
+from skeleton.rotations import Array
 from stages.fit_hand.chain import HandModel, hand_model
 from stages.fit_hand.normal_equations import (
     Frames,
@@ -23,15 +23,10 @@ from stages.fit_hand.normal_equations import (
     states_by_unknowns,
     weighted_jacobian,
 )
-from stages.fit_hand.reading import Posterior
+from stages.fit_hand.posterior import Posterior
 from stages.fit_hand.solving import solve
 
 STEP = 1e-6
-
-
-@pytest.fixture(scope="module")
-def layout() -> Layout:
-    return read_layout("liberty16")
 
 
 def model_of(layout: Layout) -> HandModel:

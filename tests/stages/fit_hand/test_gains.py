@@ -1,36 +1,24 @@
 """What one more measurement is said to gain, against hands on which it was taken."""
 
-import time
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from chains import chain_layout, random_chain
+from simulated_poses import recorded
 
 from schemas.layout import read_layout
-from schemas.poses import Poses
 from stages.fit_hand.fingertips import fingertips
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.gains import DEEP_SD_MM, MEASURED_SD_MM, Gain, advice, gains
+from stages.fit_hand.gains import DEEP_SD_MM, MEASURED_SD_MM, Gain, gains
 from stages.fit_hand.measurements import Measurement
 from stages.fit_hand.touching import touch_in, with_touches
-from stages.simulate.anatomy import BONES
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
+from stages.simulate.random_hand import BONES
 
 QUICK = Settings(n_frames=60, rounds=1)
 
 
 @pytest.fixture(scope="module")
-def recorded() -> tuple[Simulated, Poses]:
-    made = simulate("01", "right", "rom", 6, Realism.full(), 2400)
-    valid = np.ones(made.position_mm.shape[:2], bool)
-    return made, Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
-
-
-@pytest.fixture(scope="module")
-def fitted(recorded: tuple[Simulated, Poses]) -> HandFit:
-    return fit_hand([recorded[1]], read_layout("liberty16"), "right", settings=QUICK)
+def fitted() -> HandFit:
+    return fit_hand([recorded(seed=6)[1]], read_layout("liberty16"), "right", settings=QUICK)
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +31,7 @@ def sds(fit: HandFit) -> dict[str, float]:
 
 
 def test_every_measurement_is_tried_and_the_best_comes_first(fitted: HandFit, found: dict[str, Gain]) -> None:
-    begin = time.perf_counter()
     order = gains(fitted)
-    assert time.perf_counter() - begin < 1.0
     assert [gain.quantity for gain in order] == list(found)
     model = fitted.evidence.model
     assert {*model.length, *(f"{segment}.height" for segment in model.mount)} <= set(found)
@@ -63,26 +49,22 @@ def test_every_measurement_is_tried_and_the_best_comes_first(fitted: HandFit, fo
     assert found["index_middle"].sd_mm < found["index_distal"].sd_mm < DEEP_SD_MM
 
 
-@pytest.mark.parametrize("quantity", ["ring_middle", "middle_proximal.lateral", "ring_proximal.along"])
-def test_it_is_what_a_fit_with_the_measurement_has(
-    recorded: tuple[Simulated, Poses], found: dict[str, Gain], quantity: str
-) -> None:
+@pytest.mark.parametrize("quantity", ["ring_middle", "middle_proximal.lateral", "index_middle.distal"])
+def test_it_is_what_a_fit_with_the_measurement_has(found: dict[str, Gain], quantity: str) -> None:
     """Errors stated before anyone measured, against those of the hand fitted anew with the true value: of the
     joint that gains most, and of all joints.
     """
-    made, poses = recorded
+    made, poses = recorded(seed=6)
     gain = found[quantity]
     segment, _, part = quantity.partition(".")
-    if part:
-        place = made.truth.mounts.position_mm[made.segments.index(segment)]
-        value = float(place[("along", "lateral", "height").index(part)])
-    else:
-        value = float(made.truth.hand.length_mm[BONES.index(segment)])
+    length_mm = made.truth.hand.length_mm[BONES.index(segment)]
+    place_mm = made.truth.mounts.position_mm[made.segments.index(segment)]
+    value = {"": length_mm, "lateral": place_mm[1], "distal": length_mm - place_mm[0]}[part]
     anew = fit_hand(
         [poses],
         read_layout("liberty16"),
         "right",
-        measurements=[Measurement(quantity, value, gain.sd_mm)],
+        measurements=[Measurement(quantity, float(value), gain.sd_mm)],
         settings=QUICK,
     )
     now = sds(anew)
@@ -92,10 +74,8 @@ def test_it_is_what_a_fit_with_the_measurement_has(
     assert spared > 0.6 * (gain.joint_sd_before_mm - gain.joint_sd_after_mm)
 
 
-def test_a_touch_gains_what_it_said(
-    recorded: tuple[Simulated, Poses], fitted: HandFit, found: dict[str, Gain]
-) -> None:
-    poses = recorded[1]
+def test_a_touch_gains_what_it_said(fitted: HandFit, found: dict[str, Gain]) -> None:
+    poses = recorded(seed=6)[1]
     tips = fingertips(fitted)
     row = np.array([40])
     middle = list(tips.digits).index("middle")
@@ -110,37 +90,6 @@ def test_a_touch_gains_what_it_said(
     again = {one.quantity: one for one in gains(touched)}["middle.touch"]
     spared = again.joint_sd_before_mm - again.joint_sd_after_mm
     assert spared < 0.3 * (gain.joint_sd_before_mm - gain.joint_sd_after_mm)
-
-
-def test_advice_in_words(found: dict[str, Gain]) -> None:
-    """One sentence; what is measured, how well, and what comes of it."""
-    one = Gain("little_middle", 0.4, 1.5, 1.4, "little_dip", 1.94, 1.36)
-    assert advice([one, *found.values()]) == (
-        "measuring the little finger's middle phalanx to 0.4 mm would take its DIP from 1.9 to 1.4 mm"
-    )
-    for quantity, joint, words in (
-        ("thumb_metacarpal", "thumb_cmc", "measuring the thumb's metacarpal to 0.4 mm would take its CMC"),
-        ("ring_middle", "middle_mcp", "phalanx to 0.4 mm would take the middle finger's MCP from 1.9"),
-        (
-            "hand.height",
-            "wrist",
-            "measuring how high over the hand its receiver sits to 0.4 mm would take the wrist",
-        ),
-        (
-            "index_distal.distal",
-            "index_dip",
-            "how far from the next joint the receiver of the index finger's distal",
-        ),
-        (
-            "ring.touch",
-            "ring_dip",
-            "touching a known point with the tip of the ring finger to 0.4 mm would take its",
-        ),
-    ):
-        assert words in advice([replace(one, quantity=quantity, joint=joint)])
-    assert advice([]) == ""
-    for gain in found.values():
-        assert "the the" not in advice([gain])
 
 
 def test_a_chain_without_anatomy_has_nothing_to_measure() -> None:

@@ -9,36 +9,24 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from simulated_poses import recorded
 
-from kinematics.rotations import Array, about_axis, matrix, multiply, rotate, unit
-from schemas.layout import Layout, read_layout
+from schemas.layout import Layout
 from schemas.poses import Poses
+from skeleton.joint_angles import mirrored
+from skeleton.rotations import Array, about_axis, matrix, multiply, rotate, unit
 from stages.fit_hand.building import Parts
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.normal_equations import reduce
-from stages.fit_hand.posing import first_guess, pose
-from stages.fit_hand.reading import FittedJoint, Posterior, read
-from stages.fit_hand.recordings import MIRROR
-from stages.fit_hand.solving import Solution, solve
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
+from stages.fit_hand.posterior import Posterior
+from stages.fit_hand.posterior_summary import FittedJoint, summarise
+from stages.fit_hand.receiver_frames import MIRROR
+from stages.fit_hand.solving import Solution, first_guess, pose, solve
+from stages.simulate.simulation import Simulated
 
 QUICK = Settings(n_frames=40, rounds=1)
 SKINLESS = Parts(skin=False, palm=False, pivot=False, joint_slide=False)
 CLEAN = {"artefact": 0.0, "noise": 0.0, "field_distortion": 0.0}
-
-
-@pytest.fixture(scope="module")
-def layout() -> Layout:
-    return read_layout("liberty16")
-
-
-def recorded(
-    task: str = "rom", side: str = "right", realism: Realism | None = None, seed: int = 7
-) -> tuple[Simulated, Poses]:
-    made = simulate("01", side, task, seed, realism or Realism.full(), 2400)
-    valid = np.ones(made.position_mm.shape[:2], bool)
-    return made, Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
 
 
 def with_gaps(poses: Poses) -> Poses:
@@ -55,13 +43,8 @@ def seen_from(poses: Poses, seed: int) -> Poses:
     return replace(
         poses,
         position_mm=rotate(turn, poses.position_mm) + 500 * rng.normal(size=3),
-        quaternion=multiply(turn, poses.quaternion),
+        quaternion=multiply(turn, poses.quaternion) * rng.choice([-1.0, 1.0], (*poses.valid.shape, 1)),
     )
-
-
-def mirrored(poses: Poses) -> Poses:
-    quaternion = poses.quaternion * np.array([1.0, -1.0, 1.0, -1.0])
-    return replace(poses, position_mm=poses.position_mm * MIRROR, quaternion=quaternion)
 
 
 def assert_same_centres(one: HandFit, other: HandFit, factor: Array) -> None:
@@ -69,21 +52,29 @@ def assert_same_centres(one: HandFit, other: HandFit, factor: Array) -> None:
     for name, joint in one.joints.items():
         np.testing.assert_allclose(other.joints[name].child_mm * factor, joint.child_mm, atol=1e-6)
         np.testing.assert_allclose(other.joints[name].parent_mm * factor, joint.parent_mm, atol=1e-6)
+        axis = other.joints[name].axis_child * np.prod(factor) * factor  # mirrored as a pseudo-vector
+        np.testing.assert_allclose(axis, joint.axis_child, atol=1e-7)
+        both = np.outer(np.tile(factor, 2), np.tile(factor, 2))
+        np.testing.assert_allclose(other.joints[name].covariance_mm2 * both, joint.covariance_mm2, atol=1e-6)
 
 
 def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
-    """Two recordings with gaps, each with its own transmitter frame."""
-    recordings = [with_gaps(recorded("rom")[1]), recorded("opposition")[1]]
+    """Two recordings with gaps, each with its own transmitter frame; a recording cut in two is one."""
+    recordings = [with_gaps(recorded(seed=7)[1]), recorded("right", "opposition", seed=7)[1]]
     elsewhere = [seen_from(poses, seed) for seed, poses in enumerate(recordings)]
     here, there = (fit_hand(r, layout, "right", settings=QUICK) for r in (recordings, elsewhere))
     assert_same_centres(here, there, np.ones(3))
+    halves = [recordings[0].take(slice(1200)), seen_from(recordings[0].take(slice(1200, None)), 2)]
+    cut, whole = (fit_hand(r, layout, "right", settings=QUICK) for r in (halves, recordings[:1]))
+    assert_same_centres(cut, whole, np.ones(3))
 
 
 def test_the_mirrored_recording_is_the_other_hand(layout: Layout) -> None:
     """A left hand as recorded, with gaps, and its mirror image."""
-    poses = with_gaps(recorded("opposition", "left")[1])
+    poses = with_gaps(recorded("left", "opposition", seed=7)[1])
     left = fit_hand([poses], layout, "left", settings=QUICK)
-    right = fit_hand([mirrored(poses)], layout, "right", settings=QUICK)
+    image = replace(poses, position_mm=poses.position_mm * MIRROR, quaternion=mirrored(poses.quaternion))
+    right = fit_hand([image], layout, "right", settings=QUICK)
     assert_same_centres(left, right, MIRROR)
 
 
@@ -121,27 +112,28 @@ def moves_in_sd(fit: HandFit, other: HandFit, places: dict[str, tuple[Array, Arr
     return np.array(moves)
 
 
+ALL = ""
+
+
 @pytest.mark.parametrize(
-    "segment", ["hand", "thumb_metacarpal", "index_proximal", "ring_middle", "little_distal"]
+    "segment",
+    [
+        "hand",
+        ALL,
+        *(
+            pytest.param(segment, marks=pytest.mark.slow)
+            for segment in ("thumb_metacarpal", "index_proximal", "ring_middle", "little_distal")
+        ),
+    ],
 )
 def test_a_receiver_may_sit_at_another_angle(layout: Layout, segment: str) -> None:
-    """20 deg and 2 mm elsewhere: no centre moves on its bone by as much as its sd."""
-    poses = recorded()[1]
-    moved, places = remounted(poses, [segment], 20.0, 2.0, 3)
+    """20 deg and 2 mm elsewhere: no centre moves on its bone by as much as its sd; if all do, by twice."""
+    poses = recorded(seed=7)[1]
+    moved, places = remounted(poses, [segment] if segment else poses.segments, 20.0, 2.0, 3 if segment else 4)
     one, other = (fit_hand([p], layout, "right", settings=QUICK) for p in (poses, moved))
     moves = moves_in_sd(one, other, places)
-    assert moves.max() < 1.0
-    assert np.median(moves) < 0.3
-
-
-def test_all_receivers_may_sit_at_another_angle(layout: Layout) -> None:
-    """All of them 20 deg and 2 mm elsewhere, each its own way."""
-    poses = recorded()[1]
-    moved, places = remounted(poses, poses.segments, 20.0, 2.0, 4)
-    one, other = (fit_hand([p], layout, "right", settings=QUICK) for p in (poses, moved))
-    moves = moves_in_sd(one, other, places)
-    assert moves.max() < 2.0
-    assert np.median(moves) < 1.0
+    assert moves.max() < (1.0 if segment else 2.0)
+    assert np.median(moves) < (0.3 if segment else 1.0)
 
 
 def without_prior(fit: HandFit, sharper: float) -> tuple[HandFit, Solution]:
@@ -159,7 +151,7 @@ def without_prior(fit: HandFit, sharper: float) -> tuple[HandFit, Solution]:
     alone = replace(reduced, matrix=reduced.matrix - of_prior + barely * np.eye(len(of_prior)))
     posterior = Posterior.of(weak, solution.point, alone, evidence.share)
     new = replace(evidence, problem=weak, posterior=posterior, states=solution.point.y)
-    return replace(fit, evidence=new, reading=read(new)), solution
+    return replace(fit, evidence=new, summary=summarise(new)), solution
 
 
 def off_along_what_is_seen(
@@ -184,8 +176,7 @@ def test_what_the_recording_shows_comes_out_exactly(layout: Layout) -> None:
     """Hinges on a stiff palm, no skin, noise or field: directions that the data fix to 0.3 mm, without any
     prior, are recovered to 0.05 mm. They are those across the axes of all joints.
     """
-    realism = replace(Realism.full(), mobile_palm=False, hinges_only=True, **CLEAN)
-    made, poses = recorded(realism=realism)
+    made, poses = recorded(seed=7, mobile_palm=False, hinges_only=True, **CLEAN)
     fit = fit_hand([poses], layout, "right", settings=Settings(n_frames=80, parts=SKINLESS))
     sharp, solution = without_prior(fit, 4.0)
     assert solution.converged
@@ -198,7 +189,7 @@ def test_what_the_recording_shows_comes_out_exactly(layout: Layout) -> None:
 @pytest.mark.slow
 def test_what_the_model_lacks_costs_tenths_of_a_millimetre(layout: Layout) -> None:
     """The simulator's own hand: a palm that moves by another law, second and third rotations of hinges."""
-    made, poses = recorded(realism=replace(Realism.full(), **CLEAN))
+    made, poses = recorded(seed=7, **CLEAN)
     fit = fit_hand([poses], layout, "right", settings=Settings(parts=replace(SKINLESS, palm=True)))
     errors, _ = off_along_what_is_seen(list(without_prior(fit, 4.0)[0].joints.values()), made, 0.3)
     assert len(errors) > 30

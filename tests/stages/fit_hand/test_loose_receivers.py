@@ -1,48 +1,24 @@
 """Receivers that came loose on simulated hands: found, named, timed, and done without."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from simulated_poses import poses_of, recorded
 
-from kinematics.rotations import about_axis, multiply, rotate, unit
-from schemas.layout import Layout, read_layout
+from schemas.layout import Layout
 from schemas.poses import Poses
+from skeleton.rotations import about_axis, multiply, rotate, unit
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.loose_receivers import LooseReceiver, loose_receivers, without_loose
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import Simulated, simulate
 
 QUICK = Settings(n_frames=60, rounds=1)
-N_FRAMES = 3600
-Hand = Callable[..., tuple[Simulated, Poses]]
 
 
-@pytest.fixture(scope="module")
-def layout() -> Layout:
-    return read_layout("liberty16")
-
-
-@pytest.fixture(scope="module")
-def hand() -> Hand:
-    """Simulated recordings and their poses, each made once."""
-    made: dict[tuple[str, str, int, float], tuple[Simulated, Poses]] = {}
-
-    def give(
-        side: str = "right", task: str = "rom", seed: int = 5, skin: float = 1.0
-    ) -> tuple[Simulated, Poses]:
-        key = (side, task, seed, skin)
-        if key not in made:
-            one = simulate("01", side, task, seed, replace(Realism.full(), artefact=skin), N_FRAMES)
-            valid = np.ones(one.position_mm.shape[:2], bool)
-            made[key] = (
-                one,
-                Poses(one.segments, one.frame, one.time_s, one.position_mm, one.quaternion, valid),
-            )
-        return made[key]
-
-    return give
+def hand(side: str = "right", task: str = "rom", seed: int = 5, skin: float = 1.0) -> tuple[Simulated, Poses]:
+    return recorded(side, task, seed=seed, n_frames=3600, artefact=skin)
 
 
 def loosened(
@@ -68,10 +44,8 @@ def found_in(layout: Layout, side: str, *recordings: Poses) -> list[LooseReceive
 
 
 @pytest.mark.parametrize(("side", "task"), [("right", "rom"), ("left", "opposition")])
-@pytest.mark.parametrize("skin", [1.0, 2.0])
-def test_nothing_is_loose_on_a_normal_hand(
-    layout: Layout, hand: Hand, side: str, task: str, skin: float
-) -> None:
+@pytest.mark.parametrize("skin", [pytest.param(1.0, marks=pytest.mark.slow), 2.0])
+def test_nothing_is_loose_on_a_normal_hand(layout: Layout, side: str, task: str, skin: float) -> None:
     assert not found_in(layout, side, hand(side, task, skin=skin)[1])
 
 
@@ -84,32 +58,22 @@ def test_nothing_is_loose_on_a_normal_hand(
         pytest.param("index_middle", 0.0, 8.0, marks=pytest.mark.slow),
         pytest.param("ring_proximal", 3.0, 6.0, marks=pytest.mark.slow),
         pytest.param("little_distal", 5.0, 0.0, marks=pytest.mark.slow),
+        pytest.param("ring_proximal", 30.0, 40.0, marks=pytest.mark.slow),  # it hangs by its cable
     ],
 )
-def test_a_loose_receiver_is_named(
-    layout: Layout, hand: Hand, segment: str, shift_mm: float, turn_deg: float
-) -> None:
+def test_a_loose_receiver_is_named(layout: Layout, segment: str, shift_mm: float, turn_deg: float) -> None:
     """The receiver, the moment to a tenth of a second, and how far it moved."""
     poses = hand()[1]
     (one,) = found_in(layout, "right", loosened(poses, segment, 1500, shift_mm, turn_deg))
     assert (one.segment, one.recording) == (segment, 0)
     assert one.frame == pytest.approx(poses.frame[1500], abs=24)
     assert one.time_s == poses.time_s[one.frame - poses.frame[0]]
-    assert one.shift_mm == pytest.approx(shift_mm, abs=1.2)
-    assert one.turn_deg == pytest.approx(turn_deg, abs=8.0 if segment.endswith("distal") else 2.0)
+    assert one.shift_mm == pytest.approx(shift_mm, rel=0.1, abs=1.2)
+    assert one.turn_deg == pytest.approx(turn_deg, rel=0.1, abs=8.0 if segment.endswith("distal") else 2.0)
 
 
 @pytest.mark.slow
-def test_a_fall_is_named(layout: Layout, hand: Hand) -> None:
-    """A receiver that hangs by its cable, which drags the whole fit along."""
-    (one,) = found_in(layout, "right", loosened(hand()[1], "ring_proximal", 1500, 30.0, 40.0))
-    assert one.segment == "ring_proximal"
-    assert one.shift_mm == pytest.approx(30.0, abs=3.0)
-    assert one.turn_deg == pytest.approx(40.0, abs=4.0)
-
-
-@pytest.mark.slow
-def test_one_that_the_fit_swallowed_is_named(layout: Layout, hand: Hand) -> None:
+def test_one_that_the_fit_swallowed_is_named(layout: Layout) -> None:
     """Angles that jump with the receiver, and skin in proportion to them, leave no residual to see."""
     poses = loosened(hand("right", "opposition", 43)[1], "index_middle", 1900, 15.0, 25.0, 3)
     fit = fit_hand([poses], layout, "right")
@@ -121,7 +85,7 @@ def test_one_that_the_fit_swallowed_is_named(layout: Layout, hand: Hand) -> None
 
 
 @pytest.mark.slow
-def test_two_are_told_apart(layout: Layout, hand: Hand) -> None:
+def test_two_are_told_apart(layout: Layout) -> None:
     """On the left hand, with gaps in the recording."""
     poses = hand("left")[1]
     valid = poses.valid.copy()
@@ -135,7 +99,7 @@ def test_two_are_told_apart(layout: Layout, hand: Hand) -> None:
     assert [one.frame for one in found] == pytest.approx([1801, 2601], abs=24)
 
 
-def test_one_put_back_elsewhere_between_recordings(layout: Layout, hand: Hand) -> None:
+def test_one_put_back_elsewhere_between_recordings(layout: Layout) -> None:
     """It is named at the first frame of the recording in which it sits elsewhere."""
     first, second = hand()[1], loosened(hand("right", "opposition")[1], "middle_proximal", 0, 5.0, 6.0)
     (one,) = found_in(layout, "right", first, second)
@@ -144,7 +108,7 @@ def test_one_put_back_elsewhere_between_recordings(layout: Layout, hand: Hand) -
 
 
 @pytest.mark.slow
-def test_a_slow_slide_is_found(layout: Layout, hand: Hand) -> None:
+def test_a_slow_slide_is_found(layout: Layout) -> None:
     """A receiver that crept over a third of the recording, once or in parts."""
     found = found_in(layout, "right", loosened(hand()[1], "index_proximal", 1200, 6.0, 0.0, slide=1200))
     assert {one.segment for one in found} == {"index_proximal"}
@@ -155,7 +119,7 @@ def made_loose(segment: str, recording: int, frame: int) -> LooseReceiver:
     return LooseReceiver(segment, recording, frame, float("nan"), 5.0, 5.0)
 
 
-def test_the_longer_part_is_kept(hand: Hand) -> None:
+def test_the_longer_part_is_kept() -> None:
     """Before, after, or between two moments; over all recordings, of which one may lack the receiver."""
     poses = hand()[1].take(slice(0, 600))
     valid = poses.valid.copy()
@@ -185,19 +149,15 @@ def test_the_longer_part_is_kept(hand: Hand) -> None:
         assert after.position_mm is before.position_mm
 
 
-def errors_mm(fit: HandFit, made: Simulated, segment: str) -> list[float]:
-    """Of the centres next to a receiver, in the frame of their child's or, of those after it, parent's."""
-    return [
-        float(np.linalg.norm(joint.parent_mm - made.truth.joints[name].parent_mm))
-        if joint.parent_segment == segment
-        else float(np.linalg.norm(joint.child_mm - made.truth.joints[name].child_mm))
-        for name, joint in fit.joints.items()
-        if segment in (joint.parent_segment, joint.child_segment)
-    ]
+def error_mm(fit: HandFit, made: Simulated) -> float:
+    """The worse one of the centres next to the middle finger's middle receiver, in that receiver's frame."""
+    pip, dip = ((fit.joints[name], made.truth.joints[name]) for name in ("middle_pip", "middle_dip"))
+    off_mm = pip[0].child_mm - pip[1].child_mm, dip[0].parent_mm - dip[1].parent_mm
+    return float(np.linalg.norm(off_mm, axis=-1).max())
 
 
 @pytest.mark.slow
-def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout, hand: Hand) -> None:
+def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout) -> None:
     """Centres next to a receiver that came loose, in its own frame as it sat at first."""
     made, poses = hand()
     loose = loosened(poses, "middle_middle", 2000, 8.0, 12.0)
@@ -205,13 +165,13 @@ def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout, hand: Hand)
     mended = fit_hand(
         without_loose([loose], loose_receivers(spoilt, [loose])), layout, "right", settings=QUICK
     )
-    best, worst, after = (max(errors_mm(fit, made, "middle_middle")) for fit in (untouched, spoilt, mended))
+    best, worst, after = (error_mm(fit, made) for fit in (untouched, spoilt, mended))
     assert after < best + 0.8
     assert worst > after + 1.0
 
 
 @pytest.mark.slow
-def test_every_receiver_is_found(layout: Layout, hand: Hand) -> None:
+def test_every_receiver_is_found(layout: Layout) -> None:
     """A shift of 4 mm or a turn of 8 deg, now in one task, now in the other: at most one of 16 is missed."""
     missed = []
     tasks = (("right", "rom"), ("left", "opposition"))
@@ -232,8 +192,6 @@ def test_no_false_alarm(layout: Layout, seed: int) -> None:
     side = ("right", "left")[seed % 2]
     for task in ("rom", "opposition"):
         for skin in (1.0, 2.0):
-            made = simulate("01", side, task, seed, replace(Realism.full(), artefact=skin))
-            valid = np.ones(made.position_mm.shape[:2], bool)
-            poses = Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
+            poses = poses_of(simulate("01", side, task, seed, replace(Realism.full(), artefact=skin)))
             fit = fit_hand([poses], layout, side)
             assert not loose_receivers(fit, [poses]), (task, skin)

@@ -4,37 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from simulated_poses import recorded
 
-from kinematics.rotations import rotate
 from schemas.layout import read_layout
-from schemas.poses import Poses
+from skeleton.rotations import rotate
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.replaying import pose_hand
 from stages.fit_hand.sharing import SIDE_SD, share_lengths
-from stages.simulate.anatomy import BONES, JOINTS
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
+from stages.simulate.random_hand import BONES, JOINTS
+from stages.simulate.simulation import Simulated
 
 QUICK = Settings(n_frames=60, rounds=1)
 DISTAL = np.array([1.0, 0.0, 0.0])
-
-
-def made_hand(side: str, task: str) -> tuple[Simulated, Poses]:
-    one = simulate("01", side, task, 4, Realism.full(), 1600)
-    valid = np.ones(one.position_mm.shape[:2], bool)
-    return one, Poses(one.segments, one.frame, one.time_s, one.position_mm, one.quaternion, valid)
-
-
-def part(poses: Poses, rows: slice) -> Poses:
-    arrays = (poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
-    return Poses(poses.segments, *(array[rows] for array in arrays))
 
 
 @pytest.fixture(scope="module")
 def hands() -> dict[str, tuple[HandFit, Simulated]]:
     layout, found = read_layout("liberty16"), {}
     for side in ("right", "left"):
-        made, poses = made_hand(side, "rom")
+        made, poses = recorded(side, seed=4, n_frames=1600)
         found[side] = fit_hand([poses], layout, side, settings=QUICK), made
     return found
 
@@ -45,9 +33,9 @@ def test_bones_and_tips_of_another_recording(hands: dict[str, tuple[HandFit, Sim
     predicted without the distal receivers' positions within 1 mm of them.
     """
     fit = hands[side][0]
-    made, poses = made_hand(side, "opposition")
+    made, poses = recorded(side, "opposition", seed=4, n_frames=1600)
     every = slice(None, None, 16)
-    poses = part(poses, every)
+    poses = poses.take(every)
     posed = pose_hand(fit, poses)
     assert posed.posed.all()
     assert np.median(posed.residual_mm) < 1.0
@@ -62,7 +50,7 @@ def test_bones_and_tips_of_another_recording(hands: dict[str, tuple[HandFit, Sim
             angles.append(np.degrees(np.arccos(np.clip((true * found).sum(-1), -1, 1))).mean())
     assert np.mean(angles) < 3.5
     tips = [name for name in posed.receivers if name.endswith("_distal")]
-    blind = pose_hand(fit, poses, dict.fromkeys(tips, (0.0, 1.0)))
+    blind = pose_hand(fit, poses, tips)
     for name in tips:
         index = posed.receivers.index(name)
         measured = poses.position_mm[:, poses.index(name)]
@@ -75,7 +63,7 @@ def test_angles_are_those_of_the_joints(hands: dict[str, tuple[HandFit, Simulate
     """PIP flexion follows the true one, frame by frame, up to a constant and the skin's share."""
     fit, made = hands["right"]
     every = slice(None, None, 16)
-    posed = pose_hand(fit, part(made_hand("right", "rom")[1], every))
+    posed = pose_hand(fit, recorded(seed=4, n_frames=1600)[1].take(every))
     for name in ("index_pip", "ring_pip", "little_mcp"):
         found = posed.angles_rad[:, posed.angle_names.index((name, "flexion"))]
         true = made.truth.angles_rad[every, JOINTS.index(name), 0]
@@ -86,7 +74,7 @@ def test_angles_are_those_of_the_joints(hands: dict[str, tuple[HandFit, Simulate
 def test_frames_without_receivers_are_nan(hands: dict[str, tuple[HandFit, Simulated]]) -> None:
     """A frame with one receiver is not posed; a frame that lacks some is, and its neighbours do not mind."""
     fit = hands["right"][0]
-    poses = part(made_hand("right", "rom")[1], slice(0, 40))
+    poses = recorded(seed=4, n_frames=1600)[1].take(slice(0, 40))
     whole = pose_hand(fit, poses)
     valid, position = poses.valid.copy(), poses.position_mm.copy()
     valid[3, 1:], valid[7, [2, 6, 10]] = False, False
@@ -99,7 +87,7 @@ def test_frames_without_receivers_are_nan(hands: dict[str, tuple[HandFit, Simula
     others = np.setdiff1d(np.arange(40), [3, 7])
     off_mm = posed.bone_position_mm[others] - whole.bone_position_mm[others]
     np.testing.assert_allclose(off_mm, 0, atol=1e-9)
-    assert pose_hand(fit, part(poses, slice(0, 0))).angles_rad.shape == (0, len(posed.angle_names))
+    assert pose_hand(fit, poses.take(slice(0, 0))).angles_rad.shape == (0, len(posed.angle_names))
 
 
 def test_both_hands_share_their_lengths(hands: dict[str, tuple[HandFit, Simulated]]) -> None:

@@ -6,18 +6,19 @@ from functools import cache
 
 import numpy as np
 import pytest
-from thumb_receiver import OWN, facing_the_nail, nail_turn, poses_of
+from simulated_poses import poses_of
+from thumb_receiver import OWN, facing_the_nail, nail_turn
 
-from kinematics.joint_angles import angles_of_hand, mirrored
-from kinematics.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
+from anatomy.average_hand import DIGITS, DigitAnatomy
+from anatomy.known_digits import rest_rotations
 from schemas.layout import read_layout
-from stages.fit_hand.anatomy_priors import DIGITS, DigitAnatomy
-from stages.fit_hand.chain import rest_rotations
+from schemas.poses import RecordingName
+from skeleton.joint_angles import angles_of_hand
+from skeleton.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.posed_tables import angle_columns
-from stages.fit_hand.recordings import MIRROR
 from stages.fit_hand.replaying import pose_hand
-from stages.simulate.anatomy import BONES, JOINTS
+from stages.simulate.random_hand import BONES, JOINTS
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import Simulated, simulate
 
@@ -71,36 +72,6 @@ def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
         assert sd_mm[1] < 1.15 * sd_mm[0]
         assert fits[1].joints[name].status == "ok", fits[1].joints[name].message
         assert np.linalg.norm(one[row] - other[row], axis=-1).max() < np.hypot(*sd_mm)
-
-
-@pytest.mark.slow
-def test_neither_facing_is_the_better_one() -> None:
-    hands = [(seed, side) for seed in SEEDS for side in ("right", "left")]
-    hand_mm, nail_mm = (
-        np.mean([np.linalg.norm(errors_mm(*hand, nail=nail), axis=-1) for hand in hands])
-        for nail in (False, True)
-    )
-    assert nail_mm == pytest.approx(hand_mm, abs=0.3)
-
-
-def test_the_transmitter_and_the_side_do_not_matter() -> None:
-    """The turned recording seen from elsewhere, and its mirror image: the same thumb."""
-    made, fit = fitted(4, "right", nail=True)
-    poses = poses_of(made)
-    turn = about_axis(unit(np.array([1.0, -2.0, 0.5])), 2.0)
-    moved = replace(
-        poses,
-        position_mm=rotate(turn, poses.position_mm) + 300.0,
-        quaternion=-multiply(turn, poses.quaternion),
-    )
-    image = replace(poses, position_mm=poses.position_mm * MIRROR, quaternion=mirrored(poses.quaternion))
-    for other, side, back in ((moved, "right", np.ones(3)), (image, "left", MIRROR)):
-        again = fit_hand([other], LAYOUT, side, settings=QUICK)
-        assert faces_nail(again)
-        for name in ("thumb_cmc", "thumb_mcp", "thumb_ip"):
-            np.testing.assert_allclose(
-                again.joints[name].child_mm * back, fit.joints[name].child_mm, atol=1e-6
-            )
 
 
 def test_receivers_never_seen_together_keep_the_usual_facing() -> None:
@@ -168,12 +139,12 @@ def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> 
     for nail in (False, True):
         made, fit = fitted(4, side, nail=nail)
         poses = poses_of(made).take(np.arange(0, len(made.frame), 24))
-        tables.append(angle_columns({}, fit, pose_hand(fit, poses), poses))
+        tables.append(angle_columns(RecordingName("01", side, "rom"), fit, pose_hand(fit, poses), poses))
     back, front = tables
-    own = np.isin(back["joint"], ["thumb_cmc", "thumb_mcp"])
+    own = np.isin(back["joint"].to_pylist(), ["thumb_cmc", "thumb_mcp"])
     for part in ("flexion_deg", "abduction_deg", "rotation_deg"):
         assert np.abs(back[part] - front[part])[own].mean() < 8.0, part
-    sweep = back["flexion_deg"][np.array(back["joint"]) == "thumb_cmc"]
+    sweep = back["flexion_deg"][np.array(back["joint"].to_pylist()) == "thumb_cmc"]
     assert np.ptp(sweep) > 15.0
 
 

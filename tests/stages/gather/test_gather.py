@@ -1,59 +1,214 @@
-"""The study's tables are those of its hands, all of them, whether their bytes are copied or their rows."""
-
-from __future__ import annotations
+"""The study's tables are those of its subjects, of whole skeletons; whatever failed is a problem."""
 
 from pathlib import Path
+from typing import Any
 
-import pyarrow.parquet as pq
+import numpy as np
+import pyarrow as pa
 import pytest
-from report_samples.hand_tables import write_hand_tables
-from report_samples.made_study import make_study
+import yaml
+from small_study import write_plans, write_study
 
-from schemas import joined_tables
-from schemas.catalogue import JOINT_CENTRES, TABLES
-from schemas.results import FIT_TABLES, HAND_TABLES, SCORE_TABLES, Results
-from schemas.study import Hand, Study, read_study
-from schemas.tables import Provenance, read_table, rows_of, write_failure
+from schemas.catalogue import POSES, RECEIVERS, TABLES
+from schemas.errors import TableError
+from schemas.parts import Part, parts_writer
+from schemas.plan import SubjectPlan, read_plan
+from schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
+from schemas.study import read_study
+from schemas.tables import Provenance, Table, read_metadata, read_table, rows_of, write_failure, write_table
+from stages.gather.__main__ import main
 from stages.gather.study_tables import gather_study
 
-GATHERED = (*HAND_TABLES, *FIT_TABLES, *SCORE_TABLES)
+ROWS = (
+    "01 right rom calibration a.csv",
+    "01 right pinch both b.csv 1",
+    "01 left pinch evaluation c.csv",
+    "02 right pinch both d.csv",
+    "02 right rom both e.csv - - moved",
+)
+MODELS = ("rigid", "whole-hand")
+CORRECTIONS = "subject hand joint dx_mm dy_mm dz_mm\n01 right thumb_ip 1 2 3\n03 right thumb_ip 1 2 3"
+
+
+def row_of(table: Table, **values: Any) -> dict[str, Any]:
+    """A row with those values, of the others those that may not be null."""
+    filled = {
+        c.name: {pa.string(): "", pa.bool_(): False}.get(c.type, 1) for c in table.columns if not c.nullable
+    }
+    return filled | {name: value for name, value in values.items() if name in {c.name for c in table.columns}}
+
+
+def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | None = None) -> None:
+    """Write everything that is gathered: two rows of every part, and poses that stand still.
+
+    failures : of a table's parts, the message instead of rows.
+    """
+    for recording in plan.recordings:
+        if not recording.exclude:
+            keys = {"subject": plan.subject, "hand": recording.hand.hand, "task": recording.task}
+            parameters = {**keys, "trial": recording.trial}
+            columns: dict[str, Any] = dict.fromkeys((c.name for c in POSES.columns), np.zeros(4))
+            columns |= {
+                "segment": ["hand"] * 4,
+                "frame": np.arange(4),
+                "flags": [""] * 4,
+                "valid": [True] * 4,
+            }
+            columns["time_s"] = np.arange(4) / 240
+            write_table(plan.poses(recording), POSES, columns, Provenance((), parameters))
+    for name in GATHERED_TABLES:
+        for path in plan.files_of(name):
+            parts = plan.parts()
+            if name in FIT_TABLES:
+                parts = [p for p in parts if path == plan.fit_table(p.hand, p.model, name)]
+            if "made_without" not in TABLES[name].key:  # scores and advice: a part is a hand
+                parts = [plan.part(hand) for hand in plan.hands]
+            _write_parts(path, TABLES[name], parts, failures or {})
+
+
+def _write_parts(path: Path, table: Table, parts: list[Part], failures: dict[tuple[str, Part], str]) -> None:
+    with parts_writer(path, table, Provenance()) as writer:
+        for part in parts:
+            if (table.name, part) in failures:
+                writer.failure(part, failures[table.name, part])
+            else:
+                (name,) = {"joint", "segment", "digit", "quantity"} & set(table.key)
+                writer.rows(part, [row_of(table, **vars(part), **{name: text}) for text in "ab"])
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> tuple[Study, Results]:
-    """A study whose hands have their tables; that of the metacarpals is empty."""
-    file, folder = make_study(tmp_path, n_frames=40, models=("paper-fig4", "whole-hand"))
-    write_hand_tables(read_study(file), Results(folder))
-    return read_study(file), Results(folder)
+def plans(tmp_path: Path) -> list[SubjectPlan]:
+    """Plans of a study whose subjects have their tables."""
+    file = write_study(tmp_path, *ROWS, models=MODELS, corrections=CORRECTIONS)
+    read = [read_plan(path) for path in write_plans(file).values()]
+    for plan in read:
+        write_subject(plan)
+    return read
 
 
-def _rows(results: Results, name: str) -> list[str]:
-    return sorted(map(repr, rows_of(read_table(results.study_table(name), TABLES[name]))))
+def gathered(folder: Path) -> dict[str, list[dict[str, Any]]]:
+    """Gather the study; rows of its tables."""
+    results = Results(folder / "results")
+    gather_study(read_study(folder / "study.yaml"), results)
+    return {name: list(rows_of(read_table(results.study_table(name), TABLES[name]))) for name in STUDY_TABLES}
 
 
-@pytest.mark.parametrize("copied", [False, True])
-def test_every_row_of_every_hand(
-    study: tuple[Study, Results], monkeypatch: pytest.MonkeyPatch, copied: bool
-) -> None:
-    if copied:
-        monkeypatch.setattr(joined_tables, "COPIED_FROM_BYTES", 1)
-    before = {name: _rows(study[1], name) for name in GATHERED if study[1].study_table(name).is_file()}
-    gather_study(*study)
-    for name, rows in before.items():
-        assert _rows(study[1], name) == rows, name
-    tips = pq.ParquetFile(study[1].study_table("tips"))
-    assert (tips.num_row_groups > 1) == copied
+def whose(row: dict[str, Any]) -> tuple[str, str, str]:
+    return row["subject"], row["hand"], row["model"]
 
 
-def test_a_hand_that_failed_is_named_and_the_others_are_there(study: tuple[Study, Results]) -> None:
-    path = study[1].hand_table("paper-fig4", Hand("S01", "left"), "joint_centres")
-    write_failure(path, JOINT_CENTRES, "no frame was valid", Provenance())
-    gather_study(*study)
-    joints = list(rows_of(read_table(study[1].study_table("joint_centres"), JOINT_CENTRES)))
-    assert joints
-    assert not [
-        row for row in joints if (row["subject"], row["hand"], row["model"]) == ("S01", "left", "paper-fig4")
+@pytest.mark.usefixtures("plans")
+def test_rows_of_every_whole_skeleton_in_order(tmp_path: Path) -> None:
+    found = gathered(tmp_path)
+    hands = [("01", "right"), ("01", "left"), ("02", "right")]
+    skeletons = [(*hand, model) for hand in hands for model in MODELS]
+    for name in GATHERED_TABLES:
+        rows = found[name]
+        assert not any(row.get("made_without") for row in rows), name
+        if "made_without" not in TABLES[name].key:
+            assert [(row["subject"], row["hand"]) for row in rows] == [hand for hand in hands for _ in "ab"]
+        else:
+            fitted = [skeleton for skeleton in skeletons if skeleton[2] == "whole-hand"]
+            own = fitted if name in FIT_TABLES else skeletons
+            assert [whose(row) for row in rows] == [skeleton for skeleton in own for _ in "ab"], name
+
+
+@pytest.mark.usefixtures("plans")
+def test_a_table_says_what_it_was_gathered_from(tmp_path: Path) -> None:
+    gathered(tmp_path)
+    inputs = read_metadata(tmp_path / "results/joint_centres.parquet")["inputs"]
+    assert [entry["file"] for entry in inputs] == [f"sub-{n}/joint_centres.parquet" for n in ("01", "02")]
+    resolved = yaml.safe_load((tmp_path / "results/resolved.yaml").read_text())
+    assert resolved["study"]["models"] == list(MODELS)
+    assert [model["model"] for model in resolved["models"]] == list(MODELS)
+    assert resolved["models"][0]["joints"]["calibration"] == "evaluated", "defaults are filled in"
+    assert [layout["layout"] for layout in resolved["layouts"]] == ["liberty16"]
+
+
+@pytest.mark.usefixtures("plans")
+def test_recordings_hands_and_corrections_without_results_are_problems(tmp_path: Path) -> None:
+    """Nothing failed, and yet: a row without a hand, and a hand that nothing calibrates."""
+    found = gathered(tmp_path)
+    assert [(row["subject"], row["task"], row["status"]) for row in found["recordings"]] == [
+        ("01", "rom", "used"),
+        ("01", "pinch", "used"),
+        ("01", "pinch", "used"),
+        ("02", "pinch", "used"),
+        ("02", "rom", "excluded"),
     ]
-    problems = list(rows_of(read_table(study[1].study_table("problems"), TABLES["problems"])))
-    told = [(row["where"], row["stage"]) for row in problems if "no frame was valid" in row["message"]]
-    assert told == [("subject S01, left hand, model paper-fig4", "estimate_metacarpals")]
+    (hand, correction) = found["problems"]
+    assert (hand["subject"], hand["hand"], hand["kind"], hand["severity"]) == (
+        "01",
+        "left",
+        "hand",
+        "refused",
+    )
+    assert hand["message"].startswith("no recording calibrates this hand")
+    assert (correction["stage"], correction["kind"]) == ("project_planes", "correction")
+    assert (
+        "corrections.tsv: row 3, column subject: the study has no right hand of '03'" in correction["message"]
+    )
+
+
+def test_a_failed_import_is_a_problem_and_a_row(plans: list[SubjectPlan], tmp_path: Path) -> None:
+    recording = plans[0].recordings[1]
+    names = {"subject": "01", "hand": "right", "task": "pinch", "trial": "1"}
+    write_failure(plans[0].poses(recording), POSES, "b.csv: row 7", Provenance((), names))
+    found = gathered(tmp_path)
+    failed = [row for row in found["recordings"] if row["status"] == "failed"]
+    assert [(row["file"], row["message"]) for row in failed] == [("b.csv", "b.csv: row 7")]
+    problem = found["problems"][0]
+    assert (problem["stage"], problem["kind"], problem["severity"]) == ("capture", "recording", "refused")
+    assert (problem["subject"], problem["hand"], problem["task"]) == ("01", "right", "pinch, 1")
+    assert problem["message"] == "b.csv: row 7"
+
+
+def test_failed_parts_are_named_once_and_the_others_are_there(
+    plans: list[SubjectPlan], tmp_path: Path
+) -> None:
+    """The same message in several tables is one problem, of the first stage that met it; a skeleton made
+    without a task is none.
+    """
+    rigid, without = plans[0].part("right", "rigid"), plans[0].part("right", "rigid", "pinch")
+    assert without in plans[0].parts()
+    tables = ("joint_centres", "bone_lengths", "tip_errors")
+    failures = {(name, rigid): "no frame was valid" for name in tables}
+    failures |= {(name, without): "too few frames" for name in tables}
+    failures["calibration_advice", plans[0].part("left")] = "no recording"
+    write_subject(plans[0], failures)
+    found = gathered(tmp_path)
+    assert ("01", "right", "rigid") not in {whose(row) for row in found["joint_centres"]}
+    assert ("01", "right", "whole-hand") in {whose(row) for row in found["joint_centres"]}
+    problems = [row for row in found["problems"] if row["stage"] not in ("solve_joints", "project_planes")]
+    assert [(*whose(row), row["stage"], row["kind"], row["message"]) for row in problems] == [
+        ("01", "right", "rigid", "estimate_metacarpals", "skeleton", "no frame was valid"),
+        ("01", "left", "", "check_calibration", "hand", "no recording"),
+    ]
+
+
+def test_what_a_fit_says_of_a_receiver_is_a_note(plans: list[SubjectPlan], tmp_path: Path) -> None:
+    rows = [
+        row_of(RECEIVERS, segment="index_distal", status="ok", message="came loose"),
+        row_of(RECEIVERS, segment="ring_distal", status="failed", message="no valid pose"),
+        row_of(RECEIVERS, segment="hand", status="ok"),
+    ]
+    part = plans[0].part("right", "whole-hand")
+    with parts_writer(plans[0].fit_table("right", "whole-hand", "receivers"), RECEIVERS, Provenance()) as own:
+        own.rows(part, [row | vars(part) for row in rows])
+    notes = [row for row in gathered(tmp_path)["problems"] if row["stage"] == "fit_hand"]
+    assert [(row["hand"], row["kind"], row["severity"], row["message"]) for row in notes] == [
+        ("right", "receiver", "note", "index_distal: came loose")
+    ]
+
+
+def test_a_damaged_table_of_a_subject_ends_it(
+    plans: list[SubjectPlan], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plans[1].table("tip_errors").write_text("cut")
+    with pytest.raises(TableError, match=r"sub-02/tip_errors\.parquet: not a readable Parquet file"):
+        gathered(tmp_path)
+    argv = ["--study", str(tmp_path / "study.yaml"), "--results", str(tmp_path / "results")]
+    assert main(argv) == 2
+    assert "tip_errors.parquet" in capsys.readouterr().err
+    write_subject(plans[1])
+    assert main(argv) == 0

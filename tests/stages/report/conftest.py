@@ -9,7 +9,7 @@ from browser import browser, watched_page  # noqa: F401
 from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.rendered import subject_page, whole_report
 
-from schemas.study import read_study
+from schemas.study import Study, read_study
 from stages.report.study_page import render_study
 from stages.report.study_results import StudyResults, read_results
 
@@ -21,23 +21,29 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.fixture(scope="session")
-def results(made: tuple[Path, Path]) -> StudyResults:
+def study(made: tuple[Path, Path]) -> Study:
+    """The made-up study's file, read."""
+    return read_study(made[0])
+
+
+@pytest.fixture(scope="session")
+def results(made: tuple[Path, Path], study: Study) -> StudyResults:
     """The made-up study, read."""
-    return read_results(read_study(made[0]), made[1])
+    return read_results(study, made[1])
 
 
 @pytest.fixture(scope="session")
-def page(results: StudyResults) -> str:
+def page(results: StudyResults, study: Study) -> str:
     """The made-up study's page and its subjects', one after the other."""
-    return whole_report(results)
+    return whole_report(results, study)
 
 
 @pytest.fixture(scope="session")
-def pages(results: StudyResults) -> dict[Path, str]:
+def pages(results: StudyResults, study: Study) -> dict[Path, str]:
     """The made-up study's page and its subjects', by path."""
     paths = results.paths
     of_subjects = {paths.subject_page(name): subject_page(results, name) for name in results.subjects}
-    return {paths.report: render_study(results), **of_subjects}
+    return {paths.report: render_study(results, study), **of_subjects}
 
 
 @pytest.fixture(scope="session")
@@ -59,6 +65,6 @@ def fitted(fitted_made: tuple[Path, Path]) -> StudyResults:
 
 
 @pytest.fixture(scope="session")
-def fitted_page(fitted: StudyResults) -> str:
+def fitted_page(fitted: StudyResults, fitted_made: tuple[Path, Path]) -> str:
     """Its page and its subject's."""
-    return whole_report(fitted)
+    return whole_report(fitted, read_study(fitted_made[0]))

@@ -22,9 +22,10 @@ from report_samples.small_page import small_page
 from schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES, TIP_ERRORS
 from schemas.study import read_study
 from schemas.tables import Table, read_table
-from stages.report.comparison import METRICS, study_comparisons
+from stages.report.comparison.comparisons import Comparison, compare
+from stages.report.comparison.observations import observations
+from stages.report.comparison.questions import JOINT_ERROR
 from stages.report.downloads import (
-    COMPARISON_COLUMNS,
     Download,
     Downloads,
     comparison_row,
@@ -35,6 +36,10 @@ from stages.report.downloads import (
 from stages.report.study_results import StudyResults, read_results
 
 BODY = """{% from "downloads.html.j2" import downloads_of %}{{ downloads_of(offered) }}"""
+
+COMPARISON_COLUMNS = """metric table unit held_out digit model other n_subjects n_compared_subjects
+mean_difference median_difference lowest_difference highest_difference interval_95_low interval_95_high
+p p_holm n_comparisons effect_size n_better n_equal"""
 
 CELLS = st.one_of(
     st.none(),
@@ -121,23 +126,29 @@ def test_files_are_the_tables(results: StudyResults, table: Table) -> None:
     assert file.n_rows == len(rows_of_csv(unpacked(file)))
 
 
+def _compared(results: StudyResults) -> tuple[Comparison, ...]:
+    earlier, later = list(results.models)[:2]
+    seen = observations(results, JOINT_ERROR, results.models, held_out=True)
+    return compare(seen, JOINT_ERROR, [(later, earlier)], subjects=results.subjects)
+
+
 def test_comparisons_are_a_file(results: StudyResults) -> None:
     """Each with its numbers in full; those of which there are none are empty."""
-    made = study_comparisons(results, METRICS["error_mm"])
+    made = _compared(results)
     (file,) = [file for file in downloads(results, made).files if file.name == "comparisons.csv"]
     found = rows_of_csv(unpacked(file))
     assert len(found) == len(made) == 6
     for row, each in zip(found, made, strict=True):
-        assert tuple(row) == COMPARISON_COLUMNS
-        assert each.found is not None
-        assert each.found.interval is not None
+        assert list(row) == COMPARISON_COLUMNS.split()
+        assert each.statistics is not None
+        assert each.statistics.interval is not None
         assert (row["model"], row["other"], row["digit"]) == (each.model, each.other, each.digit)
-        assert float(row["mean_difference"]) == each.found.mean
-        assert (float(row["interval_95_low"]), float(row["interval_95_high"])) == each.found.interval
-        assert (float(row["p"]), float(row["p_holm"])) == (each.found.p, each.p_holm)
-        assert float(row["effect_size"]) == each.found.effect
+        assert float(row["mean_difference"]) == each.statistics.mean
+        assert (float(row["interval_95_low"]), float(row["interval_95_high"])) == each.statistics.interval
+        assert (float(row["p"]), float(row["p_holm"])) == (each.statistics.p, each.p_holm)
+        assert float(row["effect_size"]) == each.statistics.effect
         assert (row["n_subjects"], row["n_compared_subjects"], row["n_comparisons"]) == ("7", "7", "6")
-    nothing = comparison_row(replace(made[0], found=None, p_holm=None, subjects=()))
+    nothing = comparison_row(replace(made[0], statistics=None, p_holm=None, subjects=()))
     assert nothing["mean_difference"] is nothing["interval_95_low"] is nothing["p"] is None
     assert (nothing["n_subjects"], nothing["model"]) == (0, made[0].model)
 
@@ -174,7 +185,7 @@ def test_without_scripting(browser: Any, results: StudyResults, tmp_path: Path) 
 def test_saved_by_a_browser(watched_page: WatchedPage, results: StudyResults, tmp_path: Path) -> None:
     """The file that a reader gets is the table, to the last bit."""
     page = tmp_path / "page.html"
-    offered = downloads(results, study_comparisons(results, METRICS["error_mm"]))
+    offered = downloads(results, _compared(results))
     page.write_text(small_page(BODY, offered=offered), "utf-8")
     watched_page.open(page)
     for table in (SKELETON_SCORES, JOINT_ERRORS, TIP_ERRORS):

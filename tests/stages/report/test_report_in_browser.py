@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from browser import WatchedPage, watched
 from playwright.sync_api import Browser
-from report_samples.hand_tables import write_hand_tables
+from report_samples.hand_tables import write_subject_tables, write_tips
 from report_samples.made_study import make_study
 
 from schemas.files import write_text
@@ -17,7 +17,7 @@ from schemas.study import Study, read_study
 from stages import command_line
 from stages.report.study_page import render_study
 from stages.report.study_results import read_results
-from stages.report.subject import build_parser, pages, record_failure
+from stages.report.subject import build_parser, record_failure, write_pages
 
 pytestmark = pytest.mark.slow
 
@@ -31,12 +31,13 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Results]:
     folder = tmp_path_factory.mktemp("report")
     file, results = make_study(folder, n_frames=30, models=("paper-fig3", "paper-fig4"), subjects=NAMES)
     study, paths = read_study(file), Results(results)
-    write_hand_tables(study, paths)
-    write_text(paths.report, render_study(read_results(study, results)))
+    write_subject_tables(study, paths)
+    write_tips(study, paths)
+    write_text(paths.report, render_study(read_results(study, results), study))
     for name in NAMES:
         out = str(paths.subject_pages(name))
-        words = ["--study", str(file), "--results", str(results), f"--subject={name}", "--out", out]
-        assert command_line.run(build_parser().parse_args(words), pages, record_failure) == 0
+        argv = ["--plan", str(paths.plan(name)), "--out", out]
+        assert command_line.run(build_parser().parse_args(argv), write_pages, record_failure) == 0
     return study, paths
 
 

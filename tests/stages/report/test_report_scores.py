@@ -15,9 +15,9 @@ from report_samples.rendered import whole_report
 
 from schemas.catalogue import CALIBRATION_ADVICE, GAINS, JOINT_ERRORS, RECEIVERS, SKELETON_SCORES
 from schemas.model import read_model
-from schemas.study import read_study
+from schemas.study import Study, read_study
 from schemas.tables import Provenance, write_failure
-from stages.report.finding import finding
+from stages.report.headline import headline
 from stages.report.score_tables import OF_A_DIGIT, score_table
 from stages.report.study_results import StudyResults, read_results
 from stages.report.terminal import WIDTH, terminal_tables
@@ -200,15 +200,15 @@ def test_receivers(fitted: StudyResults, fitted_page: str) -> None:
     assert "Left hand, whole-hand: 17 receivers, 1 weak, 1 came loose" in _text(fitted_page)
 
 
-def test_empty_tables_are_told_or_left_out(fitted: StudyResults, results: StudyResults) -> None:
+def test_empty_tables_are_told_or_left_out(fitted: StudyResults, results: StudyResults, study: Study) -> None:
     """Each section says in a sentence that it has nothing; receivers only where a model fits the hand."""
-    text = _text(whole_report(replace(fitted, **EMPTY)))
+    text = _text(whole_report(replace(fitted, **EMPTY), study))
     assert "No skeleton was scored in this task." in text
     assert "The recordings are simulated, but no joint was compared with its truth." in text
     assert text.count("Whether its joints move enough could not be computed") == 2
     assert text.count("would gain with whole-hand is not known.") == 2
     assert text.count("whole-hand: no hand was fitted") == 2
-    page = whole_report(replace(results, **EMPTY))
+    page = whole_report(replace(results, **EMPTY), study)
     assert "No model of this study fits the whole hand, so what measuring would gain is not known." in _text(
         page
     )
@@ -222,13 +222,15 @@ def test_failed_tables_join_the_problems(tmp_path: Path) -> None:
     for table in tables:
         write_failure(folder / f"{table.name}.parquet", table, f"no {table.name}", Provenance())
     results = read_results(read_study(study), folder)
-    problems = table_called(whole_report(results), "Everything that did not go as the study asked.")
-    told = [[f"{table.name}.parquet", "report", f"no {table.name}"] for table in tables]
+    problems = table_called(
+        whole_report(results, read_study(study)), "Everything that did not go as the study asked."
+    )
+    told = [["the study", "report", f"{table.name}.parquet: no {table.name}"] for table in tables]
     assert problems.rows[1:] == told
     assert "Skeletons, mean" not in terminal_tables(results)
 
 
-def test_finding_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
+def test_headline_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
     """Four sentences: recordings, held-out error, joints beside the paper's, doubts."""
     mine = _of(fitted.scores, model="whole-hand", held_out=True)
     joints = [
@@ -238,7 +240,7 @@ def test_finding_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
     ours, theirs = ([error for error in errors if error is not None] for errors in joints)
     far = sum(error > 5 for error in theirs)
     assert far
-    assert finding(fitted) == (
+    assert headline(fitted) == (
         "4 of 4 recordings were used; they are simulated, so no person's hand is behind these numbers. "
         "On recordings that it was not made from, whole-hand misses the distal receivers, whose positions it "
         f"was not told, by {_mean(mine, 'left_out_mean_mm')} mm on average (anatomy alone, without data: "
@@ -249,30 +251,30 @@ def test_finding_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
     )
 
 
-def test_finding_without_truth_or_held_out_rows(fitted: StudyResults) -> None:
+def test_headline_without_truth_or_held_out_rows(fitted: StudyResults) -> None:
     """A fitted hand that is scored on its own recordings says so; without scores the replays are told."""
     seen = [row for row in fitted.scores if row["reference"] or not row["held_out"]]
-    text = finding(replace(fitted, scores=seen, joint_errors=[]))
+    text = headline(replace(fitted, scores=seen, joint_errors=[]))
     assert "On the recordings that it was made from (nothing is held out), whole-hand misses" in text
     assert "from the true ones" not in text
     without_prior = [row for row in fitted.scores if row["model"] != "prior-only"]  # an arm has none
-    text = finding(replace(fitted, scores=without_prior))
+    text = headline(replace(fitted, scores=without_prior))
     assert re.search(r"by \d\.\d\d mm on average\. Made from rom", text)
-    text = finding(replace(fitted, **EMPTY))
+    text = headline(replace(fitted, **EMPTY))
     assert re.search(r"misses its receiver by \d+\.\d\d mm \([a-z0-9-]+\) and ", text)
     assert "how well the joints close and not where they are" in text
 
 
-def test_finding_says_what_the_papers_joints_were_made_from(fitted: StudyResults) -> None:
+def test_headline_says_what_the_papers_joints_were_made_from(fitted: StudyResults) -> None:
     """Joints that were made from other tasks than the fitted hand's are told apart."""
     kept = [row for row in fitted.scores if (row["model"], row["held_out"]) != ("paper-fig4", True)]
-    assert "those of paper-fig4 (made from opposition)" in finding(replace(fitted, scores=kept))
+    assert "those of paper-fig4 (made from opposition)" in headline(replace(fitted, scores=kept))
 
 
-def test_finding_stands_beside_joints_that_nobody_corrected(fitted: StudyResults) -> None:
+def test_headline_stands_beside_joints_that_nobody_corrected(fitted: StudyResults) -> None:
     """Of the paper's models the one of the highest table that took no corrections by hand."""
     more = {name: read_model(name) for name in ("paper-fig4-corrected", "paper-fig3")}
-    assert "those of paper-fig4 " in finding(replace(fitted, models=more | fitted.models))
+    assert "those of paper-fig4 " in headline(replace(fitted, models=more | fitted.models))
 
 
 def test_terminal_has_the_scores_after_the_papers_tables(fitted: StudyResults) -> None:

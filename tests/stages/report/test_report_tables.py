@@ -12,10 +12,10 @@ import pytest
 from schemas.model import read_model
 from stages import command_line
 from stages.report.__main__ import build_parser, record_failure, report
-from stages.report.data_table import counted, listed, number
-from stages.report.finding import finding, mean_tip_errors
+from stages.report.headline import headline, mean_tip_errors
+from stages.report.paper_tables import own_table, printed_table
 from stages.report.study_results import StudyResults
-from stages.report.tables_1_to_4 import own_table, printed_table
+from stages.report.table_cells import counted, listed, number
 from stages.report.terminal import WIDTH, terminal_tables
 
 
@@ -46,7 +46,7 @@ def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
         assert [row[0] for row in mine.rows] == [row[0] for row in printed.rows]
 
 
-def test_finding_names_means_and_doubts(results: StudyResults) -> None:
+def test_headline_names_means_and_doubts(results: StudyResults) -> None:
     """The means are over all digits and hands, best and worst told; nothing was held out, and it says so."""
     means = mean_tip_errors(results, held_out=False)
     values = [
@@ -55,7 +55,7 @@ def test_finding_names_means_and_doubts(results: StudyResults) -> None:
         if (row["model"], row["binding"]) == ("rigid", "least-squares") and row["mean_mm"] is not None
     ]
     assert means["rigid"] == pytest.approx(sum(values) / len(values))
-    text = finding(results)
+    text = headline(results)
     best, worst = sorted(means, key=lambda model: means[model])[:: len(means) - 1]
     assert f"between {means[best]:.2f} mm ({best}) and {means[worst]:.2f} mm ({worst}) on average" in text
     assert "(nothing is held out)" in text
@@ -73,7 +73,11 @@ def test_terminal_tables_fit_and_hold_the_numbers(results: StudyResults) -> None
 
 
 def test_the_terminal_says_what_went_wrong_first(results: StudyResults) -> None:
-    problems = [{"where": f"rom{n}.arrows", "stage": "capture", "message": "x " * 60} for n in range(12)]
+    problems = [
+        {"subject": "", "hand": "", "task": f"rom{n}", "model": "", "stage": "capture", "severity": "note"}
+        | {"message": "x " * 60}
+        for n in range(12)
+    ]
     text = terminal_tables(replace(results, problems=problems))
     assert text.index("What went wrong:") < text.index("Table 1")
     assert text.count("rom") >= 10

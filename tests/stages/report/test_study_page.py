@@ -12,20 +12,28 @@ from hypothesis import strategies as st
 from report_samples.read_page import read_page, table_called
 
 from schemas.results import Results
-from schemas.study import Hand
+from schemas.study import Hand, Study, read_study
 from stages.report.links import anchor, link, recording_links
 from stages.report.methods_text import REFERENCES, methods_text
 from stages.report.study_page import render_study
 from stages.report.study_results import StudyResults
-from stages.report.trust import believed_in_words
+from stages.report.trust import believed_text
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 
 
-def _hands(results: StudyResults) -> dict[tuple[str, str], list[str]]:
+@pytest.fixture(scope="module")
+def file(fitted_made: tuple[Path, Path]) -> Study:
+    """The fitted study's file, read."""
+    return read_study(fitted_made[0])
+
+
+def _hands(results: StudyResults, study: Study) -> dict[tuple[str, str], list[str]]:
     """Rows of the subjects' table by subject and hand."""
     (table,) = [
-        t for t in read_page(render_study(results)).tables if t.caption.startswith("Every hand of the study")
+        t
+        for t in read_page(render_study(results, study)).tables
+        if t.caption.startswith("Every hand of the study")
     ]
     return {(row[0], row[1]): row[2:] for row in table.rows[1:]}
 
@@ -42,23 +50,23 @@ def test_links_survive_any_name(name: str) -> None:
     assert "".join(shown.text).split() == name.split()
 
 
-def test_every_hand_has_a_row(results: StudyResults) -> None:
+def test_every_hand_has_a_row(results: StudyResults, study: Study) -> None:
     """With its recordings' links; what was not used is told with its reason."""
-    hands = _hands(results)
-    assert list(hands) == [(hand.subject, hand.hand) for hand in results.study.hands]
+    hands = _hands(results, study)
+    assert list(hands) == [(hand.subject, hand.hand) for hand in results.hands]
     assert hands["S01", "right"][:3] == [
         "opposition",
         "1 recording",
-        believed_in_words(results, Hand("S01", "right"), results.leading),
+        believed_text(results, Hand("S01", "right"), results.leading),
     ]
-    failed = [row["message"] for row in results.recordings if row["status"] == "failed"]
+    failed = [row["message"] for row in results.recording_rows if row["status"] == "failed"]
     (told,) = [row[1] for row in hands.values() if row[1].startswith("◆")]
     assert told == f"◆ 0 of 1 recording; failed: {failed[0]}"
 
 
-def test_scores_of_a_hand_are_means_of_the_table(fitted: StudyResults) -> None:
+def test_scores_of_a_hand_are_means_of_the_table(fitted: StudyResults, file: Study) -> None:
     """Of held-out scores where there are any."""
-    for (subject, hand), row in _hands(fitted).items():
+    for (subject, hand), row in _hands(fitted, file).items():
         mine = [
             r
             for r in fitted.scores
@@ -69,18 +77,20 @@ def test_scores_of_a_hand_are_means_of_the_table(fitted: StudyResults) -> None:
             assert cell == f"{sum(values) / len(values):.2f}"
 
 
-def test_in_sample_scores_stand_where_nothing_is_held_out(fitted: StudyResults) -> None:
+def test_in_sample_scores_stand_where_nothing_is_held_out(fitted: StudyResults, file: Study) -> None:
     seen = replace(fitted, scores=[row for row in fitted.scores if not row["held_out"] or row["reference"]])
     values = [
         row["left_out_mean_mm"]
         for row in seen.scores
         if (row["hand"], row["model"]) == ("right", "whole-hand") and row["left_out_mean_mm"] is not None
     ]
-    assert _hands(seen)["S01", "right"][3] == f"{sum(values) / len(values):.2f}"
+    assert _hands(seen, file)["S01", "right"][3] == f"{sum(values) / len(values):.2f}"
 
 
-def test_what_was_fitted_and_what_held_out(fitted: StudyResults) -> None:
-    table = table_called(render_study(fitted), "What skeletons were made from, and what they were scored on.")
+def test_what_was_fitted_and_what_held_out(fitted: StudyResults, file: Study) -> None:
+    table = table_called(
+        render_study(fitted, file), "What skeletons were made from, and what they were scored on."
+    )
     expected = {
         (row["model"], row["calibrated_on"], row["task"], "held out" if row["held_out"] else "○ in-sample")
         for row in fitted.scores
@@ -116,18 +126,18 @@ def test_rate_is_that_of_the_recordings(fitted: StudyResults) -> None:
     """The median over recordings; nothing is said where no recording has device times."""
     timed = replace(
         fitted,
-        recordings=[
-            row | {"status": "used", "n_frames": 241, "duration_s": 1.0} for row in fitted.recordings
+        recording_rows=[
+            row | {"status": "used", "n_frames": 241, "duration_s": 1.0} for row in fitted.recording_rows
         ],
     )
     assert " at 240 Hz, in " in methods_text(timed)[0]
-    untimed = replace(timed, recordings=[row | {"duration_s": None} for row in timed.recordings])
+    untimed = replace(timed, recording_rows=[row | {"duration_s": None} for row in timed.recording_rows])
     assert " Hz" not in methods_text(untimed)[0]
 
 
 def test_links_name_trial_and_hand(results: StudyResults) -> None:
     """What tells recordings apart stands in their links."""
-    links = recording_links(results.study, results.paths, results.paths.report, "S01")
+    links = recording_links(results.shown, results.paths, results.paths.report, "S01")
     assert [each.words for each in links] == ["opposition, right hand", "opposition, left hand"]
-    (one,) = recording_links(results.study, results.paths, results.paths.report, "S01", "left")
+    (one,) = recording_links(results.shown, results.paths, results.paths.report, "S01", "left")
     assert one == ("opposition", "report/sub-S01/left/opposition.html")

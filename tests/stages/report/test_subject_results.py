@@ -1,4 +1,4 @@
-"""A subject's results: the same rows as the study's, read from its hands' own tables."""
+"""A subject's results: the same rows as the study's, read from the subject's own tables; its pages."""
 
 from __future__ import annotations
 
@@ -7,88 +7,107 @@ import sys
 from pathlib import Path
 
 import pytest
-from report_samples.hand_tables import write_hand_tables
+from report_samples.hand_tables import part_of, write_subject_tables
 from report_samples.made_study import HOSTILE, make_study
 from report_samples.read_page import read_page
-from report_samples.rendered import OF_A_SUBJECT, of_subject
+from report_samples.rendered import ROWS, of_subject
 
 from schemas.catalogue import JOINT_CENTRES
-from schemas.errors import InputError
+from schemas.parts import parts_writer
+from schemas.plan import read_plan
 from schemas.results import Results
 from schemas.study import Hand, read_study
-from schemas.tables import Provenance, write_failure
+from schemas.tables import Provenance, columns_from_rows
 from stages import command_line
-from stages.report.study_results import read_results, read_subject
-from stages.report.subject import build_parser, pages, record_failure
+from stages.report.study_results import StudyResults, read_results, read_subject
+from stages.report.subject import build_parser, record_failure, write_pages
 
 
 @pytest.fixture
-def apart(tmp_path: Path) -> tuple[Path, Path]:
-    """A made-up study whose hands have tables of their own."""
+def made_tables(tmp_path: Path) -> tuple[Path, Results]:
+    """The file and results of a made-up study whose subjects have plans and tables of their own."""
     study, folder = make_study(tmp_path, n_frames=4, models=("paper-fig4", "whole-hand"))
-    write_hand_tables(read_study(study), Results(folder))
-    return study, folder
+    write_subject_tables(read_study(study), Results(folder))
+    return study, Results(folder)
 
 
-def test_hands_tables_make_the_same_results(apart: tuple[Path, Path]) -> None:
+def _subject(results: Results, subject: str = "S01") -> StudyResults:
+    return read_subject(read_plan(results.plan(subject)))
+
+
+def test_a_subjects_tables_make_the_same_results(made_tables: tuple[Path, Results]) -> None:
     """Row for row what the study-wide tables have of the subject; the made-up ones are in another order."""
-    study, folder = read_study(apart[0]), apart[1]
-    whole, own = of_subject(read_results(study, folder), "S01"), read_subject(study, folder, "S01")
-    for name in set(OF_A_SUBJECT) - {"problems", "recordings"}:
+    study, results = made_tables
+    whole, own = of_subject(read_results(read_study(study), results.folder), "S01"), _subject(results)
+    for name in set(ROWS) - {"problems", "recording_rows"}:
         assert sorted(map(repr, getattr(own, name))) == sorted(map(repr, getattr(whole, name))), name
     assert own.subjects == ["S01"]
 
 
-def test_a_failed_table_is_told_and_the_rest_is_shown(apart: tuple[Path, Path]) -> None:
-    study, folder = read_study(apart[0]), apart[1]
-    path = Results(folder).hand_table("paper-fig4", Hand("S01", "left"), "joint_centres")
-    write_failure(path, JOINT_CENTRES, "no frame was valid", Provenance())
-    own = read_subject(study, folder, "S01")
-    assert [(p["where"], p["message"]) for p in own.problems if "no frame" in p["message"]] == [
-        ("subject S01, left hand, model paper-fig4", "no frame was valid")
-    ]
-    assert own.joints_of[Hand("S01", "right"), "paper-fig4"]
-    assert (Hand("S01", "left"), "paper-fig4") not in own.joints_of
-
-
-def test_no_such_subject(apart: tuple[Path, Path]) -> None:
-    with pytest.raises(InputError, match="has no subject 'S02'; expected one of S01"):
-        read_subject(read_study(apart[0]), apart[1], "S02")
+def test_a_failed_part_is_told_and_the_rest_is_shown(made_tables: tuple[Path, Results]) -> None:
+    _, results = made_tables
+    right, left = Hand("S01", "right"), Hand("S01", "left")
+    row = _subject(results).joints_of[right, "paper-fig4"][0]
+    path = results.subject("S01") / "joint_centres.parquet"
+    with parts_writer(path, JOINT_CENTRES, Provenance()) as writer:
+        writer.columns(part_of(right, "paper-fig4"), columns_from_rows(JOINT_CENTRES, [row]))
+        writer.failure(part_of(left, "paper-fig4"), "no frame was valid")
+    own = _subject(results)
+    (problem,) = [p for p in own.problems if p["message"] == "no frame was valid"]
+    assert (problem["hand"], problem["model"], problem["stage"]) == (
+        "left",
+        "paper-fig4",
+        "estimate_metacarpals",
+    )
+    assert own.joints_of == {(right, "paper-fig4"): [row]}
+    path.unlink()
+    assert "joint_centres" in " ".join(p["message"] for p in _subject(results).problems)
 
 
 @pytest.mark.parametrize("subject", ["S01", HOSTILE])
-def test_command_line_writes_the_pages(apart: tuple[Path, Path], tmp_path: Path, subject: str) -> None:
-    """The subject's page and one of each evaluated recording, the same bytes each time."""
-    study, folder = apart
+def test_command_line_writes_the_pages(
+    made_tables: tuple[Path, Results], tmp_path: Path, subject: str
+) -> None:
+    """The subject's page and one of each evaluated recording, the same bytes; or one recording's."""
     written = []
     for name in ("first", "second"):
         out = tmp_path / name
-        words = ["--study", str(study), "--results", str(folder), "--subject", subject, "--out", str(out)]
-        assert command_line.run(build_parser().parse_args(words), pages, record_failure) == 0
+        argv = ["--plan", str(made_tables[1].plan(subject)), "--out", str(out)]
+        assert command_line.run(build_parser().parse_args(argv), write_pages, record_failure) == 0
         written.append({p.relative_to(out).as_posix(): p.read_bytes() for p in out.rglob("*") if p.is_file()})
     assert written[0] == written[1]
     assert set(written[0]) == {"subject.html", "right/opposition.html", "left/opposition.html"}
     text = read_page(written[0]["subject.html"].decode("utf-8")).text
     assert f"Subject {subject}" in text
+    argv = [*argv[:2], "--out", str(tmp_path / "one"), "--recording", "right", "opposition"]
+    assert command_line.run(build_parser().parse_args(argv), write_pages, record_failure) == 0
+    (page,) = (tmp_path / "one").rglob("*.html")
+    assert page.read_bytes() == written[0]["right/opposition.html"]
 
 
-def test_a_failure_is_a_page(apart: tuple[Path, Path], tmp_path: Path) -> None:
-    """With --record-failure a page says why there is none; without, one sentence and exit code 2."""
-    words = [
-        "--study",
-        str(apart[0]),
-        "--results",
-        str(apart[1]),
-        "--subject",
-        "nobody",
-        "--out",
-        str(tmp_path),
-    ]
-    parsed = build_parser().parse_args(words)
-    assert command_line.run(parsed, pages, record_failure) == 2
-    parsed = build_parser().parse_args([*words, "--record-failure"])
-    assert command_line.run(parsed, pages, record_failure) == 0
-    assert "has no subject &#39;nobody&#39;" in (tmp_path / "subject.html").read_text("utf-8")
+@pytest.mark.parametrize(
+    ("plan", "more", "message"),
+    [
+        ("nothing.json", [], "nothing.json: no such file"),
+        ("", ["--recording", "right", "rom"], "rom: is not evaluated; expected one of: right opposition"),
+    ],
+)
+def test_a_failure_is_a_sentence_or_a_page(
+    made_tables: tuple[Path, Results],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    plan: str,
+    more: list[str],
+    message: str,
+) -> None:
+    """Without --record-failure one sentence and exit code 2, with it a page."""
+    file = tmp_path / plan if plan else made_tables[1].plan("S01")
+    argv = ["--plan", str(file), "--out", str(tmp_path / "out"), *more]
+    assert command_line.run(build_parser().parse_args(argv), write_pages, record_failure) == 2
+    assert message in capsys.readouterr().err
+    parsed = build_parser().parse_args([*argv, "--record-failure"])
+    assert command_line.run(parsed, write_pages, record_failure) == 0
+    assert message in (tmp_path / "out" / "subject.html").read_text("utf-8")
 
 
 def test_help_loads_nothing_heavy() -> None:

@@ -10,7 +10,7 @@ import pytest
 from browser import WatchedPage
 from report_samples.small_page import small_page
 
-from stages.report.data_table import Block, DataTable, Folded
+from stages.report.table_cells import Block, DataTable, Folded
 
 pytestmark = pytest.mark.slow
 
@@ -232,33 +232,3 @@ def test_paper_shows_no_controls(page: WatchedPage) -> None:
         assert not page.page.locator(control).first.is_visible()
     assert page.page.locator("thead th").first.inner_text() == "Joint"
     assert page.page.locator("caption").first.inner_text().strip() == MIXED.caption
-
-
-def test_long_tables_are_quick(page: WatchedPage) -> None:
-    """A thousand rows of ten columns: to sort and to filter takes little more than to lay them out anew."""
-    times: dict[str, float] = page.value(
-        """() => {
-        const table = document.querySelectorAll("table")[2], took = {};
-        const box = document.querySelector(".table-filter input");
-        const type = (words) => { box.value = words; box.dispatchEvent(new Event("input")); };
-        const acts = {
-          layout: () => { table.hidden = true; document.body.offsetHeight; table.hidden = false; },
-          sort: () => table.querySelectorAll("button.sort")[3].click(),
-          again: () => table.querySelectorAll("button.sort")[0].click(),
-          filter: () => type("99"),
-          all: () => type(""),
-        };
-        for (let round = 0; round < 3; round++) {
-          for (const [name, act] of Object.entries(acts)) {
-            const start = performance.now();
-            act();
-            document.body.offsetHeight;
-            took[name] = Math.min(took[name] ?? Infinity, performance.now() - start);
-          }
-        }
-        return took;
-        }"""
-    )
-    layout = times.pop("layout")
-    assert len(times) == 4
-    assert max(times.values()) < 8 * layout, (times, layout)

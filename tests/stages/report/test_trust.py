@@ -11,7 +11,7 @@ from report_samples.rendered import subject_page
 
 from schemas.study import Hand
 from stages.report.study_results import Row, StudyResults
-from stages.report.trust import APART_MM, BELIEVED, CARE, NOT, believed_in_words, study_trust_table, verdicts
+from stages.report.trust import APART_MM, BELIEVED, CARE, NOT, believed_text, study_trust_table, verdicts
 
 LEFT = Hand("S01", "left")
 
@@ -91,7 +91,7 @@ def test_the_page_says_it_in_words(fitted: StudyResults) -> None:
         assert (believed, why) == (found[joint].believed, found[joint].why)
         assert helps.startswith("bend the little finger") == (joint == "little_dip")
     assert table_called(page, "Whether to believe the joints of paper-fig4: subject S01, left hand.")
-    assert believed_in_words(fitted, LEFT, "whole-hand") == (
+    assert believed_text(fitted, LEFT, "whole-hand") == (
         f"{sum(v.believed == BELIEVED for v in found.values())} of {len(found)}"
     )
     assert "Which joints to believe" in read_page(page).text

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinematics import rotations
-from stages.simulate.anatomy import BONES, DIGITS, FINGERS, FLEXION, JOINTS, TIP_BONES, Hand, hand_of
+from skeleton import rotations
 from stages.simulate.forward import poses_in_hand
+from stages.simulate.random_hand import BONES, DIGITS, FINGERS, FLEXION, JOINTS, TIP_BONES, Hand, hand_of
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import Simulated, simulate
 

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from kinematics import rotations
 from schemas.errors import InputError
 from schemas.layout import read_layout
-from stages.simulate.anatomy import BONES, FINGERS, FLEXION, JOINTS
+from skeleton import rotations
+from stages.simulate import simulation
 from stages.simulate.artefact import NOISE_DEG, NOISE_MM
+from stages.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
 from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
+from stages.simulate.simulation import Simulated
 
 EXACT, FULL = Realism.exact(), Realism.full()
 SHORT = 600
+simulate = cache(simulation.simulate)
 
 
 def moved(first: Simulated, second: Simulated) -> tuple[np.ndarray, np.ndarray]:
@@ -27,7 +30,7 @@ def moved(first: Simulated, second: Simulated) -> tuple[np.ndarray, np.ndarray]:
 
 def test_same_seed_same_numbers_other_names_other_numbers() -> None:
     first = simulate("01", "right", "opposition", 7, FULL, SHORT)
-    again = simulate("01", "right", "opposition", 7, FULL, SHORT)
+    again = simulation.simulate("01", "right", "opposition", 7, FULL, SHORT)
     assert first.position_mm.tobytes() == again.position_mm.tobytes()
     assert first.quaternion.tobytes() == again.quaternion.tobytes()
     for other in (("02", "right", 7), ("01", "left", 7), ("01", "right", 8)):
@@ -79,8 +82,6 @@ def test_exact_wrist_is_the_layouts_nominal_point() -> None:
     wrist = simulate("01", "right", "opposition", 7, EXACT, SHORT).truth.joints["wrist"]
     nominal = read_layout("liberty16").wrist
     assert nominal is not None
-    assert wrist.parent_segment == ""
-    assert np.isnan(wrist.parent_mm).all()
     np.testing.assert_allclose(wrist.child_mm, nominal.nominal_mm, atol=1e-12)
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from kinematics.rotations import about_axis, matrix, multiply
 from schemas.layout import read_layout
+from skeleton.rotations import about_axis, matrix, multiply
 from stages.solve_joints.evidence import (
     JointEvidence,
     Neighbour,
@@ -13,9 +13,10 @@ from stages.solve_joints.evidence import (
     turn_of,
     weigh,
 )
-from stages.solve_joints.posterior import Information
-from stages.solve_joints.priors import average_bones, joint_prior
-from stages.solve_joints.spread import SpreadFrames
+from stages.solve_joints.frame_weights import flattening, robust_scale, tukey
+from stages.solve_joints.hand_posterior import Information
+from stages.solve_joints.joint_prior import average_bones, joint_prior
+from stages.solve_joints.posture_sample import SpreadFrames
 
 LIBERTY = read_layout("liberty16")
 ANGLE = np.radians(30) * np.sin(np.linspace(0, 12, 400))
@@ -115,3 +116,23 @@ def test_looseness_is_that_of_the_joints_without_a_palm_between() -> None:
     joints[0].scatter_mm, joints[1].scatter_mm, joints[2].scatter_mm = 0.9, 0.9, 5.0
     assert looseness_of(joints, 0.45, (0.5, 3.0)) == pytest.approx(2.0)
     assert looseness_of({2: joints[2]}, 0.45, (0.5, 3.0)) == 1.0
+
+
+def test_flattening_makes_every_angle_count_alike() -> None:
+    """Nine tenths of the frames at one end: the weighted mean lies in the middle; the extremes weigh most."""
+    angle = np.concatenate([np.full(9000, 0.0), np.linspace(0, 1, 1000)])
+    weights = flattening(angle)
+    assert weights.mean() == pytest.approx(1)
+    assert np.average(angle, weights=weights) > 0.25 > 2 * np.average(angle)
+    assert weights[-1] == weights.max() > 2 * weights[0]
+
+
+def test_tukey_leaves_out_what_is_far_off() -> None:
+    rng = np.random.default_rng(0)
+    residual = rng.normal(size=(1000, 3))
+    residual[:20] += 40.0
+    scale = robust_scale(residual)
+    weights = tukey(residual, scale)
+    assert scale == pytest.approx(1, rel=0.1)
+    assert np.all(weights[:20] == 0)
+    assert weights[20:].min() > 0.2

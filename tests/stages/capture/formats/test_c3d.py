@@ -7,18 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from solved_joint import solved
+from poses_columns import poses_columns, solved
+from recording_files import ARM, of, read, refuse
 
-from kinematics.rotations import angle, conjugate, matrix, multiply, unit
 from schemas.errors import InputError
-from schemas.layout import Layout, read_layout
-from schemas.mapping import mapping_from_config
+from schemas.layout import read_layout
+from skeleton.rotations import angle, conjugate, matrix, multiply, unit
 from stages.capture.formats.c3d import read_c3d
-from stages.capture.formats.tidy import read_csv
-from stages.capture.poses import poses_table
-from stages.capture.samples import ReadingOptions, Samples
+from stages.capture.samples import ReadingOptions
 
-ARM = read_layout("arm")
 RNG = np.random.default_rng(9)
 FRAMES = 12
 SHAPE = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
@@ -56,23 +53,13 @@ def config(receiver: dict[str, Any] = CLUSTER, segment: str = "hand", **keys: An
     return {"format": "c3d", "position_unit": "mm", "receivers": {segment: receiver}} | keys
 
 
-def read(path: Path, told: dict[str, Any], layout: Layout = ARM) -> Samples:
-    return read_c3d(path, layout, ReadingOptions(mapping_from_config(told, "mapping.yaml")))
-
-
-def refuse(path: Path, told: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=re.escape(message)) as caught:
-        read(path, told)
-    assert "\n" not in str(caught.value)
-
-
 def turn(one: np.ndarray, other: np.ndarray) -> float:
     return float(angle(multiply(conjugate(one), other)).max())
 
 
 def test_a_cluster_is_a_pose_with_the_files_frames_and_times(tmp_path: Path) -> None:
-    samples = read(write(tmp_path / "a.c3d"), config(fixed=["scapula"]))
-    hand = samples.segment == samples.segments.index("hand")
+    samples = read(write(tmp_path / "a.c3d"), ARM, config(fixed=["scapula"]))
+    hand = of(samples, "hand")
     assert turn(samples.numbers[hand, 3:], QUATERNIONS) < 1e-5
     np.testing.assert_allclose(samples.numbers[hand, :3], POSITIONS, atol=1e-3)  # stored as float32
     np.testing.assert_array_equal(samples.frame[hand], 101 + np.arange(FRAMES))
@@ -87,7 +74,7 @@ def test_a_cluster_is_a_pose_with_the_files_frames_and_times(tmp_path: Path) -> 
 @pytest.mark.parametrize("ratio", [1, 3])
 def test_rotations_are_taken_in_step_with_the_points(tmp_path: Path, ratio: int) -> None:
     path = write(tmp_path / "a.c3d", ratio=ratio)
-    samples = read(path, config({"rotation": "hand"}, c3d={"first_frame": 3, "last_frame": 9}))
+    samples = read(path, ARM, config({"rotation": "hand"}, c3d={"first_frame": 3, "last_frame": 9}))
     assert turn(samples.numbers[:, 3:], QUATERNIONS[2:9]) < 1e-5
     np.testing.assert_allclose(samples.numbers[:, :3], POSITIONS[2:9], atol=1e-3)
     np.testing.assert_array_equal(samples.frame, np.arange(103, 110))
@@ -95,47 +82,42 @@ def test_rotations_are_taken_in_step_with_the_points(tmp_path: Path, ratio: int)
     assert len(samples.notes) == (ratio > 1)
 
 
-def test_markers_that_are_missing_are_gaps(tmp_path: Path) -> None:
+@pytest.mark.parametrize("mark", ["coordinates", "residual"])
+def test_markers_that_are_missing_are_gaps(tmp_path: Path, mark: str) -> None:
+    """By coordinates of NaN, or by a residual of -1, whatever the coordinates that the writer left."""
     points = MARKERS.copy()
-    points[4, 1] = np.nan
-    samples = read(write(tmp_path / "a.c3d", points), config())
+    if mark == "coordinates":
+        points[4, 1] = np.nan
+    path = write(tmp_path / "a.c3d", points)
+    if mark == "residual":
+        data = bytearray(path.read_bytes())
+        point = 512 * (struct.unpack_from("<H", data, 16)[0] - 1) + 16 * (4 * 3 + 1)
+        np.testing.assert_allclose(struct.unpack_from("<3f", data, point), MARKERS[4, 1], rtol=1e-6)
+        struct.pack_into("<f", data, point + 12, -1.0)
+        path.write_bytes(data)
+    samples = read(path, ARM, config())
     assert np.flatnonzero(np.isnan(samples.numbers).all(1)).tolist() == [4]
     assert "11 of 12 frames" in samples.notes[0]
-
-
-def test_a_marker_whose_residual_is_minus_one_is_missing(tmp_path: Path) -> None:
-    """The mark of a missing point in the format itself, its coordinates being whatever the writer left."""
-    path = write(tmp_path / "a.c3d")
-    data = bytearray(path.read_bytes())
-    header = struct.unpack_from("<H", data, 16)[0]
-    point = 512 * (header - 1) + 16 * (4 * 3 + 1)
-    x, y, z = struct.unpack_from("<3f", data, point)
-    np.testing.assert_allclose([x, y, z], MARKERS[4, 1], rtol=1e-6)
-    struct.pack_into("<f", data, point + 12, -1.0)
-    path.write_bytes(data)
-    samples = read(path, config())
-    assert np.flatnonzero(np.isnan(samples.numbers).all(1)).tolist() == [4]
 
 
 def test_a_frame_whose_markers_do_not_fit_is_a_misfit(tmp_path: Path) -> None:
     points = MARKERS.copy()
     points[4] = points[4, [1, 0, 2]]
     path = write(tmp_path / "a.c3d", points)
-    samples = read(path, config())
+    samples = read(path, ARM, config())
     assert np.flatnonzero(samples.marks["misfit"]).tolist() == [4]
-    assert not read(path, config(c3d={"misfit_mm": 50})).marks["misfit"].any()
-    valid = column_of(poses_table(samples, {}).columns, "valid")
+    assert not read(path, ARM, config(c3d={"misfit_mm": 50})).marks["misfit"].any()
+    valid = poses_columns(samples)["valid"]
     assert np.flatnonzero(~valid).tolist() == [4]
-
-
-def column_of(columns: dict[str, Any], name: str) -> np.ndarray:
-    return np.asarray(columns[name])
 
 
 @pytest.mark.parametrize("written", ["mm", "millimeters", ""])
 def test_a_unit_that_agrees_or_is_not_stated(tmp_path: Path, written: str) -> None:
-    samples = read(write(tmp_path / "a.c3d", unit_text=written), config())
+    samples = read(write(tmp_path / "a.c3d", unit_text=written), ARM, config())
     np.testing.assert_allclose(samples.numbers[:, :3], POSITIONS, atol=1e-3)
+
+
+NEAR, FAR = {"markers": ["H1", "h2x", "H3"]}, {"markers": ["H1", "wrist", "H3"]}
 
 
 @pytest.mark.parametrize(
@@ -145,12 +127,8 @@ def test_a_unit_that_agrees_or_is_not_stated(tmp_path: Path, written: str) -> No
             config(position_unit="m"),
             "a.c3d: states its unit as 'mm' (POINT:UNITS), but mapping.yaml says 'm'",
         ),
-        (
-            config({"markers": ["H1", "h2x", "H3"]}),
-            "mapping.yaml: receivers.hand.markers: marker 'h2x' is not in ",
-        ),
-        (config({"markers": ["H1", "h2x", "H3"]}), "did you mean 'H2'?"),
-        (config({"markers": ["H1", "wrist", "H3"]}), "a.c3d, which has H1, H2, H3"),
+        (config(NEAR), "mapping.yaml: receivers.hand.markers: marker 'h2x' is not in .*; did you mean 'H2'"),
+        (config(FAR), "a.c3d, which has H1, H2, H3"),
         (config({"rotation": "hand"}), "receivers.hand.rotation: rotation 'hand' is not in "),
         (config(segment="hnad"), "receivers: segment 'hnad' is not in layout arm"),
         (config(fixed=["bench"]), "fixed: segment 'bench' is not in layout arm"),
@@ -161,45 +139,40 @@ def test_a_unit_that_agrees_or_is_not_stated(tmp_path: Path, written: str) -> No
 def test_what_the_file_does_not_have_is_refused_by_name(
     tmp_path: Path, told: dict[str, Any], message: str
 ) -> None:
-    refuse(write(tmp_path / "a.c3d"), told, message)
+    refuse(write(tmp_path / "a.c3d"), message, ARM, told)
 
 
-def test_a_marker_that_is_never_seen_is_refused(tmp_path: Path) -> None:
-    points = MARKERS.copy()
-    points[:, 2] = np.nan
-    refuse(write(tmp_path / "a.c3d", points), config(), "marker 'H3' is seen in no frame read")
-
-
-def test_a_mirrored_rotation_is_refused_by_its_frame(tmp_path: Path) -> None:
+def test_a_marker_never_seen_and_a_mirrored_rotation_are_refused(tmp_path: Path) -> None:
     import ezc3d
 
-    write(tmp_path / "a.c3d", ratio=1)
-    file = ezc3d.c3d(str(tmp_path / "a.c3d"))
+    points = MARKERS.copy()
+    points[:, 2] = np.nan
+    unseen = write(tmp_path / "a.c3d", points, ratio=1)
+    refuse(unseen, "marker 'H3' is seen in no frame read", ARM, config())
+    file = ezc3d.c3d(str(unseen))
     file["data"]["rotations"][:3, 0, 0, 5] *= -1
     file.write(str(tmp_path / "b.c3d"))
-    refuse(
-        tmp_path / "b.c3d",
-        config({"rotation": "hand"}),
-        "b.c3d: frame 106, rotation hand: the rotation is mirrored",
-    )
+    message = "b.c3d: frame 106, rotation hand: the rotation is mirrored"
+    refuse(tmp_path / "b.c3d", message, ARM, config({"rotation": "hand"}))
 
 
 def test_files_that_are_no_c3d_or_cut_off(tmp_path: Path) -> None:
     path = write(tmp_path / "a.c3d", np.tile(MARKERS, (200, 1, 1)))
     data = path.read_bytes()
-    for name, content in (
-        ("half", data[: len(data) // 2]),
-        ("head", data[:600]),
-        ("empty", b""),
-        ("text", b"hi"),
+    for content, message in (
+        (data[: len(data) // 2], "is cut off: it has "),
+        (data[:600], "broken.c3d: "),
+        (b"hi", "not a readable C3D file"),
     ):
-        broken = tmp_path / f"{name}.c3d"
-        broken.write_bytes(content)
-        refuse(broken, config(), f"{broken}: ")
-    refuse(tmp_path / "half.c3d", config(), "is cut off: it has ")
-    refuse(tmp_path / "no.c3d", config(), "no such file")
+        (tmp_path / "broken.c3d").write_bytes(content)
+        refuse(tmp_path / "broken.c3d", message, ARM, config())
+    refuse(tmp_path / "no.c3d", "no such file", ARM, config())
     with pytest.raises(InputError, match="a C3D file needs a mapping"):
         read_c3d(path, ARM, ReadingOptions())
+
+
+GAPS_MM = {"forearm": {"right": 7.3, "left": 6.5}, "hand": {"right": 4.7, "left": 6.5}}
+"""Of the joints below the shoulder, by child segment and side."""
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -214,62 +187,50 @@ def test_a_real_arm_has_the_gaps_of_its_published_poses(real_data: Path, side: s
             segment: {"markers": [f"{stem}{letter}{i}" for i in (1, 2, 3)]} for segment, stem in stems.items()
         },
     }
-    mine = read(real_data / "upper_limb_clusters_apache2" / "racing_full.c3d", told)
-    theirs = read_csv(real_data / "upper_limb_poses" / f"racing_{side}.csv", ARM, ReadingOptions())
+    mine = read(real_data / "upper_limb_clusters_apache2" / "racing_full.c3d", ARM, told)
+    theirs = read(real_data / "upper_limb_poses" / f"racing_{side}.csv")
     for parent, child in (("scapula", "upper_arm"), ("upper_arm", "forearm"), ("forearm", "hand")):
         ours, known = solved(mine, parent, child), solved(theirs, parent, child)
         assert ours.gap_rms_free_mm == pytest.approx(known.gap_rms_free_mm, rel=0.02)
         assert abs(ours.n_frames - known.n_frames) <= 0.02 * known.n_frames
-    assert solved(mine, "upper_arm", "forearm").gap_rms_free_mm == pytest.approx(
-        {"right": 7.3, "left": 6.5}[side], abs=0.1
-    )
-    assert solved(mine, "forearm", "hand").gap_rms_free_mm == pytest.approx(
-        {"right": 4.7, "left": 6.5}[side], abs=0.1
-    )
+        if side_mm := GAPS_MM.get(child):
+            assert ours.gap_rms_free_mm == pytest.approx(side_mm[side], abs=0.1)
 
 
-TRIALS = {
-    "hip": (
-        {"first_frame": 1, "last_frame": 499},
-        ["RASIS", "LASIS", "LPSIS", "RPSIS"],
-        ["RLFE", "RMFE", "RTHI1", "RTHI2", "RTHI3"],
-    ),
-    "knee, the whole trial": (
-        {"first_frame": 1, "last_frame": 922},
-        ["RGT", "RTHI1", "RTHI2", "RTHI3"],
-        ["RATT", "RLM", "RSPH", "RLEG1", "RLEG2", "RLEG3"],
-    ),
-    "knee": (
-        {"first_frame": 300, "last_frame": 821},
-        ["RGT", "RTHI1", "RTHI2", "RTHI3"],
-        ["RATT", "RLM", "RSPH", "RLEG1", "RLEG2", "RLEG3"],
-    ),
-}
+HIP = ["RASIS", "LASIS", "LPSIS", "RPSIS"], ["RLFE", "RMFE", "RTHI1", "RTHI2", "RTHI3"]
+KNEE = ["RGT", "RTHI1", "RTHI2", "RTHI3"], ["RATT", "RLM", "RSPH", "RLEG1", "RLEG2", "RLEG3"]
 
 
-KNOWN = {"hip": (8.5, 57), "knee": (3.1, 122), "knee, the whole trial": (3.1, 128)}
-"""Gap in mm and range in degrees."""
-
-
-@pytest.mark.parametrize("joint", TRIALS)
-def test_real_functional_trials_of_a_leg(real_data: Path, tmp_path: Path, joint: str) -> None:
+@pytest.mark.parametrize(
+    ("joint", "clusters", "first", "last", "gap_mm", "range_deg"),
+    [("hip", HIP, 1, 499, 8.5, 57), ("knee", KNEE, 300, 821, 3.1, 122), ("knee", KNEE, 1, 922, 3.1, 128)],
+)
+def test_real_functional_trials_of_a_leg(
+    real_data: Path,
+    tmp_path: Path,
+    joint: str,
+    clusters: tuple[list[str], list[str]],
+    first: int,
+    last: int,
+    gap_mm: float,
+    range_deg: int,
+) -> None:
     """Windows of two trials; the knee's gap, and how far it was bent, are known from another program."""
     (tmp_path / "leg.yaml").write_text(
         "layout: leg\ndescription: Two segments of a leg.\nsegments: {above: {}, below: {}}\n"
         "joints: {joint: {parent: above, child: below, dof: 3, plane: {frame: none}}}\n"
         "digits: {leg: {segments: [below]}}\n"
     )
-    window, above, below = TRIALS[joint]
+    above, below = clusters
     told = {
         "format": "c3d",
         "position_unit": "mm",
         "receivers": {"above": {"markers": above}, "below": {"markers": below}},
-        "c3d": {**window, "misfit_mm": 50},
+        "c3d": {"first_frame": first, "last_frame": last, "misfit_mm": 50},
     }
-    layout = read_layout(tmp_path / "leg.yaml")
-    path = real_data / "hip_knee_functional_mit" / f"right_{joint.split(',')[0]}.c3d"
-    samples = read(path, told, layout)
+    path = real_data / "hip_knee_functional_mit" / f"right_{joint}.c3d"
+    samples = read(path, read_layout(tmp_path / "leg.yaml"), told)
     found = solved(samples, "above", "below")
-    assert found.n_frames == 1 + window["last_frame"] - window["first_frame"]
-    assert samples.time_s.min() == pytest.approx((window["first_frame"] - 1) / 100)
-    assert (round(found.gap_rms_free_mm, 1), round(found.range_deg)) == KNOWN[joint]
+    assert found.n_frames == 1 + last - first
+    assert samples.time_s.min() == pytest.approx((first - 1) / 100)
+    assert (round(found.gap_rms_free_mm, 1), round(found.range_deg)) == (gap_mm, range_deg)

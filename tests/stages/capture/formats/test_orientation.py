@@ -1,16 +1,16 @@
 """Numbers of an orientation become quaternions: against written-out matrices, and there and back."""
 
 import re
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
 
-from kinematics.rotations import angle, conjugate, from_matrix, matrix, multiply, unit
 from schemas.errors import InputError
+from skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply, unit
 from stages.capture.formats.orientation import proper_rotations, quaternions
 
 FORWARD = "receiver-to-transmitter"
@@ -30,11 +30,8 @@ def same(one: np.ndarray, other: np.ndarray) -> None:
     assert angle(multiply(conjugate(one), other)).max() < 1e-7
 
 
-unit_quaternions = (
-    arrays(float, (5, 4), elements=st.floats(-1, 1))
-    .filter(lambda q: bool((np.linalg.norm(q, axis=1) > 0.1).all()))
-    .map(lambda q: q / np.linalg.norm(q, axis=1, keepdims=True))
-)
+def as_euler(axes: str, q: np.ndarray) -> np.ndarray:
+    return Rotation.from_quat(q, scalar_first=True).as_euler(axes)
 
 
 def test_polhemus_angles_are_the_manuals_matrix() -> None:
@@ -52,38 +49,25 @@ def test_polhemus_angles_are_the_manuals_matrix() -> None:
     np.testing.assert_allclose(matrix(found), np.moveaxis(manual, -1, 0), atol=1e-12)
 
 
-@pytest.mark.parametrize("axes", ["XYZ", "ZXZ", "YXZ"])
-def test_axes_are_turned_in_their_order_about_the_receivers_own(axes: str) -> None:
-    angles = np.array([[0.3, -0.4, 1.1]])
-    single = {
-        "X": lambda c, s: [[1, 0, 0], [0, c, -s], [0, s, c]],
-        "Y": lambda c, s: [[c, 0, s], [0, 1, 0], [-s, 0, c]],
-        "Z": lambda c, s: [[c, -s, 0], [s, c, 0], [0, 0, 1]],
-    }
-    first, second, third = (
-        np.array(single[axis](np.cos(a), np.sin(a))) for axis, a in zip(axes, angles[0], strict=True)
-    )
-    found = quaternions(angles, told("euler", axes=axes, unit="rad"), place)
-    np.testing.assert_allclose(matrix(found)[0], first @ second @ third, atol=1e-12)
-
-
-@given(unit_quaternions)
-def test_every_kind_gives_the_rotation_that_it_was_written_from(q: np.ndarray) -> None:
-    same(quaternions(q, told("quaternion", order="wxyz"), place), q)
-    same(quaternions(q[:, [1, 2, 3, 0]], told("quaternion", order="xyzw"), place), q)
-    same(quaternions(matrix(q).reshape(-1, 9), told("matrix"), place), q)
-
-
-@given(unit_quaternions)
-def test_the_inverse_undoes_it(q: np.ndarray) -> None:
-    for kind, numbers, keys in (
-        ("quaternion", q, {"order": "wxyz"}),
-        ("matrix", matrix(q).reshape(-1, 9), {}),
-        ("euler", q[:, :3] * 3, {"axes": "ZYX", "unit": "rad"}),
-    ):
-        forward = quaternions(numbers, told(kind, FORWARD, **keys), place)
-        back = quaternions(numbers, told(kind, BACK, **keys), place)
-        assert angle(multiply(forward, back)).max() < 1e-7
+@pytest.mark.parametrize(
+    ("kind", "keys", "numbers_of"),
+    [
+        ("quaternion", {"order": "wxyz"}, lambda q: q),
+        ("quaternion", {"order": "xyzw"}, lambda q: q[:, [1, 2, 3, 0]]),
+        ("matrix", {}, lambda q: matrix(q).reshape(-1, 9)),
+        *(
+            ("euler", {"axes": axes, "unit": "rad"}, partial(as_euler, axes))
+            for axes in ("ZYX", "XYZ", "ZXZ", "YXZ")
+        ),
+    ],
+)
+def test_every_kind_gives_the_rotation_that_it_was_written_from(
+    kind: str, keys: dict[str, str], numbers_of: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    """Also by the numbers of the inverse; angles, of another program, turn about own axes."""
+    q = unit(np.random.default_rng(6).normal(size=(200, 4)))
+    same(quaternions(numbers_of(q), told(kind, FORWARD, **keys), place), q)
+    same(quaternions(numbers_of(conjugate(q)), told(kind, BACK, **keys), place), q)
 
 
 def test_a_missing_number_stays_missing_and_an_infinite_one_infinite() -> None:
@@ -114,10 +98,7 @@ def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
     ("bad", "message"),
     [
         (np.diag([1.0, 1, -1]), "rotation is mirrored (determinant -1)"),
-        (
-            np.zeros((3, 3)),
-            "rotation is all zeros; zeros that stand for missing values must be written as NaN",
-        ),
+        (np.zeros((3, 3)), "rotation is all zeros; zeros that stand for missing values must be written as"),
         (
             1.02 * np.eye(3),
             "matrix is no rotation: its columns are off unit length and right angles by 0.0404",

@@ -1,38 +1,39 @@
 """Reading tidy recordings: what is read, and what is refused with which sentence."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import pytest
+import recording_files
+from recording_files import ARM, LIBERTY
 
 from schemas.errors import InputError
-from schemas.layout import Layout, read_layout
+from schemas.layout import Layout
 from stages.capture.formats.readers import find_reader
-from stages.capture.formats.tidy import read_csv, read_parquet
-from stages.capture.samples import ReadingOptions, Samples
+from stages.capture.formats.text_table import open_tidy_csv
+from stages.capture.formats.tidy import parquet_blocks, read_samples, wanted_columns
+from stages.capture.samples import ReadingOptions, Samples, joined
 
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 ROW = "{frame},0.5,{segment},1,2,3,1,0,0,0\n"
 TWO_ROWS = HEADER + ROW.format(frame=7, segment="hand") + ROW.format(frame=8, segment="index_distal")
 
-LIBERTY = read_layout("liberty16")
-ARM = read_layout("arm")
 
-
-def read(tmp_path: Path, content: str | bytes, layout: Layout = LIBERTY) -> Samples:
+def write(tmp_path: Path, content: str | bytes) -> Path:
     path = tmp_path / "rom.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_csv(path, layout, ReadingOptions())
+    return path
 
 
-def refuse(tmp_path: Path, content: str | bytes, message: str, layout: Layout = LIBERTY) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        read(tmp_path, content, layout)
-    assert str(caught.value).startswith(str(tmp_path / "rom.csv"))
-    assert "\n" not in str(caught.value)
+def read(path: Path) -> Samples:
+    return recording_files.read(path, LIBERTY)
+
+
+def refuse(path: Path, message: str, layout: Layout = LIBERTY) -> None:
+    recording_files.refuse(path, message, layout)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +52,7 @@ def refuse(tmp_path: Path, content: str | bytes, message: str, layout: Layout = 
     ids=["plain", "bom", "crlf", "cr", "blank-lines", "no-last-newline", "spaces", "7.0", "more-columns"],
 )
 def test_the_same_recording_however_it_is_saved(tmp_path: Path, content: str) -> None:
-    samples = read(tmp_path, content)
+    samples = read(write(tmp_path, content))
     assert samples.segments == LIBERTY.measured
     assert [samples.segments[index] for index in samples.segment] == ["hand", "index_distal"]
     np.testing.assert_array_equal(samples.frame, [7, 8])
@@ -61,7 +62,7 @@ def test_the_same_recording_however_it_is_saved(tmp_path: Path, content: str) ->
 
 @pytest.mark.parametrize("empty", ["", " ", "NaN", "nan", "NA", "null"])
 def test_empty_cells_become_nan(tmp_path: Path, empty: str) -> None:
-    samples = read(tmp_path, HEADER + f"-3,{empty},hand,{empty},2,3,1,0,0,0\n")
+    samples = read(write(tmp_path, HEADER + f"-3,{empty},hand,{empty},2,3,1,0,0,0\n"))
     assert samples.frame[0] == -3
     assert np.isnan(samples.time_s[0])
     assert np.isnan(samples.numbers[0, 0])
@@ -69,7 +70,7 @@ def test_empty_cells_become_nan(tmp_path: Path, empty: str) -> None:
 
 def test_station_numbers_are_mapped_by_the_layout(tmp_path: Path) -> None:
     content = HEADER.replace("segment", "receiver") + ROW.format(frame=0, segment=16)
-    samples = read(tmp_path, content + ROW.format(frame=0, segment=1))
+    samples = read(write(tmp_path, content + ROW.format(frame=0, segment=1)))
     assert [samples.segments[index] for index in samples.segment] == ["little_distal", "hand"]
 
 
@@ -94,15 +95,14 @@ def row_with(column: str, text: str) -> str:
         ("time_s", "00:01", "line 5, column time_s: is '00:01'; expected a number"),
         ("qz", "0,5", "line 5: has 11 cells; expected 10 as in the header .*decimal point"),
         ("segment", "", "line 5, column segment: is empty; expected a name"),
-        ("segment", "indx_distal", "line 5: segment 'indx_distal' is not in layout liberty16, which knows "),
-        ("segment", "indx_distal", "did you mean 'index_distal'"),
+        ("segment", "indx_distal", "line 5: segment 'indx_distal' is not in layout .*mean 'index_distal'"),
         ("segment", "index_metacarpal", "line 5: segment 'index_metacarpal' carries no receiver in layout"),
     ],
 )
 def test_a_bad_cell_is_named_by_the_line_an_editor_shows(
     tmp_path: Path, column: str, text: str, message: str
 ) -> None:
-    refuse(tmp_path, row_with(column, text), message)
+    refuse(write(tmp_path, row_with(column, text)), message)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_a_bad_cell_is_named_by_the_line_an_editor_shows(
     ],
 )
 def test_a_file_that_is_no_tidy_recording(tmp_path: Path, content: str | bytes, message: str) -> None:
-    refuse(tmp_path, content, message)
+    refuse(write(tmp_path, content), message)
 
 
 @pytest.mark.parametrize(
@@ -140,13 +140,13 @@ def test_a_station_number_without_a_segment(
     tmp_path: Path, layout: Layout, station: str, message: str
 ) -> None:
     header = HEADER.replace("segment", "receiver")
-    refuse(tmp_path, header + ROW.format(frame=0, segment=station), message, layout)
+    refuse(write(tmp_path, header + ROW.format(frame=0, segment=station)), message, layout)
 
 
 def test_the_line_is_right_after_a_quoted_line_break(tmp_path: Path) -> None:
     header = HEADER.replace("\n", ",note\n")
     rows = ['0,0,hand,1,2,3,1,0,0,0,"two\nlines"\n', "1,0,hand,1,2,x,1,0,0,0,\n"]
-    refuse(tmp_path, header + "".join(rows), "line 4, column z_mm: is 'x'")
+    refuse(write(tmp_path, header + "".join(rows)), "line 4, column z_mm: is 'x'")
 
 
 def parquet(tmp_path: Path, **changes: object) -> Path:
@@ -178,7 +178,7 @@ def parquet(tmp_path: Path, **changes: object) -> Path:
     ],
 )
 def test_parquet_in_whatever_types_its_writer_chose(tmp_path: Path, changes: dict[str, object]) -> None:
-    samples = read_parquet(parquet(tmp_path, **changes), LIBERTY, ReadingOptions())
+    samples = read(parquet(tmp_path, **changes))
     assert [samples.segments[index] for index in samples.segment] == ["hand", "index_distal"]
     np.testing.assert_array_equal(samples.frame, [7, 8])
     np.testing.assert_array_equal(samples.time_s, [0.5, np.nan])
@@ -200,8 +200,7 @@ def test_parquet_in_whatever_types_its_writer_chose(tmp_path: Path, changes: dic
     ],
 )
 def test_parquet_that_is_no_tidy_recording(tmp_path: Path, changes: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=re.escape(message)):
-        read_parquet(parquet(tmp_path, **changes), LIBERTY, ReadingOptions())
+    refuse(parquet(tmp_path, **changes), message)
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
@@ -215,16 +214,75 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         (tmp_path / "cut.parquet", "not a readable Parquet file"),
         (tmp_path / "text.parquet", "not a readable Parquet file"),
     ):
-        with pytest.raises(InputError, match=message):
-            find_reader(path, "auto")(path, LIBERTY, ReadingOptions())
+        refuse(path, message)
     for name in ("csv", "parquet"):
         with pytest.raises(InputError, match="directory"):
             find_reader(tmp_path, name)(tmp_path, LIBERTY, ReadingOptions())
 
 
-def test_the_format_goes_by_the_ending_unless_given() -> None:
-    assert find_reader(Path("a.CSV"), "auto") is read_csv
-    assert find_reader(Path("a.pq"), "auto") is read_parquet
-    assert find_reader(Path("a.txt"), "csv") is read_csv
+def test_the_format_goes_by_the_ending_unless_given(tmp_path: Path) -> None:
+    for name, given in (("a.CSV", "auto"), ("a.txt", "csv")):
+        (tmp_path / name).write_text(TWO_ROWS)
+        assert len(find_reader(tmp_path / name, given)(tmp_path / name, LIBERTY, ReadingOptions()).frame) == 2
+    parquet(tmp_path).rename(tmp_path / "a.pq")
+    assert len(read(tmp_path / "a.pq").frame) == 2
     with pytest.raises(InputError, match=r"a\.txt: the ending '\.txt' .* give --format csv or parquet"):
         find_reader(Path("a.txt"), "auto")
+
+
+def tidy_table(random: np.random.Generator, rows: int) -> pa.Table:
+    """A tidy recording with empty cells, whole numbers written as reals now and then, in any order."""
+    numbers = random.normal(0, 100, (rows, 9)).round(3)
+    numbers[random.random((rows, 9)) < 0.05] = np.nan
+    columns = {"frame": random.integers(0, 50, rows), "time_s": numbers[:, 0]}
+    columns |= {name: numbers[:, 1 + i] for i, name in enumerate(("x_mm", "y_mm", "z_mm"))}
+    columns |= {name: numbers[:, 4 + i] for i, name in enumerate(("qw", "qx", "qy", "qz"))}
+    table = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
+    return pa.table({**table, "segment": random.choice(LIBERTY.measured, rows)})
+
+
+def blocks_of(path: Path, rows: int) -> list[Samples]:
+    """Read the file so many rows at a time."""
+    if path.suffix == ".parquet":
+        blocks = parquet_blocks(path, rows)
+    else:
+        table = open_tidy_csv(path)
+        blocks = table.blocks(wanted_columns(path, table.header), rows, read_bytes=200)
+    return [read_samples(block, path, LIBERTY) for block in blocks]
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+@pytest.mark.parametrize("rows", [1, 7, 100])
+def test_a_file_in_blocks_is_the_file(tmp_path: Path, ending: str, rows: int) -> None:
+    """Every cell, and every row's place in the file, empty lines counted."""
+    path, table = tmp_path / f"rom{ending}", tidy_table(np.random.default_rng(rows), 60)
+    if ending == ".csv":
+        pa_csv.write_csv(table, path)
+        lines = path.read_text("utf-8").splitlines()
+        path.write_text("\n".join([*lines[:20], "", *lines[20:]]), "utf-8")
+    else:
+        pq.write_table(table, path, row_group_size=9)
+    whole = read(path)
+    blocks = blocks_of(path, rows)
+    assert len(blocks) > 1 or rows == 100
+    again = joined(blocks)
+    for name in ("segment", "frame", "time_s", "numbers"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
+    assert [again.place(row) for row in range(60)] == [whole.place(row) for row in range(60)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (",", ",left", "line 51, column time_s: is 'left"),
+        ("\n", ",7\n", "line 51: has 11 cells; expected 10 as in the header"),
+    ],
+)
+def test_a_fault_far_down_is_named_by_its_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """In a later block, too, and so is a line with a cell too many, which pyarrow names in other words."""
+    path = tmp_path / "rom.csv"
+    pa_csv.write_csv(tidy_table(np.random.default_rng(0), 60), path)
+    lines = path.read_text("utf-8").splitlines(keepends=True)
+    path.write_text("".join([*lines[:50], lines[50].replace(old, new, 1), *lines[51:]]), "utf-8")
+    with pytest.raises(InputError, match=message):
+        blocks_of(path, 5)

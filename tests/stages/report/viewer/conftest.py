@@ -9,18 +9,31 @@ from typing import Any
 
 import numpy as np
 import pytest
+from report_samples.hand_tables import part_of, write_parts
+from report_samples.made_study import pose_columns
 
-from schemas.catalogue import BONE_POSES, JOINT_CENTRES, POSED_TIPS, POSES, RECEIVERS, TIPS
+from schemas.catalogue import (
+    BONE_POSES,
+    JOINT_ANGLES,
+    JOINT_CENTRES,
+    JOINT_SOLUTIONS,
+    POSED_TIPS,
+    POSES,
+    RECEIVERS,
+    TIPS,
+)
 from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.results import Results
 from schemas.study import Hand, Recording
-from schemas.tables import Provenance, Table, columns_from_rows, read_table, rows_of, write_table
-from stages.report.viewer.motion import HandMotion, read_motion
-from stages.simulate.anatomy import BONES, DIGITS
+from schemas.tables import Provenance, read_table, rows_of, write_table
+from stages.report.hand_motion import HandMotion
+from stages.report.recording_results import read_recording
+from stages.report.study_results import StudyResults
+from stages.simulate.random_hand import BONES, DIGITS
 from stages.simulate.realism import Realism
+from stages.simulate.simulated_truth import write_truth
 from stages.simulate.simulation import Simulated, simulate
-from stages.simulate.truth import write_truth
 
 LAYOUT = read_layout("liberty16")
 MODELS = ("paper-fig3", "paper-fig4", "whole-hand")
@@ -30,15 +43,33 @@ UNSEEN = slice(50, 60)
 
 @dataclass(frozen=True)
 class KnownHand:
-    """A recording with its truth, its tables below `paths` under each of MODELS."""
+    """A recording with its truth, its subject's tables below `paths` under each of MODELS."""
 
     paths: Results
     recording: Recording
     made: Simulated
+    joints: list[dict[str, Any]]
+    worn: list[dict[str, Any]]
+
+    def results(self, *models: str) -> StudyResults:
+        """The results of a study of this recording under those models."""
+        key = {"subject": "01", "hand": self.recording.hand.hand}
+        row = key | {"task": "opposition", "trial": "", "status": "used", "message": ""}
+        nothing: dict[str, list[Any]] = {
+            name: []
+            for name in ("problems", "bones", "tip_errors", "scores", "joint_errors", "advice", "gains")
+        }
+        return StudyResults(
+            "known", (self.recording,), True, self.paths, {name: read_model(name) for name in models},
+            {self.recording.hand: LAYOUT}, recording_rows=[row], joints=self.joints, receivers=self.worn,
+            **nothing,
+        )  # fmt: skip
 
     def motion(self, *models: str) -> HandMotion:
         """The recording's motion under those models."""
-        return read_motion(self.paths, self.recording, LAYOUT, [read_model(name) for name in models])
+        read = read_recording(self.results(*models), self.recording)
+        assert read.motion is not None, (read.trouble, read.left_out)
+        return read.motion
 
 
 def make_hand(folder: Path, hand: str, n_frames: int) -> KnownHand:
@@ -48,48 +79,41 @@ def make_hand(folder: Path, hand: str, n_frames: int) -> KnownHand:
     recording = Recording(
         who, "opposition", "", "both", folder / "x", "x", folder / "x", "csv", None, "+x", ""
     )
-    _write(paths.poses(recording), POSES, _pose_columns(made))
+    key = {"subject": "01", "hand": hand}
+    fitted = key | {"trial": "", "model": "whole-hand"}
+    worn = [fitted | {"segment": f"{digit}_distal", "bone_tip_sd_mm": 2.5} for digit in DIGITS]
     write_truth(folder / "truth", made.truth, made.written(), Provenance())
-    for model in MODELS:
-        for table in (JOINT_CENTRES, TIPS):
-            rows = list(rows_of(read_table(folder / "truth" / f"{table.name}.parquet", table)))
-            rows = [{**row, "model": model, **({"sd_mm": 1.5} if "sd_mm" in row else {})} for row in rows]
-            _write(paths.hand_table(model, who, table.name), table, columns_from_rows(table, rows))
-    key = {"subject": "01", "hand": hand, "trial": "", "model": "whole-hand"}
-    worn = [
-        {"subject": "01", "hand": hand, "model": "whole-hand", "segment": f"{digit}_distal"}
-        | {"bone_tip_sd_mm": 2.5, "loose_task": "", "status": "ok", "message": ""}
-        for digit in DIGITS
+    of_truth = {
+        table: [
+            row | {"model": model} | ({"sd_mm": 1.5} if "sd_mm" in row else {})
+            for model in MODELS
+            for row in rows_of(read_table(folder / "truth" / f"{table.name}.parquet", table))
+        ]
+        for table in (JOINT_CENTRES, TIPS)
+    }
+    known = KnownHand(paths, recording, made, of_truth[JOINT_CENTRES], worn)
+    results = known.results("whole-hand")
+    poses = results.poses(recording)
+    numbers = np.concatenate([made.position_mm, made.quaternion], -1).swapaxes(0, 1)
+    valid = np.ones((len(made.segments), n_frames), bool)
+    valid[made.segments.index("index_distal"), UNSEEN] = False
+    columns = pose_columns(made.segments, made.frame, made.time_s, numbers, valid)
+    write_table(poses, POSES, columns, Provenance(), row_group_rows=n_frames)
+    for table, rows in ((TIPS, of_truth[TIPS]), (JOINT_SOLUTIONS, [])):
+        parts = {part_of(who, model): [r for r in rows if r["model"] == model] for model in MODELS}
+        write_parts(results.subject_table("01", table.name), table, parts)
+    angles = [
+        fitted | {"task": "opposition", "joint": "index_pip", "frame": int(frame)} for frame in made.frame
     ]
     for table, rows in (
         (RECEIVERS, worn),
-        (BONE_POSES, [*_elsewhere(_bone_rows(made, key)), *_bone_rows(made, key)]),
-        (POSED_TIPS, [*_elsewhere(_tip_rows(made, key)), *_tip_rows(made, key)]),
+        (JOINT_ANGLES, angles),
+        (BONE_POSES, [*_elsewhere(_bone_rows(made, fitted)), *_bone_rows(made, fitted)]),
+        (POSED_TIPS, [*_elsewhere(_tip_rows(made, fitted)), *_tip_rows(made, fitted)]),
     ):
-        _write(paths.hand_table("whole-hand", who, table.name), table, columns_from_rows(table, rows))
-    return KnownHand(paths, recording, made)
-
-
-def _write(path: Path, table: Table, columns: dict[str, Any]) -> None:
-    segments = columns.get("segment", [])
-    rows = len(columns["frame"]) // len(set(segments)) if table is POSES else 1 << 17
-    write_table(path, table, columns, Provenance(), row_group_rows=rows)
-
-
-def _pose_columns(made: Simulated) -> dict[str, Any]:
-    n, count = len(made.frame), len(made.segments)
-    valid = np.ones((count, n), bool)
-    valid[made.segments.index("index_distal"), UNSEEN] = False
-    numbers = np.concatenate([made.position_mm, made.quaternion], -1).swapaxes(0, 1).reshape(n * count, 7)
-    names = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-    return {
-        "segment": np.repeat(made.segments, n).tolist(),
-        "frame": np.tile(made.frame, count),
-        "time_s": np.tile(made.time_s, count),
-        **dict(zip(names, numbers.T, strict=True)),
-        "valid": valid.ravel(),
-        "flags": [""] * (n * count),
-    }
+        path = results.fit_table(who, "whole-hand", table.name)
+        write_parts(path, table, {part_of(who, "whole-hand"): rows})
+    return known
 
 
 def _bone_rows(made: Simulated, key: dict[str, str]) -> list[dict[str, Any]]:
@@ -138,9 +162,3 @@ def right(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
 def make_known(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], KnownHand]:
     """Make a recording of so many frames of the right or the left hand."""
     return lambda hand, n_frames: make_hand(tmp_path_factory.mktemp(hand), hand, n_frames)
-
-
-@pytest.fixture(scope="session")
-def long_hand(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    """A recording as long as the paper's."""
-    return make_hand(tmp_path_factory.mktemp("long"), "right", 3774)

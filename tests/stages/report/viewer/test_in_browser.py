@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import WatchedPage, chromium, watched
-
-from stages.report.viewer.motion_data import Block, motion_text
-from stages.report.viewer.page import page_of_viewer
+from report_samples.viewer_page import page_of_viewer
 
 pytestmark = pytest.mark.slow
 
@@ -111,13 +109,10 @@ def played(page: WatchedPage, from_index: int = 0) -> np.ndarray:
     return np.array(page.value("heard"))
 
 
-def test_a_hand_is_drawn_and_the_still_picture_gives_way(page: WatchedPage) -> None:
+def test_the_browser_draws_every_point_where_the_recording_has_it(page: WatchedPage, shown: Any) -> None:
     assert seen(page)["inked"] > 10_000
     assert not page.page.locator(".viewer-still").is_visible()
     assert page.page.locator("form").is_visible()
-
-
-def test_the_browser_puts_every_point_where_the_recording_has_it(page: WatchedPage, shown: Any) -> None:
     assert [skeleton.seats is None for skeleton in shown.skeletons] == [False, False, True]
     for s, skeleton in enumerate(shown.skeletons):
         for frame in (0, 55, FRAMES - 1):
@@ -129,24 +124,6 @@ def test_the_browser_puts_every_point_where_the_recording_has_it(page: WatchedPa
             expected = skeleton.position_mm[frame]
             np.testing.assert_array_equal(np.isnan(places[:, 0]), np.isnan(expected[:, 0]))
             np.testing.assert_allclose(places, expected, atol=0.06)
-
-
-def test_extra_blocks_and_their_header_reach_other_scripts(
-    watched_page: WatchedPage, shown: Any, tmp_path: Path
-) -> None:
-    angles = np.stack([np.arange(FRAMES), -np.arange(FRAMES)], -1)[..., None] / 10
-    angles[7, 1] = np.nan
-    told = motion_text(shown, [Block("angles", 0.1, angles)], {"unit": "°", "names": ["a</script>", "b"]})
-    path = tmp_path / "hand.html"
-    path.write_text(page_of_viewer("x", shown).replace(motion_text(shown), told), "utf-8")
-    opened(watched_page, path)
-    found = watched_page.value(
-        f"(({{values, count, width}}) => [[...values], count, width])({VIEWER}.blocks.angles)"
-    )
-    expected = angles[..., 0].ravel()
-    np.testing.assert_allclose(np.array(found[0], float), expected, atol=1e-4)
-    assert found[1:] == [2, 1]
-    assert watched_page.value(f"{VIEWER}.header.extra") == {"unit": "°", "names": ["a</script>", "b"]}
 
 
 @pytest.mark.parametrize("motion", ["reduce", "no-preference"])
@@ -192,14 +169,11 @@ def test_seeking_moves_the_hand_the_slider_and_the_words(page: WatchedPage) -> N
     page.wait(f"{part('slider')}.value === '400'")
     assert page.page.locator("[data-part=where]").text_content() == "frame 401, 1.667 s"
     assert page.page.get_by_label("Frame", exact=True).get_attribute("aria-valuetext") == "frame 401, 1.667 s"
-
-
-def test_buttons_step_and_the_slider_seeks(page: WatchedPage) -> None:
-    for name, index in (("One frame on", 1), ("One frame on", 2), ("One frame back", 1)):
-        page.page.get_by_role("button", name=name).click()
-        assert page.value(f"{VIEWER}.index") == index
     page.page.locator("[data-part=slider]").fill("300")
     assert page.value(f"{VIEWER}.index") == 300
+    for name, index in (("One frame on", 301), ("One frame on", 302), ("One frame back", 301)):
+        page.page.get_by_role("button", name=name).click()
+        assert page.value(f"{VIEWER}.index") == index
 
 
 def test_keys_step_play_turn_and_enlarge(page: WatchedPage) -> None:
@@ -223,16 +197,9 @@ def test_keys_step_play_turn_and_enlarge(page: WatchedPage) -> None:
     assert page.value(f"{VIEWER}.turn") == turned
     assert page.value(f"{VIEWER}.distance()") == near
     assert page.value(f"getComputedStyle({VIEWER}.canvas).outlineStyle") == "solid"
-
-
-@pytest.mark.parametrize(
-    ("key", "is_taken"), [("ArrowDown", True), (" ", True), ("Tab", False), ("a", False)]
-)
-def test_the_page_does_not_scroll_for_keys_that_the_view_takes(
-    page: WatchedPage, key: str, is_taken: bool
-) -> None:
-    event = f"new KeyboardEvent('keydown', {{key: '{key}', bubbles: true, cancelable: true}})"
-    assert page.value(f"!{VIEWER}.canvas.dispatchEvent({event})") is is_taken
+    for key, is_taken in (("ArrowDown", True), (" ", True), ("Tab", False), ("a", False)):
+        event = f"new KeyboardEvent('keydown', {{key: '{key}', bubbles: true, cancelable: true}})"
+        assert page.value(f"!{VIEWER}.canvas.dispatchEvent({event})") is is_taken, "else the page scrolls"
 
 
 def test_every_control_is_reached_by_the_keyboard(page: WatchedPage) -> None:
@@ -271,14 +238,11 @@ def test_no_hand_is_mirrored_and_looks_are_from_where_they_say(
             assert (turn @ [0, 0, 1])[1] == pytest.approx(1), "the back of the hand is up"
     for look, name in (("thumb", "thumb_mcp"), ("tips", "middle_pip")):
         assert max(names, key=lambda n: places[look, n][2]) == name
+    names_stand_at_their_fingertips(page, hand)
 
 
-@pytest.mark.parametrize("hand", ["right", "left"])
-def test_names_stand_at_their_fingertips_in_the_picture(
-    watched_page: WatchedPage, make_known: Callable[[str, int], Any], tmp_path: Path, hand: str
-) -> None:
-    path = write(tmp_path / "hand.html", make_known(hand, 60).motion("whole-hand"))
-    page = opened(watched_page, path)
+def names_stand_at_their_fingertips(page: WatchedPage, hand: str) -> None:
+    page.page.locator("[data-look=back]").click()
     labels = page.page.locator(".viewer-labels span")
     page.wait(f"{VIEWER}.calm")
     places = [box["x"] for label in labels.all() if (box := label.bounding_box())]
@@ -383,9 +347,6 @@ def test_receivers_axes_and_planes_are_drawn_each_on_its_own_request(page: Watch
         choose(page, name, False)
         assert seen(page)["sum"] == plain["sum"], name
     assert len(sums) == 4
-
-
-def test_planes_are_not_offered_where_no_shown_model_has_any(page: WatchedPage) -> None:
     choose(page, "second", "")
     assert page.page.get_by_label("Sagittal planes").is_disabled(), "a fitted hand cuts no axes"
     choose(page, "first", "0")
@@ -401,7 +362,8 @@ def test_skeletons_stand_side_by_side_or_one_over_the_other_or_alone(page: Watch
     assert left + right < 0.2 * middle
     both = seen(page)
     assert page.page.locator(".viewer-of-models").inner_text().split() == ["whole-hand", "paper-fig4"]
-    page.value(f"void ({VIEWER}.colours.model[1] = [0, 0, 0])")
+    second = f"{VIEWER}.skeletons[{VIEWER}.shown[1]].place"
+    page.value(f"void ({VIEWER}.colours.model[{second}] = [0, 0, 0])")
     assert seen(page)["sum"] != both["sum"], "each has its colour"
     choose(page, "second", "")
     alone = seen(page)
@@ -465,8 +427,7 @@ def test_without_following_the_hand_moves_through_the_view(page: WatchedPage) ->
     assert max(abs(x) for x in away) > 1
 
 
-@pytest.mark.parametrize("width", [360, 800, 1920])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (800, "dark"), (1920, "light")])
 def test_it_fits_every_window_in_the_light_and_in_the_dark(
     page: WatchedPage, width: int, scheme: str
 ) -> None:

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.catalogue import TIPS
 from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.poses import read_poses
-from schemas.tables import read_table
-from stages.report.viewer.motion import Seat, hand_motion, ridden_skeleton, seen, shown_first, thinned
-from stages.simulate.anatomy import BONES, DIGITS
+from stages.report.hand_motion import hand_motion, ridden_skeleton, seen, shown_first, thinned
+from stages.simulate.random_hand import BONES, DIGITS
 
 LAYOUT = read_layout("liberty16")
 
@@ -37,12 +35,12 @@ def test_joints_of_a_replayed_skeleton_are_the_true_ones(known: Any, segment: st
 
 def test_a_replayed_digit_ends_at_its_distal_receiver(known: Any) -> None:
     receiver = known.made.position_mm[:, known.made.segments.index("ring_distal")]
-    np.testing.assert_allclose(points_of(known.motion("paper-fig4"), "ring tip"), receiver, atol=1e-9)
+    np.testing.assert_allclose(points_of(known.motion("paper-fig4"), "ring_tip"), receiver, atol=1e-9)
 
 
 def test_frames_without_a_valid_receiver_stay_gaps(right: Any) -> None:
     motion = right.motion("paper-fig4")
-    for point in ("index tip", "index_dip"):
+    for point in ("index_tip", "index_dip"):
         gap = np.isnan(points_of(motion, point)).all(-1)
         assert np.flatnonzero(gap).tolist() == list(range(50, 60)), point
     assert np.isfinite(points_of(motion, "index_pip")).all()
@@ -53,7 +51,7 @@ def test_a_fitted_hand_moves_as_its_bones_were_posed(known: Any) -> None:
     for joint in ("thumb_mcp", "ring_cmc", "little_dip"):
         bone = BONES.index(LAYOUT.joints[joint].child)
         np.testing.assert_allclose(points_of(motion, joint), truth.bone_position_mm[:, bone], atol=1e-9)
-    np.testing.assert_allclose(points_of(motion, "middle tip"), truth.tip_mm[:, 2], atol=1e-9)
+    np.testing.assert_allclose(points_of(motion, "middle_tip"), truth.tip_mm[:, 2], atol=1e-9)
     assert np.flatnonzero(np.isnan(points_of(motion, "index_pip")[:, 0])).tolist() == list(range(50, 60))
 
 
@@ -71,8 +69,8 @@ def test_stated_errors_go_with_their_points(right: Any) -> None:
     replayed, fitted = right.motion("paper-fig4", "whole-hand").skeletons
     sd = dict(zip(fitted.points, fitted.sd_mm, strict=True))
     assert sd["index_pip"] == 1.5
-    assert sd["index tip"] == 2.5
-    assert np.isnan(dict(zip(replayed.points, replayed.sd_mm, strict=True))["index tip"])
+    assert sd["index_tip"] == 2.5
+    assert np.isnan(dict(zip(replayed.points, replayed.sd_mm, strict=True))["index_tip"])
 
 
 def test_digits_start_where_the_model_says(right: Any) -> None:
@@ -92,25 +90,25 @@ def test_only_a_model_that_cuts_axes_has_planes(right: Any) -> None:
 
 
 def test_a_failed_joint_has_no_place(right: Any) -> None:
-    poses = read_poses(right.paths.poses(right.recording), LAYOUT.measured)
+    poses = read_poses(right.results().poses(right.recording), LAYOUT.measured)
     model = read_model("paper-fig4")
-    tips = read_table(right.paths.hand_table("paper-fig4", right.recording.hand, "tips"), TIPS)
+    errors = np.zeros((len(poses.frame), 5))
     row = {"status": "failed", "child_segment": "", "parent_segment": "", "axis_child_x": None, "sd_mm": None}
-    skeleton = ridden_skeleton(LAYOUT, model, {"ring_pip": row}, tips, poses)
+    skeleton = ridden_skeleton(LAYOUT, model, 0, {"ring_pip": row}, errors, poses)
     assert np.isnan(skeleton.position_mm[:, skeleton.points.index("ring_pip")]).all()
     assert skeleton.status[skeleton.points.index("ring_pip")] == "failed"
-    assert skeleton.seats[skeleton.points.index("ring_pip")] == Seat("")
-    assert np.isfinite(skeleton.position_mm[:, skeleton.points.index("ring tip")]).all()
+    assert skeleton.seats[skeleton.points.index("ring_pip")].segment == ""
+    assert np.isfinite(skeleton.position_mm[:, skeleton.points.index("ring_tip")]).all()
 
 
 def test_a_digits_own_base_rides_on_its_parent_and_other_joints_on_their_children(right: Any) -> None:
-    poses = read_poses(right.paths.poses(right.recording), LAYOUT.measured)
-    tips = read_table(right.paths.hand_table("paper-fig4", right.recording.hand, "tips"), TIPS)
+    poses = read_poses(right.results().poses(right.recording), LAYOUT.measured)
+    errors = np.zeros((len(poses.frame), 5))
     halves = {"parent_segment": "hand", "child_segment": "thumb_proximal", "status": "ok"}
     halves |= {"axis_child_x": None, "sd_mm": None}
     halves |= {f"{side}_{axis}_mm": 0.0 for side in ("parent", "child") for axis in "xyz"}
     rows = {"thumb_cmc": halves, "thumb_mcp": halves}
-    skeleton = ridden_skeleton(LAYOUT, read_model("paper-fig4"), rows, tips, poses)
+    skeleton = ridden_skeleton(LAYOUT, read_model("paper-fig4"), 0, rows, errors, poses)
     for joint, segment in (("thumb_cmc", "hand"), ("thumb_mcp", "thumb_proximal")):
         receiver = poses.position_mm[:, poses.index(segment)]
         np.testing.assert_allclose(skeleton.position_mm[:, skeleton.points.index(joint)], receiver)
@@ -141,7 +139,7 @@ def test_the_view_is_upright_and_not_mirrored(known: Any) -> None:
 
 
 def test_without_its_base_a_hand_is_refused(right: Any) -> None:
-    poses = read_poses(right.paths.poses(right.recording), LAYOUT.measured)
+    poses = read_poses(right.results().poses(right.recording), LAYOUT.measured)
     valid = poses.valid.copy()
     valid[:, poses.index("hand")] = False
     with pytest.raises(InputError, match="the receiver of hand has no valid pose"):

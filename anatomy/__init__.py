@@ -1,0 +1,1 @@
+"""The average hand, once: estimators and simulator read it."""

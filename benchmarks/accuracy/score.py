@@ -1,0 +1,158 @@
+"""How far an estimate of a hand is from the truth: centres, axes, bones, palm, and what it said of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from benchmarks.accuracy.trials import Trial
+from schemas.layout import read_layout
+from skeleton.rotations import Array
+from stages.simulate.random_hand import BONES, DIGITS, FINGERS
+from stages.simulate.simulated_truth import TrueJoint
+from stages.simulate.simulation import LAYOUT
+
+COVERED_95 = 7.815
+"""95 % of squared Mahalanobis distances in three dimensions are below this."""
+
+RADIUS_SD = 1.614
+"""95 % of a three-dimensional error lie within this many sd, if it is as large in every direction."""
+
+JOINT_TYPES = {
+    "thumb CMC": ("thumb_cmc",),
+    "thumb MCP": ("thumb_mcp",),
+    "thumb IP": ("thumb_ip",),
+    "MCP 2-3": ("index_mcp", "middle_mcp"),
+    "MCP 4-5": ("ring_mcp", "little_mcp"),
+    **{kind.upper(): tuple(f"{digit}_{kind}" for digit in FINGERS) for kind in ("pip", "dip")},
+}
+"""Joints that are alike, by their short name."""
+
+PHALANGES = tuple(f"{digit}_proximal" for digit in DIGITS) + tuple(f"{digit}_middle" for digit in FINGERS)
+"""Bones between two joints that are solved. The last bone of a digit ends where no receiver sees it end."""
+
+
+@dataclass(frozen=True)
+class Centre:
+    """One joint as an estimator has it, in the parent's and the child's receiver frame, mm.
+
+    covariance_mm2 : (6, 6) of both halves, or None where none is stated. axis_child : (3,), of either sign,
+    or None where none is estimated. parent_mm, child_mm : NaN where only the axis is.
+    """
+
+    parent_mm: Array
+    child_mm: Array
+    covariance_mm2: Array | None = None
+    axis_child: Array | None = None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A hand as an estimator has it. lengths_mm : of PHALANGES. palm_deg : mean angle between the fitted and
+    the true direction of the ring's and the little finger's metacarpals. seconds : of one processor.
+    """
+
+    centres: Mapping[str, Centre]
+    seconds: float
+    lengths_mm: Mapping[str, float] = field(default_factory=dict)
+    palm_deg: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class JointError:
+    """One joint against the truth; NaN for what was not estimated, None for what was not stated.
+
+    child_mm : of the half in the child's receiver frame, where the truth is one point; along_mm, across_mm
+    its parts along the true axis and perpendicular to it. in_radius : whether the worse half is within the
+    95 % radius of the stated sd. in_ellipsoid : share of the two halves in their 95 % ellipsoids.
+    """
+
+    joint: str
+    child_mm: float
+    along_mm: float
+    across_mm: float
+    axis_deg: float
+    in_radius: float | None
+    in_ellipsoid: float | None
+
+
+@dataclass(frozen=True)
+class HandScore:
+    """All errors of one estimator on one hand; bones_percent of the true length, without sign."""
+
+    estimator: str
+    joints: tuple[JointError, ...]
+    bones_percent: tuple[float, ...]
+    palm_deg: tuple[float, ...]
+    seconds: float
+
+
+def score(estimator: str, trial: Trial, estimate: Estimate) -> HandScore:
+    """Hold an estimate against the trial's truth."""
+    joints = read_layout(LAYOUT).joints
+    lengths = trial.truth.hand.length_mm
+    return HandScore(
+        estimator,
+        tuple(
+            joint_error(trial.truth.joints[name], centre, hinge=joints[name].dof == 1)
+            for name, centre in estimate.centres.items()
+        ),
+        tuple(
+            100 * abs(length / float(lengths[BONES.index(bone)]) - 1)
+            for bone, length in estimate.lengths_mm.items()
+        ),
+        tuple(estimate.palm_deg.values()),
+        estimate.seconds,
+    )
+
+
+def joint_error(true: TrueJoint, centre: Centre, *, hinge: bool) -> JointError:
+    """Hold one joint against the truth; only a hinge has one axis to be held against."""
+    parent, child = centre.parent_mm - true.parent_mm, centre.child_mm - true.child_mm
+    along = float(child @ true.axis_child)
+    axis_deg = float("nan")
+    if hinge and centre.axis_child is not None:
+        axis_deg = axis_angle_deg(centre.axis_child, true.axis_child)
+    in_radius = in_ellipsoid = None
+    if centre.covariance_mm2 is not None:
+        in_radius, in_ellipsoid = coverage(parent, child, centre.covariance_mm2)
+    return JointError(
+        true.name,
+        float(np.linalg.norm(child)),
+        abs(along),
+        float(np.linalg.norm(child - along * true.axis_child)),
+        axis_deg,
+        in_radius,
+        in_ellipsoid,
+    )
+
+
+def axis_angle_deg(one: Array, other: Array) -> float:
+    """Angle between two lines (3,), 0 to 90 deg, whichever way their vectors point."""
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), abs(one @ other))))
+
+
+def coverage(parent_mm: Array, child_mm: Array, covariance_mm2: Array) -> tuple[float, float | None]:
+    """Whether the worse of two errors (3,) is within the 95 % radius; the share in their 95 % ellipsoids.
+
+    covariance_mm2 : (6, 6) of both. A flat ellipsoid, as of a centre put on a plane, holds nothing: None.
+    """
+    halves = ((parent_mm, covariance_mm2[:3, :3]), (child_mm, covariance_mm2[3:, 3:]))
+    sd = np.sqrt(max(float(np.trace(covariance)) for _, covariance in halves))
+    worse = max(float(np.linalg.norm(error)) for error, _ in halves)
+    inside = []
+    for error, covariance in halves:
+        if np.linalg.eigvalsh(covariance)[0] < 1e-9:
+            return float(worse <= RADIUS_SD * sd), None
+        inside.append(error @ np.linalg.solve(covariance, error) < COVERED_95)
+    return float(worse <= RADIUS_SD * sd), float(np.mean(inside))
+
+
+def phalanges_mm(centres: Mapping[str, Centre]) -> dict[str, float]:
+    """Lengths of the phalanges from joint to joint, each in its own receiver's frame."""
+    joints = read_layout(LAYOUT).joints
+    own = {joints[name].child: centre.child_mm for name, centre in centres.items()}
+    after = {joints[name].parent: centre.parent_mm for name, centre in centres.items()}
+    return {bone: float(np.linalg.norm(after[bone] - own[bone])) for bone in PHALANGES}

@@ -1,0 +1,1 @@
+"""Motion-BIDS: the Brain Imaging Data Structure's form of motion recordings, as it is read and written."""

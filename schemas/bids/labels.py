@@ -1,0 +1,43 @@
+"""BIDS labels, which are letters and digits only, made of names that may be anything."""
+
+from __future__ import annotations
+
+import re
+
+from schemas.poses import RecordingName
+
+_ESCAPE = "Q"
+"""The letter that English names need least; it starts the stand-in of whatever a label may not hold."""
+
+_SHORT = {_ESCAPE: "Q", "_": "u", "-": "d", " ": "s", ".": "p"}
+
+
+def label(name: str) -> str:
+    """Turn a name into a label; no two names share one.
+
+    ASCII letters other than Q and digits stand for themselves, Q for `QQ`, the blank for `Qs`, `_` `-` `.`
+    for `Qu` `Qd` `Qp`, any other character for `Qx`, its code point in hexadecimal, and `x`.
+    """
+    return re.sub(r"[^A-PR-Za-z0-9]", lambda odd: _ESCAPE + _SHORT.get(odd[0], f"x{ord(odd[0]):x}x"), name)
+
+
+def tracking_system(hand: str) -> str:
+    """The tracksys label of a hand: its receivers are one tracking system, so both hands of a task differ."""
+    return f"{label(hand)}hand"
+
+
+def recording_stem(name: RecordingName) -> str:
+    """The part of a recording's file names before the suffix, in the order of entities that BIDS wants.
+
+    A trial that is a number is the run; any other is the acquisition's label.
+    """
+    parts = [
+        f"sub-{label(name.subject)}",
+        f"task-{label(name.task)}",
+        f"tracksys-{tracking_system(name.hand)}",
+    ]
+    if re.fullmatch(r"[0-9]+", name.trial):
+        parts.append(f"run-{name.trial}")
+    elif name.trial:
+        parts.append(f"acq-{label(name.trial)}")
+    return "_".join(parts)

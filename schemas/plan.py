@@ -1,0 +1,341 @@
+"""A subject's plan: everything that the stages need to know of the study about one subject, resolved.
+
+`results/<study>/sub-S/plan.json` holds the subject's recordings with their roles, the layout of each hand,
+the models, sizes and the rows of the sheets that are the subject's. It is written from the study file by the
+workflow; paths in it are relative to the working directory.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.config_files import CONFIG_FOLDER, read_config
+from schemas.errors import InputError
+from schemas.layout import Layout, layout_from_config
+from schemas.model import SkeletonModel, model_from_config
+from schemas.parts import Part
+from schemas.poses import one_hand, recording_name
+from schemas.results import FIT_TABLES
+from schemas.sheets import Row
+from schemas.study import (
+    Hand,
+    Recording,
+    Study,
+    path_token,
+    read_corrections,
+    read_measurements,
+    read_participants,
+    read_touches,
+)
+
+VERSION = 1
+SIZES = ("hand_length_mm", "hand_breadth_mm")
+
+
+@dataclass(frozen=True)
+class SubjectPlan:
+    """One subject of a study.
+
+    folder : the subject's results, results/<study>/sub-S. layouts : by hand. models : by name, in the study's
+    order. corrections, measurements, touches : the subject's rows of these sheets. sheets : their paths, for
+    messages. poses_files : every recording's poses table. truth_folders : of simulated recordings, where the
+    truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks are left
+    out in turn; else every recording is used as a command line names it.
+    """
+
+    study: str
+    subject: str
+    folder: Path
+    hand_length_mm: float | None
+    hand_breadth_mm: float | None
+    recordings: tuple[Recording, ...]
+    layouts: Mapping[str, Layout]
+    models: Mapping[str, SkeletonModel]
+    corrections: tuple[Row, ...]
+    measurements: tuple[Row, ...]
+    touches: tuple[Row, ...]
+    sheets: Mapping[str, Path]
+    poses_files: Mapping[Recording, Path]
+    truth_folders: Mapping[Recording, Path]
+    is_study: bool = True
+
+    @property
+    def hands(self) -> tuple[str, ...]:
+        """The subject's hands, in the sheet's order."""
+        return tuple(self.layouts)
+
+    def poses(self, recording: Recording) -> Path:
+        """A recording's poses table."""
+        return self.poses_files[recording]
+
+    def table(self, name: str) -> Path:
+        """A table of the subject, of both hands and all models."""
+        return self.folder / f"{name}.parquet"
+
+    def fits(self, hand: str, model: str) -> Path:
+        """Folder of the tables that a fit of the whole hand writes."""
+        return self.folder / "fits" / hand / path_token(model)
+
+    def fit_table(self, hand: str, model: str, name: str) -> Path:
+        """A table of a hand under a model that fits the whole hand."""
+        return self.fits(hand, model) / f"{name}.parquet"
+
+    def files_of(self, name: str) -> list[Path]:
+        """Files of a table: one, or of a fit of the whole hand one for every hand and fitted model."""
+        if name in FIT_TABLES:
+            return [self.fit_table(hand, model, name) for hand in self.hands for model in self.fitted_models]
+        return [self.table(name)]
+
+    def truth(self, recording: Recording) -> Path | None:
+        """Folder of the truth beside a simulated recording; None for any other."""
+        return self.truth_folders.get(recording)
+
+    @property
+    def fitted_models(self) -> tuple[str, ...]:
+        """Models that fit the whole hand."""
+        return tuple(name for name, model in self.models.items() if model.fitting is not None)
+
+    def recordings_of(self, hand: str, *roles: str) -> list[Recording]:
+        """The hand's recordings in those roles that are not excluded."""
+        return [r for r in self.recordings if r.hand.hand == hand and r.role in roles and not r.exclude]
+
+    def evaluated(self, hand: str, made_without: str = "") -> list[Recording]:
+        """Recordings that tips are evaluated on; for a skeleton made without a task, those of that task."""
+        recordings = self.recordings_of(hand, "evaluation", "both")
+        return [r for r in recordings if made_without in ("", r.task)]
+
+    def all_calibrating(self, hand: str) -> list[Recording]:
+        """Recordings that may calibrate the hand under some model."""
+        return self.recordings_of(hand, "calibration", "both")
+
+    def calibrating(self, hand: str, model: str, made_without: str = "") -> list[Recording]:
+        """Recordings that joints are solved from under a model, without a task where one is named."""
+        known = [r for r in self.all_calibrating(hand) if not made_without or r.task != made_without]
+        scored = [r for r in known if r.role == "both"]
+        chosen = self.is_study and self.models[model].calibration == "evaluated" and scored
+        return scored if chosen else known
+
+    def left_out(self, hand: str, model: str) -> list[str]:
+        """Tasks to leave out in turn: those evaluated that would else be calibrated on as well.
+
+        One without which nothing is left to calibrate on is not among them.
+        """
+        if not self.is_study:
+            return []
+        used = {recording.task for recording in self.calibrating(hand, model)}
+        tasks = dict.fromkeys(recording.task for recording in self.evaluated(hand))
+        return [task for task in tasks if task in used and self.calibrating(hand, model, task)]
+
+    def part(self, hand: str, model: str = "", made_without: str = "") -> Part:
+        """Give a part of the subject's tables."""
+        return Part(hand, model, made_without, self.subject)
+
+    def parts(self, *models: str) -> list[Part]:
+        """Every skeleton of those models (default: all): the whole one, then those without each task."""
+        return [
+            self.part(hand, model, task)
+            for hand in self.hands
+            for model in models or self.models
+            for task in ("", *self.left_out(hand, model))
+        ]
+
+
+class StudyPlans:
+    """Plans of a study's subjects. results : the study's results folder."""
+
+    def __init__(self, study: Study, results: Path) -> None:
+        self._study, self._results = study, results
+        self._models = [read_config(path, "model") for path in study.models.values()]
+        layouts = {study.layout_of(hand) for hand in study.hands}
+        self._layouts = {path: read_config(path, "layout") for path in layouts}
+        readers = {
+            "participants": read_participants,
+            "corrections": read_corrections,
+            "measurements": read_measurements,
+            "touches": read_touches,
+        }
+        self._rows: dict[str, dict[str, list[dict[str, Any]]]] = {name: {} for name in readers}
+        for name, read in readers.items():
+            for row in read(study.sheets.get(name)):
+                self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
+
+    def content(self, subject: str) -> dict[str, Any]:
+        """Give a subject's plan as JSON types."""
+        study = self._study.of_subject(subject)
+        sizes = next(iter(self._rows["participants"].get(subject, [])), {})
+        sheets = ("corrections", "measurements", "touches")
+        return {
+            "plan": VERSION,
+            "study": study.name,
+            "subject": subject,
+            "folder": (self._results / f"sub-{path_token(subject)}").as_posix(),
+            **{name: sizes.get(name) for name in SIZES},
+            "recordings": [_recording(recording, study, self._results) for recording in study.recordings],
+            "layouts": {hand.hand: self._layouts[study.layout_of(hand)] for hand in study.hands},
+            "models": self._models,
+            **{name: self._rows[name].get(subject, []) for name in sheets},
+            "sheets": {name: _relative(study.sheets[name]) for name in sheets if name in study.sheets},
+        }
+
+    def fit_content(self, subject: str, hand: str, model: str) -> dict[str, Any]:
+        """Give the plan of a fit of a hand: with its model alone, and that hand unless lengths are shared."""
+        content = self.content(subject)
+        config = next(config for config in self._models if config["model"] == model)
+        if not config["fit"]["share_lengths"]:
+            for name in ("recordings", "measurements", "touches"):
+                content[name] = [row for row in content[name] if row["hand"] == hand]
+            content["layouts"] = {hand: content["layouts"][hand]}
+        return content | {"models": [config], "corrections": []}
+
+
+def _recording(recording: Recording, study: Study, results: Path) -> dict[str, Any]:
+    simulated = study.simulation is not None and recording.file.parent == study.simulation.folder
+    return {
+        "hand": recording.hand.hand,
+        "task": recording.task,
+        "trial": recording.trial,
+        "role": recording.role,
+        "file": _relative(recording.file),
+        "file_as_written": recording.file_as_written,
+        "layout": _layout_name(recording.layout),
+        "format": recording.format,
+        "mapping": None if recording.mapping is None else _relative(recording.mapping),
+        "hemisphere": recording.hemisphere,
+        "exclude": recording.exclude,
+        "poses": (results / recording.hand.folder / recording.name / "poses.parquet").as_posix(),
+        "truth": _relative(truth_folder(recording.file)) if simulated else None,
+    }
+
+
+def _layout_name(path: Path) -> str:
+    """The name of a layout that ships, wherever the program is; else its path."""
+    return path.stem if path.parent == CONFIG_FOLDER / "layouts" else _relative(path)
+
+
+def truth_folder(file: Path) -> Path:
+    """Folder of the truth tables that the simulator writes beside a recording."""
+    return file.with_name(f"{file.name.rsplit('.', 1)[0]}_truth")
+
+
+def plan_of_poses(
+    calibration: Sequence[Path],
+    evaluated: Sequence[Path],
+    layout: Layout,
+    models: Sequence[SkeletonModel],
+    *,
+    subject: str | None = None,
+    hand: str | None = None,
+    sizes_mm: Mapping[str, float | None] | None = None,
+    sheets: Mapping[str, Path | None] | None = None,
+) -> SubjectPlan:
+    """Make a plan of one hand's poses files as a command line names them, for a stage that is run alone.
+
+    calibration, evaluated : poses files, one may be both. subject, hand : whose, where no file says it.
+    sizes_mm : hand_length_mm and hand_breadth_mm. sheets : paths of corrections, measurements and touches, of
+    which the rows of this hand count. Raises InputError where the files are of several hands.
+    """
+    subject, hand = one_hand([*calibration, *evaluated], subject, hand)
+    files: dict[Recording, Path] = {}
+    for path in dict.fromkeys([*calibration, *evaluated]):
+        roles = [
+            name for name, paths in (("calibration", calibration), ("evaluation", evaluated)) if path in paths
+        ]
+        name = recording_name(path)
+        role = "both" if len(roles) == 2 else roles[0]
+        given = (path, str(path), Path(layout.name), "auto", None, "keep", "")
+        files[Recording(Hand(subject, hand), name.task, name.trial, role, *given)] = path
+    named = {name: path for name, path in (sheets or {}).items() if path is not None}
+    readers = {"corrections": read_corrections, "measurements": read_measurements, "touches": read_touches}
+    rows = {
+        name: tuple(row for row in read(named.get(name)) if (row["subject"], row["hand"]) == (subject, hand))
+        for name, read in readers.items()
+    }
+    sizes = sizes_mm or {}
+    return SubjectPlan(
+        "", subject, Path(), sizes.get("hand_length_mm"), sizes.get("hand_breadth_mm"), tuple(files),
+        {hand: layout}, {model.name: model for model in models}, **rows, sheets=named, poses_files=files,
+        truth_folders={}, is_study=False,
+    )  # fmt: skip
+
+
+def plan_text(plan: Mapping[str, Any]) -> str:
+    """Give a plan as the text of its file; the same plan, the same text."""
+    return json.dumps(plan, ensure_ascii=False, indent=1) + "\n"  # in the order of layouts and models
+
+
+def plan_digest(*contents: Any) -> str:
+    """Give a digest of parts of a plan, for the workflow to see when they change."""
+    return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def read_plan(path: Path) -> SubjectPlan:
+    """Read a subject's plan. Raises InputError where the file is absent or is no plan of this version."""
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; run the study to write the subject's plan") from error
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: not a subject's plan ({error}); remove it and run the study again"
+        ) from error
+    if not isinstance(content, dict) or content.get("plan") != VERSION:
+        raise InputError(
+            f"{path}: not a subject's plan of version {VERSION}; remove it and run the study again"
+        )
+    try:
+        return plan_from_content(content, str(path))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path}: a damaged plan ({type(error).__name__}: {error}); remove it and run the study again"
+        ) from error
+
+
+def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
+    """Make a plan of its file's content; `where` names it in errors."""
+    models = [model_from_config(config, where) for config in content["models"]]
+    recordings = {_read_recording(entry, content["subject"]): entry for entry in content["recordings"]}
+    return SubjectPlan(
+        study=content["study"],
+        subject=content["subject"],
+        folder=Path(content["folder"]),
+        hand_length_mm=content["hand_length_mm"],
+        hand_breadth_mm=content["hand_breadth_mm"],
+        recordings=tuple(recordings),
+        layouts={hand: layout_from_config(config, where) for hand, config in content["layouts"].items()},
+        models={model.name: model for model in models},
+        corrections=_rows(content["corrections"]),
+        measurements=_rows(content["measurements"]),
+        touches=_rows(content["touches"]),
+        sheets={name: Path(file) for name, file in content["sheets"].items()},
+        poses_files={recording: Path(entry["poses"]) for recording, entry in recordings.items()},
+        truth_folders={r: Path(entry["truth"]) for r, entry in recordings.items() if entry["truth"]},
+    )
+
+
+def _read_recording(entry: Mapping[str, Any], subject: str) -> Recording:
+    values = {name: value for name, value in entry.items() if name not in ("poses", "truth")}
+    mapping = values["mapping"]
+    return Recording(
+        **values
+        | {
+            "hand": Hand(subject, values["hand"]),
+            "file": Path(values["file"]),
+            "layout": Path(values["layout"]),
+            "mapping": None if mapping is None else Path(mapping),
+        }
+    )
+
+
+def _rows(entries: list[dict[str, Any]]) -> tuple[Row, ...]:
+    """Rows without their lines, which change where another subject's row is inserted above."""
+    return tuple(Row(0, entry) for entry in entries)
+
+
+def _relative(path: str | Path) -> str:
+    return Path(os.path.relpath(path)).as_posix()

@@ -1,0 +1,61 @@
+"""What became of a recording: its row of the recordings table, from its poses table's rows and parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from schemas.catalogue import POSES
+from schemas.errors import InputError
+from schemas.study import Recording
+from schemas.tables import read_metadata, read_table
+
+Row = dict[str, Any]
+
+
+def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
+    """Give the recording's row of the recordings table, and a sentence for each problem with it.
+
+    poses : the recording's poses table; an excluded recording needs none.
+    """
+    row: Row = {
+        "subject": recording.hand.subject,
+        "hand": recording.hand.hand,
+        "task": recording.task,
+        "trial": recording.trial,
+        "role": recording.role,
+        "file": recording.file_as_written,
+        "status": "used",
+        "n_frames": 0,
+        "message": "",
+    }
+    if recording.exclude:
+        return row | {"status": "excluded", "message": recording.exclude}, []
+    try:
+        table = read_table(poses, POSES, ["segment", "time_s", "valid"])
+    except InputError as error:
+        return row | {"status": "failed", "message": str(error)}, [str(error)]
+    parameters = read_metadata(poses)["parameters"]
+    by_segment = table.group_by("segment", use_threads=False).aggregate([("valid", "sum")])
+    n_valid = dict(zip(*(column.to_pylist() for column in by_segment.columns), strict=True))
+    absent = parameters.get("absent", [])
+    dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
+    problems = [f"no usable pose of {', '.join(dead)}; check that receiver"] if dead else []
+    problems += [parameters["doubt"]] if parameters.get("doubt") else []
+    problems += parameters.get("losses", [])
+    row["message"] = "; ".join(dict.fromkeys([*problems, *parameters.get("notes", [])]))
+    n_frames = table.num_rows // max(len(n_valid), 1)
+    expected = (n_frames + parameters.get("missing_frames", 0)) * len({*n_valid, *absent})
+    row["n_frames"] = n_frames
+    row["duration_s"] = _duration_s(table)
+    row["valid_percent"] = 100.0 * sum(n_valid.values()) / expected if expected else None
+    return row, problems
+
+
+def _duration_s(poses: pa.Table) -> float | None:
+    """Time from the first device time to the last; None where there is none."""
+    times = pc.min_max(poses["time_s"]).as_py()
+    return None if times["min"] is None else float(times["max"] - times["min"])

@@ -1,0 +1,143 @@
+"""Rotations: unit quaternions (w, x, y, z) and 3 x 3 matrices, whole arrays at a time.
+
+A quaternion and its negative are the same rotation; every function here treats them so.
+Directions: `rotate(q, v)` and `matrix(q) @ v` take v from the receiver's frame to the transmitter's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+_TINY = 1e-300
+
+
+def matrix(quaternion: Array) -> Array:
+    """Rotation matrices of unit quaternions.
+
+    quaternion : array, shape (..., 4), unit (w, x, y, z). Returns shape (..., 3, 3).
+    """
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    out = np.empty((*quaternion.shape[:-1], 3, 3))
+    out[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    out[..., 0, 1] = 2 * (x * y - w * z)
+    out[..., 0, 2] = 2 * (x * z + w * y)
+    out[..., 1, 0] = 2 * (x * y + w * z)
+    out[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    out[..., 1, 2] = 2 * (y * z - w * x)
+    out[..., 2, 0] = 2 * (x * z - w * y)
+    out[..., 2, 1] = 2 * (y * z + w * x)
+    out[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    return out
+
+
+def from_matrix(rotation: Array) -> Array:
+    """Unit quaternions (w >= 0) of rotation matrices.
+
+    rotation : array, shape (..., 3, 3). Returns shape (..., 4), (w, x, y, z).
+    Uses, element by element, the best conditioned of the four formulas (Shepperd 1978).
+    """
+    m = rotation
+    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    squares = np.stack([trace, *(2 * m[..., i, i] - trace for i in range(3))], -1) + 1.0
+    best = np.argmax(squares, -1)
+    big = np.sqrt(np.maximum(np.take_along_axis(squares, best[..., None], -1), _TINY))
+    a, b, c = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
+    d, e, f = m[..., 1, 0] + m[..., 0, 1], m[..., 0, 2] + m[..., 2, 0], m[..., 2, 1] + m[..., 1, 2]
+    square = big[..., 0] ** 2
+    rows = np.stack(
+        [
+            np.stack([square, a, b, c], -1),
+            np.stack([a, square, d, e], -1),
+            np.stack([b, d, square, f], -1),
+            np.stack([c, e, f, square], -1),
+        ],
+        -2,
+    )
+    quaternion = np.take_along_axis(rows, best[..., None, None], -2)[..., 0, :] / (2 * big)
+    return np.asarray(np.where(quaternion[..., :1] < 0, -quaternion, quaternion))
+
+
+def multiply(first: Array, second: Array) -> Array:
+    """Hamilton product, shapes (..., 4): the rotation `second`, then the rotation `first`."""
+    aw, ax, ay, az = np.moveaxis(first, -1, 0)
+    bw, bx, by, bz = np.moveaxis(second, -1, 0)
+    w = aw * bw - ax * bx - ay * by - az * bz
+    out = np.empty((*w.shape, 4))
+    out[..., 0] = w
+    out[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    out[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    out[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    return out
+
+
+def conjugate(quaternion: Array) -> Array:
+    """Inverse rotations of unit quaternions, shape (..., 4)."""
+    return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def rotate(quaternion: Array, vector: Array) -> Array:
+    """Vectors (..., 3) rotated by unit quaternions (..., 4); the shapes broadcast."""
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    a, b, c = np.moveaxis(vector, -1, 0)
+    u, v, t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    out = np.empty((*u.shape, 3))  # v + w 2(q x v) + q x 2(q x v); written out, np.cross being slow
+    out[..., 0] = a + w * u + y * t - z * v
+    out[..., 1] = b + w * v + z * u - x * t
+    out[..., 2] = c + w * t + x * v - y * u
+    return out
+
+
+def left_matrix(quaternion: Array) -> Array:
+    """Matrix (4, 4) of a quaternion (4,), so that `left_matrix(q) @ other` is `multiply(q, other)`."""
+    w, x, y, z = quaternion
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+
+
+def about_axis(axis: Array, angle_rad: Array | float) -> Array:
+    """Unit quaternions (..., 4) that turn by angle_rad (...) about unit axes (..., 3)."""
+    half = np.asarray(angle_rad, float)[..., None] / 2
+    vector = np.sin(half) * axis
+    return np.concatenate([np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1)), vector], -1)
+
+
+def angle(quaternion: Array) -> Array:
+    """Rotation angles in radians, 0 to pi, of unit quaternions (..., 4)."""
+    sine = np.linalg.norm(quaternion[..., 1:], axis=-1)
+    return np.asarray(2.0 * np.arctan2(sine, np.abs(quaternion[..., 0])))
+
+
+def nearest_rotation(m: Array) -> Array:
+    """The rotation matrix nearest (Frobenius) to each 3 x 3 matrix, shape (..., 3, 3)."""
+    u, _, vt = np.linalg.svd(m)
+    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
+    return np.asarray(u @ vt)
+
+
+def unit(vector: Array) -> Array:
+    """Vectors (..., 3) scaled to length one; a zero vector stays zero."""
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    return np.asarray(vector / np.where(length > 0, length, 1.0))
+
+
+def bone_frame(direction: Array, dorsal: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of a bone's frame: x along `direction`, z towards `dorsal`.
+
+    Both (..., 3), in the frame that the result turns into; neither zero nor parallel.
+    """
+    x = unit(direction)
+    z = unit(dorsal - x * np.sum(x * dorsal, -1, keepdims=True))
+    return np.stack([x, np.cross(z, x), z], -1)
+
+
+def mean_rotation(quaternion: Array) -> Array:
+    """The rotation (4,), w >= 0, nearest to all of (N, 4), signs aside; identity of none.
+
+    Markley et al. 2007, J Guid Control Dyn 30:1193.
+    """
+    if not len(quaternion):
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    mean = np.linalg.eigh(quaternion.T @ quaternion)[1][:, -1]
+    return np.asarray(-mean if mean[0] < 0 else mean)

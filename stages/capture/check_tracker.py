@@ -1,0 +1,42 @@
+"""Command line: what a tracker answers, and two seconds of what it sends; nothing is recorded."""
+
+from __future__ import annotations
+
+import argparse
+
+from stages.capture import tracker_options
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the subcommand's argument parser."""
+    parser = tracker_options.parser(
+        "check",
+        "Set a tracker up as `record` does, say what it answers and what two seconds of its stream\n"
+        "hold, and set it back. Exit code: 0 where it works, 2 where it does not.",
+        "python -m stages.capture check --port /dev/ttyUSB0",
+    )
+    tracker_options.add_tracker(parser)
+    return parser
+
+
+def main(argv: list[str]) -> int:
+    """Run the subcommand; gives the exit code."""
+    return tracker_options.run(build_parser().parse_args(argv), check_tracker)
+
+
+def check_tracker(options: argparse.Namespace) -> int:
+    """Print what there is to say of the tracker."""
+    from trackers.record.port import open_port
+    from trackers.record.recording_terminal import StopRequest, stop_on_signals
+    from trackers.record.tracker_check import check
+
+    request = tracker_options.recording_request(options)
+    stop = StopRequest()
+    with stop_on_signals(stop):
+        port = open_port(options.port, options.baud, options.line_rate)
+        try:
+            for line in check(port, request, stop):
+                print(line, flush=True)
+        finally:
+            port.close()
+    return 0

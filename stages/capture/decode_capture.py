@@ -1,0 +1,73 @@
+"""Command line: raw archive -> table of records."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from stages import command_line
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the subcommand's argument parser."""
+    parser = command_line.parser(
+        "stages.capture decode",
+        "Turn a raw capture into a table of every record that the tracker sent. The same capture gives the\n"
+        "same table, byte for byte; the capture is never changed.",
+        "python -m stages.capture decode --in rom.arrows --out rom_records.parquet",
+    )
+    parser.add_argument("--in", dest="capture", type=Path, required=True, help="the raw capture (.arrows)")
+    parser.add_argument("--out", type=Path, required=True, help="the table of records to write (.parquet)")
+    parser.add_argument(
+        "--repair-hemisphere",
+        action="store_true",
+        help="fill the columns repaired_x_mm, ... with positions whose hemisphere flips are put back",
+    )
+    return parser
+
+
+def main(argv: list[str]) -> int:
+    """Run the subcommand; gives the exit code."""
+    return command_line.run(build_parser().parse_args(argv), decode, record_failure)
+
+
+def decode(options: argparse.Namespace) -> None:
+    """Decode the capture; what is wrong with it goes to stderr, a line of totals to stdout."""
+    from schemas.catalogue import CAPTURE_RECORDS
+    from schemas.tables import Provenance, write_table_in_parts
+    from trackers.archive import open_archive
+    from trackers.decode.findings import facts, findings
+    from trackers.decode.records_table import flagged_records, table_columns
+    from trackers.decode.survey import survey_archive
+
+    archive = open_archive(options.capture)
+    survey = survey_archive(archive)
+    sentences = findings(survey)
+    for sentence in sentences:
+        print(f"note: {options.capture}: {sentence}", file=sys.stderr)
+    provenance = Provenance.of(
+        [options.capture],
+        about=dict(archive.about),
+        found=sentences,
+        repair_hemisphere=options.repair_hemisphere,
+        **facts(survey),
+    )
+    parts = (
+        table_columns(part, repair=options.repair_hemisphere) for part in flagged_records(archive, survey)
+    )
+    rows = write_table_in_parts(options.out, CAPTURE_RECORDS, parts, provenance)
+    frames = survey.last_frame - survey.first_frame + 1 if rows else 0
+    print(
+        f"{options.out}: {rows} records of {len(survey.records)} receivers in {frames} frames, "
+        f"{survey.missing_frames} frames missing, {len(survey.partial_frames)} partial, "
+        f"{survey.skipped_bytes} bytes skipped, {len(survey.flips)} hemisphere flips"
+    )
+
+
+def record_failure(options: argparse.Namespace, message: str) -> None:
+    """Write the table without rows and the reason."""
+    from schemas.catalogue import CAPTURE_RECORDS
+    from schemas.tables import Provenance, write_failure
+
+    write_failure(options.out, CAPTURE_RECORDS, message, Provenance.of([options.capture]))

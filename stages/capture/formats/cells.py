@@ -1,0 +1,142 @@
+"""A file's columns by name, of text or of numbers; a cell that is not what its column holds is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from schemas.bids.decimals import NotANumberError, numbers_of
+from schemas.errors import InputError
+
+EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
+"""What people and programs write for "no value"."""
+
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+
+_LARGEST_EXACT = 2.0**53
+"""Beyond this a floating-point number no longer tells one whole number from the next."""
+
+
+class Cells:
+    """N rows of some columns; every method raises InputError that names the row of the first bad cell.
+
+    place : row, counted from 0, to file and line, for messages. empty : of columns of text, the texts that
+    mean "no value"; None where the file has number types. decimal : the decimal mark of text.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        table: pa.Table,
+        place: Callable[[int], str],
+        empty: Sequence[str] | None = None,
+        decimal: str = ".",
+    ) -> None:
+        self.place = place
+        self.rows: int = table.num_rows
+        self._path, self._empty, self._decimal = path, empty, decimal
+        self.names: list[str] = table.column_names
+        self._columns = dict(zip(table.column_names, table.columns, strict=True))
+        self._reals: dict[str, npt.NDArray[np.float64]] = {}
+
+    def reals(self, name: str) -> npt.NDArray[np.float64]:
+        """Numbers, shape (N,); NaN where the cell is empty."""
+        if name not in self._reals:
+            numbers = self._numbers(name) if self._empty is None else self._parsed_numbers(name, self._empty)
+            self._reals[name] = np.asarray(numbers.to_numpy(), float)
+        return self._reals[name]
+
+    def shifted_reals(self, name: str, shift: int) -> npt.NDArray[np.float64]:
+        """Numbers of a column of text times 10**shift, rounded once, shape (N,); NaN where it is empty."""
+        try:
+            return numbers_of(self._columns[name].combine_chunks(), shift)
+        except NotANumberError as bad:
+            raise self._refusal(name, bad.index, "a number") from bad
+
+    def wholes(self, name: str) -> npt.NDArray[np.int64]:
+        """Whole numbers, shape (N,), 3.0 among them; an empty cell is refused."""
+        column = self._columns[name]
+        exact = None
+        if self._empty is not None or pa.types.is_integer(column.type):
+            exact = _cast(column, pa.int64())
+        if exact is not None and not exact.null_count:
+            return np.asarray(exact.to_numpy(), np.int64)
+        reals = self.reals(name)
+        whole = (np.abs(reals) <= _LARGEST_EXACT) & (reals == np.floor(reals))
+        self._refuse_first(~whole, name, "a whole number")
+        return reals.astype(np.int64)
+
+    def names_in(self, name: str) -> tuple[npt.NDArray[np.int64], list[str]]:
+        """Text as (N,) indices into a list of names; an empty cell is refused."""
+        column = self._columns[name]
+        kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+        if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+            raise InputError(f"{self._path}: column {name} is {kind}; expected text")
+        encoded = column.cast(kind).cast(pa.string()).dictionary_encode().combine_chunks()
+        trimmed = _trimmed(encoded.dictionary, self._empty or [])
+        codes = pc.take(trimmed.dictionary_encode(), encoded.indices)
+        self._refuse_first(pc.is_null(codes).to_numpy(zero_copy_only=False), name, "a name")
+        return np.asarray(codes.indices.to_numpy(), np.int64), codes.dictionary.to_pylist()
+
+    def _numbers(self, name: str) -> pa.ChunkedArray:
+        column = self._columns[name]
+        is_number = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal, pa.types.is_null)
+        if not any(check(column.type) for check in is_number):
+            raise InputError(f"{self._path}: column {name} is {column.type}; expected numbers")
+        return column.cast(pa.float64(), safe=False)
+
+    def _parsed_numbers(self, name: str, empty: Sequence[str]) -> pa.ChunkedArray:
+        text = self._columns[name]
+        if self._decimal == ",":
+            points = pc.fill_null(pc.match_substring(text, "."), False)
+            self._refuse_first(points.to_numpy(), name, "a number with a decimal comma")
+            text = pc.replace_substring(text, ",", ".")
+        numbers = _cast(text, pa.float64())
+        if numbers is None:
+            text = _trimmed(text, empty)
+            numbers = _cast(text, pa.float64())
+        if numbers is None:
+            row = _first_bad(text)
+            comma = _DECIMAL_COMMA.fullmatch(text[row].as_py())
+            raise self._refusal(name, row, "a number" + " with a decimal point, not a comma" * bool(comma))
+        return numbers
+
+    def _refuse_first(self, bad: npt.NDArray[np.bool_], name: str, expected: str) -> None:
+        if bad.any():
+            raise self._refusal(name, int(np.argmax(bad)), expected)
+
+    def _refusal(self, name: str, row: int, expected: str) -> InputError:
+        cell = self._columns[name][row].as_py()
+        cell = cell.strip() if isinstance(cell, str) else cell
+        what = "is empty" if cell is None else f"is {cell!r}"
+        return InputError(f"{self.place(row)}, column {name}: {what}; expected {expected}")
+
+
+def _cast(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:
+    try:
+        return column.cast(kind)
+    except pa.ArrowInvalid:
+        return None
+
+
+def _trimmed(text: pa.Array, empty: Sequence[str]) -> pa.Array:
+    bare = pc.utf8_trim_whitespace(text)
+    return pc.if_else(pc.is_in(bare, pa.array(empty, pa.string())), pa.scalar(None, pa.string()), bare)
+
+
+def _first_bad(text: pa.ChunkedArray) -> int:
+    """Find the first cell that is no number by halving; there is one."""
+    low, high = 0, len(text)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if _cast(text[low:middle], pa.float64()) is None:
+            high = middle
+        else:
+            low = middle
+    return low

@@ -1,0 +1,120 @@
+"""Motion-BIDS: a `*_motion.tsv` and the sidecars that say what its columns are (BIDS, Motion)."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from schemas.errors import InputError
+from schemas.layout import Layout
+from schemas.mapping import FileMapping
+from skeleton.rotations import Array
+from stages.capture.formats.cells import EMPTY, Cells
+from stages.capture.formats.exported_channels import ExportedChannels
+from stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
+from stages.capture.formats.motion_sidecars import Channel, Sidecars, read_sidecars
+from stages.capture.formats.orientation import quaternions
+from stages.capture.formats.text_table import TextTable
+from stages.capture.formats.tracked_points import SHIFT_TO_MM, Point, check_frames, check_unit, find_point
+from stages.capture.samples import ReadingOptions, Samples
+
+SECONDS_SHIFT = {"s": 0, "ms": -3, "us": -6}
+
+
+def read_motion_bids(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
+    """Read a motion.tsv with its channels.tsv, channels.json and motion.json.
+
+    Without a mapping every tracked point must be a segment of the layout. Times are those of the LATENCY
+    channel, else they are counted by SamplingFrequency; frames are counted from 0. A file that
+    `stages.capture export-bids` wrote gives its frame numbers, device times and flags back.
+    Raises InputError where anything is absent, inconsistent or in a unit that is not known.
+    """
+    sidecars = read_sidecars(path)
+    where = str(sidecars.channels_path)
+    known = sidecars.points()
+    mapping = options.mapping or implied_mapping(where, "motion-bids", "tracked_point", known)
+    names = [name_in_file(mapping, segment, "tracked_point", known, where) for segment in mapping.receivers]
+    points = [find_point(sidecars, name, mapping) for name in names]
+    check_frames(sidecars, points)
+    exported = ExportedChannels.of(path, sidecars, names)
+    times = [exported.time.get(name) or _latency(sidecars, name) for name in names]
+    used = [*itertools.chain(*(point.channels for point in points)), *times, *exported.flags.values()]
+    wanted = [channel.title for channel in [*used, exported.frame] if channel is not None]
+    missing, sentinel = _missing_values(sidecars)
+    titles = tuple(channel.title for channel in sidecars.channels)
+    expected = f"{len(titles)}, one for each row of channels.tsv (motion.tsv has no header line)"
+    empty = (*EMPTY, "n/a", *missing)
+    text = TextTable(path, lambda: path.open("rb"), "\t", titles, titles, 0, expected, empty, quoted=False)
+    cells = text.cells(wanted)
+    rate_hz = 1.0 if all(times) else _rate_hz(path, sidecars, mapping)
+    row = np.arange(cells.rows)
+    frame = row if exported.frame is None else cells.wholes(exported.frame.title)
+    tracks = []
+    for name, point, channel in zip(names, points, times, strict=True):
+        time_s = row / rate_hz if channel is None else _times(cells, channel, sidecars)
+        track = Track(row, frame, time_s, _numbers(cells, point, mapping, sentinel))
+        tracks.append(exported.track(cells, name, track))
+    return samples_of_tracks(tracks, mapping, layout, cells.place)
+
+
+def _latency(sidecars: Sidecars, name: str) -> Channel | None:
+    channels = [c for c in sidecars.channels if c.type == "LATENCY" and c.tracked_point == name]
+    channels = channels or [c for c in sidecars.channels if c.type == "LATENCY" and c.tracked_point == "n/a"]
+    if len(channels) > 1:
+        raise InputError(
+            f"{sidecars.channels_path}: tracked point {name}: has {len(channels)} LATENCY channels; "
+            "expected one"
+        )
+    return channels[0] if channels else None
+
+
+def _times(cells: Cells, channel: Channel, sidecars: Sidecars) -> Array:
+    check_unit(sidecars, channel, tuple(SECONDS_SHIFT))
+    return cells.shifted_reals(channel.title, SECONDS_SHIFT[channel.units])
+
+
+def _rate_hz(path: Path, sidecars: Sidecars, mapping: FileMapping) -> float:
+    stated_hz = sidecars.sampling_frequency_hz()
+    if stated_hz is None and mapping.rate_hz is None:
+        raise InputError(
+            f"{path}: has no LATENCY channel and its motion.json no SamplingFrequency above 0; "
+            "add SamplingFrequency there, or rate_hz in a mapping"
+        )
+    if stated_hz is not None and mapping.rate_hz not in (None, stated_hz):
+        raise InputError(
+            f"{mapping.where}: rate_hz: is {mapping.rate_hz:g}, but motion.json has the SamplingFrequency "
+            f"{stated_hz:g}; find out which is right"
+        )
+    return float(stated_hz or mapping.rate_hz or 0)
+
+
+def _missing_values(sidecars: Sidecars) -> tuple[list[str], float | None]:
+    """What motion.json's MissingValues adds to the usual "no value": a text, or a number."""
+    value = sidecars.motion.get("MissingValues")
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        return [], None
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):
+        return [str(value)], None
+    return ([str(value)], None) if np.isnan(number) else ([], number)
+
+
+def _numbers(cells: Cells, point: Point, mapping: FileMapping, sentinel: float | None) -> Array:
+    """Poses as Samples have them, shape (T, 7); a pose that is the sentinel throughout is missing."""
+    position = [cells.shifted_reals(channel.title, SHIFT_TO_MM[channel.units]) for channel in point.position]
+    turning = [cells.shifted_reals(channel.title, 0) for channel in point.orientation]
+    rotates = (mapping.orientation or {}).get("rotates", "receiver-to-transmitter")
+    if point.axes is None:
+        orientation = {"kind": "quaternion", "order": "wxyz", "rotates": rotates}
+    else:
+        unit = point.orientation[0].units
+        orientation = {"kind": "euler", "axes": point.axes, "unit": unit, "rotates": rotates}
+    turned = quaternions(np.stack(turning, -1), orientation, cells.place)
+    numbers = np.concatenate([np.stack(position, -1), turned], -1)
+    if sentinel is not None:
+        raw = np.stack([cells.shifted_reals(channel.title, 0) for channel in point.channels], -1)
+        numbers[(raw == sentinel).all(-1)] = np.nan
+    return np.asarray(numbers)

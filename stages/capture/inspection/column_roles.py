@@ -1,0 +1,198 @@
+"""What the columns of a table seem to be: time, frame, receiver, positions, orientations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from skeleton.rotations import Array
+
+_NORM_SHARE = 0.9
+_NORM_OFF = 0.02
+
+_TIME = re.compile(r"time|stamp|^t$|^t_|sec", re.I)
+_FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
+_RECEIVER = re.compile(r"receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
+_ASIDE = re.compile(r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp", re.I)
+_ANGLE = re.compile(
+    r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
+)
+_AXIS = re.compile(
+    r"(?P<before>.*?)(?P<axis>(?<![a-z])az(imuth)?|(?<![a-z])el(ev(ation)?)?|(?<![a-z])rol?l?|[wxyz])"
+    r"(?P<after>[\W_]*(mm|cm|m|in|inch|deg|rad)?[\W_]*\d*[\W_]*)",
+    re.I,
+)
+"""A title's axis, and what the titles of the same receiver share before and after it."""
+
+_NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What the columns, by title, seem to be.
+
+    quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
+    the table. aside : numbers that are none of these; text : columns that hold no numbers.
+    guessed : titles of which neither name nor numbers say what they are, only their place in the table.
+    """
+
+    time: str | None = None
+    frame: str | None = None
+    receiver: str | None = None
+    quaternions: list[list[str]] = field(default_factory=list)
+    matrices: list[list[str]] = field(default_factory=list)
+    angles: list[list[str]] = field(default_factory=list)
+    positions: list[list[str]] = field(default_factory=list)
+    aside: list[str] = field(default_factory=list)
+    text: list[str] = field(default_factory=list)
+    guessed: set[str] = field(default_factory=set)
+
+    @property
+    def orientations(self) -> tuple[str, list[list[str]]]:
+        """The kind of orientation that there is most of, and its groups."""
+        kinds = {"quaternion": self.quaternions, "matrix": self.matrices, "euler": self.angles}
+        kind = max(kinds, key=lambda name: len(kinds[name]))
+        return kind, kinds[kind]
+
+
+def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
+    """Tell columns apart by their numbers and, where these leave it open, by their names.
+
+    titles : all columns; numbers : those that hold numbers, title -> (N,).
+    """
+    numeric = [title for title in titles if title in numbers]
+    named = _named_groups(numeric, numbers)
+    time = next((t for t in numeric if _TIME.search(t) and _grows(numbers[t])), None)
+    frame = next((t for t in numeric if t != time and _FRAME.search(t) and _whole(numbers[t])), None)
+    receiver = next((t for t in titles if t not in (time, frame) and _is_receiver(t, numbers.get(t))), None)
+    text = [title for title in titles if title not in numbers and title != receiver]
+    left = [title for title in numeric if title not in (time, frame, receiver)]
+    guessed = set()
+    if time is None and _first_is_time(left, numbers, named):
+        time = left.pop(0)
+        guessed.add(time)
+    aside = [title for title in left if _ASIDE.search(title)]
+    roles = Roles(time, frame, receiver, aside=aside, text=text, guessed=guessed)
+    _sort([title for title in left if title not in aside], numbers, named, roles)
+    return roles
+
+
+def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
+    """Titles that differ in their axis only, each title -> its group in the order of the table.
+
+    w, x, y, z are a group only where a q stands before them or their norm is 1.
+    """
+    alike: dict[tuple[str, str], dict[str, str]] = {}
+    for title in titles:
+        if match := _AXIS.fullmatch(title):
+            axes = alike.setdefault((match["before"].lower(), match["after"].lower()), {})
+            axes.setdefault(match["axis"][0].lower(), title)
+    groups: dict[str, list[str]] = {}
+    for (before, _), axes in alike.items():
+        for names in _NAMED_GROUPS:
+            group = [title for axis, title in axes.items() if axis in names]
+            if len(group) < len(names) or group[0] in groups:
+                continue
+            if len(names) == 3 or before.endswith("q") or _off_rotation(group, numbers, 4) < _NORM_OFF:
+                groups |= dict.fromkeys(group, group)
+    return groups
+
+
+def _first_is_time(left: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, object]) -> bool:
+    """Whether the first column grows with every row and no other does that no name puts in a group."""
+    free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
+    growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
+    return bool(growing) and growing == [left[0]]
+
+
+def _sort(
+    free: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, list[str]], roles: Roles
+) -> None:
+    """Put columns into groups: rotations by their numbers, then by names, what is left by threes."""
+    run: list[str] = []
+    while free:
+        group = named.get(free[0], [])
+        size = next((n for n in (9, 4) if _is_rotation(free, numbers, n) and _keeps(free[:n], named)), 0)
+        if not size and not set(group) <= set(free):
+            group = []
+        if not (size or group):
+            run.append(free[0])
+            free = free[1:]
+            continue
+        _sort_triples(run, numbers, roles)
+        run = []
+        taken = list(free[:size]) if size else group
+        if len(taken) == 3:
+            (roles.angles if _named_angles(taken) else roles.positions).append(taken)
+        else:
+            (roles.matrices if len(taken) == 9 else roles.quaternions).append(taken)
+        free = [title for title in free if title not in taken]
+    _sort_triples(run, numbers, roles)
+
+
+def _keeps(titles: Sequence[str], named: Mapping[str, list[str]]) -> bool:
+    """Whether the titles have every named group whole or not at all."""
+    return all(set(named.get(title, ())) <= set(titles) for title in titles)
+
+
+def _named_angles(titles: Sequence[str]) -> bool:
+    axes = [match["axis"] for title in titles if (match := _AXIS.fullmatch(title))]
+    by_axis = len(axes) == 3 and {axis[0].lower() for axis in axes} == {"a", "e", "r"}
+    return by_axis or sum(bool(_ANGLE.search(title)) for title in titles) >= 2
+
+
+def _grows(values: Array) -> bool:
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(len(steps) and (steps >= 0).all() and (steps > 0).any())
+
+
+def _whole(values: Array) -> bool:
+    return bool(_grows(values) and (values == np.floor(values)).all())
+
+
+def _is_receiver(title: str, values: Array | None) -> bool:
+    if not _RECEIVER.search(title):
+        return False
+    return values is None or (2 <= len(np.unique(values)) <= 64 and bool((values == np.floor(values)).all()))
+
+
+def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -> bool:
+    """Whether the next columns are a rotation, and more nearly so than those that begin a little later.
+
+    A small z in metres before a quaternion whose last number is small has norm 1 with its first three, too.
+    """
+    off = _off_rotation(free[:size], numbers, size)
+    later = (_off_rotation(free[start : start + size], numbers, size) for start in range(1, size))
+    return off < _NORM_OFF and off <= min(later)
+
+
+def _off_rotation(titles: Sequence[str], numbers: Mapping[str, Array], size: int) -> float:
+    """How far the columns are off norm 1 (four numbers) or a rotation (nine) in most rows; else infinite."""
+    if len(titles) < size:
+        return float("inf")
+    rows = np.stack([numbers[title] for title in titles], -1)
+    rows = rows[np.isfinite(rows).all(-1) & rows.any(-1)]
+    if not len(rows):
+        return float("inf")
+    if size == 4:
+        off = np.abs(np.linalg.norm(rows, axis=-1) - 1)
+    else:
+        m = rows.reshape(-1, 3, 3)
+        off = np.abs(m @ np.swapaxes(m, 1, 2) - np.eye(3)).max((1, 2))
+    return float(np.quantile(off, _NORM_SHARE))
+
+
+def _sort_triples(run: Sequence[str], numbers: Mapping[str, Array], roles: Roles) -> None:
+    """Take columns by threes: angles by name; where there are no names, every second triple."""
+    whole = len(run) - len(run) % 3
+    roles.aside.extend(run[whole:])
+    for index, triple in enumerate(list(run[start : start + 3]) for start in range(0, whole, 3)):
+        named = _named_angles(triple)
+        unnamed = all(title.startswith("number ") for title in triple)
+        second = unnamed and index % 2 == 1 and bool(np.nanmax(np.abs([numbers[t] for t in triple])) <= 360)
+        (roles.angles if named or second else roles.positions).append(triple)
+        if not named:
+            roles.guessed.update(triple)

@@ -1,0 +1,68 @@
+"""What an inspection gives, and how it says numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from schemas.mapping import MM_PER_UNIT
+from skeleton.rotations import Array
+
+CHECK = "CHECK"
+"""Stands in a drafted mapping for what a file cannot say; no key accepts it."""
+
+_EXTENTS = (
+    (2, "nothing"),
+    (30, "a fingertip's width"),
+    (300, "a hand's reach of motion"),
+    (2500, "a desk"),
+    (8000, "a room"),
+    (np.inf, "too far for a tracker"),
+)
+"""Up to how many mm a motion spans what."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """Facts, a line each; the mapping to edit (empty where none is needed); whether it can be imported."""
+
+    lines: tuple[str, ...]
+    draft: str = ""
+    recording: bool = True
+
+
+def extent_line(what: str, position: Array) -> str:
+    """Say how far positions (N, 3) spread, and what that would be in each unit."""
+    seen = position[np.isfinite(position).all(-1)]
+    if not len(seen):
+        return f"{what}: no complete position"
+    spans = np.ptp(seen, axis=0)
+    largest = float(spans.max())
+    meanings = ", ".join(f"in {unit} {_extent(largest * mm)}" for unit, mm in MM_PER_UNIT.items())
+    return f"{what}: span {largest:.3g} (x {spans[0]:.3g}, y {spans[1]:.3g}, z {spans[2]:.3g}); {meanings}"
+
+
+def _extent(span_mm: float) -> str:
+    return next(meaning for limit, meaning in _EXTENTS if span_mm <= limit)
+
+
+def rate_line(what: str, time: Array, units: Iterable[tuple[str, float]]) -> str:
+    """Say the median step of times (N,) and the rate that it would be in each unit (name, seconds)."""
+    steps = np.diff(np.unique(time[np.isfinite(time)]))
+    if not len(steps):
+        return f"{what}: one time only"
+    step = float(np.median(steps))
+    rates = ", ".join(f"in {name} {1 / (step * seconds):.4g} Hz" for name, seconds in units)
+    longest = float(steps.max())
+    gaps = f"; longest step {longest:.4g}" if longest > 1.5 * step else ""
+    return f"{what}: median step {step:.4g}, so {rates}{gaps}"
+
+
+def draft(path: Path, lines: Iterable[str | tuple[str, str]]) -> str:
+    """A mapping to edit: lines of YAML, each alone or with the comment that says why."""
+    head = f"# Drafted from {path.name}. {CHECK} is what the file cannot say: import refuses it until edited."
+    pairs = [(line, "") if isinstance(line, str) else line for line in lines]
+    return "\n".join([head, *(f"{line}  # {why}" if why else line for line, why in pairs)]) + "\n"

@@ -1,0 +1,102 @@
+"""How a table's text is laid out: separators, decimal mark, header, comments, what comes before it."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.errors import InputError
+
+READ_LINES = 200
+
+_COMMENTS = ("#", "%", "//")
+_SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "space": None}
+_NUMBER = {
+    mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|na|", re.I) for mark in ".,"
+}
+
+
+@dataclass(frozen=True)
+class TextForm:
+    """How the text is laid out, as the mapping's `csv` group says it."""
+
+    delimiter: str
+    decimal: str
+    header: bool
+    comment: str | None
+    skip_lines: int
+
+    def config(self) -> dict[str, Any]:
+        """The keys of the mapping's `csv` group, all of them."""
+        config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
+        config["missing"] = []
+        return config if self.comment is None else config | {"comment": self.comment}
+
+    def sentence(self) -> str:
+        """The same as a clause."""
+        names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
+        mark = "comma" if self.decimal == "," else "point"
+        text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
+        text += ", a header" if self.header else ", no header"
+        text += f", comments after {self.comment}" if self.comment else ""
+        return text + (f", {self.skip_lines} lines before it" if self.skip_lines else "")
+
+
+def detect_form(path: Path) -> TextForm:
+    """Find the layout in which most cells of the text are numbers and rows are equally long.
+
+    Raises InputError where the file is no text or no layout gives rows of three numbers or more.
+    """
+    lines = _first_lines(path)
+    comment = next((mark for mark in _COMMENTS for line in lines if line.lstrip().startswith(mark)), None)
+    rows = [
+        (index, line)
+        for index, line in enumerate(lines)
+        if line.strip() and not (comment and line.lstrip().startswith(comment))
+    ]
+    candidates = [
+        candidate
+        for delimiter, separator in _SEPARATORS.items()
+        for decimal in ".,"
+        if decimal != delimiter and (candidate := _as(rows, delimiter, separator, decimal, comment))
+    ]
+    if not candidates:
+        raise InputError(
+            f"{path}: no table of numbers and no 4x4 matrices in its first lines; expected a recording"
+        )
+    return max(candidates, key=lambda candidate: candidate[0])[1]
+
+
+def _first_lines(path: Path) -> list[str]:
+    with path.open("rb") as stream:
+        data = stream.read(1 << 20)
+    try:
+        text = data.decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: is not UTF-8 text, and of no other kind that is known by its ending; "
+            "a table must be saved as UTF-8"
+        ) from error
+    return text.splitlines()[:READ_LINES]
+
+
+def _as(
+    rows: list[tuple[int, str]], delimiter: str, separator: str | None, decimal: str, comment: str | None
+) -> tuple[float, TextForm] | None:
+    """The share of numbers among the cells and the layout, if the rows are a table in it."""
+    split = [(index, [cell.strip() for cell in line.split(separator)]) for index, line in rows]
+    counts = Counter(len(cells) for _, cells in split)
+    width = max(counts, key=lambda count: (counts[count], count)) if counts else 0
+    table = [(index, cells) for index, cells in split if len(cells) == width]
+    numeric = [[bool(_NUMBER[decimal].fullmatch(cell)) for cell in cells] for _, cells in table]
+    body = numeric[1:] or numeric
+    share = sum(map(sum, body)) / max(1, sum(map(len, body)))
+    if width < 4 or share * width < 3 or len(table) < 0.8 * len(rows) - 20:
+        return None
+    header = sum(numeric[0]) < 0.5 * sum(body[0]) and len(numeric) > 1
+    first = table[0][0]
+    before = any(index < first for index, _ in rows)
+    return share, TextForm(delimiter, decimal, header, comment, first if before else 0)

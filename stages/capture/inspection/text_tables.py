@@ -1,0 +1,214 @@
+"""Tables as text: what their columns seem to be, why, and the mapping that would read them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from schemas.errors import InputError
+from schemas.layout import Layout
+from skeleton.rotations import Array
+from stages.capture.formats.cells import Cells
+from stages.capture.formats.text_table import open_text
+from stages.capture.inspection.column_roles import Roles, find_roles
+from stages.capture.inspection.description import CHECK, Description, draft, extent_line, rate_line
+from stages.capture.inspection.text_form import TextForm, detect_form
+
+TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))
+
+GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
+
+Commented = tuple[str, str]
+
+REPEATED_SHARE = 0.2
+"""More rows than this that repeat the one before, and receivers are not in step with the rows."""
+
+
+def describe_table(path: Path, layout: Layout) -> Description:
+    """Say what the columns of a table seem to be. Raises InputError where the text is no table."""
+    form = detect_form(path)
+    text = open_text(path, form.config())
+    cells = text.cells(text.titles)
+    numbers = _numbers(cells, text.titles)
+    roles = find_roles(text.titles, numbers)
+    lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
+    if roles.time:
+        lines.append(rate_line(f"time column {roles.time}", numbers[roles.time], TIME_UNITS))
+    lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
+    receivers: list[str] = []
+    if roles.receiver:
+        receivers = sorted(cells.names_in(roles.receiver)[1], key=lambda name: (len(name), name))
+        lines.append(
+            f"receiver column {roles.receiver}: one row a receiver and frame; it has {', '.join(receivers)}"
+        )
+    lines += _orientation_lines(roles, numbers)
+    lines += [extent_line(f"position {' '.join(group)}", _rows(numbers, group)) for group in roles.positions]
+    lines += [f"other numbers: {', '.join(roles.aside)} (quality?)"] if roles.aside else []
+    lines += [f"text: {', '.join(roles.text)}"] if roles.text else []
+    repeated = 0.0 if roles.receiver else _repeats(roles, numbers, lines)
+    if roles.orientations[1] and not roles.positions:
+        lines.append("no positions were found")
+    if roles.positions and not roles.orientations[1]:
+        lines.append("no orientations were found: a joint cannot be found from positions alone")
+    asynchronous = repeated > REPEATED_SHARE and roles.time is not None
+    mapping = _draft_head(roles, numbers, receivers, asynchronous, layout)
+    mapping += _draft_table(form, roles, numbers, asynchronous)
+    return Description(tuple(lines), draft(path, mapping))
+
+
+def _numbers(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
+    numbers = {}
+    for title in titles:
+        try:
+            values = cells.reals(title)
+        except InputError:
+            continue
+        if np.isfinite(values).any():
+            numbers[title] = values
+    return numbers
+
+
+def _rows(numbers: Mapping[str, Array], titles: Sequence[str]) -> Array:
+    """Those columns beside each other, shape (N, len(titles))."""
+    return np.stack([numbers[title] for title in titles], -1)
+
+
+def _range(values: Array) -> str:
+    return f"{np.nanmin(values):g} to {np.nanmax(values):g}"
+
+
+def _orientation_lines(roles: Roles, numbers: Mapping[str, Array]) -> list[str]:
+    lines = []
+    for group in roles.quaternions:
+        rows = _rows(numbers, group)
+        first, last = (float(np.nanmedian(np.abs(rows[:, i]))) for i in (0, 3))
+        norm = float(np.nanmedian(np.linalg.norm(rows, axis=-1)))
+        likelier = "wxyz" if first > last else "xyzw"
+        lines.append(
+            f"quaternion {' '.join(group)}: median norm {norm:.5f}; its first number is {first:.2f} in the "
+            f"median, its last {last:.2f}, so {likelier} is likelier if receivers lie "
+            "roughly as the transmitter does; the numbers cannot prove it"
+        )
+    lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
+    for group in roles.angles:
+        rows = _rows(numbers, group)
+        ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
+        lines.append(f"angles: {ranges}; {_angle_unit(rows)[1]}")
+    return lines
+
+
+def _angle_unit(angles: Array) -> tuple[str, str]:
+    largest = float(np.nanmax(np.abs(angles)))
+    if largest > 2 * np.pi + 0.01:
+        return "deg", f"degrees, as {largest:.4g} is more than two pi"
+    return CHECK, "radians, or degrees of very small turns"
+
+
+def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> float:
+    """Largest share of rows in which a receiver's numbers are those of the row before."""
+    worst = 0.0
+    for group in roles.orientations[1] or roles.positions:
+        rows, name = _rows(numbers, group), " ".join(group)
+        share = float(np.mean((rows[1:] == rows[:-1]).all(-1))) if len(rows) > 1 else 0.0
+        worst = max(worst, share)
+        if share > REPEATED_SHARE:
+            new = 1 + round((1 - share) * (len(rows) - 1))
+            lines.append(
+                f"{name}: {share:.0%} of the rows repeat the one before ({new} new values): "
+                "receivers are not in step with the rows, or did not move"
+            )
+        if zeros := int((rows == 0).all(-1).sum()):
+            lines.append(f"{name}: {zeros} rows are all zeros; zeros may stand for 'no value'")
+    return worst
+
+
+def _draft_head(
+    roles: Roles, numbers: Mapping[str, Array], receivers: Sequence[str], asynchronous: bool, layout: Layout
+) -> list[str | Commented]:
+    """The mapping but for its `csv` group."""
+    ranges = (numbers[title] for group in roles.positions for title in group)
+    spans = [np.nanmax(values) - np.nanmin(values) for values in ranges]
+    why = f"mm, cm, m or inch; positions span {max(spans):.3g} of it" if spans else "mm, cm, m or inch"
+    lines: list[str | Commented] = ["format: csv", (f"position_unit: {CHECK}", why)]
+    if asynchronous:
+        lines.append((f"rate_hz: {CHECK}", "the tracker's own rate: the grid that new values are put on"))
+    elif roles.time is None:
+        lines.append((f"rate_hz: {CHECK}", "frames a second; leave the line out where nobody knows"))
+    lines += _draft_orientation(roles, numbers)
+    lines.append(("receivers:", f"by segment of layout {layout.name}: {', '.join(layout.measured)}"))
+    return lines + (_draft_receivers(roles, receivers, layout) or [f"  {CHECK}: {{}}"])
+
+
+def _draft_orientation(roles: Roles, numbers: Mapping[str, Array]) -> list[str | Commented]:
+    kind, groups = roles.orientations
+    lines: list[str | Commented] = ["orientation:", f"  kind: {kind if groups else CHECK}"]
+    if kind == "quaternion" and groups:
+        lines.append((f"  order: {CHECK}", f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?"))
+    if kind == "euler" and groups:
+        angle_unit, why = _angle_unit(_rows(numbers, [title for group in groups for title in group]))
+        lines.append((f"  axes: {CHECK}", f"of {' '.join(groups[0])}; ZYX for azimuth, elevation, roll"))
+        lines.append((f"  unit: {angle_unit}", why if angle_unit != CHECK else f"deg or rad; {why}"))
+    return [*lines, (f"  rotates: {CHECK}", "receiver-to-transmitter, or transmitter-to-receiver")]
+
+
+def _draft_receivers(roles: Roles, receivers: Sequence[str], layout: Layout) -> list[str | Commented]:
+    if roles.receiver:
+        return [f"  {_segment(name, layout)}: {{value: {json.dumps(name)}}}" for name in receivers]
+    orientations = roles.orientations[1]
+    lines: list[str | Commented] = []
+    for index, position in enumerate(roles.positions):
+        turning = orientations[index] if index < len(orientations) else []
+        line = f"  {CHECK}_{index + 1}: {{position: {_columns(position)}, orientation: {_columns(turning)}}}"
+        lines.append((line, _doubt(roles, position + turning)))
+    return lines
+
+
+def _doubt(roles: Roles, titles: Sequence[str]) -> str:
+    return "" if roles.guessed.isdisjoint(titles) else GUESSED
+
+
+def _segment(value: str, layout: Layout) -> str:
+    """The value itself where it is a segment's name, or else a name that no layout has."""
+    if value in layout.measured:
+        return value
+    return f"{CHECK}_{''.join(c if c.isalnum() else '_' for c in value)}"
+
+
+def _columns(titles: Sequence[str]) -> str:
+    return f"[{', '.join(map(_column, titles)) or CHECK}]"
+
+
+def _column(title: str) -> str:
+    number = title.removeprefix("number ")
+    return number if number != title else json.dumps(title, ensure_ascii=False)
+
+
+def _draft_table(
+    form: TextForm, roles: Roles, numbers: Mapping[str, Array], asynchronous: bool
+) -> list[str | Commented]:
+    """The mapping's `csv` group."""
+    lines: list[str | Commented] = [
+        "csv:",
+        f"  rows: {'long' if roles.receiver else 'wide'}",
+        f"  delimiter: {json.dumps(form.delimiter)}",
+        f"  decimal: {json.dumps(form.decimal)}",
+        f"  header: {json.dumps(form.header)}",
+    ]
+    lines += [f"  comment: {json.dumps(form.comment)}"] if form.comment else []
+    lines += [f"  skip_lines: {form.skip_lines}"] if form.skip_lines else []
+    if roles.time:
+        lines.append((f"  time: {_column(roles.time)}", _doubt(roles, [roles.time])))
+        lines.append((f"  time_unit: {CHECK}", rate_line("s, ms or us", numbers[roles.time], TIME_UNITS)))
+    if roles.frame and not asynchronous:
+        lines.append(f"  frame: {_column(roles.frame)}")
+    if asynchronous:
+        lines.append(("  in_step: false", "old values are repeated: each new one is kept once"))
+    if roles.receiver:
+        lines.append(f"  receiver: {_column(roles.receiver)}")
+        for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
+            titles = groups[0] if groups else []
+            lines.append((f"  {key}: {_columns(titles)}", _doubt(roles, titles)))
+    return lines

@@ -1,0 +1,431 @@
+"""From samples to the poses table: what is wrong is flagged or refused, and nothing is made up.
+
+Frames, times and gaps stay as they came; samples are put in order and onto a full grid, so that every
+segment has a row for every frame.
+
+Samples come part by part, in whatever order the recording has them, and the table leaves segment by segment.
+In between each segment's rows wait in a temporary file, first as they came, then in order and checked. So
+memory does not grow with the recording but for its frame numbers, unless rows are out of order: then a
+segment that has such rows is sorted in memory.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from schemas.errors import InputError
+from stages.capture.samples import NUMBERS, Samples
+
+FLAGS = {
+    "no-row": "the recording has no row for this receiver in this frame, though others have",
+    "missing": "all seven numbers are empty",
+    "partly-missing": "some of the seven numbers are empty",
+    "not-finite": "a number is infinite",
+    "duplicate-frame": "the row stands more than once in the recording, each time the same",
+    "conflicting-duplicate": "the frame stands more than once with different numbers or times",
+    "time-missing": "the row has no (finite) time",
+    "time-not-increasing": "the time is not later than that of the receiver's row before",
+    "frozen": "the receiver gave one and the same pose all along while that of its parent segment moved",
+    "device-error": "the tracker itself reported that this pose is wrong",
+    "device-warning": "the tracker reported a fault of its own with this pose, which may be right",
+    "distorted": "the tracker saw its field distorted by metal",
+    "hemisphere-flip": "the position jumped to the other side of the transmitter, or was on its way there",
+    "hemisphere-repaired": "the position had jumped to the other side of the transmitter and was put back",
+    "low-quality": "the recording's own measure of quality is beyond the limit that its mapping gives",
+    "misfit": "the markers of the cluster do not fit its rigid shape",
+}
+"""What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
+
+INVALIDATING = ("device-error", "hemisphere-flip", "low-quality", "misfit")
+"""Marks of a reader that make a pose unusable though its numbers are complete; they are kept."""
+
+NORM_TOLERANCE = 0.01
+"""A quaternion whose length is off by more was not rounded: it is something else."""
+
+FROZEN_FRAMES = 240
+"""A second at 240 Hz: a working receiver's last digits move in that time."""
+
+ROW_GROUP_FRAMES = 1 << 15
+"""Two minutes at 240 Hz: who reads frame by frame holds a row group of every segment at once."""
+
+SPAN_FRAMES = 1000
+"""Frames, spread over the recording, from which the extent of the receivers is measured."""
+
+MEMORY_BYTES = 2 << 20
+"""How much of a segment's rows is kept in memory before it goes to a file."""
+
+BLOCK_ROWS = 1 << 16
+
+MOST_FRAMES = 1 << 20
+"""Frame numbers that are kept before it is looked which of them came before, with other segments."""
+
+_BIT = {flag: np.uint32(1 << position) for position, flag in enumerate(FLAGS)}
+
+_INVALIDATING = np.bitwise_or.reduce([_BIT[flag] for flag in INVALIDATING])
+
+_ROW = np.dtype(
+    [("sample", "i8"), ("frame", "i8"), ("time_s", "f8"), ("numbers", "f8", len(NUMBERS)), ("flags", "u4")]
+)
+"""A sample of one segment; `sample` is its place in the recording."""
+
+Rows = npt.NDArray[np.void]
+Bools = npt.NDArray[np.bool_]
+Flags = npt.NDArray[np.uint32]
+Integers = npt.NDArray[np.int64]
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PosesTable:
+    """The poses table, to be written a row group at a time; no row group holds two segments.
+
+    segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
+    frozen : segments whose rows are flagged so. span_mm : how far apart the receivers are, NaN where unknown.
+    frame : (T,) every frame that occurs with any segment, ascending.
+    A context manager, which gives the temporary files back to the disk.
+    """
+
+    segments: tuple[str, ...]
+    usable: tuple[int, ...]
+    frozen: tuple[str, ...]
+    span_mm: float
+    frame: Integers
+    _files: tuple[_RowFile, ...]
+
+    def __enter__(self) -> PosesTable:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for file in self._files:
+            file.close()
+
+    def row_groups(self, row_group_frames: int = ROW_GROUP_FRAMES) -> Iterator[dict[str, Any]]:
+        """Give the columns of each row group in turn."""
+        for segment, file in zip(self.segments, self._files, strict=True):
+            done = 0
+            for start in range(0, len(self.frame), row_group_frames):
+                frame = self.frame[start : start + row_group_frames]
+                rows = file.read(done, len(frame))
+                rows = rows[: np.searchsorted(rows["frame"], frame[-1], "right")]
+                done += len(rows)
+                yield _columns(segment, frame, rows, segment in self.frozen)
+
+
+class _RowFile:
+    """Rows of one segment: in memory while they are few, in a file that has no name when they are many."""
+
+    def __init__(self, folder: str | None) -> None:
+        self._file = tempfile.SpooledTemporaryFile(MEMORY_BYTES, dir=folder)  # noqa: SIM115
+        self._folder = folder
+        self.count = 0
+
+    def append(self, rows: Rows) -> None:
+        """Put rows at the end."""
+        try:
+            self._file.seek(0, 2)
+            self._file.write(rows.tobytes())
+        except OSError as error:
+            raise InputError(f"{self._folder}: cannot be written ({error.strerror or error})") from error
+        self.count += len(rows)
+
+    def read(self, start: int, count: int) -> Rows:
+        """Give as many rows as there are from number `start` on, `count` at most; read-only."""
+        self._file.seek(start * _ROW.itemsize)
+        return np.frombuffer(self._file.read(count * _ROW.itemsize), _ROW)
+
+    def close(self) -> None:
+        """Give the memory and the file back."""
+        self._file.close()
+
+
+@dataclass
+class _Segment:
+    """One segment's rows and what they say together.
+
+    ascending : whether frames never fall from part to part; last : the last part's last frame.
+    usable : rows that are valid; complete : those that have all their numbers; first : the first of these;
+    moves : whether any other differs from it. bad : of the first row in the recording's own order whose
+    quaternion has no length of 1: its sample, frame and that length; bad_count : how many there are.
+    position_mm : (K, 3) in the frames from which the span is measured, NaN where it has none.
+    """
+
+    file: _RowFile
+    ascending: bool = True
+    last: int | None = None
+    usable: int = 0
+    complete: int = 0
+    first: Array | None = None
+    moves: bool = False
+    bad: tuple[int, int, float] | None = None
+    bad_count: int = 0
+    position_mm: Array | None = None
+
+
+def poses_table(
+    read: Callable[[], Iterable[Samples]], parents: Mapping[str, str], folder: Path | None = None
+) -> PosesTable:
+    """Check the samples of a recording and lay them out on the full grid.
+
+    read : gives the parts of the recording in order, from the start each time that it is called.
+    parents : of a segment the one towards the body that carries a receiver, where there is one.
+    folder : where temporary files may be; the system's own folder where none is given.
+
+    Raises InputError at the first pose that has all its numbers but no unit quaternion.
+    """
+    place = None if folder is None else str(folder)
+    names: tuple[str, ...] = ()
+    by_index: dict[int, _Segment] = {}
+    frames: list[Integers] = []
+    start = 0
+    for samples in read():
+        names = samples.segments
+        _collect(samples, start, by_index, place)
+        frames.append(np.unique(samples.frame))
+        if sum(map(len, frames[1:])) > len(frames[0]) + MOST_FRAMES:
+            frames = [np.unique(np.concatenate(frames))]
+        start += len(samples.segment)
+    frame = np.unique(np.concatenate(frames))
+    segments = {names[index]: by_index[index] for index in sorted(by_index)}
+    for segment in segments.values():
+        _check(segment, frame[:: max(1, len(frame) // SPAN_FRAMES)], place)
+    _refuse_bad_quaternions(segments, read)
+    frozen = _frozen_segments(segments, parents)
+    return PosesTable(
+        tuple(segments),
+        tuple(0 if name in frozen else segment.usable for name, segment in segments.items()),
+        frozen,
+        _span_mm([s.position_mm for s in segments.values() if s.position_mm is not None]),
+        frame,
+        tuple(segment.file for segment in segments.values()),
+    )
+
+
+def _collect(samples: Samples, start: int, by_index: dict[int, _Segment], folder: str | None) -> None:
+    """Put a part's samples, of which the first is number `start` of the recording, into their files."""
+    flags = np.zeros(len(samples.segment), np.uint32)
+    for flag, marked in samples.marks.items():
+        flags[marked] |= _BIT[flag]
+    order = np.lexsort((samples.frame, samples.segment))
+    present, firsts = np.unique(samples.segment[order], return_index=True)
+    for index, first, end in zip(present.tolist(), firsts, [*firsts[1:], len(order)], strict=False):
+        place = order[first:end]
+        own = np.empty(len(place), _ROW)
+        own["sample"], own["flags"] = start + place, flags[place]
+        for name in ("frame", "time_s", "numbers"):
+            own[name] = getattr(samples, name)[place]
+        if index not in by_index:
+            by_index[index] = _Segment(_RowFile(folder))
+        segment = by_index[index]
+        segment.ascending &= segment.last is None or segment.last <= own["frame"][0]
+        segment.last = int(own["frame"][-1])
+        segment.file.append(own)
+
+
+def _check(segment: _Segment, span_frames: Integers, folder: str | None) -> None:
+    """Bring a segment's rows into order, flag them and note what they say together."""
+    raw, segment.file = segment.file, _RowFile(folder)
+    segment.position_mm = np.full((len(span_frames), 3), np.nan)
+    last_s = -np.inf
+    for rows in _whole_frames(raw) if segment.ascending else [_sorted(raw)]:
+        single = _one_a_frame(rows)
+        flags, last_s = _time_flags(single["time_s"], last_s)
+        single["flags"] |= _gap_flags(single) | flags
+        _normalise(single, segment)
+        _note(single, segment)
+        _, to, of = np.intersect1d(span_frames, single["frame"], assume_unique=True, return_indices=True)
+        segment.position_mm[to] = single["numbers"][of, :3]
+        segment.file.append(single)
+    raw.close()
+
+
+def _sorted(file: _RowFile) -> Rows:
+    rows = file.read(0, file.count)
+    return rows[np.argsort(rows["frame"], kind="stable")]
+
+
+def _whole_frames(file: _RowFile) -> Iterator[Rows]:
+    """Give rows, whose frames do not fall, in blocks of which none ends between two rows of a frame."""
+    held = np.empty(0, _ROW)
+    for start in range(0, file.count, BLOCK_ROWS):
+        rows = np.concatenate([held, file.read(start, BLOCK_ROWS)])
+        cut = int(np.searchsorted(rows["frame"], rows["frame"][-1]))
+        if cut:
+            yield rows[:cut]
+        held = rows[cut:]
+    yield held
+
+
+def _one_a_frame(rows: Rows) -> Rows:
+    """Of rows of one frame keep the first, without what they do not agree on; gives a copy."""
+    rows = rows.copy()
+    first = np.ones(len(rows), bool)
+    first[1:] = rows["frame"][1:] != rows["frame"][:-1]
+    if first.all():
+        return rows
+    kept, twin = np.flatnonzero(first), np.flatnonzero(~first)
+    owner = kept[np.cumsum(first)[twin] - 1]
+    same_time = _same(rows["time_s"][twin], rows["time_s"][owner])
+    same = same_time & _same(rows["numbers"][twin], rows["numbers"][owner]).all(-1)
+    rows["time_s"][owner[~same_time]] = np.nan
+    rows["numbers"][owner[~same]] = np.nan
+    np.bitwise_or.at(rows["flags"], owner, rows["flags"][twin])
+    flags = np.zeros(len(rows), np.uint32)
+    flags[owner] = _BIT["duplicate-frame"]
+    flags[owner[~same]] = _BIT["conflicting-duplicate"]
+    rows["flags"] |= flags
+    return rows[kept]
+
+
+def _same(first: Array, second: Array) -> Bools:
+    return np.asarray((first == second) | (np.isnan(first) & np.isnan(second)))
+
+
+def _gap_flags(rows: Rows) -> Flags:
+    empty = np.isnan(rows["numbers"])
+    some, every = empty.any(-1), empty.all(-1)
+    explained = _BIT["conflicting-duplicate"] | _BIT["partly-missing"] | _BIT["not-finite"]
+    flags = np.where(every & ((rows["flags"] & explained) == 0), _BIT["missing"], 0)
+    flags |= np.where(some & ~every, _BIT["partly-missing"], 0)
+    flags |= np.where(np.isinf(rows["numbers"]).any(-1), _BIT["not-finite"], 0)
+    return flags.astype(np.uint32)
+
+
+def _time_flags(time_s: Array, last_s: float) -> tuple[Flags, float]:
+    """Flags of rows, and their last known time; last_s : that of the rows before."""
+    known = np.isfinite(time_s)
+    flags = np.where(known, np.uint32(0), _BIT["time-missing"])
+    timed = np.flatnonzero(known)
+    times = np.concatenate([[last_s], time_s[timed]])
+    flags[timed[times[1:] <= times[:-1]]] = _BIT["time-not-increasing"]
+    return flags, float(times[-1])
+
+
+def _normalise(rows: Rows, segment: _Segment) -> None:
+    """Bring quaternions to length 1 and empty incomplete rows; `segment` gets what is no rounding error."""
+    numbers = rows["numbers"]
+    numbers[~np.isfinite(numbers).all(-1)] = np.nan
+    w, x, y, z = numbers[:, 3:].T
+    with np.errstate(over="ignore"):  # a number near 1e300 is refused with the norm inf
+        norm = np.sqrt(w * w + x * x + y * y + z * z)
+    bad = np.abs(norm - 1) > NORM_TOLERANCE + 1e-12  # False for NaN; 1e-12: rounding of the norm
+    spoilt = bad & _unusable(rows)
+    bad &= ~spoilt
+    if bad.any():
+        # The first in the recording's own order: that is where its reader will look.
+        row = int(np.flatnonzero(bad)[np.argmin(rows["sample"][bad])])
+        here = (int(rows["sample"][row]), int(rows["frame"][row]), float(norm[row]))
+        segment.bad = here if segment.bad is None else min(segment.bad, here)
+        segment.bad_count += int(bad.sum())
+    norm[np.abs(norm - 1) < 1e-15] = 1.0  # unit to rounding: reading a poses table again turns no bit
+    with np.errstate(invalid="ignore"):
+        numbers[:, 3:] /= norm[:, None]
+    numbers[spoilt] = np.nan
+    rows["time_s"][~np.isfinite(rows["time_s"])] = np.nan
+
+
+def _note(rows: Rows, segment: _Segment) -> None:
+    """Count a segment's next checked rows, and see whether their poses differ from its first."""
+    complete = _complete(rows)
+    poses = rows["numbers"][complete]
+    segment.usable += int((complete & ~_unusable(rows)).sum())
+    segment.complete += len(poses)
+    if segment.first is None and len(poses):
+        segment.first = poses[0].copy()
+    segment.moves = segment.moves or bool((poses != segment.first).any())
+
+
+def _complete(rows: Rows) -> Bools:
+    """Which of rows that are checked have a pose: of the others all numbers are NaN."""
+    return np.asarray(np.isfinite(rows["numbers"][:, 0]))
+
+
+def _unusable(rows: Rows) -> Bools:
+    """Whether the reader marked the pose as unusable, shape (N,)."""
+    return np.asarray((rows["flags"] & _INVALIDATING) != 0)
+
+
+def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[], Iterable[Samples]]) -> None:
+    bad = [(*segment.bad, name) for name, segment in segments.items() if segment.bad is not None]
+    if not bad:
+        return
+    sample, frame, norm, name = min(bad)
+    where = f"{_place(sample, read)}, segment {name}, frame {frame}"
+    count = sum(segment.bad_count for segment in segments.values())
+    more = f" (and {count - 1} more rows like it)" if count > 1 else ""
+    if norm == 0:
+        raise InputError(
+            f"{where}: the quaternion is all zeros{more}; expected norm 1; "
+            "zeros that stand for missing values must be left empty instead"
+        )
+    raise InputError(
+        f"{where}: the quaternion has norm {norm:.6g}{more}; expected 1 within "
+        f"{NORM_TOLERANCE}; check the column order (qw, qx, qy, qz), or leave the row's seven numbers empty "
+        "to keep it as a gap"
+    )
+
+
+def _place(sample: int, read: Callable[[], Iterable[Samples]]) -> str:
+    """File and line of a sample; parts are read again, as none was kept."""
+    for samples in read():
+        if sample < len(samples.segment):
+            return samples.place(sample)
+        sample -= len(samples.segment)
+    raise AssertionError("the sample is in no part")
+
+
+def _frozen_segments(segments: Mapping[str, _Segment], parents: Mapping[str, str]) -> tuple[str, ...]:
+    """Segments that never move while their parent does: no bone can, so the receiver's channel hangs.
+
+    The base of the tree has no parent; it may well lie still, in made-up recordings to the last bit.
+    """
+    still = [name for name, own in segments.items() if not own.moves and own.complete >= FROZEN_FRAMES]
+    return tuple(name for name in still if (parent := segments.get(parents.get(name, ""))) and parent.moves)
+
+
+def _span_mm(position_mm: Sequence[Array]) -> float:
+    """Largest extent of the receivers along an axis, S positions (K, 3) in, the median over frames out, mm.
+
+    NaN where no frame has three receivers.
+    """
+    every = np.stack(position_mm)
+    seen = np.isfinite(every).all(-1).sum(0) >= 3
+    if not seen.any():
+        return float("nan")
+    extent = np.nanmax(every[:, seen], axis=0) - np.nanmin(every[:, seen], axis=0)
+    return float(np.median(extent.max(-1)))
+
+
+def _columns(name: str, frame: Integers, rows: Rows, frozen: bool) -> dict[str, Any]:
+    """The table's columns of one segment in those frames, which hold those of the rows."""
+    at = np.searchsorted(frame, rows["frame"])
+    time_s, numbers = np.full(len(frame), np.nan), np.full((len(NUMBERS), len(frame)), np.nan)
+    flags, valid = np.full(len(frame), _BIT["no-row"]), np.zeros(len(frame), bool)
+    time_s[at], numbers[:, at] = rows["time_s"], rows["numbers"].T
+    flags[at] = rows["flags"] | _BIT["frozen"] if frozen else rows["flags"]
+    valid[at] = _complete(rows) & ~_unusable(rows) & (not frozen)
+    return {
+        "segment": pa.repeat(pa.scalar(name), len(frame)),
+        "frame": frame,
+        "time_s": time_s,
+        **dict(zip(NUMBERS, numbers, strict=True)),
+        "valid": valid,
+        "flags": _flag_texts(flags),
+    }
+
+
+def _flag_texts(flags: Flags) -> pa.Array:
+    """Spell out flags, joined by ';'; each combination only once, as there are few."""
+    combinations, codes = np.unique(flags, return_inverse=True)
+    texts = [";".join(flag for flag in FLAGS if bits & _BIT[flag]) for bits in combinations]
+    return pa.DictionaryArray.from_arrays(pa.array(codes, pa.int32()), pa.array(texts, pa.string()))

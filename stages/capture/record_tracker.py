@@ -1,0 +1,109 @@
+"""Command line: a tracker -> raw archive, with a live view."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from schemas.errors import InputError
+from stages.capture import tracker_options
+
+if TYPE_CHECKING:
+    from trackers.record.session import Ending, RecordingPlan
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the subcommand's argument parser."""
+    parser = tracker_options.parser(
+        "record",
+        "Record every byte that a tracker sends, with a live view; q, Ctrl-C or --duration ends it.\n"
+        "Exit code: 0 after a stop that was asked for, 2 where nothing could be recorded, 3 where the port\n"
+        "went away or the disk was full; what came until then is kept.",
+        "python -m stages.capture record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
+    )
+    tracker_options.add_tracker(parser)
+    parser.add_argument("--out", type=Path, required=True, help="the archive to write (.arrows)")
+    parser.add_argument("--duration", type=float, metavar="S", help="stop after so many seconds")
+    parser.add_argument("--countdown", type=int, default=0, metavar="S", help="count so many seconds first")
+    parser.add_argument("--note", action="append", default=[], metavar="TEXT", help="kept with the recording")
+    return parser
+
+
+def main(argv: list[str]) -> int:
+    """Run the subcommand; gives the exit code."""
+    return tracker_options.run(build_parser().parse_args(argv), record_tracker)
+
+
+def record_tracker(options: argparse.Namespace) -> int:
+    """Record, and say what was kept."""
+    from trackers.record import session
+    from trackers.record.port import open_port
+    from trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
+
+    plan = recording_plan(options)
+    about = _about(options)
+    stop = StopRequest()
+    with stop_on_signals(stop):
+        port = open_port(options.port, options.baud, options.line_rate)
+        try:
+            with Terminal(sys.stderr, sys.stdin) as terminal:
+                ending = session.record(plan, port, terminal, stop, about)
+        finally:
+            port.close()
+    return _report(options.out, options.port, ending)
+
+
+def recording_plan(options: argparse.Namespace) -> RecordingPlan:
+    """Check the options. Raises InputError."""
+    from trackers.record.session import RecordingPlan
+
+    if options.duration is not None and not 0 < options.duration < 1e6:
+        raise InputError(f"--duration: is {options.duration:g}; expected seconds above 0")
+    if options.countdown < 0:
+        raise InputError(f"--countdown: is {options.countdown}; expected 0 or more seconds")
+    if options.out.suffix != ".arrows":
+        raise InputError(f"--out: is {options.out}; expected a name that ends with .arrows")
+    return RecordingPlan(
+        options.out,
+        tracker_options.recording_request(options),
+        options.duration,
+        options.countdown,
+        tuple(options.note),
+        options.allow_slower,
+    )
+
+
+def _about(options: argparse.Namespace) -> dict[str, Any]:
+    """Say what the recording is, for the archive."""
+    from datetime import UTC, datetime
+
+    named = {name: value for name, value in vars(options).items() if name not in ("out", "note")}
+    return {"options": named, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
+
+
+def _report(out: Path, port: str, ending: Ending) -> int:
+    """Print the summary; gives the exit code."""
+    from trackers.record import display
+
+    if ending.totals is None:
+        print(f"stopped before the first frame ({ending.reason}); no file is left", file=sys.stderr)
+        return 0
+    _print("\n".join(display.summary(str(out), ending.reason, ending.totals, ending.notices)), sys.stdout)
+    if not ending.failed:
+        return 0
+    seconds = ending.totals["seconds"]
+    kept_s = ending.totals.get("seconds_kept", seconds)
+    message = f"{port}: {ending.reason} after {seconds:.1f} s; {out} keeps the first {kept_s:.1f} s"
+    _print(f"error: {message}", sys.stderr)
+    return tracker_options.EXIT_CUT_SHORT
+
+
+def _print(text: str, stream: TextIO) -> None:
+    """Print; where the terminal is gone nobody reads, and what is left in the buffer must not fail again."""
+    try:
+        print(text, file=stream, flush=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

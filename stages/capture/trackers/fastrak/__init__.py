@@ -1,1 +1,0 @@
-"""Polhemus FASTRAK: output items, records in binary and in ASCII."""

@@ -1,0 +1,175 @@
+"""One skeleton of a hand as the subject's tables have it; what a table cannot give, its message says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from anatomy.known_digits import known_digits
+from schemas.catalogue import (
+    BONE_LENGTHS,
+    BONE_POSES,
+    JOINT_CENTRES,
+    METACARPALS,
+    POSED_TIPS,
+    TIP_ERRORS,
+    TIPS,
+)
+from schemas.errors import InputError, TableError
+from schemas.parts import Part, read_part, read_recording
+from schemas.plan import SubjectPlan
+from schemas.poses import RecordingName
+from schemas.tables import Table, rows_of
+from skeleton.digit_chain import Rows
+from skeleton.rotations import Array
+
+Row = dict[str, Any]
+T = TypeVar("T")
+PRIOR_ONLY = "prior-only"
+PRIOR_NAMES = {"joint_centres": "joints", "bone_lengths": "bones"}
+"""Tables whose file is called otherwise with the prior's hand."""
+
+QUATERNION = ("qw", "qx", "qy", "qz")
+TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a skeleton states of itself: joint_centres by joint, bone_lengths by segment."""
+
+    joints: Rows
+    bones: Rows
+
+
+def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
+    """What `read` gives; None, its message added to the reasons, where what it reads has failed.
+
+    Raises TableError where a table is not what it should be.
+    """
+    try:
+        return read()
+    except TableError:
+        raise
+    except InputError as error:
+        reasons.append(str(error))
+        return None
+
+
+@dataclass(frozen=True)
+class PartTable:
+    """A table's file, and the part of it that is read; a part that failed is empty, its message a reason."""
+
+    path: Path
+    table: Table
+    part: Part
+
+    def rows(self, key: str, reasons: list[str]) -> dict[str, Row]:
+        """Rows of the part, by a column."""
+        rows = readable(lambda: rows_of(read_part(self.path, self.table, self.part)), reasons)
+        return {row[key]: row for row in rows or ()}
+
+    def columns(
+        self, name: RecordingName, by: str, columns: Sequence[str], reasons: list[str]
+    ) -> dict[str, Array]:
+        """Numbers (T, columns) of one recording by digit or segment."""
+        key = (self.path, self.table, self.part, name.task, name.trial, by, columns)
+        return readable(lambda: read_recording(*key), reasons) or {}
+
+
+@dataclass(frozen=True)
+class ScoredSkeleton:
+    """A skeleton and where its tables are.
+
+    calibrated_on : tasks, or "task, trial", and tasks : tasks that it was made from. tips : of the replay,
+    posed_tips : of the whole hand as it was posed; None where the model has none. metacarpals : by digit, or
+    bone_poses by segment. tip_messages : by task, trial and digit. message : what could not be read.
+    reference : whether it is the hand that anatomy alone expects, scored in the frames that it was posed in.
+    """
+
+    part: Part
+    calibrated_on: str
+    tasks: tuple[str, ...]
+    stated: Stated
+    tips: PartTable | None
+    metacarpals: PartTable | None
+    posed_tips: PartTable | None
+    tip_messages: Mapping[tuple[str, str, str], str]
+    message: str
+    reference: bool = False
+
+    def evaluates(self, name: RecordingName) -> bool:
+        """Whether the skeleton's tables are meant to hold this recording."""
+        return self.part.made_without in ("", name.task)
+
+    def held_out(self, name: RecordingName) -> bool:
+        """Whether the skeleton was made without this recording's task."""
+        return self.reference or name.task not in self.tasks
+
+
+def read_skeleton(plan: SubjectPlan, part: Part) -> ScoredSkeleton:
+    """Read the short tables of a skeleton; `message` says which parts failed.
+
+    Raises TableError where a table is not what it should be.
+    """
+
+    def of(table: Table) -> PartTable:
+        return PartTable(plan.table(table.name), table, part)
+
+    reasons: list[str] = []
+    stated = Stated(of(JOINT_CENTRES).rows("joint", reasons), of(BONE_LENGTHS).rows("bone", reasons))
+    errors = readable(lambda: rows_of(read_part(plan.table(TIP_ERRORS.name), TIP_ERRORS, part)), reasons)
+    model = plan.models[part.model]
+    posed_tips = plan.fit_table(part.hand, part.model, POSED_TIPS.name)
+    calibrating = plan.calibrating(part.hand, part.model, part.made_without)
+    return ScoredSkeleton(
+        part=part,
+        calibrated_on=";".join(", ".join(filter(None, (r.task, r.trial))) for r in calibrating),
+        tasks=tuple(recording.task for recording in calibrating),
+        stated=stated,
+        tips=of(TIPS),
+        metacarpals=of(METACARPALS),
+        posed_tips=None if model.fitting is None else PartTable(posed_tips, POSED_TIPS, part),
+        tip_messages={(row["task"], row["trial"], row["digit"]): row["message"] for row in errors or ()},
+        message=joined(reasons),
+    )
+
+
+def read_prior(plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
+    """Read the hand that anatomy expects, as `stages.fit_hand.prior` wrote it, a reference for all models.
+
+    None for a layout whose digits have no known anatomy; a hand that failed has no tables and a message.
+    """
+    layout, part = plan.layouts[hand], Part(hand, PRIOR_ONLY, subject=plan.subject)
+    digits = {digit.name for digit in known_digits(layout)}
+    if not digits:
+        return None
+
+    def of(table: Table) -> PartTable:
+        return PartTable(plan.table(f"prior_{PRIOR_NAMES.get(table.name, table.name)}"), table, part)
+
+    reasons: list[str] = []
+    stated = Stated(of(JOINT_CENTRES).rows("joint", reasons), of(BONE_LENGTHS).rows("bone", reasons))
+    unknown = "no published anatomy of this digit"
+    return ScoredSkeleton(
+        part=part,
+        calibrated_on="",
+        tasks=tuple(recording.task for recording in plan.all_calibrating(hand)),
+        stated=stated,
+        tips=None,
+        metacarpals=None if reasons else of(BONE_POSES),
+        posed_tips=None if reasons else of(POSED_TIPS),
+        tip_messages={
+            (recording.task, recording.trial, digit): unknown
+            for recording in plan.evaluated(hand)
+            for digit in layout.digits.keys() - digits
+        },
+        message=joined(reasons),
+        reference=True,
+    )
+
+
+def joined(reasons: Sequence[str]) -> str:
+    """Reasons as one message, each once; several tables often fail for one."""
+    return "; ".join(dict.fromkeys(reason for reason in reasons if reason))

@@ -1,0 +1,145 @@
+"""The truth beside a simulated recording: joints and bones, and tips and metacarpals frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIPS
+from schemas.errors import InputError
+from schemas.poses import Poses, RecordingName
+from schemas.tables import Table, column_array, read_table, rows_of
+from skeleton.rotations import Array, rotate
+from stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, Stated
+
+OTHER_MM = 0.5
+"""A recording's own truth says to rounding how far each tip is from its receiver; another's does not."""
+
+DISTAL = np.array([1.0, 0.0, 0.0])
+"""Where a bone points in its own frame."""
+
+
+@dataclass(frozen=True)
+class TrueDigit:
+    """One digit over the T frames of a recording, in the transmitter's frame.
+
+    frame : (T,) in increasing order. tip_mm : (T, 3) end of the distal bone; to_receiver_mm : (T,) its
+    distance to the distal receiver as recorded. metacarpal : (T, 4) bone (x distal) to transmitter;
+    metacarpal_mm : its length, CMC to MCP.
+    """
+
+    frame: npt.NDArray[np.int64]
+    tip_mm: Array
+    to_receiver_mm: Array
+    metacarpal: Array
+    metacarpal_mm: float
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A recording's truth. stated : its joints, seen from the receivers as mounted, and its bones."""
+
+    folder: Path
+    name: RecordingName
+    stated: Stated
+
+    def digits(self, poses: Poses, tip_of: Mapping[str, str]) -> dict[str, TrueDigit]:
+        """Give the digits' truth, its frames numbered as the recording's.
+
+        poses : the recording, with every digit's distal receiver, whose segment `tip_of` names. A captured
+        recording may count its frames from another number than the simulation. Raises InputError where the
+        truth cannot be read or is not of this recording.
+        """
+        of_digit = _digits(self.folder)
+        if not of_digit or not poses.valid.any():
+            return {}
+        first = next(iter(of_digit.values())).frame[0]
+        off_mm = {
+            shift: _off_mm(of_digit, poses, tip_of, shift) for shift in (0, int(poses.frame[0] - first))
+        }
+        shift = min(off_mm, key=lambda shift: off_mm[shift])
+        if off_mm[shift] > OTHER_MM:
+            raise InputError(
+                f"{self.folder}: is not the truth of this recording of {self.name}, whose receivers are not "
+                "where it says that they were recorded; simulate the recording and its truth again"
+            )
+        return {digit: replace(true, frame=true.frame + shift) for digit, true in of_digit.items()}
+
+
+def read_truth(folder: Path, name: RecordingName) -> Truth:
+    """Read what a folder of truth tables says of the hand of a recording.
+
+    Raises InputError where its tables cannot be read or are of another recording.
+    """
+    joints, bones = _rows(folder, JOINT_CENTRES, name), _rows(folder, BONE_LENGTHS, name)
+    stated = Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
+    return Truth(folder, name, stated)
+
+
+def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
+    """Rows of a table of a folder; InputError where they are of another hand than the recording."""
+    path = folder / f"{table.name}.parquet"
+    rows = list(rows_of(read_table(path, table)))
+    for subject, hand in {(row["subject"], row["hand"]) for row in rows} - {(name.subject, name.hand)}:
+        raise InputError(
+            f"{path}: is of subject {subject}, {hand} hand; expected subject {name.subject}, {name.hand} hand"
+        )
+    return rows
+
+
+def at_frames(values: Array, known: npt.NDArray[np.int64], wanted: npt.NDArray[np.int64]) -> Array:
+    """Rows of `values` (T, ...), which are of the frames `known` (in increasing order), at the frames wanted;
+    NaN where one is not known.
+    """
+    if not len(known):
+        return np.full((len(wanted), *values.shape[1:]), np.nan)
+    place = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+    rows = np.array(values[place], float)
+    rows[known[place] != wanted] = np.nan
+    return rows
+
+
+def directions(quaternion: Array) -> Array:
+    """Where bones (T, 4) point, (T, 3)."""
+    return np.asarray(rotate(quaternion, DISTAL))
+
+
+def _digits(folder: Path) -> dict[str, TrueDigit]:
+    tips = _by_digit(folder, TIPS, ("frame", *TIP, "error_mm"))
+    metacarpals = _by_digit(folder, METACARPALS, ("frame", *QUATERNION, "length_mm"))
+    digits = {}
+    for digit in tips.keys() & metacarpals.keys():
+        tip, bone = tips[digit], metacarpals[digit]
+        frame = tip[:, 0].astype(np.int64)
+        quaternion = at_frames(bone[:, 1:5], bone[:, 0].astype(np.int64), frame)
+        digits[digit] = TrueDigit(frame, tip[:, 1:4], tip[:, 4], quaternion, float(bone[0, 5]))
+    return digits
+
+
+def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, Array]:
+    """Numbers (T, columns) of each digit."""
+    rows = read_table(folder / f"{table.name}.parquet", table, ["digit", *columns])
+    numbers = np.stack([np.asarray(column_array(rows, name), float) for name in columns], -1)
+    digits = np.array(rows.column("digit").to_pylist(), object)
+    return {digit: numbers[digits == digit] for digit in dict.fromkeys(digits)}
+
+
+def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str, str], shift: int) -> float:
+    """Median over frames and digits of how much the distance of tip and receiver differs from the truth's;
+    infinite where they share no frame.
+    """
+    off = [np.empty(0)]
+    for digit, true in of_digit.items():
+        if digit in tip_of:
+            index = poses.index(tip_of[digit])
+            tip_mm = at_frames(true.tip_mm, true.frame + shift, poses.frame)
+            stated = at_frames(true.to_receiver_mm, true.frame + shift, poses.frame)
+            distance = np.linalg.norm(tip_mm - poses.position_mm[:, index], axis=-1)
+            off.append(np.abs(distance - stated)[poses.valid[:, index]])
+    together = np.concatenate(off)
+    known = together[np.isfinite(together)]
+    return float(np.median(known)) if len(known) else float("inf")

@@ -1,0 +1,67 @@
+"""What goes with every file: whose motion it is, what it was made from, what was done to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Any
+
+from schemas import PROGRAM, VERSION
+from schemas.study import path_token
+from stages.export.axes import Target
+from stages.export.motion import SkeletonMotion
+
+BONE_FRAME = (
+    "-Z along the bone away from the wrist, +Y out of its back (of a thumb, the nail's side), +X = Y x Z "
+    "(WebXR Hand Input)"
+)
+
+
+def file_stem(subject: str, hand: str, task: str, trial: str, model: str) -> str:
+    """The name of a file without its extension: sub-01_hand-right_task-opposition_model-whole-hand.
+
+    Names of any script stay; what a file name cannot hold becomes %XX (`schemas.study.path_token`).
+    """
+    parts = {"sub": subject, "hand": hand, "task": task, "trial": trial, "model": model}
+    return "_".join(f"{key}-{path_token(value)}" for key, value in parts.items() if value)
+
+
+def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -> dict[str, Any]:
+    """What is to be known of a file, in JSON types and a fixed order; no date and no absolute path."""
+    origin = motion.origin
+    world = (
+        "the transmitter's frame"
+        if not target.up
+        else f"the transmitter's frame, turned so that {target.up} is up"
+    )
+    return {
+        "program": f"{PROGRAM} {VERSION}",
+        "subject": origin.subject,
+        "hand": origin.hand,
+        "task": origin.task,
+        "trial": origin.trial,
+        "model": origin.model,
+        "layout": origin.layout,
+        "licence": origin.licence,
+        "frames": len(motion.frame),
+        "rate_hz": round(motion.rate_hz, 9) if isfinite(motion.rate_hz) else None,
+        "length_unit": target.unit,
+        "world": f"{world}; motion is relative to the transmitter",
+        "bone_frame": BONE_FRAME,
+        "notes": list(motion.notes),
+        "not_in_the_file": list(dropped),
+        "inputs_sha256": dict(origin.inputs),
+    }
+
+
+def facts_text(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -> str:
+    """The same as lines of text, for formats that hold none themselves."""
+    lines = []
+    for key, value in facts(motion, target, dropped).items():
+        if isinstance(value, list):
+            lines += [f"{key}: {sentence}" for sentence in value]
+        elif isinstance(value, dict):
+            lines += [f"{key}: {digest}  {name}" for name, digest in value.items()]
+        elif value not in ("", None):
+            lines.append(f"{key}: {value}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,171 @@
+"""The formats that an export can be written in: one table, an entry each, and how one is written.
+
+The module of a format has `write(motion, target, path)`, which gets the motion ready
+(`stages.export.settings.prepared`: range, gaps, rate, rig, world upright), what its numbers are to be told
+in, and the path of its main file; files beside it have the same stem. It gives sentences on what the file
+does not hold. It raises InputError where a motion cannot be written, and writes files whole or not at all
+(`schemas.files`). Of a format that holds several hands it also has `write_scene(motions, target, path)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from stages.export.axes import Target
+    from stages.export.motion import SkeletonMotion
+    from stages.export.settings import Settings
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format, as the command line and the other formats' neighbours need to know it.
+
+    module : which writes it, by its whole name, for the workflow to know that it belongs to the stage.
+    extensions : of all its files, the main one first.
+    units, ups : which it can be written in, its own choice first; no ups: in the transmitter's frame.
+    holds_gaps : whether it has a place for a frame without a pose. drops : what it never holds.
+    embeds_facts : whether its writer puts provenance and notes into the file; else a text file beside it has
+    them. shared : where one set of files serves all recordings, its main file's path in the output folder.
+    holds_hands : whether several hands can be in one file.
+    """
+
+    what: str
+    module: str
+    extensions: tuple[str, ...]
+    units: tuple[str, ...]
+    ups: tuple[str, ...]
+    drops: str
+    holds_gaps: bool = False
+    embeds_facts: bool = True
+    shared: str = ""
+    holds_hands: bool = False
+
+    def target(self, unit: str, up: str) -> Target:
+        """What the file is written in where the user asks for that unit and axis, or for none (empty)."""
+        from stages.export.axes import Target
+
+        return Target(
+            unit if unit in self.units else self.units[0],
+            up if up in self.ups else (self.ups[0] if self.ups else ""),
+        )
+
+    @property
+    def writers(self) -> Any:
+        """The module with `write`, imported when it is needed: a start should not wait for all formats."""
+        return import_module(self.module)
+
+
+FORMATS: Mapping[str, Format] = {
+    "bvh": Format(
+        "skeleton and motion for animation programs",
+        "stages.export.bvh",
+        (".bvh",),
+        ("cm", "m", "mm"),
+        ("y", "z"),
+        "device times, frame numbers, receivers, joint axes",
+        embeds_facts=False,
+    ),
+    "glb": Format(
+        "skeleton, a body of bones and motion for web pages, XR, game engines and Blender",
+        "stages.export.glb",
+        (".glb",),
+        ("m",),
+        ("y",),
+        "frame numbers but the first, receivers",
+        holds_hands=True,
+    ),
+    "osim": Format(
+        "skeleton, motion, markers and inverse kinematics for OpenSim",
+        "stages.export.opensim",
+        (".osim", ".mot", ".trc", "_ik.osim", "_ik_setup.xml"),
+        ("m",),
+        ("y",),
+        "frame numbers, muscles, forces",
+    ),
+    "c3d": Format(
+        "joints and receivers as points and poses, for motion-capture programs",
+        "stages.export.c3d_file",
+        (".c3d",),
+        ("mm", "m"),
+        ("z", "y"),
+        "device times, joint axes, joint angles",
+        holds_gaps=True,
+    ),
+    "bids": Format(
+        "a Motion-BIDS dataset of all recordings, for neuroscience",
+        "stages.export.motion_bids",
+        ("_motion.tsv", "_motion.json", "_channels.tsv", "_channels.json"),
+        ("m",),
+        (),
+        "joint axes",
+        holds_gaps=True,
+        shared="bids/dataset_description.json",
+    ),
+    "csv": Format(
+        "one row a frame and joint, for anything that reads tables",
+        "stages.export.tidy_csv",
+        (".csv", "_angles.csv", ".json"),
+        ("mm",),
+        (),
+        "receivers",
+        holds_gaps=True,
+    ),
+    "usd": Format(
+        "skeleton, a body of bones and motion for film, Omniverse and Blender",
+        "stages.export.usd",
+        (".usda",),
+        ("m", "cm", "mm"),
+        ("y", "z"),
+        "frame numbers but the first, receivers",
+        holds_hands=True,
+    ),
+}
+
+
+def chosen_formats(names_list: str) -> list[str]:
+    """Names from a comma-separated list, each once; InputError where one is no format."""
+    from schemas.errors import InputError
+
+    names = list(dict.fromkeys(name.strip() for name in names_list.split(",") if name.strip()))
+    unknown = [name for name in names if name not in FORMATS]
+    if unknown or not names:
+        raise InputError(
+            f"--formats: {unknown[0] if unknown else 'nothing'!r} is no format; expected one or more of "
+            f"{', '.join(FORMATS)}, joined by commas"
+        )
+    return names
+
+
+def write_format(
+    motions: Sequence[SkeletonMotion], settings: Settings, name: str, path: Path
+) -> tuple[str, ...]:
+    """Write motions as they were read, one a hand, into a file of one of FORMATS.
+
+    Give what was done to them and what the file lacks. Raises InputError where the format holds one hand and
+    there are several, and as getting ready and writing do.
+    """
+    from schemas.errors import InputError
+    from schemas.files import write_text
+    from stages.export.file_facts import facts_text
+    from stages.export.settings import prepared
+
+    chosen = FORMATS[name]
+    if len(motions) > 1 and not chosen.holds_hands:
+        raise InputError(f"--hand both: {name} holds one hand a file; choose --hand right or --hand left")
+    target = chosen.target(settings.unit, settings.up)
+    ready = [prepared(motion, settings, holds_gaps=chosen.holds_gaps, up=target.up) for motion in motions]
+    if len(ready) > 1:
+        dropped = chosen.writers.write_scene(ready, target, path)
+    else:
+        dropped = chosen.writers.write(ready[0], target, path)
+    if not chosen.embeds_facts:
+        write_text(path.with_name(f"{path.name}.txt"), facts_text(ready[0], target, (chosen.drops, *dropped)))
+    changes = (
+        note for own, motion in zip(ready, motions, strict=True) for note in own.notes[len(motion.notes) :]
+    )
+    return (*dict.fromkeys(changes), f"not in the file: {chosen.drops}", *dropped)

@@ -1,0 +1,128 @@
+"""The posterior of a fitted hand, and every bone and receiver at the mean posture with its derivatives.
+
+The mean posture is the mean over the recording of every joint angle, with the receivers where they sit when
+nothing is bent. A centre that is fixed in a receiver's frame is the same at any posture; that of an MCP joint
+seen across a palm that moves, or of the thumb's skew CMC axes, is the mean one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.layout import Joint, Layout
+from skeleton.rotations import Array
+from stages.fit_hand.building import Amount, receiver
+from stages.fit_hand.chain import HandModel
+from stages.fit_hand.normal_equations import Point, Problem, Reduced, states_by_unknowns
+from stages.fit_hand.operations import cross
+from stages.fit_hand.receiver_frames import Convention
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Mean x (G,) and covariance (G, G) of the hand's unknowns; mean_states (S,) over the recording, rad,
+    and how they move with the unknowns (S, G).
+    """
+
+    x: Array
+    covariance: Array
+    mean_states: Array
+    states_by_x: Array
+
+    @classmethod
+    def of(cls, problem: Problem, point: Point, reduced: Reduced, share: Array) -> Posterior:
+        """Laplace's approximation at a point; share : (F,) of the recording that each frame stands for."""
+        return cls(
+            point.x,
+            np.asarray(np.linalg.inv(reduced.matrix), float),
+            share @ point.y,
+            states_by_unknowns(problem, reduced, share),
+        )
+
+    def moved_to(self, x: Array, covariance: Array) -> Posterior:
+        """Give the posterior with another mean and covariance; the mean joint angles go along."""
+        states = self.mean_states + self.states_by_x @ (x - self.x)
+        return Posterior(x, covariance, states, self.states_by_x)
+
+    def of_amount(self, amount: Amount) -> tuple[float, float]:
+        """Mean and sd of a linear combination of the unknowns."""
+        row = amount.row(len(self.x))
+        return amount.constant + float(row @ self.x), float(np.sqrt(row @ self.covariance @ row))
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A solved fit: its posterior, the frames it was solved on (problem), their share (F,) of the recording
+    and joint angles (F, S) in rad.
+    """
+
+    layout: Layout
+    model: HandModel
+    convention: Convention
+    problem: Problem
+    posterior: Posterior
+    share: Array
+    states: Array
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Place:
+    """A marked frame seen from the base bone, and how it moves and turns with the unknowns: (3, G) each."""
+
+    R: Array
+    t: Array
+    moved: Array
+    turned: Array
+
+    def sees(self, other: Place) -> tuple[Array, Array]:
+        """The other's origin in this frame and its derivative (3, G)."""
+        arm = other.t - self.t
+        moved = other.moved - self.moved + cross(arm, self.turned.T).T
+        return self.R.T @ arm, self.R.T @ moved
+
+    def carrying(self, point_mm: Array, by_x: Array) -> Place:
+        """A point that rides on this frame, where `point_mm` (3,) puts it; by_x (3, G) : its derivative."""
+        arm = self.R @ point_mm
+        moved = self.moved + cross(self.turned.T, arm).T + self.R @ by_x
+        return Place(self.R, self.t + arm, moved, self.turned)
+
+    def sees_axis(self, axis: Array, turned: Array) -> tuple[Array, Array]:
+        """An axis in this frame and its derivative (3, G); turned : how the axis turns."""
+        return self.R.T @ axis, self.R.T @ cross((turned - self.turned).T, axis).T
+
+
+def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
+    """Every marked frame at the mean posture, by name."""
+    y = posterior.mean_states[None]
+    places = {}
+    for branch in model.branches:
+        reached = branch.reach(posterior.x, y, np.eye(3)[None], np.zeros((1, 3)), skin=False)
+        raw = branch.by_operation(reached, range(len(branch.marks)))
+        by_x = branch.by_unknown(raw, y, skin=False)[:, 0]
+        by_y = (raw @ branch.per_state(posterior.x, skin=False))[:, 0]
+        for mark, name in enumerate(branch.marks):
+            full = by_y[mark] @ posterior.states_by_x[branch.states]
+            full[:, branch.unknowns] += by_x[mark]
+            R, t = reached.rotation[mark, 0], reached.position_mm[mark, 0]
+            places[name] = Place(R, t, full[:3], full[3:])
+    return places
+
+
+def centre_by_unknowns(
+    joint: Joint, places: Mapping[str, Place], evidence: Evidence
+) -> tuple[dict[str, Array], Array]:
+    """A joint's centre in the fitted frames of the parent's and the child's receiver, NaN where there is
+    none, and its derivative (6, G) in the receivers' own frames.
+    """
+    centre = places[evidence.model.centres[joint.name]]
+    points, by_x = {}, np.full((6, len(evidence.posterior.x)), np.nan)
+    for side, segment in enumerate((joint.parent_receiver, joint.child)):
+        points[segment] = np.full(3, np.nan)
+        if receiver(segment) in places:
+            points[segment], moved = places[receiver(segment)].sees(centre)
+            by_x[3 * side : 3 * side + 3] = evidence.convention.point_matrix(segment) @ moved
+    return points, by_x

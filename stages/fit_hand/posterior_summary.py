@@ -1,0 +1,235 @@
+"""What a fitted hand says: joint centres, axes, bones and the wrist, each with its uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from anatomy import average_hand as prior
+from schemas.layout import Joint
+from skeleton.rotations import Array
+from stages.fit_hand.building import KINDS, axis_frame, receiver
+from stages.fit_hand.posterior import Evidence, Place, centre_by_unknowns, places_of
+
+WEAK_SD_MM = 2.0
+WEAK_AXIS_SD_DEG = 5.0
+WEAK_RANGE_DEG = 10.0
+STRANGE_SD = 5.0
+WEAK_GAP_MM = 10.0
+"""No skin on a hand lets two receivers disagree so much about their joint; a wrong quaternion order does."""
+
+
+@dataclass(frozen=True)
+class FittedJoint:
+    """One joint of a fitted hand.
+
+    parent_mm, child_mm : (3,) centre in the parent's and the child's receiver frame (child NaN where the
+    child carries no receiver). covariance_mm2 : (6, 6) of both. axis_parent, axis_child : (3,) unit
+    flexion axis there; axis_sd_deg : its 1-sigma direction error. range_deg : of flexion over the frames
+    fitted. gap_rms_mm : of the centre in the recording. status : ok or weak; message : why.
+    """
+
+    name: str
+    parent_segment: str
+    child_segment: str
+    dof: int
+    parent_mm: Array
+    child_mm: Array
+    covariance_mm2: Array
+    axis_parent: Array
+    axis_child: Array
+    axis_sd_deg: float
+    range_deg: float
+    gap_rms_mm: float
+    status: str
+    message: str
+
+    @property
+    def sd_mm(self) -> float:
+        """1-sigma three-dimensional error of the centre: the worse half's."""
+        variance = np.nan_to_num(np.diag(self.covariance_mm2))
+        return float(np.sqrt(max(variance[:3].sum(), variance[3:].sum())))
+
+
+@dataclass(frozen=True)
+class FittedBone:
+    """Length of a bone in mm, joint to joint; sd_mm 1-sigma."""
+
+    length_mm: float
+    sd_mm: float
+
+
+@dataclass(frozen=True)
+class FixedCentre:
+    """Centre (3,) in mm of a joint that does not move, in the parent's receiver frame, or in the child's
+    where the parent is empty (the wrist without a forearm receiver); covariance (3, 3).
+    """
+
+    name: str
+    parent_segment: str
+    child_segment: str
+    centre_mm: Array
+    covariance_mm2: Array
+    message: str
+
+
+@dataclass(frozen=True)
+class HandSummary:
+    """Joints between two receivers, palm joints that move but whose child carries no receiver, centres that
+    do not move (the wrist among them where it is no joint and anatomy says where it is), all by joint; and
+    bones by segment.
+    """
+
+    joints: dict[str, FittedJoint]
+    palm: dict[str, FittedJoint]
+    fixed: dict[str, FixedCentre]
+    bones: dict[str, FittedBone]
+
+
+def summarise(evidence: Evidence) -> HandSummary:
+    """Give joints, bones and wrist of a solved fit."""
+    places = places_of(evidence.model, evidence.posterior)
+    joints: dict[str, FittedJoint] = {}
+    palm: dict[str, FittedJoint] = {}
+    fixed: dict[str, FixedCentre] = {}
+    for joint in evidence.layout.joints.values():
+        if receiver(joint.parent_receiver) not in places:
+            continue
+        if axis_frame(joint.name) in places:
+            group = joints if receiver(joint.child) in places else palm
+            group[joint.name] = _joint(joint, places, evidence)
+        elif evidence.model.centres.get(joint.name) in places:
+            seen = places[receiver(joint.parent_receiver)].sees(places[evidence.model.centres[joint.name]])
+            message = "does not move, so anatomy and the palm's shape place it"
+            ends = joint.parent_receiver, joint.child
+            fixed[joint.name] = _fixed(joint.name, ends, joint.parent_receiver, seen, evidence, message)
+    wrist, base = evidence.layout.wrist, evidence.model.receivers[0]
+    if wrist is not None and wrist.joint not in joints and evidence.model.length:
+        still = np.zeros((3, len(evidence.posterior.x)))
+        seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
+        message = "where the metacarpals' bases say; there is no forearm receiver"
+        fixed[wrist.joint] = _fixed(wrist.joint, ("", wrist.segment), base, seen, evidence, message)
+    bones = {
+        segment: FittedBone(*evidence.posterior.of_amount(length))
+        for segment, length in evidence.model.length.items()
+    }
+    return HandSummary(joints, palm, fixed, bones)
+
+
+def bent_skin_mm2(segment: str, evidence: Evidence) -> Array:
+    """Covariance (3, 3) that a centre gains in a receiver's own frame as skin is not linear in the angles.
+
+    A receiver that slides by c mm per rad moves the centres in its frame by c mm and leaves no gap. The fit
+    has the linear slides of both adjacent joints; of the rest, which nothing shows, it knows only the size.
+    """
+    slides = [i for i, group in enumerate(evidence.model.unknowns.groups) if group == "slide x"]
+    own = [i for i in slides if evidence.model.unknowns.names[i].startswith(f"{segment} ")]
+    if not own:
+        return np.zeros((3, 3))
+    scale = evidence.problem.precision[own[0]] ** -0.5
+    bent = prior.SKIN_BENT * scale * len(own) ** 0.5 * np.array(prior.SLIDE_SD_MM)
+    turn = evidence.convention.point_matrix(segment)
+    return np.asarray(turn @ np.diag(bent**2) @ turn.T)
+
+
+def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> FittedJoint:
+    model, convention, posterior = evidence.model, evidence.convention, evidence.posterior
+    points, by_x = centre_by_unknowns(joint, places, evidence)
+    axis_at = places[axis_frame(joint.name)]
+    axis = axis_at.R @ model.axes[joint.name]
+    axes = {
+        segment: places[receiver(segment)].sees_axis(axis, axis_at.turned)[0]
+        if receiver(segment) in places
+        else np.full(3, np.nan)
+        for segment in points
+    }
+    axis_by_x = places[receiver(joint.parent_receiver)].sees_axis(axis, axis_at.turned)[1]
+    covariance = by_x @ posterior.covariance @ by_x.T
+    for half, segment in ((slice(0, 3), joint.parent_receiver), (slice(3, 6), joint.child)):
+        covariance[half, half] += bent_skin_mm2(segment, evidence)
+    axis_sd = float(np.degrees(np.sqrt(np.trace(axis_by_x @ posterior.covariance @ axis_by_x.T))))
+    flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
+    range_deg = float(np.degrees(np.ptp(flexion)))
+    gap = _gap_rms_mm(joint, evidence, points)
+    reasons = _doubts(joint, evidence, covariance, axis_sd, range_deg, gap)
+    return FittedJoint(
+        name=joint.name,
+        parent_segment=joint.parent_receiver,
+        child_segment=joint.child,
+        dof=joint.dof,
+        parent_mm=convention.point(joint.parent_receiver, points[joint.parent_receiver]),
+        child_mm=convention.point(joint.child, points[joint.child]),
+        covariance_mm2=covariance,
+        axis_parent=convention.axis(joint.parent_receiver, axes[joint.parent_receiver]),
+        axis_child=convention.axis(joint.child, axes[joint.child]),
+        axis_sd_deg=axis_sd,
+        range_deg=range_deg,
+        gap_rms_mm=gap,
+        status="weak" if reasons else "ok",
+        message="; ".join(reasons),
+    )
+
+
+def _fixed(
+    joint: str,
+    ends: tuple[str, str],
+    segment: str,
+    seen: tuple[Array, Array],
+    evidence: Evidence,
+    message: str,
+) -> FixedCentre:
+    """A centre as the receiver on `segment` sees it, with its derivative; ends : parent and child segment."""
+    by_x = evidence.convention.point_matrix(segment) @ seen[1]
+    covariance = by_x @ evidence.posterior.covariance @ by_x.T
+    return FixedCentre(joint, *ends, evidence.convention.point(segment, seen[0]), covariance, message)
+
+
+def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -> float:
+    """Root mean square distance of the two halves of a centre in the recording; NaN where there is none."""
+    receivers, frames = evidence.model.receivers, evidence.problem.frames
+    if joint.child not in receivers:
+        return float("nan")
+    a, b = receivers.index(joint.parent_receiver), receivers.index(joint.child)
+    weight = evidence.share * (frames.valid[:, a] & frames.valid[:, b])
+    if not weight.any():
+        return float("nan")
+    apart = frames.rotation[:, a] @ points[joint.parent_receiver] + frames.position_mm[:, a]
+    apart -= frames.rotation[:, b] @ points[joint.child] + frames.position_mm[:, b]
+    return float(np.sqrt((weight * (apart**2).sum(-1)).sum() / weight.sum()))
+
+
+def _doubts(
+    joint: Joint,
+    evidence: Evidence,
+    covariance_mm2: Array,
+    axis_sd_deg: float,
+    range_deg: float,
+    gap_rms_mm: float,
+) -> list[str]:
+    """Reasons why a joint is weak, those of the whole hand first; none where it is not."""
+    off = np.abs(evidence.posterior.x) * np.sqrt(evidence.problem.precision)
+    strangest, receivers = int(np.argmax(off)), evidence.model.receivers
+    dead = [
+        segment
+        for segment in (joint.parent_receiver, joint.child)
+        if segment in receivers and not evidence.problem.frames.valid[:, receivers.index(segment)].any()
+    ]
+    halves = (covariance_mm2[:3, :3], covariance_mm2[3:, 3:])
+    seen = [np.linalg.eigvalsh(half)[-1] for half in halves if np.isfinite(half).all()]
+    worst_mm = float(np.sqrt(max(*seen, 0.0)))
+    doubts = {
+        "the fit of the hand did not converge": not evidence.converged,
+        f"the hand that fits is strange ({evidence.model.unknowns.names[strangest]} is "
+        f"{off[strangest]:.0f} sd from the usual): wrong units, swapped receivers, or a receiver far from "
+        "the middle of its bone": off[strangest] > STRANGE_SD,
+        **{f"no valid pose of {s}: anatomy and the other receivers stand in for it": True for s in dead},
+        f"its receivers disagree by {gap_rms_mm:.0f} mm: a loose receiver, a wrong quaternion order or angle "
+        "convention, or more skin than on a hand": gap_rms_mm > WEAK_GAP_MM,
+        f"moved only {range_deg:.1f} deg: anatomy says more about it than the recording": range_deg
+        < WEAK_RANGE_DEG,
+        f"centre uncertain by {worst_mm:.1f} mm in its worst direction": worst_mm > WEAK_SD_MM,
+        f"axis uncertain by {axis_sd_deg:.0f} deg": joint.dof == 1 and axis_sd_deg > WEAK_AXIS_SD_DEG,
+    }
+    return [reason for reason, holds in doubts.items() if holds]

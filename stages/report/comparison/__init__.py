@@ -1,0 +1,1 @@
+"""Whether one skeleton model does better than another across the subjects of a study."""

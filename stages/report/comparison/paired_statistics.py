@@ -1,0 +1,151 @@
+"""What the differences of n subjects say of their mean: interval, test and effect size.
+
+Interval: percentile bootstrap over subjects, its tails widened as Student's are (expanded percentile
+interval: T. Hesterberg, What Teachers Should Know About the Bootstrap, Am. Stat. 69, 2015). Of 8 and of 12
+normal differences it holds the true mean in 94 % of studies, the plain percentile and BCa intervals in 89 and
+91 %; of strongly skewed (exponential) ones in 90 %. It is not corrected for many comparisons.
+
+Test: the signs of the differences are flipped, in all ways or at random, which is exact where a difference is
+as likely to lie above 0 as so far below (R. A. Fisher, The Design of Experiments, 1935). Of random flips the
+data themselves count as one (B. Phipson, G. K. Smyth, Stat. Appl. Genet. Mol. Biol. 9, 2010). S. Holm (Scand.
+J. Stat. 6, 1979) corrects for all comparisons made together. Effect size: mean over standard deviation of the
+differences, Cohen's d_z, with the exact correction for few subjects (L. V. Hedges, J. Educ. Stat. 6, 1981).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+LEVEL = 0.05
+N_RESAMPLES = 10_000
+N_FLIPS = 20_000
+MOST_ENUMERATED = 14
+FEWEST_SUBJECTS = 6
+"""With fewer the smallest p, 2 / 2^n, is over LEVEL. No bootstrap interval holds the mean in 95 % of studies
+then, either: none leaves the range of the data, and in 2 / 2^n of studies all lie on one side of the median.
+"""
+EQUAL = 1e-9
+"""Differences up to this, in mm or deg, are rounding: the models do the same."""
+
+
+@dataclass(frozen=True)
+class Paired:
+    """What n differences say, in the metric's unit.
+
+    interval : 95 %; None with fewer than FEWEST_SUBJECTS. p : not corrected. smallest_p : what the test can
+    give at best with so many. effect : d_z, corrected; None with fewer than 3 or with equal differences.
+    n_better, n_equal : subjects with whom the first model does better, and the same.
+    """
+
+    n: int
+    mean: float
+    median: float
+    lowest: float
+    highest: float
+    interval: tuple[float, float] | None
+    p: float
+    smallest_p: float
+    effect: float | None
+    n_better: int
+    n_equal: int
+
+
+def paired(differences: Array) -> Paired:
+    """What differences (n,), n at least 1, say of their mean; negative ones are better.
+
+    What is random depends on n alone, so the same data give the same numbers, and the comparisons of a
+    study, which are of the same subjects, share it: drawn once, it takes milliseconds a comparison.
+    """
+    d = np.where(np.abs(differences) <= EQUAL, 0.0, differences)
+    n = len(d)
+    return Paired(
+        n=n,
+        mean=math.fsum(d) / n,
+        median=float(np.median(d)),
+        lowest=float(d.min()),
+        highest=float(d.max()),
+        interval=interval_95(d) if n >= FEWEST_SUBJECTS else None,
+        p=sign_flip_p(d),
+        smallest_p=smallest_p(n),
+        effect=effect_size(d),
+        n_better=int((d < 0).sum()),
+        n_equal=int((d == 0).sum()),
+    )
+
+
+def interval_95(differences: Array) -> tuple[float, float]:
+    """95 % expanded percentile bootstrap interval of the mean of differences (n,), n at least 2."""
+    n = len(differences)
+    low, high = np.quantile(_shares(n) @ differences, [bootstrap_tail(n), 1.0 - bootstrap_tail(n)])
+    return float(low), float(high)
+
+
+@lru_cache(maxsize=64)
+def bootstrap_tail(n: int) -> float:
+    """The share of resampled means to leave out at either end: 0.025, less the fewer subjects there are.
+
+    The resampled means of n scatter sqrt((n - 1) / n) too little, and a normal quantile stands for Student's.
+    """
+    from scipy.special import ndtr, stdtrit
+
+    return float(ndtr(stdtrit(n - 1, LEVEL / 2) * math.sqrt(n / (n - 1))))
+
+
+def sign_flip_p(differences: Array) -> float:
+    """Two-sided p of the mean of differences (n,): exact up to MOST_ENUMERATED, else by N_FLIPS."""
+    n, rounding = len(differences), EQUAL * float(np.abs(differences).sum())
+    reached = abs(float(differences.sum())) - rounding
+    if n > MOST_ENUMERATED:
+        return (1 + int((np.abs(_flips(n) @ differences) >= reached).sum())) / (1 + N_FLIPS)
+    flips = np.arange(2 ** (n - 1))[:, None] >> np.arange(n) & 1  # the last sign stays: the rest mirrors
+    sums = (1.0 - 2.0 * flips) @ differences
+    return float((np.abs(sums) >= reached).mean())
+
+
+def smallest_p(n: int) -> float:
+    """The smallest p that `sign_flip_p` can give of n differences."""
+    return 2.0 / 2.0**n if n <= MOST_ENUMERATED else 1.0 / (1 + N_FLIPS)
+
+
+def effect_size(differences: Array) -> float | None:
+    """Cohen's d_z of differences (n,) with Hedges' correction for n - 1 degrees of freedom."""
+    freedom = len(differences) - 1
+    if freedom < 2 or np.ptp(differences) <= EQUAL:
+        return None
+    log_ratio = math.lgamma(freedom / 2) - math.lgamma((freedom - 1) / 2)
+    correction = math.exp(log_ratio) / math.sqrt(freedom / 2)
+    return float(correction * differences.mean() / differences.std(ddof=1))
+
+
+def holm(p_values: Sequence[float | None]) -> list[float | None]:
+    """Holm's corrected p-values, in the same order; None is no test and stays so."""
+    known = sorted((p, place) for place, p in enumerate(p_values) if p is not None)
+    corrected: list[float | None] = [None] * len(p_values)
+    highest = 0.0
+    for rank, (p, place) in enumerate(known):
+        highest = max(highest, min(1.0, p * (len(known) - rank)))
+        corrected[place] = highest
+    return corrected
+
+
+@lru_cache(maxsize=4)
+def _shares(n: int) -> Array:
+    """What each of n differences counts in every resampled mean, (N_RESAMPLES, n)."""
+    drawn = np.random.default_rng((n, 1)).integers(0, n, (N_RESAMPLES, n))
+    drawn += n * np.arange(N_RESAMPLES)[:, None]
+    counts = np.bincount(drawn.ravel(), minlength=N_RESAMPLES * n).reshape(N_RESAMPLES, n)
+    return np.asarray(counts / n)
+
+
+@lru_cache(maxsize=4)
+def _flips(n: int) -> Array:
+    """Random signs of n differences, (N_FLIPS, n)."""
+    return np.asarray(1.0 - 2.0 * np.random.default_rng((n, 2)).integers(0, 2, (N_FLIPS, n)))

@@ -1,0 +1,81 @@
+"""What skeleton models are asked, the questions that judge a skeleton first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+PRIOR, NAIL, TRUE = "prior-only", "distal-receiver", "true-skeleton"
+
+
+@dataclass(frozen=True)
+class Question:
+    """One question; the smaller its number, the better.
+
+    metric : the column of `table` that answers it. amount : the words before an amount in a sentence.
+    choice : its name among the others. says : how far the answer judges a skeleton. judged_by : the words
+    of the headline; empty where it judges none. references : drawn beside the models. fitted_only : whether
+    only models that pose a fitted hand take this test.
+    """
+
+    metric: str
+    amount: str
+    choice: str
+    says: str
+    judged_by: str = ""
+    references: tuple[str, ...] = ()
+    fitted_only: bool = False
+    table: str = "skeleton_scores"
+    unit: str = "mm"
+
+
+JOINT_ERROR = Question(
+    "error_mm",
+    "the joint centre is off by",
+    "Joint centres against the truth",
+    "How far the stated joint centres are from the true ones. This judges a skeleton. Models that differ "
+    "only in how they pose a metacarpal have the same joints.",
+    "how far the joint centres are from the true ones",
+    (PRIOR,),
+    table="joint_errors",
+)
+METACARPAL = Question(
+    "metacarpal_deg",
+    "the metacarpal's direction is off by",
+    "Metacarpal directions against the truth",
+    "The angle between the stated and the true metacarpal. This judges what models of metacarpals differ "
+    "in; one that starts its fingers at the wrist states another line than the bone's and is off by a "
+    "constant angle besides.",
+    "how far the metacarpals are from their true directions",
+    (PRIOR,),
+    unit="deg",
+)
+TRUE_TIP = Question(
+    "true_tip_mean_mm",
+    "the fingertip is missed by",
+    "Fingertips against the truth",
+    "From the fingertip that a model states to the true end of the distal bone. A fitted hand knows a "
+    "fingertip; the other models know the receiver on the nail, which distal-receiver is alone.",
+    "how far the fingertips are from the true ones",
+    (PRIOR, NAIL, TRUE),
+)
+LEFT_OUT = Question(
+    "left_out_mean_mm",
+    "the distal receiver, left out, is missed by",
+    "Distal receivers left out of the pose",
+    "Each fitted hand is posed without the distal receivers' positions and must say where they are. On "
+    "recordings that it was not made from this judges a fitted hand in part: it sees no error that a "
+    "bone and its receiver make together. Other models replay their receivers, which is another test, "
+    "and are not here.",
+    "how far distal receivers are missed when a pose is not told where they are",
+    (PRIOR, TRUE),
+    fitted_only=True,
+)
+REPLAY = Question(
+    "replay_mean_mm",
+    "the replay misses its receiver by",
+    "Tip error of the replay",
+    "The paper's number. It says how well the joints close and not where they are, so it judges no "
+    "skeleton: the true one does not win it. A large error is a warning; a small one is no proof.",
+    references=(TRUE,),
+)
+QUESTIONS = (JOINT_ERROR, METACARPAL, TRUE_TIP, LEFT_OUT, REPLAY)

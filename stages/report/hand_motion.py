@@ -1,0 +1,377 @@
+"""What moves in the view: joints and tips of one hand's skeletons over one recording, and its receivers.
+
+Where a joint is says `skeleton.posing`: a fitted hand moves as its bones were posed with all receivers; every
+other skeleton rides on its receivers. Still pictures show one frame of the same motion.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from schemas.errors import InputError
+from schemas.layout import Layout, Vector
+from schemas.model import SkeletonModel
+from schemas.poses import Poses
+from skeleton.posing import Motion, Seat, Skeleton, digit_seats, pose_bones
+from skeleton.rotations import matrix
+
+Array = npt.NDArray[np.float64]
+Rows = Mapping[str, Mapping[str, Any]]
+
+MOST_FRAMES = 15_000
+"""Frames that a view holds at most: a minute at 240 frames a second."""
+
+REPLAY_ERROR = "replayed fingertip to the receiver (least-squares binding)"
+FITTED_ERROR = "distal receiver from where the hand posed with all receivers puts it"
+
+
+@dataclass(frozen=True)
+class Bone:
+    """A line between two points (indices). digit : its index; level : 0 for a digit's first bone, -1 for
+    the line from the wrist to where a digit starts, which is no bone. shared : whether other digits' bones
+    start at the same point.
+    """
+
+    start: int
+    end: int
+    digit: int
+    level: int
+    shared: bool
+
+
+@dataclass(frozen=True)
+class JointAxis:
+    """A joint's rotation axis, and the sagittal plane that cuts it where the model has one.
+
+    point : index of the joint, which the plane goes through. axis : (3,) unit, in the frame of the receiver
+    of `segment`. normal : (3,) in that of plane_segment, which is empty where no plane cuts.
+    """
+
+    point: int
+    segment: str
+    axis: Vector
+    plane_segment: str
+    normal: Vector
+
+
+@dataclass(frozen=True)
+class SkeletonMotion:
+    """One skeleton over T frames: P points, B bones, D digits.
+
+    place : index of the model in the study, which its colour goes by. points : names of joints, then of tips.
+    position_mm : (T, P, 3) in the transmitter frame, NaN in gaps. seats : where each point rides, if every
+    point is fixed on a receiver; None for a fitted skeleton. sd_mm : (P,) 1-sigma error of each point in 3-D,
+    NaN where none is stated. status : (P,) ok, weak or failed. tip_error_mm : (T, D), NaN in gaps; error_is :
+    what that is, in words.
+    """
+
+    model: str
+    place: int
+    points: tuple[str, ...]
+    position_mm: Array
+    seats: tuple[Seat, ...] | None
+    sd_mm: Array
+    status: tuple[str, ...]
+    bones: tuple[Bone, ...]
+    axes: tuple[JointAxis, ...]
+    tip_error_mm: Array
+    error_is: str
+
+
+@dataclass(frozen=True)
+class HandMotion:
+    """One hand over T frames: R receivers and one skeleton or more, all in the transmitter frame.
+
+    frame : (T,) as recorded; time_s : (T,) device time, NaN where the recording has none. every : how many
+    recorded frames there are to one kept here. receiver_mm : (T, R, 3), receiver_quaternion : (T, R, 4) unit
+    (w, x, y, z), receiver to transmitter frame, both NaN where not valid. base : the receiver that the view
+    hangs on; distal, dorsal : unit vectors in its frame. paper : the paper's skeleton, if it is among these.
+    """
+
+    hand: str
+    digits: tuple[str, ...]
+    frame: npt.NDArray[np.int64]
+    time_s: Array
+    every: int
+    receivers: tuple[str, ...]
+    receiver_mm: Array
+    receiver_quaternion: Array
+    base: int
+    distal: Vector
+    dorsal: Vector
+    skeletons: tuple[SkeletonMotion, ...]
+    paper: str = ""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A joint or a tip in one frame: position (right, up, towards the viewer) in mm, seen from the back.
+
+    reach_mm : distance from the receiver that carries it, or of a fitted hand from the nearest one.
+    """
+
+    name: str
+    position_mm: Array
+    status: str
+    reach_mm: float
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A digit's points from its base to its tip, None where one has no place, and what they are called."""
+
+    digit: str
+    names: tuple[str, ...]
+    points: tuple[Point | None, ...]
+
+    @property
+    def absent(self) -> list[str]:
+        """Names of the points without a place."""
+        return [name for name, point in zip(self.names, self.points, strict=True) if point is None]
+
+
+def hand_motion(
+    hand: str, layout: Layout, poses: Poses, skeletons: Iterable[SkeletonMotion], paper: str = ""
+) -> HandMotion:
+    """Join skeletons with the receivers that they were made from, thinned to MOST_FRAMES.
+
+    Receivers without a valid pose are left out. Raises InputError where the receiver that the view hangs on
+    has none: then nothing says which way the hand is up.
+    """
+    base = view_base(layout)
+    worn = np.asarray(poses.valid.any(axis=0))
+    if not worn[poses.index(base)]:
+        raise InputError(
+            f"the receiver of {base} has no valid pose; without it no view of the hand is upright"
+        )
+    valid = poses.valid[..., None]
+    motion = HandMotion(
+        hand=hand,
+        digits=tuple(layout.digits),
+        frame=poses.frame,
+        time_s=poses.time_s,
+        every=1,
+        receivers=tuple(name for name, there in zip(poses.segments, worn, strict=True) if there),
+        receiver_mm=np.where(valid, poses.position_mm, np.nan)[:, worn],
+        receiver_quaternion=np.where(valid, poses.quaternion, np.nan)[:, worn],
+        base=int(worn[: poses.index(base)].sum()),
+        distal=layout.segments[base].distal,
+        dorsal=layout.segments[base].dorsal,
+        skeletons=tuple(skeletons),
+        paper=paper,
+    )
+    return thinned(motion, MOST_FRAMES)
+
+
+def view_base(layout: Layout) -> str:
+    """The segment whose receiver the view hangs on: the base of the first digit."""
+    return next(iter(layout.digits.values())).base
+
+
+def thinned(motion: HandMotion, most: int) -> HandMotion:
+    """Every n-th frame, n the smallest that leaves at most `most` frames; the frames keep their numbers."""
+    every = -(-len(motion.frame) // most)
+    return motion if every <= 1 else _frames(motion, slice(None, None, every), every)
+
+
+def _frames(motion: HandMotion, rows: slice, every: int) -> HandMotion:
+    skeletons = (
+        replace(s, position_mm=s.position_mm[rows], tip_error_mm=s.tip_error_mm[rows])
+        for s in motion.skeletons
+    )
+    return replace(
+        motion,
+        frame=motion.frame[rows],
+        time_s=motion.time_s[rows],
+        every=motion.every * every,
+        receiver_mm=motion.receiver_mm[rows],
+        receiver_quaternion=motion.receiver_quaternion[rows],
+        skeletons=tuple(skeletons),
+    )
+
+
+def ridden_skeleton(
+    layout: Layout, model: SkeletonModel, place: int, joints: Rows, tip_error_mm: Array, poses: Poses
+) -> SkeletonMotion:
+    """A skeleton whose joints ride on receivers.
+
+    joints : rows of joint_centres by joint. tip_error_mm : (T, D).
+    """
+    by_digit = [digit_seats(digit, layout, model, joints) for digit in layout.digits.values()]
+    seats = {seat.name: seat for own in by_digit for seat in own}
+    positions = {name: seat.position_mm(poses) for name, seat in seats.items()}
+    bones = _bones(list(seats), [[seat.name for seat in own] for own in by_digit], None)
+    skeleton = _skeleton(layout, model, place, positions, bones, joints, {}, tip_error_mm)
+    return replace(skeleton, seats=tuple(seats.values()))
+
+
+def fitted_skeleton(
+    layout: Layout,
+    model: SkeletonModel,
+    place: int,
+    joints: Rows,
+    worn: Rows,
+    posed: Motion,
+    tip_error_mm: Array,
+    poses: Poses,
+) -> SkeletonMotion:
+    """A fitted hand, its bones as posed; each digit ends at the end of its distal bone.
+
+    joints : rows of joint_centres by joint; worn : rows of receivers by segment; posed : this recording's
+    bone poses and tips. tip_error_mm : (T, D).
+    """
+    bones = pose_bones(Skeleton(layout, model, joints, {}), poses, posed)
+    known = dict(zip(bones.names, bones.position_mm.swapaxes(0, 1), strict=True))
+    chains = [[*digit.joints, f"{name}_tip"] for name, digit in layout.digits.items()]
+    wrist = layout.wrist.joint if layout.wrist else None
+    names = dict.fromkeys([*([wrist] if wrist else []), *(name for chain in chains for name in chain)])
+    nowhere = np.full((len(poses.frame), 3), np.nan)
+    positions = {name: known.get(name, nowhere) for name in names}
+    sd_of_tip = {
+        f"{name}_tip": _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
+        for name, digit in layout.digits.items()
+    }
+    lines = _bones(list(positions), chains, wrist)
+    return _skeleton(layout, model, place, positions, lines, joints, sd_of_tip, tip_error_mm)
+
+
+def shown_first(motion: HandMotion) -> tuple[int, ...]:
+    """Which skeletons a view shows before any is chosen: the last fitted one that was posed in this
+    recording, else the first; beside it the paper's or else the first of the others, if there are any.
+    """
+    posed = [np.isfinite(skeleton.position_mm).any() for skeleton in motion.skeletons]
+    fitted = [i for i, s in enumerate(motion.skeletons) if s.seats is None and posed[i]]
+    first = fitted[-1] if fitted else 0
+    others = [i for i in range(len(motion.skeletons)) if i != first and posed[i]]
+    others.sort(key=lambda i: motion.skeletons[i].model != motion.paper)
+    return (first, *others[:1])
+
+
+def upright(motion: HandMotion) -> Array:
+    """The view's axes as rows (3, 3) in the base receiver's frame: right, up (distal), towards the viewer.
+
+    The viewer sees the back of the hand. Right is distal x dorsal and not the lateral axis, whose sign a
+    layout leaves open: so no hand is ever mirrored.
+    """
+    distal, dorsal = np.array(motion.distal), np.array(motion.dorsal)
+    return np.stack([np.cross(distal, dorsal), distal, dorsal])
+
+
+def seen(motion: HandMotion, frames: npt.NDArray[np.int64], world_mm: Array) -> Array:
+    """Points (F, n, 3) of the frames (F,), indices, in the view's axes; NaN where the base has no pose."""
+    turn = matrix(motion.receiver_quaternion[frames, motion.base])
+    origin = motion.receiver_mm[frames, motion.base]
+    return np.asarray((world_mm - origin[:, None]) @ turn @ upright(motion).T)
+
+
+def still_frame(valid: npt.NDArray[np.bool_], base: int) -> int:
+    """Index of the frame with most valid receivers (T, R), the base among them; of these the middlemost."""
+    counts = np.where(valid[:, base], valid.sum(1), 0)
+    best = np.flatnonzero(counts == counts.max())
+    return int(best[np.argmin(np.abs(best - (len(counts) - 1) / 2))])
+
+
+def receivers_at(motion: HandMotion, frame: int) -> Array:
+    """Valid receivers (n, 3) of the frame of that index in the view's axes, mm."""
+    receivers = _at(motion, frame, motion.receiver_mm)
+    return receivers[np.isfinite(receivers).all(-1)]
+
+
+def chains_at(motion: HandMotion, skeleton: SkeletonMotion, frame: int) -> list[Chain]:
+    """Each digit's points at one frame in the view's axes, from its first bone outward."""
+    places, receivers = _at(motion, frame, skeleton.position_mm), receivers_at(motion, frame)
+
+    def point(index: int) -> Point | None:
+        if not np.isfinite(places[index]).all():
+            return None
+        seat = None if skeleton.seats is None else skeleton.seats[index].point_mm
+        reach = np.linalg.norm(receivers - places[index] if seat is None else seat[None], axis=-1).min()
+        return Point(skeleton.points[index], places[index], skeleton.status[index], float(reach))
+
+    chains = []
+    for digit, name in enumerate(motion.digits):
+        bones = [bone for bone in skeleton.bones if bone.digit == digit]
+        ends = [bones[0].start, *(bone.end for bone in bones)]
+        chains.append(Chain(name, tuple(skeleton.points[i] for i in ends), tuple(map(point, ends))))
+    return chains
+
+
+def chains_key(chains: Sequence[Chain]) -> Hashable:
+    """Equal for chains whose points are equal, in places and status."""
+    return tuple(
+        (name, None if p is None else (p.status, *np.round(p.position_mm, 6)))
+        for chain in chains
+        for name, p in zip(chain.names, chain.points, strict=True)
+    )
+
+
+def _at(motion: HandMotion, frame: int, world_mm: Array) -> Array:
+    """Points (T, n, 3) at one frame in the view's axes, (n, 3)."""
+    return np.asarray(seen(motion, np.array([frame]), world_mm[frame : frame + 1])[0])
+
+
+def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None) -> tuple[Bone, ...]:
+    bones = []
+    starts = Counter(chain[0] for chain in chains)
+    for digit, chain in enumerate(chains):
+        ends = [points.index(name) for name in chain]
+        if wrist is not None:
+            bones.append(Bone(points.index(wrist), ends[0], digit, -1, shared=True))
+        for level, (start, end) in enumerate(pairwise(ends)):
+            bones.append(Bone(start, end, digit, level, shared=level == 0 and starts[chain[0]] > 1))
+    return tuple(bones)
+
+
+def _skeleton(
+    layout: Layout,
+    model: SkeletonModel,
+    place: int,
+    positions: Mapping[str, Array],
+    bones: tuple[Bone, ...],
+    joints: Rows,
+    sd_of_tip: Mapping[str, float],
+    tip_error_mm: Array,
+) -> SkeletonMotion:
+    points = tuple(positions)
+    sd = [sd_of_tip.get(p, _number(joints.get(p, {}).get("sd_mm"))) for p in points]
+    return SkeletonMotion(
+        model=model.name,
+        place=place,
+        points=points,
+        position_mm=np.stack(list(positions.values()), 1),
+        seats=None,
+        sd_mm=np.array(sd),
+        status=tuple(joints[p]["status"] if p in joints else "ok" for p in points),
+        bones=bones,
+        axes=_axes(layout, model, points, joints),
+        tip_error_mm=tip_error_mm,
+        error_is=REPLAY_ERROR if model.fitting is None else FITTED_ERROR,
+    )
+
+
+def _axes(
+    layout: Layout, model: SkeletonModel, points: tuple[str, ...], joints: Rows
+) -> tuple[JointAxis, ...]:
+    """The axis of each joint drawn that has one, in its child receiver's frame."""
+    axes = []
+    for joint in layout.solvable:
+        row = joints.get(joint.name)
+        if row is None or joint.name not in points or row["axis_child_x"] is None:
+            continue
+        x, y, z = (float(row[f"axis_child_{axis}"]) for axis in "xyz")
+        plane = joint.plane
+        side = joint.parent_receiver if plane.frame == "parent" else joint.child
+        cut_by = side if model.cut and plane.frame != "none" else ""
+        axes.append(JointAxis(points.index(joint.name), joint.child, (x, y, z), cut_by, plane.normal))
+    return tuple(axes)
+
+
+def _number(value: float | None) -> float:
+    return np.nan if value is None else float(value)

@@ -1,0 +1,168 @@
+"""The headline of a study in at most four sentences: how much of it there is, how good, what is doubtful."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from statistics import median
+
+from schemas.model import the_papers
+from stages.report.score_tables import mean, tasks_text
+from stages.report.study_results import LEAST_SQUARES, Row, StudyResults
+from stages.report.table_cells import counted, listed, number
+from stages.report.truth_tables import FAR_MM, known
+
+FEW_MODELS = 2
+
+
+def used_text(results: StudyResults) -> str:
+    """How many of the recordings were used, in a sentence."""
+    statuses = Counter(results.status_of(recording)[0] for recording in results.recordings)
+    total = len(results.recordings)
+    others = [f"{count} {status}" for status, count in sorted(statuses.items()) if status != "used"]
+    rest = f" ({listed(others)})" if others else ""
+    verb = "was" if statuses["used"] == 1 else "were"
+    return f"{statuses['used']} of {counted(total, 'recording')} {verb} used{rest}."
+
+
+def headline(results: StudyResults) -> str:
+    """One paragraph: of a model that fits the whole hand where there is one, else of all."""
+    used = used_text(results)
+    if results.simulated:
+        used = used.rstrip(".") + "; they are simulated, so no person's hand is behind these numbers."
+    for model in results.fitted[:1]:
+        rows, scored_on = _judging(results, model)
+        if known(rows, "left_out_mean_mm"):
+            sentences = [_left_out(results, model, rows, scored_on), _against_truth(results, model)]
+            return " ".join([used, *filter(None, sentences), _doubts(results, [model])])
+    return " ".join([used, _closing(results), _doubts(results, results.models)])
+
+
+def mean_tip_errors(results: StudyResults, *, held_out: bool) -> dict[str, float]:
+    """Mean of the digits' mean tip errors, mm, by model; models without any are left out."""
+    means = {}
+    for model in results.models:
+        found = mean(
+            row["mean_mm"]
+            for row in results.tip_errors
+            if (row["model"], row["binding"], row["held_out"]) == (model, LEAST_SQUARES, held_out)
+        )
+        if found is not None:
+            means[model] = found
+    return means
+
+
+def _judging(results: StudyResults, model: str) -> tuple[list[Row], str]:
+    """The model's scores that judge it, held-out ones if there are any, and on what, in words."""
+    rows = [row for row in results.scores if row["model"] == model]
+    held_out = [row for row in rows if row["held_out"]]
+    if held_out:
+        return held_out, "On recordings that it was not made from"
+    return rows, "On the recordings that it was made from (nothing is held out)"
+
+
+def _left_out(results: StudyResults, model: str, rows: list[Row], scored_on: str) -> str:
+    missed = number(mean(row["left_out_mean_mm"] for row in rows))
+    recordings = {(row["subject"], row["hand"], row["task"], row["trial"]) for row in rows}
+    prior = mean(
+        row["left_out_mean_mm"]
+        for row in results.scores
+        if row["model"] == "prior-only"
+        and (row["subject"], row["hand"], row["task"], row["trial"]) in recordings
+    )
+    beside = "" if prior is None else f" (anatomy alone, without data: {number(prior)} mm)"
+    return (
+        f"{scored_on}, {model} misses the distal receivers, whose positions it was not told, by {missed} mm "
+        f"on average{beside}."
+    )
+
+
+def _against_truth(results: StudyResults, model: str) -> str:
+    """How far the model's joints are from the true ones, beside the paper's; nothing without a truth."""
+    mine = _joint_errors(results, model)
+    if not mine:
+        return ""
+    made_from = _made_from(results, model)
+    text = (
+        f"Made from {made_from}, its joints are {number(median(mine), 1)} mm from the true ones in the "
+        f"median and {_far(mine)} are more than {FAR_MM:.0f} mm off"
+    )
+    paper = the_papers(results.models.values())
+    theirs = _joint_errors(results, paper) if paper else []
+    if not theirs:
+        return text + "."
+    others = _made_from(results, paper)
+    skeleton = paper if others == made_from else f"{paper} (made from {others})"
+    return f"{text}; those of {skeleton} {number(median(theirs), 1)} mm and {_far(theirs)}."
+
+
+def _judged_skeletons(results: StudyResults, model: str) -> set[tuple[str, str, str]]:
+    """Subject, hand and calibrated_on of the model's skeletons that are judged."""
+    rows, _ = _judging(results, model)
+    return {(row["subject"], row["hand"], row["calibrated_on"]) for row in rows}
+
+
+def _joint_errors(results: StudyResults, model: str) -> list[float]:
+    judged = _judged_skeletons(results, model)
+    return known(
+        [
+            row
+            for row in results.joint_errors
+            if row["model"] == model and (row["subject"], row["hand"], row["calibrated_on"]) in judged
+        ],
+        "error_mm",
+    )
+
+
+def _made_from(results: StudyResults, model: str) -> str:
+    tasks = {tasks_text(calibrated_on) for _, _, calibrated_on in _judged_skeletons(results, model)}
+    return " or ".join(sorted(tasks))
+
+
+def _far(errors: list[float]) -> str:
+    return f"{sum(error > FAR_MM for error in errors)} of {len(errors)}"
+
+
+def _closing(results: StudyResults) -> str:
+    """How well the models' replays close: the held-out errors if there are any, of many models the range."""
+    held_out, seen = mean_tip_errors(results, held_out=True), mean_tip_errors(results, held_out=False)
+    means = held_out or seen
+    if not means:
+        return "No tip error could be computed with any model."
+    ordered = sorted(means, key=lambda model: means[model])
+    shown = ordered if len(ordered) <= FEW_MODELS else [ordered[0], ordered[-1]]
+    amounts = [f"{number(means[model])} mm ({model})" for model in shown]
+    many = len(ordered) > FEW_MODELS
+    by = f"between {listed(amounts)}" if many else listed(amounts)
+    recordings = (
+        "held-out recordings (the joints were solved from others)"
+        if held_out
+        else "the recordings that the joints were solved from (nothing is held out)"
+    )
+    return (
+        f"On {recordings} the replayed fingertip misses its receiver by {by} on average, which says how well "
+        "the joints close and not where they are."
+    )
+
+
+def _doubts(results: StudyResults, models: Iterable[str]) -> str:
+    """Weak and failed joints by model, models with the same count together."""
+    groups: dict[str, list[str]] = {}
+    names = list(models)
+    for model in names:
+        statuses = Counter(row["status"] for row in results.joints if row["model"] == model)
+        total = sum(statuses.values())
+        if not total:
+            text = "no joint was solved"
+        elif statuses["weak"] or statuses["failed"]:
+            doubts = [f"{statuses[word]} {word}" for word in ("weak", "failed") if statuses[word]]
+            text = f"{listed(doubts)} of {counted(total, 'joint')}"
+        else:
+            continue
+        groups.setdefault(text, []).append(model)
+    if not groups:
+        return (
+            f"No joint{f' of {listed(names)}' if names != list(results.models) else ''} is marked doubtful."
+        )
+    parts = "; ".join(f"{text} ({listed(models)})" for text, models in groups.items())
+    return f"Doubtful: {parts}; see “Which joints to believe” for the reasons."

@@ -1,0 +1,168 @@
+"""The paper's Tables 1 to 4: as printed, and as the study gives them, in one layout.
+
+Saito, Mitobe, Suzuki, Yoshimura, "Modeling of Hand Skeletal Structure from Magnetic Motion Capture Data",
+section 6.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import defaultdict
+from functools import cache
+from pathlib import Path
+
+from schemas.model import SkeletonModel
+from schemas.study import Recording
+from stages.report.study_results import FIRST_FRAME, LEAST_SQUARES, Row, StudyResults, Trial
+from stages.report.table_cells import Block, DataTable, listed, number
+
+PRINTED = Path(__file__).parent / "paper_tables.tsv"
+
+PAPER_DIGITS = ("thumb", "index", "middle", "ring", "little")
+STATISTICS = {
+    "max": "Max [cm]",
+    "min": "Min [cm]",
+    "mean": "Average [cm]",
+    "sd": "Standard Deviation [cm]",
+}
+TITLES = {
+    1: "Position error of the fingertip without estimating metacarpal posture in the model shown in Fig. 3",
+    2: "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 3",
+    3: "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 4",
+    4: "Position error of the fingertip with estimating metacarpal posture and corrected joint positions "
+    "in the model shown in Fig. 4",
+}
+SLIPS = (
+    "Known slips of the printed tables: the left ring finger's average of 0.74 cm in Tables 2 to 4 does not "
+    "go with its standard deviation, and the text's “7.5 mm or less” after correction leaves out both "
+    "little fingers (13.1 and 18.2 mm)."
+)
+
+_Printed = dict[tuple[int, str, str, str], str]
+
+
+def own_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> DataTable:
+    """The study's table for one subject and task, first-frame binding, in the paper's layout, cm."""
+    blocks, notes = [], []
+    for recording in trial.recordings.values():
+        digits = tuple(results.layouts[recording.hand].digits)
+        rows = {d: results.tip_error(recording, model.name, d, FIRST_FRAME) for d in digits}
+        blocks.append(_own_block(recording, rows))
+        notes += _notes(results, recording, rows)
+    notes += [f"The sheet has no {hand}-hand recording of this task." for hand in _absent_hands(trial)]
+    table = "" if model.paper_table is None else f"Table {model.paper_table}, this study: "
+    caption = f"{table}subject {trial.subject}, {trial.title}, model {model.name}."
+    return DataTable(caption, tuple(blocks), tuple(notes))
+
+
+def printed_table(table: int) -> DataTable:
+    """One of the paper's Tables 1 to 4, as printed, cm."""
+    values = _printed()
+    blocks = tuple(
+        Block(
+            _header(hand, PAPER_DIGITS),
+            tuple(
+                (title, *(values[table, hand, digit, statistic] for digit in PAPER_DIGITS))
+                for statistic, title in STATISTICS.items()
+            ),
+        )
+        for hand in ("right", "left")
+    )
+    return DataTable(f"Table {table}, as the paper prints it.", blocks)
+
+
+def table_title(model: SkeletonModel) -> str:
+    """What a model's table shows, in the paper's words where the paper has that table."""
+    if model.paper_table is None:
+        return f"Model {model.name}, in the layout of the paper's tables"
+    return f"Table {model.paper_table}. {TITLES[model.paper_table]}"
+
+
+def is_the_papers_hand(results: StudyResults, trial: Trial) -> bool:
+    """Whether the trial's layouts have the digits of the paper's tables."""
+    layouts = (results.layouts[recording.hand] for recording in trial.recordings.values())
+    return all(tuple(layout.digits) == PAPER_DIGITS for layout in layouts)
+
+
+def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
+    """Mean and 95th percentile of the tip error, mm, least-squares binding, by hand, model and digit."""
+    blocks = []
+    for hand, recording in trial.recordings.items():
+        digits = tuple(results.layouts[recording.hand].digits)
+        titles = [f"{_capital(digit)} {word}" for digit in digits for word in ("mean", "p95")]
+        rows = []
+        for model in results.models:
+            found = [results.tip_error(recording, model, digit, LEAST_SQUARES) for digit in digits]
+            cells = [
+                number(None if row is None else row[name]) for row in found for name in ("mean_mm", "p95_mm")
+            ]
+            rows.append((model, *cells, _held_out(found)))
+        blocks.append(Block((f"{_capital(hand)} hand [mm]", *titles, "Held out"), tuple(rows)))
+    caption = (
+        "Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: "
+        f"subject {trial.subject}, {trial.title}."
+    )
+    return DataTable(caption, tuple(blocks))
+
+
+@cache
+def _printed() -> _Printed:
+    with PRINTED.open(encoding="utf-8", newline="") as stream:
+        return {
+            (int(row["table"]), row["hand"], row["digit"], row["statistic"]): row["value_cm"]
+            for row in csv.DictReader(stream, delimiter="\t")
+        }
+
+
+def _own_block(recording: Recording, rows: dict[str, Row | None]) -> Block:
+    return Block(
+        _header(recording.hand.hand, tuple(rows)),
+        tuple(
+            (title, *(_cm(None if row is None else row[f"{statistic}_mm"]) for row in rows.values()))
+            for statistic, title in STATISTICS.items()
+        ),
+    )
+
+
+def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:
+    return (f"Error ({_capital(hand)} hand)", *map(_capital, digits))
+
+
+def _capital(name: str) -> str:
+    return name.replace("_", " ").capitalize()
+
+
+def _cm(value_mm: float | None) -> str:
+    return number(None if value_mm is None else value_mm / 10)
+
+
+def _notes(results: StudyResults, recording: Recording, rows: dict[str, Row | None]) -> list[str]:
+    """Why cells are empty or doubtful, one line a reason, and how many frames the numbers rest on."""
+    reasons: dict[str, list[str]] = defaultdict(list)
+    frames: dict[str, list[str]] = defaultdict(list)
+    status, message = results.status_of(recording)
+    for digit, row in rows.items():
+        if row is None:
+            why = "no tip error was computed" if status == "used" else f"recording {status}"
+            reasons[why + (f" ({message})" if message and status != "used" else "")].append(digit)
+            continue
+        if row["message"] or row["mean_mm"] is None:
+            reasons[row["message"] or "no frame has an error"].append(digit)
+        if row["mean_mm"] is not None and row["n_frames"] < row["n_frames_total"]:
+            frames[f"{row['n_frames']} of {row['n_frames_total']} frames"].append(digit)
+    hand = f"{_capital(recording.hand.hand)} hand"
+    notes = [f"{hand}, {listed(digits)}: {reason}." for reason, digits in _stripped(reasons)]
+    return notes + [f"{hand}, {listed(digits)}: from {text}." for text, digits in frames.items()]
+
+
+def _stripped(reasons: dict[str, list[str]]) -> list[tuple[str, list[str]]]:
+    return [(reason.rstrip("."), digits) for reason, digits in reasons.items()]
+
+
+def _absent_hands(trial: Trial) -> list[str]:
+    return [hand for hand in ("right", "left") if hand not in trial.recordings]
+
+
+def _held_out(rows: list[Row | None]) -> str:
+    words = {"yes" if row["held_out"] else "no" for row in rows if row is not None}
+    return "/".join(sorted(words)) or number(None)

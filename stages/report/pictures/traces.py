@@ -1,0 +1,85 @@
+"""Tip error over time, thinned to what a picture can show: the smallest and largest of each pixel column."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+COLUMNS = 240
+# A step between valid samples longer than this many usual steps is a gap: one missing frame makes it 2.
+_GAP_STEPS = 1.9
+# An error this many times another digit's median would flatten that digit on a linear scale.
+_LOG_RATIO = 8.0
+# Below this a tip error is noise; drawn on a logarithmic scale its ups and downs would fill the picture.
+_LOG_FLOOR_MM = 0.3
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One digit's tip error in at most COLUMNS columns, C of them occupied.
+
+    x : (C,) time in s or frame number at the column's first sample; low_mm, high_mm : (C,); rises : (C,)
+    whether the low comes first; broken : (C,) whether a gap lies before the column. span : first and last
+    x of the recording, gaps included. median_mm is of all valid frames.
+    """
+
+    x: Array
+    low_mm: Array
+    high_mm: Array
+    rises: npt.NDArray[np.bool_]
+    broken: npt.NDArray[np.bool_]
+    span: tuple[float, float]
+    in_seconds: bool
+    median_mm: float
+
+
+@dataclass(frozen=True)
+class ErrorScale:
+    """The vertical scale that all strips of one picture share, mm."""
+
+    low_mm: float
+    high_mm: float
+    logarithmic: bool
+
+
+def error_scale(traces: Iterable[Trace]) -> ErrorScale:
+    """A scale for all these traces: from zero, or logarithmic where a gross failure dwarfs the others."""
+    traces = list(traces)
+    highest = max((float(trace.high_mm.max()) for trace in traces), default=1.0)
+    medians = [max(trace.median_mm, _LOG_FLOOR_MM) for trace in traces] or [1.0]
+    if highest / min(medians) > _LOG_RATIO:
+        low = max(min(float(np.quantile(trace.low_mm, 0.02)) for trace in traces), _LOG_FLOOR_MM)
+        return ErrorScale(low, highest * 1.1, True)
+    return ErrorScale(0.0, max(highest, 0.1) * 1.02, False)
+
+
+def thin(frame: Array, time_s: Array, error_mm: Array, columns: int = COLUMNS) -> Trace | None:
+    """Thin one series (each of shape (n,), NaN where there is nothing); None where no error is valid."""
+    in_seconds = bool(np.isfinite(time_s).all())
+    x = time_s if in_seconds else frame
+    valid = np.isfinite(error_mm)
+    if not valid.any():
+        return None
+    span = float(x.min()), float(x.max())
+    width = (span[1] - span[0]) / columns or 1.0
+    usual_step = float(np.median(np.diff(x))) if len(x) > 1 else 0.0
+    kept_x, kept = x[valid], error_mm[valid]
+    column = np.minimum(((kept_x - span[0]) / width).astype(int), columns - 1)
+    first = np.flatnonzero(np.diff(column, prepend=-1))
+    last = np.append(first[1:], len(kept)) - 1
+    step = np.diff(kept_x, prepend=kept_x[0])[first]
+    return Trace(
+        x=kept_x[first],
+        low_mm=np.minimum.reduceat(kept, first),
+        high_mm=np.maximum.reduceat(kept, first),
+        rises=kept[first] <= kept[last],
+        broken=step > max(_GAP_STEPS * usual_step, 1.5 * width if len(kept) > columns else 0.0),
+        span=span,
+        in_seconds=in_seconds,
+        median_mm=float(np.median(kept)),
+    )

@@ -1,0 +1,85 @@
+"""Command line of the figures: a study's or one recording's, as SVG and PDF with their captions."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from schemas.errors import InputError
+from stages import command_line
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the stage's argument parser."""
+    parser = command_line.parser(
+        "stages.report.print_figures",
+        "Draw a study's figures, or with --recording one recording's, for print: NAME.svg, NAME.pdf and the "
+        "caption NAME.txt of each.",
+        "python -m stages.report.print_figures --study config/demo.yaml --results results/demo "
+        "--out results/demo/figures",
+    )
+    parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
+    parser.add_argument(
+        "--results", type=Path, required=True, metavar="FOLDER", help="the study's results folder"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the figures go")
+    parser.add_argument(
+        "--recording",
+        nargs=3,
+        metavar=("SUBJECT", "HAND", "NAME"),
+        help="draw this recording instead, e.g. 01 right opposition (with a trial: opposition_2), into "
+        "FOLDER/sub-SUBJECT/HAND/NAME",
+    )
+    parser.add_argument(
+        "--against",
+        default="",
+        metavar="MODEL",
+        help="the model that the others' differences are taken from; unless given the paper's skeleton (the "
+        "last of its tables without corrections by hand), or else the study's first model",
+    )
+    return parser
+
+
+def draw(arguments: argparse.Namespace) -> None:
+    """Read the study's results and write every figure; say on stderr which has no data."""
+    from schemas.study import read_study
+    from stages.report.print_figures import study_figures
+    from stages.report.print_figures.drawing import save
+    from stages.report.study_results import read_results
+
+    if arguments.recording and arguments.against:
+        raise InputError("--against: differences are of a study; leave out --recording")
+    results = read_results(read_study(arguments.study), arguments.results)
+    folder = arguments.out
+    if arguments.recording:
+        recording = study_figures.find_recording(results, *arguments.recording)
+        folder /= study_figures.recording_folder(recording)
+        drawings = study_figures.of_recording(results, recording)
+    else:
+        drawings = study_figures.of_study(results, arguments.against)
+    for drawing in drawings:
+        save(folder, drawing)
+        if drawing.missing:
+            print(f"{folder / drawing.name}: {drawing.missing}", file=sys.stderr)
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write a study's figures as the sentence that says why there are none."""
+    if arguments.recording:
+        print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
+        return
+    from schemas.results import STUDY_FIGURES
+    from stages.report.print_figures.drawing import not_drawn, save
+
+    for name in STUDY_FIGURES:
+        save(arguments.out, not_drawn(name, message))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), draw, record_failure)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,92 @@
+"""A figure with its caption, and how both become files: the same figure, the same bytes."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from schemas import PROGRAM, VERSION
+from schemas.files import replacing, write_text
+from stages.report.pictures.style import ONE_COLUMN_MM, SMALL_PT, applied, label, new_figure
+
+
+class NoDataError(Exception):
+    """Why a figure cannot be drawn, in a sentence without a full stop."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, its name in paths and its caption; `missing` says why it shows nothing but a sentence."""
+
+    name: str
+    figure: Figure
+    caption: str
+    missing: str = ""
+
+
+def drawn(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
+    """Draw a figure in the house's style, or one that says why it cannot be drawn."""
+    with applied():
+        try:
+            figure, caption = draw()
+        except NoDataError as error:
+            return _without_data(name, str(error))
+    versions = f"Drawn by {PROGRAM} {VERSION} with matplotlib {matplotlib.__version__}."
+    return Drawing(name, figure, f"{caption} {versions}")
+
+
+def not_drawn(name: str, reason: str) -> Drawing:
+    """A figure that says why there is none."""
+    with applied():
+        return _without_data(name, reason)
+
+
+def save(folder: Path, drawing: Drawing) -> None:
+    """Write NAME.svg, NAME.pdf and NAME.txt, each whole or not at all. Raises InputError where it cannot."""
+    base = folder / drawing.name
+    with applied():
+        with replacing(_with(base, "svg")) as temporary:
+            drawing.figure.savefig(temporary, format="svg", metadata={"Date": None})
+            temporary.write_text(_rounded(temporary.read_text("utf-8")), "utf-8", newline="\n")
+        drawing.figure.set_layout_engine(None)  # panels have found their places; to search again takes long
+        with replacing(_with(base, "pdf")) as temporary:
+            drawing.figure.savefig(temporary, format="pdf", metadata={"CreationDate": None})
+    write_text(_with(base, "txt"), drawing.caption + "\n")
+
+
+def _with(base: Path, kind: str) -> Path:
+    return base.with_name(f"{base.name}.{kind}")
+
+
+def _without_data(name: str, reason: str) -> Drawing:
+    sentence = f"Not drawn: {reason.rstrip('.')}."
+    lines = textwrap.wrap(label(sentence), 52)
+    figure = new_figure(ONE_COLUMN_MM, 10.0 + 4.0 * len(lines))
+    figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
+    return Drawing(name, figure, sentence, sentence)
+
+
+_PLACES = re.compile(r'(?<= )(d|x|y)="([^"]*)"')
+_NUMBER = re.compile(r"-?\d+\.\d+")
+_STEP = re.compile(r" \nL (?=[-\d])")
+_LONG = 4000
+
+
+def _rounded(svg: str) -> str:
+    """Places to a hundredth of a point, a tenth (as 720 dots an inch) in long lines: a third of the size."""
+
+    def shorter(found: re.Match[str]) -> str:
+        name, text = found[1], found[2]
+        decimals = 1 if len(text) > _LONG else 2
+        if name == "d" and "C" not in text and "Q" not in text:
+            text = _STEP.sub(" ", text)  # after M and L an L goes without saying
+        text = _NUMBER.sub(lambda number: f"{float(number[0]):.{decimals}f}".rstrip("0").rstrip("."), text)
+        return f'{name}="{text}"'
+
+    return _PLACES.sub(shorter, svg)

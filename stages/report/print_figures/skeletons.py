@@ -1,0 +1,122 @@
+"""One recording's skeletons: the hand from its back and from its thumb's side, a panel a model."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Hashable
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from schemas.errors import InputError
+from schemas.study import Recording
+from stages.report.hand_motion import Chain, chains_at, chains_key, receivers_at
+from stages.report.palette import AMBER, PAPER, SOFT, WEAK_LINE, digit_looks
+from stages.report.pictures.hand_views import BAR_MM, GUTTER_MM, Strokes, Window, draw_hand, window_of
+from stages.report.pictures.style import SMALL_PT, TWO_COLUMNS_MM, headings, label, lettered, new_figure
+from stages.report.print_figures.caption_text import capital, recording_text
+from stages.report.print_figures.drawing import NoDataError
+from stages.report.recording_results import read_still
+from stages.report.study_results import StudyResults
+from stages.report.table_cells import listed
+
+_ACROSS = 3
+_FOOT_MM = 20.0
+_HEAD_MM, _LEGEND_MM, _LINE_MM = 5.0, 8.0, 3.4
+_TITLE_LETTERS = 34
+_STROKES = Strokes(bone=1.0, joint=3.0, tip=2.2, weak=3.4, edge=0.7, markers=True)
+
+
+def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]:
+    """Draw the panels; models with equal joints share one. Raises NoDataError without a posture."""
+    try:
+        motion = read_still(results, recording, list(results.models))
+    except InputError as error:
+        raise NoDataError(str(error)) from error
+    chains = {own.model: chains_at(motion, own, 0) for own in motion.skeletons}
+    alike: dict[Hashable, list[str]] = {}
+    for model, own in chains.items():
+        alike.setdefault(chains_key(own), []).append(model)
+    groups = list(alike.values())
+    receivers = receivers_at(motion, 0)
+    window = window_of(receivers, [chain for of in chains.values() for chain in of])
+    figure, panels = _panels(groups, window)
+    for models, axes in zip(groups, panels, strict=True):
+        draw_hand(axes, recording.hand.hand, chains[models[0]], receivers, window, _STROKES)
+        _captions(axes, window)
+    headings(panels, [_title(models) for models in groups])
+    handles = [
+        Line2D(
+            [], [], color=own.colour, marker=own.marker, markersize=3, markerfacecolor=PAPER,
+            label=label(capital(digit)),
+        )
+        for digit, own in digit_looks(motion.digits).items()
+    ]  # fmt: skip
+    handles.append(Line2D([], [], color=SOFT, marker="+", linestyle="none", label="receiver"))
+    handles.append(
+        Line2D(
+            [], [], color=WEAK_LINE, marker="D", markerfacecolor=AMBER, linestyle="none", markersize=4,
+            label="doubtful joint",
+        )
+    )  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", ncols=7, columnspacing=0.8)
+    return figure, _caption(recording, int(motion.frame[0]), groups, chains, window)
+
+
+def _panels(groups: list[list[str]], window: Window) -> tuple[Figure, list[Axes]]:
+    """A figure with room for every panel in the hand's proportions."""
+    across = 2 if len(groups) in (1, 2, 4) else _ACROSS
+    down = -(-len(groups) // across)
+    lines = max(_title(models).count("\n") for models in groups)
+    height = TWO_COLUMNS_MM / across * (float(window.size_mm[1]) + _FOOT_MM) / window.width_mm
+    figure = new_figure(TWO_COLUMNS_MM, _LEGEND_MM + down * (height + _HEAD_MM + _LINE_MM * lines))
+    grid = figure.subplots(down, across, squeeze=False).ravel()
+    for axes in grid:
+        axes.set_axis_off()
+    return figure, list(grid[: len(groups)])
+
+
+def _title(models: list[str]) -> str:
+    return "\n".join(textwrap.wrap(label(listed(models)), _TITLE_LETTERS))
+
+
+def _captions(axes: Axes, window: Window) -> None:
+    """What the two views are, and a bar that says how long 20 mm are."""
+    wide, high, deep = window.size_mm
+    for x, text in ((wide / 2, "back"), (wide + GUTTER_MM + deep / 2, "side")):
+        axes.text(x, -1, text, ha="center", va="top", fontsize=SMALL_PT)
+    foot = -_FOOT_MM + 3.0
+    axes.plot([0, BAR_MM], [foot, foot], color="black", linewidth=1.2, solid_capstyle="butt")
+    axes.text(BAR_MM + 3.0, foot, f"{BAR_MM:g} mm", ha="left", va="center", fontsize=SMALL_PT)
+    axes.set_xlim(0, window.width_mm)
+    axes.set_ylim(-_FOOT_MM, high)
+    axes.set_aspect("equal")
+
+
+def _caption(
+    recording: Recording, frame: int, groups: list[list[str]], chains: dict[str, list[Chain]], window: Window
+) -> str:
+    sentences = []
+    for models in groups:
+        points = {p.name: p for chain in chains[models[0]] for p in chain.points if p is not None}
+        outside = [
+            f"{p.name} ({p.reach_mm:.0f} mm from its receiver)"
+            for p in points.values()
+            if not window.holds(p)
+        ]
+        absent = dict.fromkeys(name for chain in chains[models[0]] for name in chain.absent)
+        weak = [point.name for point in points.values() if point.status == "weak"]
+        parts = [listed(models)]
+        parts += [f"doubtful: {listed(weak)}"] if weak else []
+        parts += [f"outside the picture: {listed(outside)}"] if outside else []
+        parts += [f"without a place: {listed(absent)}"] if absent else []
+        sentences.append(f"{'; '.join(parts)}.")
+    side = "thumb's side, with the back of the hand to the " + recording.hand.hand
+    return (
+        f"Skeletons of {recording_text(recording)}, at frame {frame} (n = 1 frame, that with most valid "
+        f"receivers nearest to the recording's middle). Left: from the back of the hand; right: from the "
+        f"{side}. Lengths in mm, one scale in all panels. Joints stand where their receivers carry them and "
+        "tips at the distal receivers, those of a fitted hand where the fit poses its bones. Models with "
+        "equal joints share a panel. " + lettered(sentences)
+    )

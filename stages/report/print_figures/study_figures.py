@@ -1,0 +1,78 @@
+"""Which figures there are: a study's, and a recording's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from schemas.errors import InputError
+from schemas.results import STUDY_FIGURES
+from schemas.study import Recording, path_token
+from stages.report.print_figures.bone_lengths import bone_lengths
+from stages.report.print_figures.drawing import Drawing, NoDataError, drawn
+from stages.report.print_figures.joint_angle_curves import joint_angles
+from stages.report.print_figures.joint_errors import joint_errors
+from stages.report.print_figures.joint_trust import joint_trust
+from stages.report.print_figures.models_by_digit import models_by_digit
+from stages.report.print_figures.paired_differences import paired_differences
+from stages.report.print_figures.skeletons import skeletons
+from stages.report.print_figures.tip_error import tip_error
+from stages.report.study_results import StudyResults
+
+
+def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
+    """The study's figures, STUDY_FIGURES in turn; `base` is the model that differences are taken from."""
+    draw: dict[str, Callable[[], tuple[Figure, str]]] = {
+        "models-by-digit": partial(models_by_digit, results),
+        "paired-differences": partial(paired_differences, results, base),
+        "joint-errors": partial(joint_errors, results),
+        "bone-lengths": partial(bone_lengths, results),
+        "joint-trust": partial(joint_trust, results),
+    }
+    for name in STUDY_FIGURES:
+        yield drawn(name, draw[name])
+
+
+def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
+    """One recording's figures: tip-error, skeletons, and joint-angles of every fitted model."""
+    yield drawn("tip-error", partial(tip_error, results, recording))
+    yield drawn("skeletons", partial(skeletons, results, recording))
+    for model in results.fitted:
+        name = f"joint-angles_{path_token(model)}"
+        yield drawn(name, partial(joint_angles, results, recording, model))
+    if not results.fitted:
+        yield drawn("joint-angles", _no_angles)
+
+
+def recording_folder(recording: Recording) -> Path:
+    """Where a recording's figures go, below the study's."""
+    return Path(recording.hand.folder, recording.name)
+
+
+def find_recording(results: StudyResults, subject: str, hand: str, name: str) -> Recording:
+    """The recording of that subject and hand study_text task (with `_` and the trial) is `name`.
+
+    Raises InputError that says which there are.
+    """
+    recordings = results.recordings
+    of_hand = [
+        r
+        for r in recordings
+        if r.hand.hand == hand and subject in (r.hand.subject, path_token(r.hand.subject))
+    ]
+    for recording in of_hand:
+        plain = recording.task + (f"_{recording.trial}" if recording.trial else "")
+        if name in (recording.name, plain):
+            return recording
+    if of_hand:
+        known = "this hand has " + ", ".join(recording.name for recording in of_hand)
+    else:
+        known = "hands are " + ", ".join(f"{h.subject} {h.hand}" for h in results.hands[:12])
+    raise InputError(f"--recording {subject} {hand} {name}: no such recording; {known}")
+
+
+def _no_angles() -> tuple[Figure, str]:
+    raise NoDataError("joint angles need a model that fits the whole hand, and this study has none")

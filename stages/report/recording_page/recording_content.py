@@ -1,0 +1,134 @@
+"""The page of one recording: gathers the view, the plots' data, charts and tables for the template."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from schemas.study import Recording
+from stages.report.hand_motion import HandMotion
+from stages.report.palette import model_looks
+from stages.report.pictures.joint_rows import range_picture, singular_value_picture
+from stages.report.pictures.tip_error_strips import hidden_lines, thinned_traces, tip_error_picture
+from stages.report.recording_page.angle_ranges import angle_blocks, angle_ranges
+from stages.report.recording_page.navigation import navigation
+from stages.report.recording_page.recording_tables import evidence_table, range_table, tip_error_table
+from stages.report.recording_results import ANGLES, JointAngles, ModelResults, RecordingResults, angles_of
+from stages.report.skeleton_stills import Figure
+from stages.report.table_cells import counted, listed, number
+from stages.report.templates import render
+from stages.report.viewer.view import View, view_of
+
+SENSES = {
+    "flexion": "flexion is positive, extension negative",
+    "abduction": "ulnar deviation is positive, radial deviation negative",
+    "rotation": "pronation is positive, supination negative",
+}
+"""What the sign of each angle says, in words (docs/joint-angles.md)."""
+
+
+def recording_page(results: RecordingResults) -> str:
+    """Give the recording's page; the same results give the same text."""
+    title, motion, angles = recording_title(results.recording), results.motion, angles_of(results.models)
+    return render(
+        "recording_page/page.html.j2",
+        title=title,
+        study=results.study.name,
+        facts=_facts(results),
+        said=results.row["message"] if motion is not None else "",
+        trouble=results.trouble,
+        left_out=results.left_out,
+        to=navigation(results.study, results.recording),
+        view=None if motion is None else _view(title, motion, angles),
+        every=1 if motion is None else motion.every,
+        still=None if motion is None else _tip_error_still(title, list(results.study.models), motion),
+        angles=angles,
+        tip_errors=tip_error_table(f"Tip error of the replay in numbers: {title}.", results.models),
+        ranges=[_range_part(title, model) for model in results.models if model.angles is not None],
+        evidence=[_evidence_part(title, model) for model in results.models],
+    )
+
+
+def failure_page(title: str, message: str) -> str:
+    """Give a page that says only why there is none of the recording."""
+    return render("failure.html.j2", title=title, message=f"This recording has no page: {message}")
+
+
+def recording_title(recording: Recording) -> str:
+    """Subject, hand, task and trial in words."""
+    trial = f", trial {recording.trial}" if recording.trial else ""
+    return f"Subject {recording.hand.subject}, {recording.hand.hand} hand, {recording.task}{trial}"
+
+
+def _facts(results: RecordingResults) -> str:
+    row = results.row
+    facts = [counted(row["n_frames"], "frame")] if row["n_frames"] else []
+    facts += [f"{number(row['duration_s'])} s"] if row.get("duration_s") is not None else []
+    valid = row.get("valid_percent")
+    facts += [f"{number(valid, 1)} % of the poses may be used"] if valid is not None else []
+    return ", ".join(facts)
+
+
+def _view(title: str, motion: HandMotion, angles: list[JointAngles]) -> View:
+    """The moving hand with the joint angles packed beside it."""
+    header = {"angles": [{"model": own.model, "joints": own.joints} for own in angles]}
+    return view_of(title, motion, angle_blocks(angles, motion.every), header)
+
+
+def _tip_error_still(title: str, study_models: Sequence[str], motion: HandMotion) -> Figure:
+    """Tip error over time as a still picture: a strip a digit, a line a model."""
+    errors = {
+        digit: {own.model: own.tip_error_mm[:, index] for own in motion.skeletons}
+        for index, digit in enumerate(motion.digits)
+    }
+    traces = thinned_traces(motion.frame, motion.time_s, errors)
+    looks = model_looks(study_models)
+    kinds: dict[str, list[str]] = {}
+    for own in motion.skeletons:
+        kinds.setdefault(own.error_is, []).append(own.model)
+    caption = "; ".join(f"{listed(models)}: {kind}" for kind, models in kinds.items())
+    hidden = hidden_lines(traces, [own.model for own in motion.skeletons])
+    return Figure(
+        f"{caption}. Of every stretch of time the largest error",
+        tip_error_picture(f"Tip error over time, {title}", traces, looks),
+        (hidden,) if hidden else (),
+    )
+
+
+def _range_part(title: str, model: ModelResults) -> dict[str, Any]:
+    """The range of motion under one model: a chart an angle, and the numbers."""
+    assert model.angles is not None
+    ranges, joints = angle_ranges(model.angles), model.angles.joints
+    figures = [
+        Figure(
+            f"{angle.capitalize()}: {SENSES[angle]}",
+            range_picture(
+                f"Range of {angle} by joint, {title}, {model.name}",
+                joints,
+                {own.joint: own.at_deg for own in ranges if own.angle == angle},
+            ),
+        )
+        for angle in ANGLES
+    ]
+    table = range_table(f"Range of motion in this recording, {model.name}.", ranges, model.joints)
+    return {"model": model.name, "figures": figures, "table": table}
+
+
+def _evidence_part(title: str, model: ModelResults) -> dict[str, Any]:
+    """What the calibration says under one model; the chart is None where nothing was solved."""
+    solved = [row for row in model.solutions if row["singular_values"] is not None]
+    chart = None
+    if solved:
+        chart = Figure(
+            "Singular values of each joint’s system: open circles the first three, filled ones the fourth "
+            "and fifth, diamonds the sixth",
+            singular_value_picture(
+                f"Singular values by joint, {title}, {model.name}",
+                [row["joint"] for row in solved],
+                [row["singular_values"] for row in solved],
+            ),
+        )
+    doubtful = sum(row["status"] != "ok" for row in model.joints)
+    summary = f"{model.name}: {counted(len(model.joints), 'joint')}, {doubtful or 'none'} of them doubtful"
+    table = evidence_table(f"What the calibration says of each joint, {model.name}.", model)
+    return {"summary": summary, "chart": chart, "table": table}

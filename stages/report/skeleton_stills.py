@@ -1,0 +1,114 @@
+"""Pictures of a subject's skeletons: both hands, posed in one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from schemas.errors import InputError
+from schemas.study import Hand
+from stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
+from stages.report.pictures.hand_views import Window, hand_picture, window_of
+from stages.report.recording_results import read_still
+from stages.report.study_results import StudyResults
+from stages.report.table_cells import listed
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing with its caption, and remarks where something is not in it."""
+
+    caption: str
+    drawing: Markup
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """Figures that belong side by side under one heading, and why some are not there."""
+
+    heading: str
+    figures: tuple[Figure, ...]
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PosedHand:
+    """A hand at the frame that is drawn: receivers (n, 3) in the view's axes and chains by model."""
+
+    hand: Hand
+    task: str
+    frame: int
+    receivers_mm: Array
+    chains: dict[str, list[Chain]]
+
+    def window(self) -> Window:
+        """The window that holds every model's chains, so that models can be compared by eye."""
+        return window_of(self.receivers_mm, [chain for chains in self.chains.values() for chain in chains])
+
+
+def skeleton_pictures(
+    results: StudyResults, subject: str, models: Collection[str] | None = None
+) -> list[FigureRow]:
+    """The subject's posed skeletons: a row for each model (models with equal joints share one).
+
+    The left hand stands on the left. models : those to draw, all unless given.
+    """
+    posed, remarks = [], []
+    for hand in reversed(results.hands_of(subject)):
+        try:
+            posed.append(_posed_hand(results, hand))
+        except InputError as error:
+            remarks.append(f"{hand.hand.capitalize()} hand: no picture, for {error}.")
+    if not posed:
+        return [FigureRow("No picture", (), tuple(remarks))]
+    windows = {item.hand: item.window() for item in posed}
+    scale = min(window.scale for window in windows.values())
+    alike: dict[Hashable, list[str]] = {}
+    for model in results.models if models is None else models:
+        alike.setdefault(tuple(chains_key(item.chains[model]) for item in posed), []).append(model)
+    return [
+        FigureRow(
+            listed(group),
+            tuple(_figure(item, group, windows[item.hand], scale) for item in posed),
+            tuple(remarks),
+        )
+        for group in alike.values()
+    ]
+
+
+def _posed_hand(results: StudyResults, hand: Hand) -> PosedHand:
+    """Pose the hand in the first of its recordings that has a usable frame; InputError says why none has."""
+    mine = [r for r in results.recordings if r.hand == hand and not r.exclude]
+    mine.sort(key=lambda recording: recording.role == "calibration")
+    reasons = []
+    for recording in mine:
+        try:
+            motion = read_still(results, recording, list(results.models))
+        except InputError as error:
+            reasons.append(str(error))
+            continue
+        chains = {own.model: chains_at(motion, own, 0) for own in motion.skeletons}
+        return PosedHand(hand, recording.task, int(motion.frame[0]), receivers_at(motion, 0), chains)
+    raise InputError("; ".join(dict.fromkeys(reasons)) or "it has no recording in use")
+
+
+def _figure(item: PosedHand, models: Sequence[str], window: Window, scale: float) -> Figure:
+    """One hand under models whose joints are equal."""
+    hand, chains = item.hand, item.chains[models[0]]
+    title = (
+        f"Skeleton of subject {hand.subject}, {hand.hand} hand, {listed(models)}, seen from the "
+        f"back of the hand and from its "
+        "side. The caption names the doubtful joints."
+    )
+    drawing = hand_picture(title, hand.hand, chains, item.receivers_mm, window, scale)
+    caption = f"{hand.hand.capitalize()} hand, {item.task}, frame {item.frame}"
+    weak = dict.fromkeys(
+        p.name for chain in chains for p in chain.points if p is not None and p.status == "weak"
+    )
+    absent = dict.fromkeys(name for chain in chains for name in chain.absent)
+    remarks: tuple[str, ...] = (f"Doubtful: {listed(weak)}.",) if weak else ()
+    remarks += (f"Without a place, so left out: {listed(absent)}.",) if absent else ()
+    return Figure(caption, drawing, remarks)

@@ -1,0 +1,82 @@
+"""A table as the page and the terminal show it: text cells, ready to be laid out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+DASH = "–"
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows under one header; the first cell of the header and of every row is their heading."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class DataTable:
+    """A captioned table of one block or more; columns are numbers except those named in text_columns."""
+
+    caption: str
+    blocks: tuple[Block, ...]
+    notes: tuple[str, ...] = ()
+    text_columns: frozenset[int] = frozenset({0})
+
+
+@dataclass(frozen=True)
+class Folded:
+    """A table that is folded away under a summary line."""
+
+    summary: str
+    table: DataTable
+
+
+class Column(NamedTuple):
+    """A column of a table made row by row: its heading, and the text of its cell in a row."""
+
+    heading: str
+    cell: Callable[[Any], str]
+    is_text: bool = False
+
+
+def number_column(heading: str, name: str, decimals: int = 2) -> Column:
+    """The numbers of that name in the rows; a dash where there is none."""
+    return Column(heading, lambda row: number(row.get(name), decimals))
+
+
+def text_column(heading: str, name: str) -> Column:
+    """The text of that name in the rows."""
+    return Column(heading, lambda row: str(row[name]), is_text=True)
+
+
+def table_of(caption: str, columns: Sequence[Column], rows: Iterable[Any], if_empty: str = "") -> DataTable:
+    """A table of one block; a note says what `if_empty` says where there is no row."""
+    cells = tuple(tuple(column.cell(row) for column in columns) for row in rows)
+    return DataTable(
+        caption,
+        (Block(tuple(column.heading for column in columns), cells),),
+        (if_empty,) if if_empty and not cells else (),
+        frozenset(place for place, column in enumerate(columns) if column.is_text),
+    )
+
+
+def number(value: float | None, decimals: int = 2) -> str:
+    """The number with so many decimals; a dash where there is none."""
+    if value is None or value != value:
+        return DASH
+    return f"{value:.{decimals}f}".replace("-0." + "0" * decimals, "0." + "0" * decimals)
+
+
+def listed(words: Iterable[str]) -> str:
+    """Words as a sentence lists them: a, b and c."""
+    words = list(words)
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def counted(count: int, word: str) -> str:
+    """The count with its word: 1 joint, 2 joints."""
+    return f"{count} {word}{'' if count == 1 else 's'}"

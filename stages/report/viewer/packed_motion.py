@@ -1,0 +1,219 @@
+"""A hand's motion as text that a page can hold: numbers rounded to a step, differences over time, deflated.
+
+Every number is stored as a whole multiple of its block's step, so it is off by at most half a step, however
+long the recording. A channel's multiples are written as differences from frame to frame, the sign in the
+lowest bit, all lowest bytes first: the high bytes are then nearly all zero and deflate takes them away.
+`viewer.js` reads what `packed` writes.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skeleton.posing import Seat
+from stages.report.hand_motion import (
+    Array,
+    HandMotion,
+    JointAxis,
+    SkeletonMotion,
+    seen,
+    shown_first,
+    upright,
+)
+
+POSITION_STEP_MM = 0.05
+"""A point is off by at most sqrt(3) / 2 of it, 0.044 mm."""
+ROTATION_STEP = 1 / 8192
+"""Of a unit quaternion's parts: a receiver is off by at most 0.014 degrees."""
+ERROR_STEP_MM = 0.01
+TIME_STEP_S = 1e-5
+FARTHEST_MM = 10_000.0
+"""A tracker reaches 2 m: a point farther than this is no place that could be shown, and becomes a gap."""
+_LEVEL = 6  # the highest, 9, takes a quarter longer to win one part in a thousand
+_EXTENT_FRAMES = 200
+_NEAR_MM = 45.0
+NOMINAL_HZ = 240.0
+"""Frames a second at which a recording without device times is shown."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Numbers of one kind: shape (T, N, W), a gap where any of the W is NaN; each within step / 2."""
+
+    name: str
+    step: float
+    values: Array
+
+
+def motion_text(
+    motion: HandMotion, extra: Sequence[Block] = (), extra_header: Mapping[str, Any] | None = None
+) -> str:
+    """The motion as one JSON object that may stand inside a script element: a header and base64 data.
+
+    extra : further blocks of the motion's T frames, `viewer.blocks[name]` to a script; a name that the
+    viewer uses itself is a ValueError, and so is another number of frames. extra_header : what JSON can
+    hold, `viewer.header.extra`.
+    """
+    blocks, header = _blocks(motion), _header(motion)
+    for block in extra:
+        if block.name in {known.name for known in blocks}:
+            raise ValueError(f"two blocks are called {block.name}")
+        if len(block.values) != len(motion.frame):
+            raise ValueError(f"{block.name}: {len(block.values)} frames, the motion has {len(motion.frame)}")
+        blocks.append(block)
+    data, header["blocks"] = packed(blocks)
+    header["extra"] = dict(extra_header or {})
+    header["data"] = base64.b64encode(data).decode("ascii")
+    text = json.dumps(header, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def packed(blocks: Sequence[Block]) -> tuple[bytes, list[dict[str, Any]]]:
+    """The blocks one after the other, zlib-compressed, and what a reader must know of each.
+
+    Of each block the gaps (N, T), then the byte planes (N W, T).
+    """
+    raw, parts = [], []
+    for block in blocks:
+        there, code = _codes(block)
+        planes = max(1, -(-int(code.max(initial=0)).bit_length() // 8))
+        raw.append(there.T.astype(np.uint8).tobytes())
+        raw += [(code >> (8 * plane)).astype(np.uint8).tobytes() for plane in range(planes)]
+        shape = dict(zip(("frames", "count", "width"), block.values.shape, strict=True))
+        parts.append({"name": block.name, "step": block.step, **shape, "planes": planes})
+    return zlib.compress(b"".join(raw), _LEVEL), parts
+
+
+def playing_times_s(time_s: Array) -> Array:
+    """When each frame is shown, (T,), from 0 and never backwards.
+
+    Device times as recorded; a frame without one stands between its neighbours, and a recording that has
+    none at all is shown at NOMINAL_HZ.
+    """
+    index = np.arange(len(time_s), dtype=float)
+    known = np.isfinite(time_s)
+    if not known.any():
+        return np.asarray(index / NOMINAL_HZ)
+    filled = np.maximum.accumulate(np.interp(index, index[known], time_s[known]))
+    return np.asarray(filled - filled[0])
+
+
+def _blocks(motion: HandMotion) -> list[Block]:
+    blocks = [
+        Block("time", TIME_STEP_S, playing_times_s(motion.time_s)[:, None, None]),
+        Block("frame", 1.0, motion.frame.astype(float)[:, None, None]),
+        Block("receivers", POSITION_STEP_MM, _near(motion.receiver_mm)),
+        Block("rotations", ROTATION_STEP, _steady_signs(motion.receiver_quaternion)),
+    ]
+    for index, skeleton in enumerate(motion.skeletons):
+        if skeleton.seats is None:
+            blocks.append(Block(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
+        blocks.append(Block(f"errors{index}", ERROR_STEP_MM, _near(skeleton.tip_error_mm[..., None])))
+    return blocks
+
+
+def _near(values: Array) -> Array:
+    """NaN for what is too far away to be shown."""
+    return np.where(np.abs(values) <= FARTHEST_MM, values, np.nan)
+
+
+def _steady_signs(quaternion: Array) -> Array:
+    """The same rotations (T, R, 4), signs such that neighbours in time are near each other, gaps or not."""
+    known = np.asarray(np.isfinite(quaternion).all(-1))
+    filled = _held(np.where(known[..., None], quaternion, 0.0), known)
+    turned = (filled[1:] * filled[:-1]).sum(-1) < 0
+    sign = np.cumprod(np.where(turned, -1.0, 1.0), axis=0)
+    sign = np.concatenate([np.ones((1, quaternion.shape[1])), sign])
+    return np.asarray(quaternion * sign[..., None])
+
+
+def _held(values: npt.NDArray[Any], known: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
+    """Values (T, N, W) with what is not known (T, N) replaced by the last before it that is, if any."""
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values))[:, None], 0), axis=0)
+    return np.take_along_axis(values, last[..., None], axis=0)
+
+
+def _codes(block: Block) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
+    """Which of (T, N) are there, and the coded differences (N W, T)."""
+    there = np.asarray(np.isfinite(block.values).all(-1))
+    steps = np.rint(np.where(there[..., None], block.values, 0.0) / block.step).astype(np.int64)
+    change = np.diff(_held(steps, there), axis=0, prepend=0)
+    code = (change << 1) ^ (change >> 63)
+    return there, code.transpose(1, 2, 0).reshape(-1, len(block.values))
+
+
+def _header(motion: HandMotion) -> dict[str, Any]:
+    middle, half = _extent(motion)
+    based = np.isfinite(motion.receiver_mm[:, motion.base]).all(-1)
+    return {
+        "hand": motion.hand,
+        "digits": motion.digits,
+        "receivers": motion.receivers,
+        "base": motion.base,
+        "firstBase": int(np.argmax(based)),
+        "upright": upright(motion).ravel().tolist(),
+        "middle": middle.round(1).tolist(),
+        "half": half.round(1).tolist(),
+        "shown": shown_first(motion),
+        "skeletons": [_skeleton(motion, skeleton) for skeleton in motion.skeletons],
+    }
+
+
+def _extent(motion: HandMotion) -> tuple[Array, Array]:
+    """Middle and half size (3,), mm, of what the hand fills in the view, a margin included.
+
+    From some frames, the farthest left out; a joint far from every receiver must not make the hand small.
+    """
+    frames = np.arange(0, len(motion.frame), max(1, len(motion.frame) // _EXTENT_FRAMES))
+
+    def places(world_mm: Array) -> Array:
+        found = seen(motion, frames, world_mm[frames]).reshape(-1, 3)
+        return found[np.isfinite(found).all(-1)]
+
+    receivers = places(motion.receiver_mm)
+    low, high = np.percentile(receivers, [2, 98], axis=0)
+    points = np.concatenate([receivers, *(places(skeleton.position_mm) for skeleton in motion.skeletons)])
+    near = ((points >= low - _NEAR_MM) & (points <= high + _NEAR_MM)).all(-1)
+    low, high = np.percentile(points[near], [2, 98], axis=0)
+    return (low + high) / 2, np.maximum(20.0, (high - low) / 2) * 1.15 + 4.0
+
+
+def _skeleton(motion: HandMotion, skeleton: SkeletonMotion) -> dict[str, Any]:
+    return {
+        "model": skeleton.model,
+        "place": skeleton.place,
+        "points": skeleton.points,
+        "tips": [skeleton.points.index(f"{digit}_tip") for digit in motion.digits],
+        "sd": [round(float(sd), 2) if np.isfinite(sd) else None for sd in skeleton.sd_mm],
+        "status": skeleton.status,
+        "bones": [(b.start, b.end, b.digit, b.level, b.shared) for b in skeleton.bones],
+        "axes": [_axis(motion, axis) for axis in skeleton.axes if axis.segment in motion.receivers],
+        "errorIs": skeleton.error_is,
+        "seats": None if skeleton.seats is None else [_seat(motion, seat) for seat in skeleton.seats],
+    }
+
+
+def _seat(motion: HandMotion, seat: Seat) -> tuple[int, list[float]] | None:
+    """The receiver that a point rides on and where in its frame, mm; nothing for a point without a place."""
+    if seat.segment not in motion.receivers or np.linalg.norm(seat.point_mm) > FARTHEST_MM:
+        return None
+    return motion.receivers.index(seat.segment), [round(float(part), 3) for part in seat.point_mm]
+
+
+def _axis(motion: HandMotion, axis: JointAxis) -> dict[str, Any]:
+    cut = axis.plane_segment in motion.receivers
+    return {
+        "point": axis.point,
+        "receiver": motion.receivers.index(axis.segment),
+        "axis": axis.axis,
+        "plane": motion.receivers.index(axis.plane_segment) if cut else None,
+        "normal": axis.normal,
+    }

@@ -1,0 +1,228 @@
+"""Tasks: from a script of postures to joint angles over time, and how the arm sways meanwhile.
+
+A posture is an array (J, 2) of voluntary flexion and abduction in degrees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skeleton import rotations
+from skeleton.rotations import Array
+from stages.simulate.contact import contact_postures
+from stages.simulate.forward import coupled_angles
+from stages.simulate.random_hand import ABDUCTION, FINGER_CMC, FINGERS, FLEXION, JOINTS, Hand
+from stages.simulate.randomness import generator
+from stages.simulate.realism import Realism
+
+RATE_HZ = 240.0
+TASK_FRAMES = {"opposition": 3774, "rom": 7200}
+"""Tasks and how many frames each takes unless told otherwise; 3774 is the paper's recording."""
+
+_ROUND_S = 4.0
+_JITTER_DEG, _CMC_JITTER_DEG, _DIP_JITTER_DEG = 1.5, 0.4, 0.1
+_CUP_DEG = {"index": 2.0, "middle": 1.2, "ring": 10.0, "little": 16.0}  # CMC flexion of a cupped palm
+_CUPPING = {
+    "index": 0.1,
+    "middle": 0.35,
+    "ring": 0.7,
+    "little": 1.0,
+}  # of it, when the thumb meets the finger
+# how far a finger goes along when its neighbour, the next and the third bends
+_ENSLAVING = (1.0, 0.35, 0.15, 0.08)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Joint angles (T, J, 3); wrist centre (T, 3) and forearm (T, 4) in the transmitter frame."""
+
+    angles_rad: Array
+    wrist_mm: Array
+    forearm: Array
+
+
+def move(
+    subject: str, side: str, task: str, seed: int, hand: Hand, realism: Realism, n_frames: int
+) -> Motion:
+    """Let the hand do its task; a recording of another length is the same script, faster or slower."""
+    rng = generator(seed, "motion", subject, side, task)
+    if task == "opposition":
+        stiffness = generator(seed, "dip", subject, side)
+        script, weights = _opposition(rng, stiffness, hand, realism, n_frames)
+    else:
+        script, weights = _range_of_motion(generator(seed, "range", subject, side))
+    script = script + _jitter_deg(rng, script, task)
+    times_s = _keyframe_times_s(rng, weights, n_frames)
+    postures = _minimum_jerk(times_s, script, np.arange(n_frames) / RATE_HZ)
+    voluntary = np.concatenate([np.radians(postures), np.zeros((*postures.shape[:2], 1))], -1)
+    wrist, forearm = _arm(rng, n_frames)
+    return Motion(coupled_angles(voluntary, hand, realism), wrist, forearm)
+
+
+def _posture(**angles_deg: float | tuple[float, float]) -> Array:
+    """Give a posture by joint names: a flexion, or flexion and abduction."""
+    posture = np.zeros((len(JOINTS), 2))
+    for joint, value in angles_deg.items():
+        posture[JOINTS.index(joint)] = value if isinstance(value, tuple) else (value, 0.0)
+    return posture
+
+
+def _fingers(joint: str, flexion_deg: float) -> Array:
+    return _posture(**{f"{digit}_{joint}": flexion_deg for digit in FINGERS})
+
+
+def _rest() -> Array:
+    """Give the open hand from which every movement starts."""
+    fingers = _fingers("mcp", 12.0) + _fingers("pip", 14.0) + _fingers("dip", 6.0)
+    return np.asarray(fingers + _posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
+
+
+def _cupped() -> Array:
+    return _posture(**{f"{digit}_cmc": angle for digit, angle in _CUP_DEG.items()})
+
+
+def _opposition(
+    rng: np.random.Generator,
+    stiffness: np.random.Generator,
+    hand: Hand,
+    realism: Realism,
+    n_frames: int,
+) -> tuple[Array, Array]:
+    """Script of the thumb's tip meeting each fingertip in turn: keyframes (K, J, 2), durations (K - 1,)."""
+    rest = _rest()
+    starts = np.repeat(rest[None], len(FINGERS), 0)
+    for i, digit in enumerate(FINGERS):
+        starts[i, :, FLEXION] += _CUPPING[digit] * _cupped()[:, FLEXION]
+    dips = [JOINTS.index(f"{digit}_dip") for digit in FINGERS]
+    ranges_deg = _dip_ranges_deg(stiffness, hand.side)
+    starts[:, dips, FLEXION] += np.diag(ranges_deg)
+    contacts = contact_postures(hand, starts, realism)
+    _enslave(contacts, rest)
+    n_rounds = max(1, round(n_frames / RATE_HZ / _ROUND_S))
+    keyframes, weights = [rest], []
+    for _ in range(n_rounds):
+        for i in range(len(FINGERS)):
+            bend = _posture(wrist=(rng.uniform(2, 8) * (-1) ** i, rng.uniform(-3, 3)))
+            keyframes += [contacts[i] + bend, contacts[i] + bend, rest - bend]
+            weights += [0.42, 0.14, 0.42]
+    return np.array(keyframes), np.array(weights)
+
+
+def _dip_ranges_deg(rng: np.random.Generator, side: str) -> Array:
+    """How far each DIP gives way in opposition; the left ring and little fingers are particularly stiff."""
+    ranges = rng.uniform(4.0, 10.0, len(FINGERS))
+    stiff = rng.uniform(2.0, 3.0, len(FINGERS))
+    if side == "left":
+        ranges[2:] = stiff[2:]
+    return ranges
+
+
+def _enslave(contacts: Array, rest: Array) -> None:
+    """Let the other fingers go along with the one that meets the thumb (in place)."""
+    own = contacts - rest
+    for i, finger in enumerate(FINGERS):
+        for k, other in enumerate(FINGERS):
+            if other != finger:
+                joints = [JOINTS.index(f"{other}_{kind}") for kind in ("mcp", "pip", "dip")]
+                contacts[i, joints] = rest[joints] + _ENSLAVING[abs(i - k)] * own[k, joints]
+
+
+def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
+    """Script of every joint through its range, one after another and together, as `_opposition`."""
+    rest = _rest()
+    keyframes = [rest]
+    for poses in (_finger_ranges(), _thumb_ranges(), _palm_and_wrist_ranges()):
+        for pose in poses:
+            keyframes += [rest + pose, rest]
+    factor = np.clip(1.0 + 0.07 * rng.standard_normal((len(JOINTS), 1)), 0.85, 1.12)
+    script = rest + (np.array(keyframes) - rest) * factor
+    return script, rng.uniform(0.85, 1.15, len(script) - 1)
+
+
+def _finger_ranges() -> list[Array]:
+    hook = _fingers("pip", 72.0) + _fingers("dip", 50.0)
+    fist = _fingers("mcp", 54.0) + _fingers("pip", 70.0) + _fingers("dip", 58.0)
+    spread = _posture(index_mcp=(0, 14), middle_mcp=(0, 4), ring_mcp=(0, -8), little_mcp=(0, -15))
+    alone = [
+        _posture(**{f"{digit}_mcp": 50.0, f"{digit}_pip": 66.0, f"{digit}_dip": 52.0}) for digit in FINGERS
+    ]
+    return [_fingers("mcp", 54.0), hook, fist, spread, -spread, _fingers("mcp", -25.0), *alone]
+
+
+def _thumb_ranges() -> list[Array]:
+    circle = [
+        _posture(thumb_cmc=(22 * np.cos(angle) + 8, 16 * np.sin(angle)), thumb_mcp=8 - 8 * np.cos(angle))
+        for angle in np.linspace(0, 2 * np.pi, 6, endpoint=False)
+    ]
+    bent = [_posture(thumb_mcp=(48.0, 6.0)), _posture(thumb_ip=60.0), _posture(thumb_mcp=(20.0, -8.0))]
+    return [*circle, *bent, _posture(thumb_cmc=(25.0, -8.0), thumb_mcp=35.0, thumb_ip=45.0)]
+
+
+def _palm_and_wrist_ranges() -> list[Array]:
+    grasp = _fingers("mcp", 40.0) + _fingers("pip", 45.0) + _fingers("dip", 32.0) + _cupped()
+    thumb = _posture(thumb_cmc=(28.0, -10.0), thumb_mcp=25.0, thumb_ip=25.0)
+    return [
+        _cupped(),
+        grasp + thumb,
+        _posture(wrist=(35.0, 0.0)),
+        _posture(wrist=(-35.0, 0.0)),
+        _posture(wrist=(0.0, 14.0)),
+        _posture(wrist=(0.0, -18.0)),
+        grasp + thumb + _posture(wrist=(-20.0, 5.0)),
+    ]
+
+
+def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
+    """Nobody takes the same posture twice; a DIP that hardly moves hardly varies either."""
+    sd = np.full((len(JOINTS), 2), _JITTER_DEG)
+    sd[:, ABDUCTION] /= 2
+    sd[FINGER_CMC] = _CMC_JITTER_DEG
+    if task == "opposition":
+        sd[[j for j, joint in enumerate(JOINTS) if joint.endswith("_dip")]] = _DIP_JITTER_DEG
+    jitter = sd * np.clip(rng.standard_normal(script.shape), -2.5, 2.5)
+    held = (np.abs(np.diff(script, axis=0)).max((1, 2)) == 0).nonzero()[0] + 1
+    jitter[held] = jitter[held - 1]
+    return np.asarray(jitter)
+
+
+def _keyframe_times_s(rng: np.random.Generator, weights: Array, n_frames: int) -> Array:
+    """Times of the keyframes: the durations, varied by 15 %, fill the recording."""
+    durations = weights * np.clip(1.0 + 0.15 * rng.standard_normal(len(weights)), 0.6, 1.4)
+    ends = np.concatenate([[0.0], np.cumsum(durations)])
+    return np.asarray(ends / ends[-1] * (n_frames - 1) / RATE_HZ)
+
+
+def _minimum_jerk(times_s: Array, postures: Array, at_s: Array) -> Array:
+    """Go from posture to posture (K, ...), at rest in each, with minimum jerk (Flash & Hogan 1985)."""
+    i = np.clip(np.searchsorted(times_s, at_s, side="right") - 1, 0, len(times_s) - 2)
+    u = np.clip((at_s - times_s[i]) / (times_s[i + 1] - times_s[i]), 0.0, 1.0)
+    share = (u**3 * (10 - 15 * u + 6 * u**2))[:, None, None]
+    return np.asarray(postures[i] + share * (postures[i + 1] - postures[i]))
+
+
+def _arm(rng: np.random.Generator, n_frames: int) -> tuple[Array, Array]:
+    """Wrist centre (T, 3) in mm and forearm orientation (T, 4): some cm and about 12 deg of sway.
+
+    The hand points 106 to 118 deg away from the transmitter's x axis, its back up (z).
+    """
+    away, around, roll = np.radians(rng.uniform([106.0, -20.0, -15.0], [118.0, 20.0, 15.0]))
+    distal = np.array([np.cos(away), np.sin(away) * np.cos(around), np.sin(away) * np.sin(around)])
+    lateral = rotations.unit(np.cross([0.0, 0.0, 1.0], distal))
+    base = rotations.from_matrix(np.stack([distal, lateral, np.cross(distal, lateral)], -1))
+    base = rotations.multiply(base, rotations.about_axis(np.array([1.0, 0.0, 0.0]), roll))
+    place_mm = np.array([260.0, 40.0, -120.0]) + rng.uniform(-30.0, 30.0, 3)
+    sway = _sway(rng, n_frames, 6)
+    turn = np.radians(4.0) * sway[:, 3:]
+    turned = rotations.about_axis(rotations.unit(turn), np.linalg.norm(turn, axis=-1))
+    return place_mm + 14.0 * sway[:, :3], rotations.multiply(base, turned)
+
+
+def _sway(rng: np.random.Generator, n_frames: int, n_signals: int) -> Array:
+    """Slow smooth signals (T, n) of sd 1: three sinusoids each, 0.08 to 0.5 Hz."""
+    time_s = np.arange(n_frames)[:, None, None] / RATE_HZ
+    rate_hz = rng.uniform([0.08, 0.15, 0.3], [0.15, 0.3, 0.5], (n_signals, 3))
+    phase = rng.uniform(0, 2 * np.pi, (n_signals, 3))
+    waves = np.sin(2 * np.pi * rate_hz * time_s + phase) * np.array([1.0, 0.6, 0.3])
+    return np.asarray(waves.sum(-1) / np.sqrt((1.0 + 0.36 + 0.09) / 2))

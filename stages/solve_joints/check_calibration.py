@@ -1,0 +1,126 @@
+"""Command line: poses of a hand's calibration recordings -> which joints need more motion."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stages import command_line
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from schemas.plan import SubjectPlan
+    from stages.solve_joints.calibration_advice import Advice
+
+ENDINGS = (".csv", ".parquet")
+_HEADINGS = ("joint", "range deg", "sd now mm", "sd with more motion mm", "advice")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the command's argument parser."""
+    parser = command_line.parser(
+        "stages.solve_joints.check_calibration",
+        "Say which joints the calibration recordings move too little, and how they would gain from more.",
+        "python -m stages.solve_joints.check_calibration --poses results/demo/sub-01/right/rom/poses.parquet "
+        "--layout liberty16",
+    )
+    command_line.add_plan_options(parser, calibration="--poses", sizes=("hand_length_mm",))
+    parser.add_argument("--out", type=Path, help="write the table there too, as .csv or .parquet")
+    return parser
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Weigh every joint of every hand against anatomy; print what to move, and write it where asked to."""
+    from schemas.catalogue import CALIBRATION_ADVICE
+    from schemas.errors import InputError
+    from schemas.parts import parts_writer
+    from schemas.tables import Provenance
+
+    out: Path | None = arguments.out
+    if out is not None and out.suffix not in ENDINGS:
+        raise InputError(f"{out}: the ending says the format; expected {' or '.join(ENDINGS)}")
+    plan = command_line.plan_of(arguments)
+    if out is None or out.suffix == ".csv":
+        rows = [row for hand in plan.hands for row in _printed_rows(arguments, plan, hand)]
+        if out is not None:
+            _write_csv(out, rows)
+        return
+    provenance = Provenance.of(command_line.poses_files(plan), plan.folder)
+    with parts_writer(out, CALIBRATION_ADVICE, provenance) as write:
+        for hand in plan.hands:
+            part = plan.part(hand)
+            with command_line.recording_failure(arguments, part, write):
+                write.rows(part, _printed_rows(arguments, plan, hand))
+
+
+def _printed_rows(arguments: argparse.Namespace, plan: SubjectPlan, hand: str) -> list[dict[str, Any]]:
+    """Print the advice on a hand; give its rows."""
+    advice = hand_advice(plan, hand, allow_none=arguments.record_failure)
+    if len(plan.hands) > 1:
+        print(f"{hand} hand")
+    print(as_text(advice))
+    return [{"subject": plan.subject, "hand": hand, **vars(row)} for row in advice]
+
+
+def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advice]:
+    """Give the advice on a hand's joints from every recording that may calibrate it.
+
+    Raises InputError where no recording holds poses, unless `allow_none`: then there is no advice.
+    """
+    from schemas.errors import InputError
+    from schemas.poses import usable_poses
+    from stages.solve_joints.calibration_advice import advise
+    from stages.solve_joints.solve import HandDescription, stream_recordings
+
+    layout = plan.layouts[hand]
+    usable, reasons = usable_poses([plan.poses(recording) for recording in plan.all_calibrating(hand)])
+    if not usable and allow_none:  # what became of the recordings stands with them
+        return []
+    if not usable:
+        raise InputError(f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
+    recordings = stream_recordings(usable, layout, sample_frames=True)
+    return advise(recordings.fit(HandDescription(hand, plan.hand_length_mm)), layout)
+
+
+def as_text(advice: Sequence[Advice]) -> str:
+    """Give the table as lines of text with aligned columns."""
+    rows = [_HEADINGS, *(_cells(row) for row in advice)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(_HEADINGS) - 1)]
+    return "\n".join(
+        "  ".join(
+            [row[0].ljust(widths[0]), *(row[i].rjust(widths[i]) for i in range(1, len(widths))), row[-1]]
+        )
+        for row in rows
+    )
+
+
+def _cells(row: Advice) -> tuple[str, ...]:
+    numbers = (
+        "-" if value is None else format(value, form)
+        for value, form in ((row.range_deg, ".0f"), (row.sd_now_mm, ".1f"), (row.sd_moved_mm, ".1f"))
+    )
+    return (row.joint, *numbers, row.advice)
+
+
+def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    import pyarrow as pa
+    import pyarrow.csv
+
+    from schemas.catalogue import CALIBRATION_ADVICE
+    from schemas.files import replacing
+    from schemas.tables import columns_from_rows
+
+    with replacing(path) as temporary:
+        pa.csv.write_csv(pa.table(columns_from_rows(CALIBRATION_ADVICE, rows)), temporary)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), check)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,63 @@
+"""Rows of the table joint_solutions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from schemas.layout import Joint, Layout
+from skeleton.rotations import Array
+from stages.solve_joints.closed import JointSolution
+
+Row = dict[str, Any]
+
+_SCALARS = (
+    "gap_rms_mm",
+    "gap_rms_free_mm",
+    "slide_to_free_mm",
+    "range_deg",
+    "spread_deg",
+    "axis_sd_deg",
+    "n_frames",
+    "n_effective",
+)
+
+
+def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) -> list[Row]:
+    """Give a row for every solvable joint of the layout, but not for an optional receiver that was not worn.
+
+    solutions : by joint, the reason where there is none. The keys of the part are left to the caller.
+    """
+    rows = []
+    for joint in layout.solvable:
+        solution = solutions[joint.name]
+        optional = layout.segments[joint.parent_receiver].optional or layout.segments[joint.child].optional
+        if not (optional and isinstance(solution, str)):
+            rows.append(solution_row(joint, solution))
+    return rows
+
+
+def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
+    """Give the row of one joint, failed where `solution` is the reason why there is none."""
+    names = {"joint": joint.name, "parent_segment": joint.parent_receiver, "child_segment": joint.child}
+    if isinstance(solution, str):
+        return {**names, "status": "failed", "message": solution, "n_frames": 0}
+    return {
+        **names,
+        **_by_axis("parent_", solution.p_mm, "_mm"),
+        **_by_axis("child_", solution.q_mm, "_mm"),
+        **_by_axis("null_parent_", solution.null_parent),
+        **_by_axis("null_child_", solution.null_child),
+        **_by_axis("mean_rotation_x", solution.mean_rotation[0]),
+        **_by_axis("mean_rotation_y", solution.mean_rotation[1]),
+        **_by_axis("mean_rotation_z", solution.mean_rotation[2]),
+        "singular_values": solution.singular_values,
+        "covariance_mm2": solution.covariance_mm2.ravel(),
+        **{name: getattr(solution, name) for name in _SCALARS},
+        "status": "weak" if solution.message else "ok",
+        "message": solution.message,
+    }
+
+
+def _by_axis(prefix: str, vector: Array, suffix: str = "") -> Row:
+    return {f"{prefix}{axis}{suffix}": value for axis, value in zip("xyz", vector, strict=True)}

@@ -1,0 +1,98 @@
+"""The average hand: who reads which number, and what follows from the numbers."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anatomy import average_hand
+from anatomy.average_hand import AVERAGE_DIGITS, AVERAGE_LENGTH_MM, BONE_KINDS, DIGITS, HEIGHT_MM
+
+ROOT = Path(__file__).parents[2]
+SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND = "simulate", "solve_joints", "fit_hand"
+READERS = (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND)
+
+READ_BY = {
+    (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND): "HEIGHT_MM SKEW_MM SCALE_SD LENGTH_SD MOUNT_SD_MM",
+    (JOINT_BY_JOINT, WHOLE_HAND): "DIGITS AVERAGE_LENGTH_MM SCALE_SD_BY_LENGTH AXIS_SD_RAD MOUNT_TURN_SD_RAD "
+    "DISTAL_TILT UNDER_READING UNDER_READING_SD",
+    (SIMULATOR, JOINT_BY_JOINT): "BONE_KINDS",
+    (SIMULATOR, WHOLE_HAND): "SKEW_DEG PRO_SUPINATION",
+    (SIMULATOR,): "AVERAGE_DIGITS",
+    (JOINT_BY_JOINT,): "CMC_RANGE_DEG HAND_MOUNT_SD_MM PALM_SLIDE_SD_MM UNKNOWN_SLIDE_SD_MM",
+    (WHOLE_HAND,): "AVERAGE_BREADTH_MM SKEW_SD_MM PRO_SUPINATION_SD SCALE_SD_BY_BREADTH BASE_SD_MM "
+    "DIRECTION_SD_RAD JOINT_SLIDE_SD_MM SLIDE_SD_MM TILT_SD SKIN_BENT PHALANX_DEG METACARPAL_DEG PALM_DEG "
+    "ABDUCTION_DEG AXIAL_DEG",
+}
+"""Stages with the numbers that just they read; of names, DRAWN means the simulator alone, JOINTWISE
+solve_joints alone."""
+
+
+def read_by(name: str) -> tuple[str, ...]:
+    if name.startswith("DRAWN_"):
+        return (SIMULATOR,)
+    if name.startswith("JOINTWISE_"):
+        return (JOINT_BY_JOINT,)
+    (stages,) = (stages for stages, names in READ_BY.items() if name in names.split())
+    return stages
+
+
+def numbers_read(folder: Path) -> set[str]:
+    """Names of numbers that a stage's modules import from the average hand, or look up in it."""
+    names = set()
+    for path in sorted(folder.rglob("*.py")):
+        tree = ast.parse(path.read_text("utf-8"))
+        modules = set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module == "anatomy.average_hand":
+                names |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module == "anatomy":
+                modules |= {alias.asname or alias.name for alias in node.names}
+        names |= {
+            node.attr
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.value.id in modules
+        }
+    return {name for name in names if name.isupper()}
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_each_stage_reads_the_numbers_that_it_is_said_to_read(reader: str) -> None:
+    """An estimator never reads what is drawn, and every number has the readers that are listed."""
+    expected = {name for name in vars(average_hand) if name.isupper() and reader in read_by(name)}
+    assert numbers_read(ROOT / "stages" / reader) == expected
+
+
+def test_estimators_and_simulator_differ_in_the_depth_of_the_bases_alone() -> None:
+    for name, digit in AVERAGE_DIGITS.items():
+        expected = DIGITS[name]
+        assert digit.points_mm == expected.points_mm
+        assert digit.lengths_mm == expected.lengths_mm
+        assert digit.base_mm[:2] == expected.base_mm[:2]
+    depths = [digit.base_mm[2] for digit in DIGITS.values()]
+    assert depths == [-10.5, 1.8, 1.9, 1.0, -0.6]
+
+
+def test_joints_lie_bone_after_bone_from_the_base() -> None:
+    for digit in AVERAGE_DIGITS.values():
+        joints = digit.joints_mm()
+        np.testing.assert_allclose(joints[0], digit.base_mm)
+        lengths = np.linalg.norm(np.diff(joints, axis=0), axis=-1)
+        np.testing.assert_allclose(lengths, digit.lengths_mm[:-1])
+    assert pytest.approx(170.41) == AVERAGE_LENGTH_MM
+    assert len(HEIGHT_MM) == len(BONE_KINDS)
+
+
+def test_frames_are_rotations_with_x_along_the_bone_and_the_back_up() -> None:
+    for name, digit in DIGITS.items():
+        frames = digit.frames()
+        np.testing.assert_allclose(
+            frames.swapaxes(-1, -2) @ frames, np.tile(np.eye(3), (len(frames), 1, 1)), atol=1e-12
+        )
+        np.testing.assert_allclose(np.linalg.det(frames), 1.0)
+        np.testing.assert_allclose(frames[:, :, 0], digit.directions(), atol=1e-12)
+        if name != "thumb":
+            assert (frames[:, 2, 2] > 0.6).all()

@@ -1,0 +1,111 @@
+"""Motions made by hand: a root and two fingers of which everything is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from skeleton.posing import SkeletonJoint
+from skeleton.rotations import about_axis, multiply, rotate
+from stages.export.motion import Origin, Receivers, SkeletonMotion, continuous, local_motion
+
+JOINTS = (
+    SkeletonJoint("wrist", -1, "hand"),
+    SkeletonJoint("index_cmc", 0, "index_metacarpal", "index"),
+    SkeletonJoint("index_mcp", 1, "index_proximal", "index"),
+    SkeletonJoint("index_tip", 2, "index_proximal", "index", tip=True),
+    SkeletonJoint("little_mcp", 0, "little_proximal", "little"),
+    SkeletonJoint("little_tip", 4, "little_proximal", "little", tip=True),
+)
+OFFSETS = np.array([[0, 0, 0], [-10, 2, -20], [0, 0, -60], [0, 0, -40], [15, 0, -70], [0, 0, -35]], float)
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def moving_fingers(
+    n_frames: int, *, rate_hz: float = 100.0, seed: int = 1, slip_mm: float = 0.0
+) -> SkeletonMotion:
+    """A hand that turns and bends its fingers by more than a right angle; bones of constant length.
+
+    slip_mm : how far each joint but the root leaves its rest offset, to and fro.
+    """
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(n_frames) / rate_hz
+    rest = np.tile(IDENTITY, (len(JOINTS), 1))
+    rest[1] = about_axis(np.array([0.0, 1.0, 0.0]), 0.15)
+    position = np.empty((n_frames, len(JOINTS), 3))
+    turn = np.empty((n_frames, len(JOINTS), 4))
+    for index, joint in enumerate(JOINTS):
+        local = _local_turn(joint, index, time_s)
+        if joint.parent < 0:
+            position[:, 0] = 200 + 50 * np.sin(time_s[:, None] * [1.0, 1.3, 0.7] + [0, 1, 2])
+            turn[:, 0] = local
+            continue
+        slip = slip_mm * np.sin(time_s[:, None] * rng.uniform(1, 3, 3) + rng.uniform(0, 6, 3))
+        offset = OFFSETS[index] + slip
+        position[:, index] = position[:, joint.parent] + rotate(turn[:, joint.parent], offset)
+        turn[:, index] = multiply(turn[:, joint.parent], multiply(rest[index], local))
+    receivers = Receivers(
+        ("hand", "index_proximal"),
+        position[:, [0, 2]] + 5.0,
+        turn[:, [0, 2]],
+        np.ones((n_frames, 2), bool),
+    )
+    return SkeletonMotion(
+        JOINTS,
+        OFFSETS,
+        rest,
+        np.full((len(JOINTS), 4), np.nan),
+        np.full((len(JOINTS), 3), np.nan),
+        np.arange(n_frames) + 7,
+        time_s,
+        rate_hz,
+        position,
+        continuous(turn),
+        receivers,
+        Origin("01", "right", "wave", "", "made", "made"),
+    )
+
+
+def random_fingers(n_frames: int, seed: int, slip_mm: float) -> SkeletonMotion:
+    """The same joints, every bone turned anyhow in every frame."""
+    turn = Rotation.random(n_frames * len(JOINTS), random_state=seed).as_quat(scalar_first=True)
+    motion = moving_fingers(n_frames, seed=seed % 1000, slip_mm=slip_mm)
+    return replace(motion, quaternion=turn.reshape(motion.quaternion.shape))
+
+
+def both_hands(later_s: float, rate_hz: float = 100.0) -> list[SkeletonMotion]:
+    """A right hand, and a left one with other places that begins so much later."""
+    one, other = moving_fingers(40, slip_mm=0.5), moving_fingers(20, rate_hz=rate_hz, seed=2)
+    other = replace(other, time_s=other.time_s + later_s, origin=replace(other.origin, hand="left"))
+    return [one, replace(other, position_mm=other.position_mm + 30)]
+
+
+def translation_mm(motion: SkeletonMotion) -> np.ndarray:
+    """Largest translation (J,) of each joint but the root, whose is 0, beyond its rest offset."""
+    beyond = np.linalg.norm(local_motion(motion).offset_mm - motion.rest_offset_mm, axis=-1)
+    return np.asarray(np.append(0.0, np.nanmax(beyond[:, 1:], axis=0)))
+
+
+def blanked(motion: SkeletonMotion, joints: Any = None, receivers: Any = None) -> SkeletonMotion:
+    """The motion without some poses: joints, receivers index (T, J) and (T, R), such as np.s_[3:5, 2]."""
+    place, turn, there = motion.position_mm.copy(), motion.quaternion.copy(), motion.receivers
+    seen_mm, seen_turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()
+    if joints is not None:
+        place[joints], turn[joints] = np.nan, np.nan
+    if receivers is not None:
+        seen_mm[receivers], seen_turn[receivers], valid[receivers] = np.nan, np.nan, False
+    there = replace(there, position_mm=seen_mm, quaternion=seen_turn, valid=valid)
+    return replace(motion, position_mm=place, quaternion=turn, receivers=there)
+
+
+def _local_turn(joint: SkeletonJoint, index: int, time_s: np.ndarray) -> np.ndarray:
+    if joint.tip:
+        return np.tile(IDENTITY, (len(time_s), 1))
+    if joint.parent < 0:
+        about_z = about_axis(np.array([0.0, 0.0, 1.0]), 2.5 * time_s)
+        return multiply(about_z, about_axis(np.array([0.0, 1.0, 0.0]), 1.9 * np.sin(time_s)))
+    bent = about_axis(np.array([-1.0, 0.0, 0.0]), 1.1 * (1 - np.cos(time_s * (1 + 0.2 * index))))
+    return multiply(bent, about_axis(np.array([0.0, 1.0, 0.0]), 0.2 * np.sin(2 * time_s + index)))

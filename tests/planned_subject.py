@@ -1,0 +1,125 @@
+"""A simulated subject of a study with its plan, and the stages run on it in this process."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from simulated_poses import recorded, write_poses
+from small_study import run_stages, write_plans, write_study
+
+from schemas.catalogue import TABLES
+from schemas.parts import Part, read_part
+from schemas.plan import SubjectPlan, read_plan
+from schemas.tables import Provenance, rows_of
+from stages.fit_hand.__main__ import main as fit_hand
+from stages.fit_hand.prior import main as fit_prior
+from stages.simulate.simulated_truth import write_truth
+
+QUICK = """model: quick
+description: a whole hand, fitted in few frames
+joints: {solver: anatomical, calibration: all}
+planes: {cut: false}
+fit: {whole_hand: true, frames: 30}
+own_cmc: [thumb_cmc, index_cmc, middle_cmc, ring_cmc, little_cmc]
+metacarpals: {unmeasured: fitted, measured: fitted}
+"""
+SHEETS = {
+    "measurements": "subject\thand\tquantity\tvalue_mm\tsd_mm",
+    "touches": "subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm",
+}
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class PlannedSubject:
+    """Subject 01 in a folder of its own; a test that changes files works on a copy."""
+
+    folder: Path
+
+    @property
+    def plan_file(self) -> Path:
+        """The subject's plan."""
+        return self.folder / "results" / "sub-01" / "plan.json"
+
+    @property
+    def plan(self) -> SubjectPlan:
+        """The same, read."""
+        return read_plan(self.plan_file)
+
+    def poses(self, task: str, hand: str = "right") -> Path:
+        """A recording's poses table."""
+        return self.plan_file.parent / hand / task / "poses.parquet"
+
+    def truth(self, task: str, hand: str = "right") -> Path:
+        """Folder of a recording's truth."""
+        return self.folder / "raw" / f"{hand}-{task}_truth"
+
+    def fit_folder(self, hand: str = "right") -> Path:
+        """Folder of the tables that the fit of model quick writes."""
+        return self.plan_file.parent / "fits" / hand / "quick"
+
+    def part(self, model: str, made_without: str = "", hand: str = "right") -> Part:
+        """A skeleton."""
+        return Part(hand, model, made_without, "01")
+
+    def copied(self, folder: Path) -> PlannedSubject:
+        """The same files elsewhere, the plan's paths among them."""
+        copy = PlannedSubject(Path(shutil.copytree(self.folder, folder / "copy")))
+        text = copy.plan_file.read_text("utf-8")
+        for here, there in ((self.folder, copy.folder), *(map(os.path.relpath, (self.folder, copy.folder)),)):
+            text = text.replace(str(here), str(there))
+        copy.plan_file.write_text(text, "utf-8")
+        return copy
+
+    def run_stages(self) -> None:
+        """Run every stage from the joints to the tips, and lay out the prior's hand."""
+        for hand in self.plan.hands:
+            assert self.fit(hand) == 0
+        run_stages(self.plan_file)
+        assert fit_prior([f"--plan={self.plan_file}", f"--out={self.plan_file.parent}"]) == 0
+
+    def fit(self, hand: str, *options: str) -> int:
+        """Fit a hand under model quick; give the exit code."""
+        out = f"--out={self.fit_folder(hand)}"
+        return fit_hand([f"--plan={self.plan_file}", f"--hand={hand}", "--model=quick", out, *options])
+
+    def rows(self, path: Path, table: str, part: Part) -> list[Row]:
+        """Rows of a part of a table."""
+        return list(rows_of(read_part(path, TABLES[table], part)))
+
+
+def planned_subject(
+    folder: Path,
+    recordings: Sequence[tuple[str, str, str]],
+    models: Sequence[str],
+    *,
+    n_frames: int,
+    seed: int = 4,
+    **sheets: Sequence[str],
+) -> PlannedSubject:
+    """Simulate a subject's recordings and write their poses, truths and the plan.
+
+    recordings : hand, task and role of each. models : names of those that ship, or quick. sheets : rows of
+    measurements and touches, tab-separated.
+    """
+    subject, rows = PlannedSubject(folder), []
+    for hand, task, role in recordings:
+        made = recorded(hand, task, seed=seed, n_frames=n_frames)[0]
+        write_poses(subject.poses(task, hand), made, hand, task)
+        write_truth(subject.truth(task, hand), made.truth, made.written(), Provenance())
+        rows.append(f"01 {hand} {task} {role} raw/{hand}-{task}.parquet")
+    (folder / "quick.yaml").write_text(QUICK)
+    study = write_study(
+        folder,
+        *rows,
+        models=["quick.yaml" if model == "quick" else model for model in models],
+        more=f"simulation: {{folder: raw, seed: {seed}}}\n",
+        **{name: "\n".join([SHEETS[name], *lines]) for name, lines in sheets.items()},
+    )
+    write_plans(study)
+    return subject

@@ -1,0 +1,29 @@
+"""What `viewer.js` reads of a packed motion, in Python."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from stages.report.hand_motion import Array
+
+
+def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+    """What `packed_motion.packed` wrote, by block: (T, N, W), NaN in gaps."""
+    raw = np.frombuffer(zlib.decompress(data), np.uint8)
+    found, at = {}, 0
+    for part in parts:
+        n_frames, count, width, planes = (part[key] for key in ("frames", "count", "width", "planes"))
+        there = raw[at : at + count * n_frames].reshape(count, n_frames)
+        at += there.size
+        code = np.zeros((count * width, n_frames), np.int64)
+        for plane in range(planes):
+            code |= raw[at : at + code.size].reshape(code.shape).astype(np.int64) << (8 * plane)
+            at += code.size
+        steps = np.cumsum((code >> 1) ^ -(code & 1), axis=1)
+        values = steps.reshape(count, width, n_frames) * part["step"]
+        found[part["name"]] = np.where(there[:, None], values, np.nan).transpose(2, 0, 1)
+    return found

@@ -1,0 +1,254 @@
+"""Subjects' plans: what the study says of a subject, resolved, and nothing of other subjects."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_study import write_plans, write_study
+
+from schemas.catalogue import POSES
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.model import read_model
+from schemas.parts import Part
+from schemas.plan import (
+    StudyPlans,
+    SubjectPlan,
+    plan_digest,
+    plan_from_content,
+    plan_of_poses,
+    plan_text,
+    read_plan,
+)
+from schemas.study import read_study
+from schemas.tables import Provenance, columns_from_rows, write_table
+
+ROWS = (
+    "01 right rom calibration data/rom.csv",
+    "01 right opposition both data/o1.csv 1",
+    "02 right rom both data/other.csv",
+    "01 left rom both data/left.csv - - moved",
+)
+SHEETS = {
+    "participants": "subject hand_length_mm hand_breadth_mm\n02 170 80\n01 190.5 ",
+    "corrections": "subject hand joint dx_mm dy_mm dz_mm\n02 right wrist 1 2 3\n01 right thumb_ip 1 2 3.5",
+    "measurements": "subject hand quantity value_mm sd_mm\n01 right hand_breadth 80 2",
+}
+MODELS = ("rigid", "anatomical")
+RIGHT, LEFT = "right", "left"
+
+
+def content(study_file: Path, subject: str) -> dict[str, Any]:
+    return StudyPlans(read_study(study_file), Path("results/test")).content(subject)
+
+
+def plan(folder: Path, *rows: str, subject: str = "01", **more: Any) -> SubjectPlan:
+    file = write_study(folder, *rows, models=more.pop("models", MODELS), **more)
+    return plan_from_content(content(file, subject), "plan.json")
+
+
+def test_what_is_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = write_study(Path("study"), *ROWS, models=("rigid", "whole-hand"), **SHEETS)
+    path = write_plans(file)["01"]
+    read, study = read_plan(path), read_study(file)
+    assert read == plan_from_content(json.loads(path.read_text()), "again")
+    assert (read.study, read.subject, read.folder) == ("test", "01", Path("study/results/sub-01"))
+    assert (read.hand_length_mm, read.hand_breadth_mm) == (190.5, None)
+    assert [r.name for r in read.recordings] == ["rom", "opposition_1", "rom"]
+    own = study.of_subject("01").recordings
+    for found, given in zip(read.recordings, own, strict=True):
+        assert (found.hand, found.role, found.exclude) == (given.hand, given.role, given.exclude)
+        assert found.file == Path("study") / given.file_as_written
+    assert read.layouts == {hand: read_layout("liberty16") for hand in (RIGHT, LEFT)}
+    assert list(read.models.values()) == [read_model("rigid"), read_model("whole-hand")]
+    (correction,), (measurement,) = read.corrections, read.measurements
+    assert correction.values | {"joint": "thumb_ip", "dz_mm": 3.5} == correction.values
+    assert (measurement["quantity"], measurement["value_mm"]) == ("hand_breadth", 80.0)
+    assert read.sheets["corrections"] == Path("study/sheets/corrections.tsv")
+    assert (read.touches, read.truth(read.recordings[0])) == ((), None)
+
+
+def test_the_subjects_files(tmp_path: Path) -> None:
+    read = plan(tmp_path, *ROWS, models=("rigid", "whole-hand"))
+    folder = Path("results/test/sub-01")
+    assert read.folder == folder
+    assert read.poses(read.recordings[1]) == folder / "right/opposition_1/poses.parquet"
+    assert read.table("tips") == folder / "tips.parquet"
+    assert read.files_of("tips") == [folder / "tips.parquet"]
+    assert read.fitted_models == ("whole-hand",)
+    assert read.files_of("gains") == [folder / f"fits/{h}/whole-hand/gains.parquet" for h in (RIGHT, LEFT)]
+
+
+def test_a_simulated_recordings_truth(tmp_path: Path) -> None:
+    rows = ("01 right rom both made/sub-01.rom.arrows", "01 right x both real/x.csv")
+    read = plan(tmp_path, *rows, more="simulation: {folder: made, seed: 1}\n")
+    truth = read.truth(read.recordings[0])
+    assert truth is not None
+    assert truth.resolve() == tmp_path / "made/sub-01.rom_truth"
+    assert read.truth(read.recordings[1]) is None
+
+
+def test_paths_are_relative_to_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that a study moved with its results needs nothing anew."""
+    texts = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        texts.append(plan_text(content(write_study(Path("study"), *ROWS, **SHEETS), "01")))
+    assert texts[0] == texts[1]
+    assert str(tmp_path) not in texts[0].replace(str(Path(__file__).parents[2]), "")
+
+
+OTHER_ROW = "03 left rom both data/third.csv"
+CORRECTED = SHEETS["corrections"].replace("\n", "\n02 left wrist 1 1 1\n", 1)
+
+
+@pytest.mark.parametrize(
+    ("sheets", "rows", "same"),
+    [
+        ({}, (OTHER_ROW,), True),
+        ({"participants": SHEETS["participants"].replace("170", "171")}, (), True),
+        ({"corrections": CORRECTED}, (), True),
+        ({"participants": SHEETS["participants"].replace("190.5", "191")}, (), False),
+    ],
+    ids=["other-row", "other-size", "row-above", "own-size"],
+)
+def test_a_plan_changes_with_its_own_subject_alone(
+    tmp_path: Path, sheets: dict[str, str], rows: tuple[str, ...], same: bool
+) -> None:
+    before = content(write_study(tmp_path, *ROWS, **SHEETS), "01")
+    after = content(write_study(tmp_path, *rows, *ROWS, **SHEETS | sheets), "01")
+    assert (plan_text(after) == plan_text(before)) == same
+    assert (plan_digest(after) == plan_digest(before)) == same
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda text: text[:-100], "not a subject's plan"),
+        (lambda _: "[]", "not a subject's plan of version 1"),
+        (lambda text: text.replace('"plan": 1', '"plan": 0'), "not a subject's plan of version 1"),
+        (lambda text: text.replace('"recordings"', '"recording"'), "a damaged plan .KeyError: 'recordings'"),
+        (lambda text: text.replace('"role"', '"rule"'), "a damaged plan .TypeError"),
+        (lambda text: text.replace('"models": [', '"models": 1, "x": ['), "a damaged plan"),
+    ],
+    ids=["cut", "list", "version", "key", "column", "type"],
+)
+def test_what_is_no_plan_is_refused(tmp_path: Path, spoil: Any, message: str) -> None:
+    path = write_plans(write_study(tmp_path, *ROWS))["01"]
+    path.write_text(spoil(path.read_text()))
+    with pytest.raises(InputError, match=f"plan.json: {message}.*remove it and run the study again"):
+        read_plan(path)
+
+
+# --- which recording serves which purpose -----------------------------------------------------------------
+
+ROLES = ("01 right a calibration a.csv", "01 right b both b.csv", "01 right c evaluation c.csv")
+
+
+def tasks(recordings: Any) -> str:
+    return "".join(recording.task for recording in recordings)
+
+
+@pytest.mark.parametrize(
+    ("rows", "from_evaluated", "from_all", "evaluated"),
+    [
+        (ROLES, "b", "ab", "bc"),
+        ((ROLES[0], ROLES[2]), "a", "a", "c"),
+        ((ROLES[2],), "", "", "c"),
+        ((ROLES[0], ROLES[1] + " - - moved", ROLES[2]), "a", "a", "c"),
+        ((*ROLES, "02 right a both other.csv", "01 left a both left.csv"), "b", "ab", "bc"),
+    ],
+    ids=["all-roles", "none-of-both", "only-evaluation", "excluded", "other-hands"],
+)
+def test_which_recordings_calibrate_and_which_are_evaluated(
+    tmp_path: Path, rows: tuple[str, ...], from_evaluated: str, from_all: str, evaluated: str
+) -> None:
+    read = plan(tmp_path, *rows)
+    assert tasks(read.calibrating(RIGHT, "rigid")) == from_evaluated
+    assert tasks(read.calibrating(RIGHT, "anatomical")) == tasks(read.all_calibrating(RIGHT)) == from_all
+    assert tasks(read.evaluated(RIGHT)) == evaluated
+
+
+@pytest.mark.parametrize(
+    ("rows", "model", "left_out"),
+    [
+        (("01 right c calibration 1", "01 right b both 2"), "anatomical", {"b": "c"}),
+        (("01 right c calibration 1", "01 right b both 2"), "rigid", {"b": "c"}),
+        (("01 right b both 1", "01 right d both 2"), "rigid", {"b": "d", "d": "b"}),
+        (("01 right c calibration 1", "01 right e evaluation 2"), "anatomical", {}),
+        (("01 right b both 1",), "anatomical", {}),
+        (("01 right b both 1", "01 left c calibration 2"), "anatomical", {}),
+    ],
+    ids=["with-a-calibration", "the-papers", "each-other", "held-out-anyhow", "nothing-left", "other-hands"],
+)
+def test_tasks_that_are_left_out_in_turn(
+    tmp_path: Path, rows: tuple[str, ...], model: str, left_out: dict[str, str]
+) -> None:
+    read = plan(tmp_path, *rows)
+    assert read.left_out(RIGHT, model) == list(left_out)
+    for task, used in left_out.items():
+        assert tasks(read.calibrating(RIGHT, model, task)) == used
+        assert tasks(read.evaluated(RIGHT, task)) == task
+    own = [part for part in read.parts(model) if part.hand == RIGHT]
+    assert own == [Part(RIGHT, model, task, "01") for task in ("", *left_out)]
+
+
+def test_parts_are_every_hand_under_every_model(tmp_path: Path) -> None:
+    read = plan(tmp_path, "01 left b both 1", "01 left c calibration 2", "01 right b both 3")
+    assert [(part.hand, part.model, part.made_without) for part in read.parts()] == [
+        (LEFT, "rigid", ""),
+        (LEFT, "rigid", "b"),
+        (LEFT, "anatomical", ""),
+        (LEFT, "anatomical", "b"),
+        (RIGHT, "rigid", ""),
+        (RIGHT, "anatomical", ""),
+    ]
+
+
+# --- a hand alone -----------------------------------------------------------------------------------------
+
+
+def poses(folder: Path, task: str, hand: str = RIGHT) -> Path:
+    names = {"subject": "01", "hand": hand, "task": task, "trial": ""}
+    path = folder / f"{hand}-{task}.parquet"
+    write_table(path, POSES, columns_from_rows(POSES, []), Provenance(parameters=names))
+    return path
+
+
+def test_poses_alone_are_used_as_the_command_line_names_them(tmp_path: Path) -> None:
+    """Roles leave nothing out: what calibrates is what is named."""
+    rom, both, other = (poses(tmp_path, task) for task in ("rom", "both", "other"))
+    model = read_model("rigid")
+    read = plan_of_poses([rom, both], [both, other], read_layout("liberty16"), [model])
+    assert (read.subject, read.hands, list(read.models)) == ("01", (RIGHT,), ["rigid"])
+    assert [(r.task, r.role) for r in read.recordings] == [
+        ("rom", "calibration"),
+        ("both", "both"),
+        ("other", "evaluation"),
+    ]
+    assert [read.poses(r) for r in read.calibrating(RIGHT, "rigid")] == [rom, both]
+    assert [read.poses(r) for r in read.evaluated(RIGHT)] == [both, other]
+    assert read.parts() == [Part(RIGHT, "rigid", "", "01")]
+
+
+def test_sheets_and_sizes_of_a_hand_alone(tmp_path: Path) -> None:
+    sheet = tmp_path / "corrections.tsv"
+    rows = "".join(f"\n{s} {h} wrist 1 2 3" for s in "12" for h in (RIGHT, LEFT))
+    sheet.write_text(f"subject hand joint dx_mm dy_mm dz_mm{rows}".replace(" ", "\t"))
+    read = plan_of_poses(
+        [], [], read_layout("liberty16"), [], subject="1", hand=LEFT,
+        sizes_mm={"hand_length_mm": 180.0}, sheets={"corrections": sheet, "touches": None},
+    )  # fmt: skip
+    assert [(row["subject"], row["hand"]) for row in read.corrections] == [("1", LEFT)]
+    assert (read.hand_length_mm, read.hand_breadth_mm) == (180.0, None)
+    assert read.sheets == {"corrections": sheet}
+    assert (read.hands, read.parts("rigid")) == ((LEFT,), [Part(LEFT, "rigid", "", "1")])
+
+
+def test_poses_of_two_hands_are_refused(tmp_path: Path) -> None:
+    files = [poses(tmp_path, "rom"), poses(tmp_path, "rom", LEFT)]
+    with pytest.raises(InputError, match=r"left-rom.parquet: is of .*; expected subject 01, right hand"):
+        plan_of_poses(files[:1], files[1:], read_layout("liberty16"), [])

@@ -1,0 +1,287 @@
+"""Where bones are, against scipy's rotations and skeletons of which every number was chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from schemas.model import read_model
+from schemas.poses import Poses
+from skeleton.posing import (
+    Motion,
+    PosedBones,
+    Skeleton,
+    digit_seats,
+    fitted_bones,
+    pose_bones,
+    ridden_bones,
+    rigid_positions,
+)
+from skeleton.rotations import about_axis, conjugate, multiply, rotate
+
+N_FRAMES = 30
+LAYOUT = read_layout("liberty16")
+RIDDEN, FITTED = read_model("paper-fig4"), read_model("whole-hand")
+X, Y, Z = np.eye(3)
+
+
+def random_poses(segments: tuple[str, ...], seed: int = 1) -> Poses:
+    """Receivers anywhere, turned anyhow, each frame by itself."""
+    rng = np.random.default_rng(seed)
+    shape = (N_FRAMES, len(segments))
+    turn = Rotation.random(N_FRAMES * len(segments), random_state=rng).as_quat(scalar_first=True)
+    place = rng.normal(size=(*shape, 3)) * 100
+    frame = np.arange(N_FRAMES)
+    return Poses(segments, frame, frame / 100, place, turn.reshape(*shape, 4), np.ones(shape, bool))
+
+
+def xyz(name: str, values: Any) -> dict[str, Any]:
+    return {name.format(axis): value for axis, value in zip("xyz", values, strict=True)}
+
+
+def random_skeleton(seed: int = 2) -> Skeleton:
+    """A hand by the paper's Fig. 4 with points anywhere in the receivers' frames."""
+    rng = np.random.default_rng(seed)
+    joints: dict[str, dict[str, Any]] = {}
+    for joint in LAYOUT.solvable:
+        joints[joint.name] = {
+            "parent_segment": joint.parent_receiver,
+            "child_segment": joint.child,
+            "dof": joint.dof,
+            "status": "ok",
+            "message": "",
+            **xyz("parent_{}_mm", rng.normal(size=3) * 20),
+            **xyz("child_{}_mm", rng.normal(size=3) * 20),
+            **xyz("axis_child_{}", Y),
+        }
+    bones: dict[tuple[str, str], dict[str, Any]] = {}
+    for digit in LAYOUT.digits.values():
+        for index, segment in enumerate(digit.segments):
+            vector = rng.normal(size=3) * 10 + 30 * X
+            own: dict[str, Any] = {"driven_by": segment, **xyz("{}_mm", vector)}
+            if index == 0:
+                own = {"driven_by": "", **xyz("{}_mm", [None] * 3)}
+            length_mm = float(np.linalg.norm(vector))
+            bones[digit.name, segment] = {"bone": segment, "length_mm": length_mm, **own}
+    return Skeleton(LAYOUT, RIDDEN, joints, bones)
+
+
+def random_metacarpals(seed: int = 3) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return {
+        name: Rotation.random(N_FRAMES, random_state=rng).as_quat(scalar_first=True) for name in LAYOUT.digits
+    }
+
+
+def carried(poses: Poses, segment: str, point: Any) -> np.ndarray:
+    """A point of a receiver's frame in the transmitter's, by scipy."""
+    index = poses.index(segment)
+    turn = Rotation.from_quat(poses.quaternion[:, index], scalar_first=True)
+    return np.asarray(turn.apply(np.array(point, float)) + poses.position_mm[:, index])
+
+
+@pytest.fixture
+def ridden() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones]:
+    skeleton, poses, metacarpals = random_skeleton(), random_poses(LAYOUT.measured), random_metacarpals()
+    return skeleton, poses, metacarpals, pose_bones(skeleton, poses, Motion(metacarpals=metacarpals))
+
+
+def test_joints_ride_on_their_receivers(
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones],
+) -> None:
+    """At the child halves; fingers start at the wrist, the thumb at its own joint's parent half."""
+    skeleton, poses, _, bones = ridden
+    for index, joint in enumerate(bones.joints):
+        segment, point = joint.segment, np.zeros(3)
+        if not joint.tip:
+            name = "wrist" if joint.parent == 0 and joint.name != "thumb_cmc" else joint.name
+            side = "parent" if name == "thumb_cmc" else "child"
+            row = skeleton.joints[name]
+            segment, point = row[f"{side}_segment"], np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"])
+        place = carried(poses, segment, point)
+        np.testing.assert_allclose(bones.position_mm[:, index], place, atol=1e-9, err_msg=joint.name)
+    assert len(bones.joints) == 25
+    assert bones.parents[bones.index("ring_pip")] == bones.index("ring_mcp")
+
+
+def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones],
+) -> None:
+    skeleton, poses, metacarpals, bones = ridden
+    for index, joint in enumerate(bones.joints):
+        if joint.tip or not joint.digit:
+            continue
+        row = skeleton.bones[joint.digit, joint.segment]
+        if row["driven_by"]:
+            vector = np.array([row[f"{axis}_mm"] for axis in "xyz"])
+            turn = Rotation.from_quat(poses.quaternion[:, poses.index(joint.segment)], scalar_first=True)
+            x, z = (rotate(bones.quaternion[:, index], axis) for axis in (X, Z))
+            np.testing.assert_allclose(x, turn.apply(vector / row["length_mm"]), atol=1e-12)
+            assert (np.sum(z * turn.apply(LAYOUT.segments[joint.segment].dorsal), -1) > 0.5).all()
+        else:
+            np.testing.assert_array_equal(bones.quaternion[:, index], metacarpals[joint.digit])
+        np.testing.assert_array_equal(bones.rest_offset_mm[index + 1], [row["length_mm"], 0, 0])
+        if joint.dof == 1:
+            world = rotate(poses.quaternion[:, poses.index(joint.segment)], Y)
+            np.testing.assert_allclose(
+                rotate(bones.quaternion[:, index], bones.axis[index]), world, atol=1e-12
+            )
+
+
+def test_rigid_bones_end_at_the_least_squares_tips(
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones],
+) -> None:
+    """A digit's base, and from there one bone after the other as what drives it turns it."""
+    skeleton, poses, metacarpals, bones = ridden
+    found = rigid_positions(bones.parents.tolist(), bones.position_mm, bones.quaternion, bones.rest_offset_mm)
+    for digit in LAYOUT.digits.values():
+        tip = bones.position_mm[:, bones.index(digit.joints[0])].copy()
+        for segment in digit.segments:
+            row = skeleton.bones[digit.name, segment]
+            vector = [row["length_mm"], 0, 0]
+            turn = metacarpals[digit.name]
+            if row["driven_by"]:
+                vector = [row[f"{axis}_mm"] for axis in "xyz"]
+                turn = poses.quaternion[:, poses.index(segment)]
+            tip += Rotation.from_quat(turn, scalar_first=True).apply(vector)
+        np.testing.assert_allclose(found[:, bones.index(f"{digit.name}_tip")], tip, atol=1e-9)
+
+
+def test_what_has_no_valid_receiver_is_not_known() -> None:
+    skeleton, poses = random_skeleton(), random_poses(LAYOUT.measured)
+    poses.valid[4:7, poses.index("index_middle")] = False
+    bones = ridden_bones(skeleton, poses, random_metacarpals())
+    pip, dip = bones.index("index_pip"), bones.index("index_dip")
+    assert np.flatnonzero(np.isnan(bones.position_mm[:, pip, 0])).tolist() == [4, 5, 6]
+    assert np.flatnonzero(np.isnan(bones.quaternion[:, pip, 0])).tolist() == [4, 5, 6]
+    assert np.isfinite(bones.position_mm[:, dip]).all()
+    rigid = rigid_positions(bones.parents.tolist(), bones.position_mm, bones.quaternion, bones.rest_offset_mm)
+    assert np.isnan(rigid[4:7, bones.index("index_tip")]).all()
+
+
+def changed_joint(skeleton: Skeleton, name: str) -> Skeleton:
+    row = {**skeleton.joints[name], "status": "failed", "message": "too few frames (3)"}
+    return replace(skeleton, joints={**skeleton.joints, name: row})
+
+
+def test_a_digit_with_a_failed_joint_is_left_out_with_the_reason() -> None:
+    skeleton = changed_joint(random_skeleton(), "ring_dip")
+    bones = ridden_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
+    assert bones.left_out == {"ring": "ring_dip failed: too few frames (3)"}
+    assert len(bones.joints) == 20
+    assert bones.joints[bones.index("little_pip")].parent == bones.index("little_mcp")
+    seats = digit_seats(LAYOUT.digits["ring"], LAYOUT, RIDDEN, skeleton.joints)
+    assert [seat.name for seat in seats] == ["wrist", "ring_mcp", "ring_pip", "ring_dip", "ring_tip"]
+    assert [bool(seat.segment) for seat in seats] == [True, True, True, False, True], "the others are known"
+
+
+def test_a_failed_wrist_is_told_and_costs_the_digits_that_start_there() -> None:
+    skeleton = changed_joint(random_skeleton(), "wrist")
+    bones = ridden_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
+    assert bones.root_failure == "joint wrist failed (too few frames (3))"
+    assert np.isnan(bones.position_mm[:, 0]).all()
+    assert [joint.digit for joint in bones.joints if joint.tip] == ["thumb"]
+    without = {name: row for name, row in skeleton.joints.items() if name != "wrist"}
+    bones = ridden_bones(
+        replace(skeleton, joints=without), random_poses(LAYOUT.measured), random_metacarpals()
+    )
+    assert bones.root_failure == "joint wrist failed (it was not solved)"
+
+
+def test_a_digit_without_its_bones_or_metacarpals() -> None:
+    """Without a row of bone_lengths it is left out; without metacarpals their rotations are not known."""
+    skeleton = random_skeleton()
+    lengths = {key: row for key, row in skeleton.bones.items() if key[1] != "index_distal"}
+    bones = ridden_bones(replace(skeleton, bones=lengths), random_poses(LAYOUT.measured), {})
+    assert bones.left_out == {"index": "bone_lengths has no row of index_distal"}
+    assert np.isnan(bones.quaternion[:, bones.index("little_cmc")]).all()
+
+
+def test_a_first_joint_that_no_receiver_measures_is_refused() -> None:
+    skeleton = replace(random_skeleton(), model=replace(RIDDEN, own_cmc=("index_cmc",)))
+    with pytest.raises(InputError, match="index_metacarpal carries no receiver"):
+        ridden_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
+
+
+def test_an_arm_has_its_own_names() -> None:
+    """Any layout has its skeleton, its root the receiver that the digit hangs from."""
+    layout = read_layout("arm")
+    rows: dict[str, dict[str, Any]] = {
+        joint.name: {
+            "parent_segment": joint.parent_receiver,
+            "child_segment": joint.child,
+            "dof": joint.dof,
+            "status": "ok",
+            "message": "",
+            **xyz("parent_{}_mm", X),
+            **xyz("child_{}_mm", -X),
+            **xyz("axis_child_{}", [None] * 3),
+        }
+        for joint in layout.solvable
+    }
+    lengths = {
+        (digit.name, segment): {"length_mm": 300.0, "driven_by": segment, **xyz("{}_mm", 300 * X)}
+        for digit in layout.digits.values()
+        for segment in digit.segments
+    }
+    poses = random_poses(layout.measured)
+    bones = pose_bones(Skeleton(layout, RIDDEN, rows, lengths), poses, Motion())
+    assert bones.names == ("scapula", "shoulder", "elbow", "wrist", "arm_tip")
+    assert bones.parents.tolist() == [-1, 0, 1, 2, 3]
+    np.testing.assert_allclose(bones.position_mm[:, 0], poses.position_mm[:, poses.index("scapula")])
+
+
+def fitted_motion(amplitude_deg: float) -> Motion:
+    """Bones anywhere; those of the middle finger turn about an axis of their own, the rest stand still."""
+    rng = np.random.default_rng(5)
+    swing = np.radians(amplitude_deg) / 2 * np.sin(np.linspace(0, 9, N_FRAMES))
+    poses: dict[str, np.ndarray] = {}
+    start = Rotation.random(N_FRAMES, random_state=rng).as_quat(scalar_first=True)
+    for segment in ("hand", *(s for digit in LAYOUT.digits.values() for s in digit.segments)):
+        turn = start if not segment.startswith("middle") else multiply(start, about_axis(Y, swing))
+        if segment == "middle_middle":
+            turn = multiply(turn, about_axis(np.array([0.6, 0.8, 0.0]), swing))
+        poses[segment] = np.concatenate([rng.normal(size=(N_FRAMES, 3)), turn], 1)
+    tips = {name: rng.normal(size=(N_FRAMES, 3)) for name in LAYOUT.digits}
+    return Motion(bone_poses=poses, tips=tips)
+
+
+def test_a_fitted_hand_is_where_its_tables_have_it() -> None:
+    skeleton, motion = replace(random_skeleton(), model=FITTED), fitted_motion(40)
+    bones = pose_bones(skeleton, random_poses(LAYOUT.measured), motion)
+    for index, joint in enumerate(bones.joints):
+        if joint.tip:
+            np.testing.assert_array_equal(bones.position_mm[:, index], motion.tips[joint.digit])
+            np.testing.assert_array_equal(bones.quaternion[:, index], bones.quaternion[:, joint.parent])
+        else:
+            both = np.concatenate([bones.position_mm[:, index], bones.quaternion[:, index]], 1)
+            np.testing.assert_array_equal(both, motion.bone_poses[joint.segment])
+    assert len(bones.joints) == 25
+    assert not bones.left_out
+
+
+def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
+    skeleton, poses = replace(random_skeleton(), model=FITTED), random_poses(LAYOUT.measured)
+    motion = fitted_motion(40)
+    bones = fitted_bones(skeleton, poses, motion.bone_poses, motion.tips)
+    index = bones.index("middle_pip")
+    above, own = bones.quaternion[:, bones.parents[index]], bones.quaternion[:, index]
+    turned = multiply(conjugate(above), own)
+    np.testing.assert_allclose(rotate(turned, bones.axis[index]) - bones.axis[index], 0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(bones.axis[index]), [0.6, 0.8, 0], atol=1e-9)
+    assert np.isnan(bones.axis[bones.index("index_pip")]).all(), "it does not move"
+    still = fitted_motion(0.5)
+    assert np.isnan(fitted_bones(skeleton, poses, still.bone_poses, still.tips).axis[index]).all()
+
+
+def test_a_digit_that_the_fit_does_not_pose_is_left_out() -> None:
+    skeleton, motion = replace(random_skeleton(), model=FITTED), fitted_motion(10)
+    poses = {name: pose for name, pose in motion.bone_poses.items() if name != "little_distal"}
+    bones = fitted_bones(skeleton, random_poses(LAYOUT.measured), poses, motion.tips)
+    assert bones.left_out == {"little": "the fit of the whole hand poses no little_distal"}

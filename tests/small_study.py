@@ -1,0 +1,70 @@
+"""A small study on disk: its file and sheets, simulated poses and plans, and its stages in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pipeline
+
+from schemas.files import write_text
+from schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
+from schemas.results import Results
+from schemas.study import read_study
+from stages.simulate.realism import Realism
+from stages.simulate.recording import write_recording
+from stages.simulate.simulation import simulate
+
+HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude"
+
+
+def write_study(
+    folder: Path, *rows: str, models: Sequence[str] = ("rigid", "paper-fig4"), more: str = "", **sheets: str
+) -> Path:
+    """Write a study file whose recordings are the rows, their cells separated by blanks ('-' is empty).
+
+    sheets : text of participants, corrections, measurements and touches, blanks for tabs. more : more lines
+    of the study file.
+    """
+    own = folder / "sheets"
+    own.mkdir(parents=True, exist_ok=True)
+    lines = ["\t".join("" if cell == "-" else cell for cell in row.split(" ")) for row in rows]
+    (own / "recordings.tsv").write_text("\n".join([HEADER, *lines]), "utf-8")
+    for name, text in sheets.items():
+        (own / f"{name}.tsv").write_text(text.replace(" ", "\t"), "utf-8")
+        more += f"{name}: sheets/{name}.tsv\n"
+    file = folder / "study.yaml"
+    file.write_text(
+        f"study: test\nrecordings: sheets/recordings.tsv\nlayout: liberty16\nmodels: [{', '.join(models)}]\n"
+        + more
+    )
+    return file
+
+
+def write_plans(study_file: Path) -> dict[str, Path]:
+    """Write the plan of every subject, results beside the study file; give the files by subject."""
+    study, results = read_study(study_file), Results(study_file.parent / "results")
+    plans = StudyPlans(study, results.folder)
+    for subject in study.subjects:
+        write_text(results.plan(subject), plan_text(plans.content(subject)))
+    return {subject: results.plan(subject) for subject in study.subjects}
+
+
+def write_poses(plan: SubjectPlan, n_frames: int = 300) -> None:
+    """Simulate every recording of a plan that is not excluded, and import it."""
+    for index, recording in enumerate(plan.recordings):
+        if not recording.exclude:
+            file = plan.poses(recording).with_name("recording.parquet")
+            hand = recording.hand
+            made = simulate(hand.subject, hand.hand, "rom", 5 + index, Realism.full(), n_frames)
+            write_recording(file, made)
+            pipeline.import_recording(
+                file, plan.poses(recording), subject=hand.subject, hand=hand.hand, task=recording.task
+            )
+
+
+def run_stages(plan_file: Path, *options: str) -> SubjectPlan:
+    """Run every stage of a subject from poses to tip errors by its plan; a failure fails the test."""
+    plan = read_plan(plan_file)
+    pipeline.run_stages(plan.folder, *options, "--plan", plan_file)
+    return plan

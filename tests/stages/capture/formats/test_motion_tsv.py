@@ -1,0 +1,291 @@
+"""Reading Motion-BIDS of whoever wrote it: units, Euler angles, gaps, times, and what is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import recording_files
+import yaml
+from recording_files import LIBERTY, damaged
+from scipy.spatial.transform import Rotation
+
+from schemas.errors import InputError
+from skeleton.rotations import matrix
+from stages.capture.inspect_file import describe
+from stages.capture.samples import Samples
+
+STEM = "sub-01_task-rom_tracksys-right"
+HEADER = "name component type tracked_point units reference_frame"
+QUATERNION = ("quat_x", "quat_y", "quat_z", "quat_w")
+
+
+def channel_rows(
+    point: str, unit: str = "m", orientation: tuple[str, ...] = QUATERNION, turn: str = "n/a"
+) -> str:
+    rows = [f"{point}_{axis} {axis} POS {point} {unit} lab" for axis in "xyz"]
+    rows += [f"{point}_{axis} {axis} ORNT {point} {turn} lab" for axis in orientation]
+    return "\n".join(rows)
+
+
+LATENCY = "latency n/a LATENCY n/a s n/a"
+CHANNELS = "\n".join([HEADER, LATENCY, channel_rows("hand"), channel_rows("index_distal", "mm")])
+ROWS = [
+    "0.000000 0.1 -0.02 0.3 0 0.8 0 0.6 10 20 30 0 0 0 1",
+    "0.004167 0.125 -2e-2 .3 0 0.8 0 0.6 n/a n/a n/a n/a n/a n/a n/a",
+]
+MOTION = "\n".join(ROWS) + "\n"
+OWN = "Shukotsu"
+SIDECAR = {"TaskName": "rom", "SamplingFrequency": 240}
+
+
+def write(
+    folder: Path,
+    motion: str | bytes = MOTION,
+    channels: str | bytes = CHANNELS,
+    sidecar: object = SIDECAR,
+    frame: object = None,
+) -> Path:
+    """A recording's files; blanks become tabs."""
+    for name, text in {"motion": motion, "channels": channels}.items():
+        data = text if isinstance(text, bytes) else text.replace(" ", "\t").encode()
+        (folder / f"{STEM}_{name}.tsv").write_bytes(data)
+    (folder / f"{STEM}_motion.json").write_text(sidecar if isinstance(sidecar, str) else json.dumps(sidecar))
+    levels = {"reference_frame": {"Levels": {"lab": frame}}}
+    (folder / f"{STEM}_channels.json").write_text(json.dumps(levels if frame else {}))
+    return folder / f"{STEM}_motion.tsv"
+
+
+def read(path: Path, mapping: dict[str, object] | None = None) -> Samples:
+    return recording_files.read(path, LIBERTY, mapping)
+
+
+def refuse(path: Path, message: str, mapping: dict[str, object] | None = None) -> None:
+    recording_files.refuse(path, message, LIBERTY, mapping)
+
+
+def test_units_gaps_and_times_by_channel(tmp_path: Path) -> None:
+    """Metres are shifted in the text: 0.1 m is 100 mm to the last bit, and so is 2e-2."""
+    path = write(tmp_path)
+    samples = read(path)
+    assert [samples.segments[i] for i in samples.segment] == ["hand"] * 2 + ["index_distal"] * 2
+    np.testing.assert_array_equal(samples.frame, [0, 1] * 2)
+    np.testing.assert_array_equal(samples.time_s, [0, 0.004167] * 2)
+    np.testing.assert_array_equal(samples.numbers[0], [100, -20, 300, 0.6, 0, 0.8, 0])
+    np.testing.assert_array_equal(samples.numbers[1, :3], [125, -20, 300])
+    np.testing.assert_array_equal(samples.numbers[2], [10, 20, 30, 1, 0, 0, 0])
+    assert np.isnan(samples.numbers[3]).all()
+    assert samples.place(3) == f"{path}: line 2"
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r", "\n\n"])
+def test_lines_may_end_as_they_like(tmp_path: Path, end: str) -> None:
+    plain = read(write(tmp_path))
+    found = read(write(tmp_path, "\ufeff" + MOTION.replace("\n", end), CHANNELS.replace("\n", "\r\n")))
+    np.testing.assert_array_equal(found.numbers, plain.numbers)
+
+
+def test_without_latency_times_are_counted_by_the_sampling_frequency(tmp_path: Path) -> None:
+    motion = MOTION.replace("0.000000 ", "").replace("0.004167 ", "")
+    path = write(tmp_path, motion, CHANNELS.replace(LATENCY + "\n", ""))
+    np.testing.assert_array_equal(read(path).time_s, [0, 1 / 240] * 2)
+    path = write(tmp_path, motion, CHANNELS.replace(LATENCY + "\n", ""), {"TaskName": "rom"})
+    refuse(path, "no LATENCY channel and its motion.json no SamplingFrequency")
+    assert read(path, {**MAPPING, "rate_hz": 100}).time_s[1] == 0.01
+
+
+@pytest.mark.parametrize("order", ["XYZ", "ZYX", "XZY", "YXZ"])
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_euler_angles_turn_about_fixed_axes(tmp_path: Path, order: str, unit: str) -> None:
+    """RotationOrder is extrinsic: XYZ is R = Rz Ry Rx, as of an independent program."""
+    angles = {"x": 0.3, "y": -0.7, "z": 1.9}
+    told = {axis: angle if unit == "rad" else np.degrees(angle) for axis, angle in angles.items()}
+    channels = f"{HEADER}\n{channel_rows('hand', orientation=('z', 'x', 'y'), turn=unit)}"
+    frame = {"RotationOrder": order, "RotationRule": "right-hand", "SpatialAxes": "ARI"}
+    path = write(tmp_path, f"1 2 3 {told['z']} {told['x']} {told['y']}", channels, frame=frame)
+    expected = Rotation.from_euler(order.lower(), [angles[axis.lower()] for axis in order]).as_matrix()
+    np.testing.assert_allclose(matrix(read(path).numbers[0, 3:]), expected, atol=1e-14)
+
+
+EULER_CHANNELS = f"{HEADER}\n{channel_rows('hand', orientation=('x', 'y', 'z'), turn='deg')}"
+
+
+def test_an_order_of_angles_is_never_guessed(tmp_path: Path) -> None:
+    """It comes of channels.json or of a mapping, and where both say it they must agree."""
+    path = write(tmp_path, "1 2 3 10 20 30", EULER_CHANNELS)
+    refuse(path, "has Euler angles, but channels.json gives the reference frame 'lab' no RotationOrder")
+    hand = {"format": "motion-bids", "position_unit": "m", "receivers": {"hand": {"tracked_point": "hand"}}}
+    azimuth_first = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
+    found = read(path, {**hand, "orientation": azimuth_first}).numbers[0, 3:]
+    expected = Rotation.from_euler("ZYX", [30, 20, 10], degrees=True).as_matrix()
+    np.testing.assert_allclose(matrix(found), expected, atol=1e-14)
+    path = write(tmp_path, "1 2 3 10 20 30", EULER_CHANNELS, frame={"RotationOrder": "XYZ"})
+    np.testing.assert_array_equal(read(path, {**hand, "orientation": azimuth_first}).numbers[0, 3:], found)
+    for orientation, message in (
+        ({**azimuth_first, "axes": "XYZ"}, "axes: is XYZ, but .* RotationOrder XYZ"),
+        ({**azimuth_first, "unit": "rad"}, "units: is 'deg'; expected rad"),
+        ({"kind": "quaternion", "order": "wxyz"}, "has euler components"),
+    ):
+        refuse(path, message, {**hand, "orientation": orientation})
+
+
+MAPPING = {
+    "format": "motion-bids",
+    "position_unit": "m",
+    "receivers": {"thumb_distal": {"tracked_point": "hand"}},
+}
+
+
+def test_a_mapping_names_segments_and_leaves_points_out(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    samples = read(path, {**MAPPING, "fixed": ["forearm"]})
+    assert [samples.segments[i] for i in samples.segment] == ["thumb_distal"] * 2 + ["forearm"] * 2
+    np.testing.assert_array_equal(samples.numbers[2], [0, 0, 0, 1, 0, 0, 0])
+    inverse = {"kind": "quaternion", "order": "xyzw", "rotates": "transmitter-to-receiver"}
+    np.testing.assert_array_equal(
+        read(path, {**MAPPING, "orientation": inverse}).numbers[0, 3:], [0.6, 0, -0.8, 0]
+    )
+    refuse(path, "position_unit: is mm, but .*tracked point hand has m;", {**MAPPING, "position_unit": "mm"})
+    odd = {**MAPPING, "receivers": {"hand": {"tracked_point": "Hand"}}}
+    refuse(path, "'Hand' is not in .*_channels.tsv, which has hand, index_distal; did you mean 'hand'", odd)
+    refuse(path, "has no tracked_point", {**MAPPING, "receivers": {"hand": {}}})
+
+
+def test_what_inspect_says_and_drafts(tmp_path: Path) -> None:
+    """A mapping only where a point is no segment; it is one that reads the file."""
+    path = write(tmp_path, channels=CHANNELS.replace("index_distal", "index-tip"))
+    found = describe(path, LIBERTY)
+    assert "tracked point hand: POS x y z in m; ORNT quat_x quat_y quat_z quat_w in n/a" in found.lines
+    assert "times in the channel latency; SamplingFrequency 240 Hz" in found.lines
+    assert yaml.safe_load(found.draft) == {
+        "format": "motion-bids",
+        "position_unit": "m",
+        "receivers": {"hand": {"tracked_point": "hand"}, "index_tip": {"tracked_point": "index-tip"}},
+    }
+    complete = describe(write(tmp_path), LIBERTY)
+    assert complete.lines[-1].endswith("is a segment of layout liberty16: needs no mapping")
+    assert not complete.draft
+
+
+def test_a_draft_says_what_the_file_does_not(tmp_path: Path) -> None:
+    """No order of angles, a unit that is none, and names that differ by what a segment may not have."""
+    channels = "\n".join(
+        [HEADER, channel_rows("Hand", "feet", ("x", "y", "z"), "deg"), channel_rows("hand-", "feet")]
+    )
+    draft = yaml.safe_load(describe(write(tmp_path, channels=channels), LIBERTY).draft)
+    assert draft["position_unit"] == "CHECK"
+    assert draft["orientation"] == {"kind": "euler", "axes": "CHECK", "unit": "deg"}
+    assert draft["receivers"] == {"hand": {"tracked_point": "Hand"}, "hand_2": {"tracked_point": "hand-"}}
+
+
+def test_sidecars_are_inherited_within_a_dataset_only(tmp_path: Path) -> None:
+    """From the dataset's root down, the nearest last; a file of another task does not apply."""
+    folder = tmp_path / "sub-01" / "motion"
+    folder.mkdir(parents=True)
+    motion = MOTION.replace("0.000000 ", "").replace("0.004167 ", "")
+    path = write(folder, motion, CHANNELS.replace(LATENCY + "\n", ""), {})
+    (folder / f"{STEM}_channels.tsv").rename(tmp_path / "task-rom_channels.tsv")
+    (tmp_path / "task-walk_channels.tsv").write_text("name\n")
+    (tmp_path / "tracksys-right_motion.json").write_text('{"SamplingFrequency": 10}')
+    (tmp_path / "sub-01" / "sub-01_motion.json").write_text('{"SamplingFrequency": 50}')
+    refuse(path, f"no {STEM}_channels.tsv lies beside it")
+    (tmp_path / "dataset_description.json").write_text("{}")
+    assert read(path).time_s[1] == 1 / 50
+
+
+@pytest.mark.parametrize(("told", "text"), [("-9999", "-9999.0"), (0, "0"), ("gone", "gone"), ("NaN", "NaN")])
+def test_missing_values_are_those_that_the_sidecar_names(tmp_path: Path, told: object, text: str) -> None:
+    """A number means a gap only where a pose is that number throughout: one coordinate may well be 0."""
+    path = write(tmp_path, MOTION.replace("n/a", text), sidecar={**SIDECAR, "MissingValues": told})
+    samples = read(path)
+    assert np.isnan(samples.numbers[3]).all()
+    assert np.isfinite(samples.numbers[:3]).all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("index_distal", "indx_distal", "segment 'indx_distal' is not in layout liberty16.*did you mean"),
+        ("hand_x x POS hand m", "hand_x x POS hand feet", "hand_x: units: is 'feet'; expected mm or cm or m"),
+        ("latency n/a LATENCY n/a s", "latency n/a LATENCY n/a min", "channel latency: units: is 'min'"),
+        ("hand_x x POS", "hand_x x VEL", "tracked point hand: has no POS channels of component x"),
+        ("hand_y y POS", "hand_y x POS", "tracked point hand: has 2 POS channels of component x"),
+        ("quat_w ORNT hand", "n/a ORNT hand", "no ORNT channels of component quat_w"),
+        ("tracked_point", "point", "tracked_point is missing; found name"),
+        ("hand_x x POS hand m lab", "hand_x x POS hand m", "line 3: has 5 cells; expected 6 as in"),
+        ("hand_x x POS hand m lab", "hand_x x POS hand m room", "is room, lab; expected one"),
+        ("latency n/a LATENCY n/a s n/a\n", "", "line 1: has 15 cells; expected 14"),
+        ("hand_x x POS hand m lab", "other n/a LATENCY n/a s n/a", "has no POS channels of component x"),
+        ("\nhand_x", "\nother n/a LATENCY n/a s n/a\nhand_x", "tracked point hand: has 2 LATENCY channels"),
+    ],
+)  # fmt: skip
+def test_channels_that_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in CHANNELS
+    refuse(write(tmp_path, channels=CHANNELS.replace(old, new)), message)
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"motion": ""}, "_motion.tsv: has no rows"),
+        ({"motion": "\n\n"}, "_motion.tsv: has no rows"),
+        (
+            {"motion": MOTION.replace("0.125", "left")},
+            "line 2, column 2 (hand_x): is 'left'; expected a numb",
+        ),
+        (
+            {"motion": MOTION.replace("0.125", "inf")},
+            "line 2, column 2 (hand_x): is 'inf'; expected a number",
+        ),
+        ({"motion": MOTION.replace("0.125", "0,125")}, "is '0,125'; expected a number"),
+        ({"motion": "\n" + MOTION.replace("0.125", "left")}, "line 3, column 2"),
+        ({"motion": MOTION.replace(" 0.125", "")}, "line 2: has 14 cells; expected 15"),
+        ({"motion": MOTION.encode().replace(b" ", b"\t") + b"\xff\xfe"}, "line 3: is not UTF-8 text"),
+        ({"frame": {"SpatialAxes": "ARS"}}, "lab is not right-handed (SpatialAxes ARS"),
+        ({"frame": {"RotationRule": "left-hand"}}, "lab is not right-handed (RotationRule 'left-hand'"),
+        ({"sidecar": "{"}, "_motion.json: is not valid JSON"),
+        ({"sidecar": "[1]"}, "_motion.json: holds no JSON object"),
+        ({"sidecar": {OWN: {"FrameChannel": "counter"}}}, "FrameChannel: names the channel 'counter'"),
+        (
+            {"sidecar": {OWN: {"FrameChannel": "hand_x"}}},
+            "line 1, column 2 (hand_x): is '0.1'; expected a wh",
+        ),
+        ({"sidecar": {OWN: {"TimeChannels": []}}}, "TimeChannels: is .*; expected an object"),
+        ({"sidecar": {OWN: {"FlagBits": ["odd"]}}}, "FlagBits: is .*; expected a list of flags"),
+    ],
+)
+def test_files_that_are_refused(tmp_path: Path, files: dict[str, Any], message: str) -> None:
+    refuse(write(tmp_path, **files), message)
+
+
+def test_a_right_handed_frame_is_read(tmp_path: Path) -> None:
+    assert len(read(write(tmp_path, frame={"SpatialAxes": "ALS", "RotationRule": "right-hand"})).frame) == 4
+
+
+def test_files_that_are_not_there_or_not_named_so(tmp_path: Path) -> None:
+    refuse(tmp_path / f"{STEM}_motion.tsv", "no such file")
+    refuse(tmp_path / "rom.tsv", "expected a name that ends in _motion.tsv", MAPPING)
+    path = write(tmp_path)
+    (tmp_path / f"{STEM}_channels.tsv").unlink()
+    refuse(path, "no sub-01_task-rom_tracksys-right_channels.tsv lies beside it")
+
+
+@pytest.mark.parametrize("count", [150, pytest.param(2500, marks=pytest.mark.slow)])
+def test_damaged_bytes_give_samples_or_a_sentence(tmp_path: Path, count: int) -> None:
+    random = np.random.default_rng(0)
+    own = {**SIDECAR, "MissingValues": "0", OWN: {"FlagBits": ["missing"]}}
+    files = [write(tmp_path, sidecar=own, frame={"SpatialAxes": "ALS"})]
+    files += [tmp_path / f"{STEM}{ending}" for ending in ("_channels.tsv", "_motion.json", "_channels.json")]
+    plain = [path.read_bytes() for path in files]
+    sentences = []
+    for _ in range(count):
+        chosen = random.choice(4, p=[0.4, 0.4, 0.15, 0.05])
+        files[chosen].write_bytes(damaged(plain[chosen], random))
+        try:
+            assert len(read(files[0]).frame)
+        except InputError as error:
+            sentences.append(str(error))
+        files[chosen].write_bytes(plain[chosen])
+    assert 10 < len(sentences) < 0.95 * count
+    assert not [sentence for sentence in sentences if "\n" in sentence]

@@ -1,0 +1,145 @@
+"""Statistics of paired differences against other formulations of the same."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from stages.report.comparison.paired_statistics import (
+    FEWEST_SUBJECTS,
+    N_FLIPS,
+    bootstrap_tail,
+    effect_size,
+    holm,
+    interval_95,
+    paired,
+    sign_flip_p,
+    smallest_p,
+)
+
+SKEWED = np.array([-0.9, -0.5, -0.45, -0.3, -0.2, -0.15, -0.1, 0.02, 0.3])
+
+
+@pytest.mark.parametrize("n", [2, 5, 9])
+def test_exact_p_is_scipys(n: int) -> None:
+    """Enumerated sign flips of the mean, as scipy permutes samples of one pair each."""
+    d = SKEWED[:n]
+    expected = stats.permutation_test(
+        (d,), lambda x, axis: np.mean(x, axis=axis), permutation_type="samples", n_resamples=np.inf
+    )
+    assert sign_flip_p(d) == pytest.approx(expected.pvalue, abs=1e-12)
+
+
+def test_exact_p_counts_ties() -> None:
+    """Flips that reach the same sum count, though their sums differ by rounding."""
+    d = np.array([0.1, 0.2, 0.3, -0.3, 0.7, 0.1])
+    sums = [
+        abs(sum(s * round(10 * x) for s, x in zip(signs, d, strict=True)))
+        for signs in product((1, -1), repeat=6)
+    ]
+    expected = np.mean([total >= 11 for total in sums])
+    assert sign_flip_p(d) == expected
+
+
+@pytest.mark.parametrize("n", [14, 15, 20])
+def test_random_flips_are_near_the_exact_p(n: int) -> None:
+    """Within Monte Carlo error of the enumeration, which sums one subject after the other."""
+    d = np.random.default_rng(5).normal(0.4, 1.0, n)
+    sums = np.zeros(1)
+    for value in d:
+        sums = np.concatenate([sums + value, sums - value])
+    exact = float((np.abs(sums) >= abs(d.sum()) - 1e-9).mean())
+    error = 0.0 if n <= 14 else 4 * math.sqrt(exact * (1 - exact) / N_FLIPS)
+    assert 0.01 < exact < 0.5
+    assert sign_flip_p(d) == pytest.approx(exact, abs=error + 1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6, 14, 15, 40])
+def test_smallest_p_is_reached(n: int) -> None:
+    """All subjects alike give it, exactly where all flips are tried; the data count as one."""
+    p = sign_flip_p(np.full(n, -0.5))
+    assert p == pytest.approx(smallest_p(n), abs=0.0 if n <= 14 else 4e-4)
+    assert p >= smallest_p(n)
+    assert smallest_p(FEWEST_SUBJECTS) <= 0.05 < smallest_p(FEWEST_SUBJECTS - 1)
+
+
+def test_random_flips_count_ties() -> None:
+    """Where one subject alone differs every flip reaches what was seen."""
+    assert sign_flip_p(np.array([0.1, *[0.0] * 19])) == 1.0
+
+
+def test_interval_is_scipys_percentile_bootstrap_with_wider_tails() -> None:
+    """Ends within Monte Carlo error of scipy's at the widened level."""
+    tail = bootstrap_tail(len(SKEWED))
+    expected = stats.bootstrap(
+        (SKEWED,),
+        np.mean,
+        n_resamples=20_000,
+        confidence_level=1 - 2 * tail,
+        method="percentile",
+        random_state=np.random.default_rng(2),
+    ).confidence_interval
+    low, high = interval_95(SKEWED)
+    assert low == pytest.approx(expected.low, abs=0.03)
+    assert high == pytest.approx(expected.high, abs=0.03)
+    assert high - low == pytest.approx(expected.high - expected.low, rel=0.035)
+    plain = np.ptp(stats.bootstrap((SKEWED,), np.mean, method="percentile", rng=1).confidence_interval)
+    assert high - low > 1.1 * plain
+
+
+def test_tail_makes_a_normal_interval_students() -> None:
+    """Where resampled means are normal the ends are those of the t interval."""
+    for n in (6, 12, 100):
+        spread = math.sqrt((n - 1) / n)  # of the resampled means, in standard errors
+        assert -stats.norm.ppf(bootstrap_tail(n)) * spread == pytest.approx(stats.t.ppf(0.975, n - 1))
+
+
+def test_interval_holds_the_mean_in_about_95_percent_of_studies() -> None:
+    """Of 8 normal differences; the plain percentile interval does not."""
+    rng, n, n_studies = np.random.default_rng(11), 8, 400
+    samples = rng.normal(0.0, 1.0, (n_studies, n))
+    ends = np.array([interval_95(sample) for sample in samples])
+    held = np.mean((ends[:, 0] <= 0) & (ends[:, 1] >= 0))
+    assert 0.92 <= held <= 0.97
+    means = np.array([sample[rng.integers(0, n, (1000, n))].mean(axis=1) for sample in samples])
+    plain = np.quantile(means, [0.025, 0.975], axis=1)
+    assert np.mean((plain[0] <= 0) & (plain[1] >= 0)) < 0.91
+
+
+def test_holm_by_hand() -> None:
+    """0.01 x 4, 0.02 x 3, 0.03 x 2 raised to the one before, 0.9; no test stays none and does not count."""
+    corrected = holm([0.02, None, 0.9, 0.01, 0.03])
+    assert corrected == [
+        pytest.approx(0.06),
+        None,
+        pytest.approx(0.9),
+        pytest.approx(0.04),
+        pytest.approx(0.06),
+    ]
+    assert holm([0.4, 0.5]) == [pytest.approx(0.8), pytest.approx(0.8)]
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+def test_effect_size_by_hand() -> None:
+    """Mean 3, SD sqrt(2.5), and the correction for 4 degrees of freedom, gamma(2) / (sqrt(2) gamma(1.5))."""
+    d = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+    correction = 1.0 / (math.sqrt(2.0) * math.sqrt(math.pi) / 2)
+    assert effect_size(d) == pytest.approx(3.0 / math.sqrt(2.5) * correction)
+    assert effect_size(-d) == pytest.approx(-3.0 / math.sqrt(2.5) * correction)
+    assert effect_size(d[:2]) is None
+    assert effect_size(np.full(9, 0.7)) is None
+
+
+def test_comparisons_share_what_is_random() -> None:
+    """The same flips and resamples for all of so many subjects: what is scaled or mirrored gives the same."""
+    differences = np.random.default_rng(2).normal(0.3, 1.0, 30)
+    one, other = paired(differences), paired(-2.0 * differences)
+    assert one.interval is not None
+    assert other.interval == pytest.approx((-2.0 * one.interval[1], -2.0 * one.interval[0]))
+    assert one.p == other.p == paired(differences).p
+    assert paired(differences[::-1]).p == pytest.approx(one.p, abs=0.02)

@@ -1,0 +1,188 @@
+"""The files: sound SVG and PDF of the right size, text as text, the same bytes every time, any name."""
+
+import os
+import re
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from matplotlib.figure import Figure
+from report_samples.hand_tables import write_tips
+from report_samples.made_study import make_study
+
+from schemas.errors import InputError
+from schemas.results import FIGURE_KINDS, STUDY_FIGURES, Results
+from schemas.study import read_study
+from stages import command_line
+from stages.report.pictures.style import label, new_figure
+from stages.report.print_figures.__main__ import build_parser, draw, record_failure
+from stages.report.print_figures.drawing import Drawing, drawn, not_drawn, save
+
+REPOSITORY = Path(__file__).resolve().parents[4]
+TEXT = "{http://www.w3.org/2000/svg}text"
+
+
+def run(*words: str) -> int:
+    """The command line's exit code, in this process."""
+    return command_line.run(build_parser().parse_args(words), draw, record_failure)
+
+
+def words_of(study: tuple[Path, Path], out: Path) -> list[str]:
+    return ["--study", str(study[0]), "--results", str(study[1]), "--out", str(out)]
+
+
+def texts(svg: Path) -> list[str]:
+    return ["".join(element.itertext()) for element in ElementTree.parse(svg).iter(TEXT)]
+
+
+def page_mm(pdf: Path) -> tuple[float, float]:
+    boxes = re.findall(rb"/MediaBox \[ ?0 0 ([\d.]+) ([\d.]+) ?\]", pdf.read_bytes())
+    assert len(boxes) == 1
+    width, height = (float(value) / 72 * 25.4 for value in boxes[0])
+    return width, height
+
+
+def test_two_processes_write_the_same_bytes(
+    simulated_files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One of them with other hashes, in another time zone and later."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run(*words_of(simulated_files, first)) == 0
+    assert capsys.readouterr().err == ""
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-m",
+        "stages.report.print_figures",
+        *words_of(simulated_files, second),
+    ]
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
+    subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, check=True)
+    names = sorted(f"{name}.{kind}" for name in STUDY_FIGURES for kind in FIGURE_KINDS)
+    assert sorted(path.name for path in first.iterdir()) == names
+    for name in names:
+        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+
+
+@pytest.mark.parametrize(
+    ("name", "labels", "width_mm"),
+    [
+        ("models-by-digit", ("Fingertip error [mm]", "Joint error [mm]", "n = 8 subjects"), 175.0),
+        ("paired-differences", ("paper-fig4 [mm]", "n = 8 subjects", "a", "b"), 85.0),
+        ("joint-errors", ("Joint error [mm]", "whole-hand; n = 15 hands", "thumb_cmc"), 175.0),
+        ("joint-trust", ("Hands [%]", "ring_dip"), 175.0),
+    ],
+)
+def test_text_stays_text_and_the_page_has_the_columns_width(
+    drawings: dict[str, Drawing], tmp_path: Path, name: str, labels: tuple[str, ...], width_mm: float
+) -> None:
+    drawing = drawings[name]
+    save(tmp_path, drawing)
+    found = texts(tmp_path / f"{name}.svg")
+    for wanted in labels:
+        assert wanted in found
+    assert page_mm(tmp_path / f"{name}.pdf")[0] == pytest.approx(width_mm, abs=0.01)
+    assert page_mm(tmp_path / f"{name}.pdf")[1] < 240
+    pdf = (tmp_path / f"{name}.pdf").read_bytes()
+    assert b"/CIDFontType2" in pdf  # TrueType, not Type 3
+    assert b"/Type3" not in pdf
+    assert b"CreationDate" not in pdf
+    assert (tmp_path / f"{name}.txt").read_text("utf-8") == drawing.caption + "\n"
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("name", ["山田", "$x_1$", r"\frac{1}", "<&>\"'", "a\tb\x07", "𝒳🖐", "é–Ω"])
+def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path, name: str) -> None:
+    def named() -> tuple[Figure, str]:
+        figure = new_figure(60, 20)
+        figure.text(0.1, 0.5, label(name))
+        return figure, name
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        save(tmp_path, drawn("named", named))
+    assert texts(tmp_path / "named.svg") == [label(name)]
+    assert (tmp_path / "named.txt").read_text("utf-8").startswith(name)
+    known = {"$x_1$", r"\frac{1}", "<&>\"'", "é–Ω"}
+    assert (label(name) == name) == (name in known)
+    assert label(name).isprintable()
+
+
+def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    subject = "山田 $x_1$ \\frac"
+    study = make_study(tmp_path, n_frames=12, models=("paper-fig4",), subjects=(subject,))
+    write_tips(read_study(study[0]), Results(study[1]))
+    out = tmp_path / "figures"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run(*words_of(study, out), "--recording", subject, "right", "opposition") == 0
+        assert capsys.readouterr().err == (
+            f"{out}/sub-山田%20%24x_1%24%20%5Cfrac/right/opposition/joint-angles: Not drawn: joint angles "
+            "need a model that fits the whole hand, and this study has none.\n"
+        )
+        assert run(*words_of(study, out)) == 0
+    (svg,) = out.glob("*/right/opposition/tip-error.svg")
+    assert "Tip error [mm]" in texts(svg)
+    told = capsys.readouterr().err.splitlines()
+    assert {line.split(": ")[1] for line in told} == {"Not drawn"}
+
+
+def test_a_failure_is_a_sentence_or_is_drawn(
+    measured_files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = words_of((measured_files[0], tmp_path), tmp_path / "figures")
+    expected = f"{tmp_path}/recordings.parquet: no such file; expected a recordings table"
+    assert run(*words) == 2
+    assert capsys.readouterr().err == f"error: {expected}\n"
+    assert not (tmp_path / "figures").exists()
+    assert run(*words, "--record-failure") == 0
+    for name in STUDY_FIGURES:
+        assert (tmp_path / "figures" / f"{name}.txt").read_text() == f"Not drawn: {expected}.\n"
+        assert texts(tmp_path / "figures" / f"{name}.svg")[0].startswith("Not drawn: ")
+
+
+@pytest.mark.parametrize(
+    ("more", "error"),
+    [
+        (
+            ("--recording", "S01", "right", "walk"),
+            "--recording S01 right walk: no such recording; this hand has opposition",
+        ),
+        (
+            ("--recording", "S01", "right", "opposition", "--against", "rigid"),
+            "--against: differences are of a study; leave out --recording",
+        ),
+    ],
+)
+def test_words_that_do_not_fit_are_refused(
+    measured_files: tuple[Path, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    more: tuple[str, ...],
+    error: str,
+) -> None:
+    assert run(*words_of(measured_files, tmp_path), *more) == 2
+    assert capsys.readouterr().err == f"error: {error}\n"
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "any.pdf").mkdir()
+    with pytest.raises(InputError, match=r"any\.pdf: cannot be written"):
+        save(tmp_path, not_drawn("any", "no reason"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["any.pdf", "any.svg"]
+
+
+def test_help_imports_no_matplotlib() -> None:
+    code = (
+        "import sys, runpy\nsys.argv = ['print_figures', '--help']\n"
+        "try:\n    runpy.run_module('stages.report.print_figures', run_name='__main__')\n"
+        "except SystemExit:\n    pass\n"
+        "sys.exit(bool({'numpy', 'matplotlib', 'pyarrow'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, check=False).returncode == 0

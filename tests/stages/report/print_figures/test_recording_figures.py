@@ -1,0 +1,116 @@
+"""What a recording's figures show: gaps stay gaps, peaks stay, joints stand where the report puts them."""
+
+import numpy as np
+import pytest
+from report_samples.hand_tables import part_of, write_parts
+
+from schemas.catalogue import JOINT_ANGLES, TIPS
+from schemas.errors import InputError
+from schemas.study import Recording
+from schemas.tables import read_table
+from stages.report.palette import HUES, MODELS
+from stages.report.pictures.style import applied
+from stages.report.print_figures.joint_angle_curves import joint_angles
+from stages.report.print_figures.skeletons import skeletons
+from stages.report.print_figures.study_figures import find_recording, of_recording
+from stages.report.print_figures.tip_error import tip_error
+from stages.report.study_results import StudyResults
+
+
+@pytest.fixture(scope="module")
+def recording(measured: StudyResults) -> Recording:
+    return find_recording(measured, "S01", "right", "opposition")
+
+
+def test_tip_errors_are_the_tables_and_break_at_the_gap(measured: StudyResults, recording: Recording) -> None:
+    with applied():
+        figure, caption = tip_error(measured, recording)
+    index = figure.axes[1]
+    line = next(line for line in index.lines if line.get_color() == MODELS[2])
+    data = read_table(measured.paths.study_table("tips"), TIPS).to_pylist()
+    own = [
+        row
+        for row in data
+        if (row["subject"], row["hand"], row["model"], row["digit"])
+        == ("S01", "right", "paper-fig4", "index")
+    ]
+    largest = max(row["error_mm"] for row in own if row["error_mm"] is not None)
+    y = np.asarray(line.get_ydata(), float)
+    assert np.nanmax(y) == largest
+    assert np.isnan(y).sum() == 1
+    assert "n = 240–300 frames" in caption
+    assert "least-squares" in caption
+    assert figure.axes[-1].get_xlabel() == "Device time [s]"
+
+
+def test_skeletons_show_every_joint_and_name_what_they_cannot(measured: StudyResults) -> None:
+    """The little DIP joint is doubtful and far off, the ring DIP joint has no place, where not corrected."""
+    spoiled = find_recording(measured, "S01", "left", "opposition")
+    with applied():
+        figure, caption = skeletons(measured, spoiled)
+    assert len(figure.axes) >= 3
+    assert (
+        "(a) paper-fig3-rest and paper-fig3; doubtful: little_dip; outside the picture: little_dip ("
+        in caption
+    )
+    assert "(b) paper-fig4 and rigid; doubtful: little_dip; outside" in caption
+    assert "(c) paper-fig4-corrected; doubtful: little_dip; without a place: ring_dip." in caption
+
+
+def test_equal_skeletons_share_a_panel(measured: StudyResults, recording: Recording) -> None:
+    with applied():
+        figure, _ = skeletons(measured, recording)
+    titles = [panel.get_title(loc="right") for panel in figure.axes]
+    assert titles == ["paper-fig3-rest and paper-fig3", "paper-fig4, paper-fig4-corrected\nand rigid"]
+
+
+def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
+    recording = find_recording(simulated, "S0", "left", "opposition")
+    path = simulated.fit_table(recording.hand, "whole-hand", "joint_angles")
+    key = {"subject": "S0", "hand": "left", "task": "opposition", "trial": "", "model": "whole-hand"}
+    rows = [
+        {
+            **key,
+            "joint": joint,
+            "frame": frame,
+            "flexion_deg": 3.0 * frame,
+            "abduction_deg": -1.0,
+            "rotation_deg": 0.5,
+        }
+        for joint in ("wrist", "ring_cmc", "ring_mcp", "index_pip")
+        for frame in range(12)
+    ]
+    write_parts(path, JOINT_ANGLES, {part_of(recording.hand, "whole-hand"): rows})
+    try:
+        with applied():
+            figure, caption = joint_angles(simulated, recording, "whole-hand")
+    finally:
+        path.unlink()
+    shown = [panel for panel in figure.axes if panel.get_visible()]
+    assert [panel.get_title(loc="right") for panel in shown] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
+    flexion = next(line for line in shown[0].lines if line.get_color() == HUES["blue"][0])
+    x, y = np.asarray(flexion.get_xdata(), float), np.asarray(flexion.get_ydata(), float)
+    np.testing.assert_allclose(np.unique(y), 3.0 * np.arange(12))
+    assert np.isclose(x[-1], 11 / 240, atol=0.6 / 240)
+    assert "n = 12 frames" in caption
+
+
+def test_without_a_fitted_model_there_are_no_angles(measured: StudyResults, recording: Recording) -> None:
+    missing = {drawing.name: drawing.missing for drawing in of_recording(measured, recording)}
+    assert missing == {
+        "tip-error": "",
+        "skeletons": "",
+        "joint-angles": "Not drawn: joint angles need a model that fits the whole hand, and this study has "
+        "none.",
+    }
+
+
+def test_a_recording_is_found_by_its_name_or_its_path(measured: StudyResults) -> None:
+    hostile = 'A & <b>"x"'
+    found = find_recording(measured, hostile, "right", "opposition")
+    assert found.hand.subject == hostile
+    assert find_recording(measured, found.hand.folder[4:].split("/")[0], "right", "opposition") == found
+    with pytest.raises(InputError, match="S01 right rom: no such recording; this hand has opposition"):
+        find_recording(measured, "S01", "right", "rom")
+    with pytest.raises(InputError, match="hands are S01 right, S01 left"):
+        find_recording(measured, "S02", "right", "rom")

@@ -1,0 +1,400 @@
+"""The recording's plots in a real browser: they follow the hand, obey pointer and keys, and do not lie."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+from browser import WatchedPage, watched
+from playwright.sync_api import Browser, Locator
+from report_samples.made_study import HOSTILE
+
+from schemas.catalogue import JOINT_ANGLES, POSED_TIPS, TIPS
+from schemas.files import write_text
+from stages.report.recording_page.recording_content import recording_page
+from stages.report.viewer.packed_motion import ERROR_STEP_MM
+
+pytestmark = pytest.mark.slow
+
+VIEWER = "document.querySelector('[data-hand-viewer]').viewer"
+ERRORS, ANGLES = '[data-plot="errors"]', '[data-plot="angles"]'
+LEFT, RIGHT, AXIS = 44, 10, 36
+N_FRAMES, RATE_HZ = 300, 240
+DIGITS = ("thumb", "index", "middle", "ring", "little")
+# What is drawn: differs wherever a pixel of a plot does.
+INK = "(plot) => document.querySelector(plot + ' canvas').toDataURL()"
+CURSOR = """(plot) => {
+  const line = document.querySelector(plot + ' .plot-cursor');
+  return line.hidden ? null : new DOMMatrix(getComputedStyle(line).transform).e;
+}"""
+# Where in a part of a plot's canvas (left, top, width, height) pixels have a colour, as [x, y] in the part.
+FOUND = """([plot, name, left, top, width, height]) => {
+  const hex = getComputedStyle(document.querySelector('[data-plots]')).getPropertyValue(name);
+  const wanted = hex.match(/[0-9a-f]{2}/gi).map((part) => parseInt(part, 16)), found = [];
+  const to = document.querySelector(plot + ' canvas').getContext('2d');
+  const {data} = to.getImageData(left, top, width, height);
+  for (let i = 0; i < data.length; i += 4) {
+    const same = wanted.every((part, k) => Math.abs(data[i + k] - part) < 60);
+    if (same && data[i + 3] > 99) found.push([i / 4 % width, Math.floor(i / 4 / width)]);
+  }
+  return found;
+}"""
+COUNTED = """() => {
+  window.strokes = 0;
+  const own = CanvasRenderingContext2D.prototype.stroke;
+  CanvasRenderingContext2D.prototype.stroke = function (...all) {
+    strokes++;
+    return own.apply(this, all);
+  };
+}"""
+SETTLED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
+@pytest.fixture(scope="module")
+def pages(hands: Any) -> Path:
+    """The pages of all recordings that there are, in their places; give that of S01's right hand."""
+    for recording in hands.study.shown:
+        results = hands.results(recording.hand.subject, recording.hand.hand)
+        write_text(hands.paths.recording_page(recording), recording_page(results))
+    return hands.paths.recording_page(hands.recording())
+
+
+@pytest.fixture
+def opened(watched_page: WatchedPage, pages: Path) -> Iterator[WatchedPage]:
+    """That page with its plots drawn, nothing to complain about at the end."""
+    show(watched_page, pages)
+    yield watched_page
+    watched_page.check()
+
+
+def show(page: WatchedPage, path: Path) -> None:
+    page.open(path)
+    page.wait("document.querySelector('[data-plots]').classList.contains('drawn')")
+    settle(page)
+
+
+def settle(page: WatchedPage) -> None:
+    page.value(SETTLED)
+
+
+def ink(page: WatchedPage, plot: str = ERRORS) -> Any:
+    settle(page)
+    return page.value(INK, plot)
+
+
+def choose(page: WatchedPage, part: str, **option: Any) -> None:
+    page.page.locator(f'[data-part="{part}"]').select_option(**option)
+
+
+def index(page: WatchedPage) -> int:
+    return int(page.value(f"{VIEWER}.index"))
+
+
+def at(plot: Locator, frame: float, above: float = 100.0) -> dict[str, float]:
+    """Where a frame is on a plot that shows the whole recording, so many pixels above its foot."""
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    assert box is not None
+    x = LEFT + frame / (N_FRAMES - 1) * (box["width"] - LEFT - RIGHT)
+    return {"x": x, "y": box["height"] - above}
+
+
+def point(page: WatchedPage, frame: float, plot: str = ERRORS, above: float = 100.0) -> tuple[float, float]:
+    """The same on the page."""
+    element = page.page.locator(plot)
+    place, box = at(element, frame, above), element.bounding_box()
+    assert box is not None
+    return box["x"] + place["x"], box["y"] + place["y"]
+
+
+def told(page: WatchedPage, model: int) -> dict[str, str]:
+    """The numbers beside a model's name."""
+    page.page.wait_for_timeout(200)
+    cells = page.page.locator("[data-model]").nth(model).locator("td").all_inner_texts()
+    return dict(zip(DIGITS, cells, strict=True))
+
+
+def angles_told(page: WatchedPage) -> list[str]:
+    page.page.wait_for_timeout(200)
+    words = page.page.locator('[data-part="angle-where"]').inner_text()
+    return re.findall(r"(?:flexion|abduction|rotation) (\S+?)°?(?:,|$)", words)
+
+
+def cursor(page: WatchedPage, plot: str = ERRORS) -> float:
+    settle(page)
+    place = page.value(CURSOR, plot)
+    assert place is not None, "the frame is not in view"
+    return float(place)
+
+
+def shown_stretch(page: WatchedPage) -> float:
+    """How far the cursor moves over ten frames in the middle, pixels: grows as the plots are zoomed."""
+    places = []
+    for frame in (145, 155):
+        page.value(f"{VIEWER}.goTo({frame})")
+        places.append(cursor(page))
+    return places[1] - places[0]
+
+
+@pytest.mark.parametrize("plot", [ERRORS, ANGLES])
+def test_a_click_takes_the_hand_to_that_frame(opened: WatchedPage, plot: str) -> None:
+    element = opened.page.locator(plot)
+    element.click(position=at(element, 200))
+    assert abs(index(opened) - 200) <= 1
+    place = at(element, index(opened))["x"]
+    assert abs(cursor(opened, ERRORS) - place) < 1.5
+    assert abs(cursor(opened, ANGLES) - place) < 1.5
+
+
+def test_dragging_takes_the_hand_along(opened: WatchedPage) -> None:
+    mouse = opened.page.mouse
+    mouse.move(*point(opened, 50))
+    mouse.down()
+    mouse.move(*point(opened, 120))
+    assert abs(index(opened) - 120) <= 1
+    mouse.move(*point(opened, 250))
+    mouse.up()
+    assert abs(index(opened) - 250) <= 1
+    mouse.move(*point(opened, 20))
+    assert abs(index(opened) - 250) <= 1
+
+
+def test_the_cursor_moves_with_the_playing_hand(opened: WatchedPage) -> None:
+    start = cursor(opened)
+    opened.page.get_by_role("button", name="Play", exact=True).click()
+    opened.wait(f"{VIEWER}.index > 60")
+    opened.page.get_by_role("button", name="Pause").click()
+    element = opened.page.locator(ERRORS)
+    assert abs(cursor(opened) - at(element, index(opened))["x"]) < 1.5
+    assert cursor(opened) > start + 30
+
+
+def test_playing_draws_no_plot_anew(opened: WatchedPage) -> None:
+    opened.value(COUNTED)
+    opened.value(f"{VIEWER}.play()")
+    opened.wait(f"{VIEWER}.index > 100")
+    assert opened.value("strokes") == 0
+
+
+def test_hovering_tells_the_tables_tip_errors(opened: WatchedPage, hands: Any) -> None:
+    tables = {"paper-fig4": TIPS, "whole-hand": POSED_TIPS, "whole-hand-b": POSED_TIPS}
+    tip_error_mm = {
+        (model, row["digit"], row["frame"]): row["error_mm"]
+        for model, table in tables.items()
+        for row in hands.rows(model, table, task="opposition")
+    }
+    for frame in (3, 120, 217):
+        opened.page.mouse.move(*point(opened, frame))
+        where = opened.page.locator('[data-part="error-where"]').inner_text()
+        assert where == f"Tip error [mm] at frame {frame}, {frame / RATE_HZ:.3f} s"
+        for m, model in enumerate(hands.study.models):
+            for digit, words in told(opened, m).items():
+                expected = tip_error_mm.get((model, digit, frame))
+                known = expected is not None and np.isfinite(expected)
+                packed = round(expected / ERROR_STEP_MM) * ERROR_STEP_MM if known else 0.0
+                assert words == (f"{packed:.2f}" if known else "–"), (model, digit, frame)
+    assert index(opened) == 0
+    opened.page.mouse.move(1, 1)
+    opened.page.wait_for_timeout(200)
+    assert "at frame 0," in opened.page.locator('[data-part="error-where"]').inner_text()
+
+
+def test_hovering_tells_the_tables_joint_angles(opened: WatchedPage, hands: Any) -> None:
+    for own, model in enumerate(("whole-hand", "whole-hand-b")):
+        choose(opened, "angle-model", value=str(own))
+        for joint in ("ring_pip", "index_mcp"):
+            choose(opened, "joint", label=joint)
+            for frame in (77, 130):
+                (row,) = hands.rows(model, JOINT_ANGLES, task="opposition", joint=joint, frame=frame)
+                opened.page.mouse.move(*point(opened, frame, ANGLES))
+                expected = [row[name] for name in ("flexion_deg", "abduction_deg", "rotation_deg")]
+                words = ["–" if v is None else f"{v:.1f}".replace("-", "−") for v in expected]
+                assert angles_told(opened) == words
+
+
+@pytest.mark.parametrize("how", ["axis", "shift"])
+def test_a_brush_zooms_all_plots(opened: WatchedPage, how: str) -> None:
+    before, angles, whole = ink(opened), ink(opened, ANGLES), shown_stretch(opened)
+    above = AXIS / 2 if how == "axis" else 100.0
+    mouse = opened.page.mouse
+    if how == "shift":
+        opened.page.keyboard.down("Shift")
+    mouse.move(*point(opened, 100, above=above))
+    mouse.down()
+    mouse.move(*point(opened, 200, above=above))
+    assert opened.page.locator(f"{ERRORS} .plot-band").is_visible()
+    assert opened.page.locator(f"{ANGLES} .plot-band").is_visible()
+    mouse.up()
+    opened.page.keyboard.up("Shift")
+    assert abs(shown_stretch(opened) / whole - 299 / 100) < 0.1
+    assert ink(opened) != before
+    assert ink(opened, ANGLES) != angles
+    assert opened.page.locator(f"{ERRORS} .plot-band").is_hidden()
+    opened.page.locator(ERRORS).dblclick(position={"x": 300, "y": 60})
+    assert abs(shown_stretch(opened) - whole) < 0.5
+
+
+def test_keys_and_buttons_step_zoom_and_put_back(opened: WatchedPage) -> None:
+    element, keyboard, whole = opened.page.locator(ERRORS), opened.page.keyboard, shown_stretch(opened)
+    opened.value(f"{VIEWER}.goTo(100)")
+    element.focus()
+    keyboard.press("ArrowRight")
+    assert index(opened) == 101
+    keyboard.press("Shift+ArrowLeft")
+    assert index(opened) == 91
+    keyboard.press("PageUp")
+    assert index(opened) == 299
+    keyboard.press("Home")
+    assert index(opened) == 0
+    opened.value(f"{VIEWER}.goTo(150)")
+    keyboard.press("+")
+    keyboard.press("+")
+    assert abs(shown_stretch(opened) / whole - 4) < 0.1
+    keyboard.press("Escape")
+    assert abs(shown_stretch(opened) - whole) < 0.5
+    opened.page.get_by_role("button", name="Zoom in").click()
+    assert abs(shown_stretch(opened) / whole - 2) < 0.1
+    opened.page.get_by_role("button", name="Whole recording").click()
+    assert abs(shown_stretch(opened) - whole) < 0.5
+
+
+def test_a_screen_reader_is_told_the_frame_and_its_numbers(opened: WatchedPage) -> None:
+    element = opened.page.locator(ERRORS)
+    element.focus()
+    opened.page.keyboard.press("ArrowRight")
+    opened.page.wait_for_timeout(400)
+    assert element.get_attribute("role") == "slider"
+    assert element.get_attribute("aria-valuenow") == "1"
+    assert element.get_attribute("aria-valuemax") == "299"
+    words = element.get_attribute("aria-valuetext") or ""
+    assert words.startswith("frame 1, 0.004 s; ")
+    assert f"thumb {told(opened, 0)['thumb']}" in words
+
+
+def test_models_in_view_are_drawn_until_others_are_ticked(opened: WatchedPage) -> None:
+    boxes = opened.page.locator("[data-model] input")
+    ticked = [n for n in range(3) if boxes.nth(n).is_checked()]
+    assert ticked == sorted(opened.value(f"{VIEWER}.shown"))
+    before = ink(opened)
+    choose(opened, "second", value="")
+    assert sum(boxes.nth(n).is_checked() for n in range(3)) == 1
+    fewer = ink(opened)
+    assert fewer != before
+    other = next(n for n in range(3) if not boxes.nth(n).is_checked())
+    boxes.nth(other).check()
+    assert ink(opened) != fewer
+    shown = opened.value(f"{VIEWER}.shown")
+    choose(opened, "second", value=str(next(n for n in range(3) if n not in (other, *shown))))
+    assert boxes.nth(other).is_checked()
+
+
+def test_a_peak_of_one_frame_is_drawn_though_frames_share_a_column(opened: WatchedPage) -> None:
+    """On 50 pixels, six frames a column, the peak of frame 217 is neither its column's first nor its last."""
+    box, before = opened.page.get_by_label("Logarithmic"), ink(opened)
+    assert box.is_checked(), "the peak dwarfs the other digits"
+    box.uncheck()
+    assert ink(opened) != before
+    opened.page.locator(ERRORS).evaluate("(plot) => (plot.style.width = '104px')")
+    settle(opened)
+    settle(opened)
+    found = opened.value(FOUND, [ERRORS, "--model2", 0, 20, 104, 20])
+    assert found
+    assert all(abs(x - (LEFT + 217 / 299 * 50)) < 3 for x, _ in found)
+
+
+def listed(hands: Any, *names: str) -> str:
+    """The address of S01's page as the study's page links to it: with the subjects that have such a page."""
+    folders = (quote(hands.paths.subject_pages(name).name) for name in names)
+    page = hands.paths.recording_page(hands.recording("S01"))
+    return f"{page.as_uri()}#subjects={','.join(folders)}"
+
+
+def test_the_list_of_subjects_opens_the_other_page(opened: WatchedPage, hands: Any) -> None:
+    other = hands.paths.recording_page(hands.recording(HOSTILE))
+    opened.opened.add(other.as_uri())
+    assert opened.page.locator("[data-switch]").is_hidden()
+    opened.page.goto(listed(hands, "S01", HOSTILE))
+    opened.page.reload()
+    subjects = opened.page.locator("[data-switch] select")
+    subjects.focus()
+    opened.page.keyboard.press("ArrowDown")
+    opened.page.wait_for_timeout(500)
+    assert subjects.locator("option:checked").inner_text() == " ".join(HOSTILE.split())
+    assert "/sub-S01/right/opposition.html" in opened.page.url
+    opened.page.keyboard.press("Enter")
+    opened.page.wait_for_url("**/sub-A*/right/opposition.html*")
+    assert opened.page.locator("h1").inner_text() == f"Subject {HOSTILE}, right hand, opposition"
+    opened.page.locator("[rel=prev]").click()
+    opened.page.wait_for_url("**/sub-S01/right/opposition.html*")
+    opened.wait("!!document.querySelector('.drawn')")
+    assert subjects.locator("option:checked").inner_text() == "S01"
+    assert opened.page.locator("[rel=prev]").is_hidden()
+    opened.page.locator("[rel=next]").click()
+    opened.page.wait_for_url("**/sub-A*/right/opposition.html*")
+
+
+@pytest.mark.parametrize(
+    "names", ["", "sub-S01", "sub-S02,sub-S03", "javascript:alert(1),sub-S01", "%%,sub-S01"]
+)
+def test_no_list_without_subjects_to_choose_from(opened: WatchedPage, hands: Any, names: str) -> None:
+    page = hands.paths.recording_page(hands.recording("S01")).as_uri()
+    opened.page.goto(f"{page}#subjects={names}")
+    opened.page.reload()
+    opened.wait("!!document.querySelector('.drawn')")
+    assert opened.page.locator("[data-switch]").is_hidden()
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark"), (1920, "light")])
+def test_the_page_fits_every_window(browser: Browser, pages: Path, width: int, scheme: str) -> None:
+    with watched(browser, viewport={"width": width, "height": 900}, color_scheme=scheme) as page:
+        show(page, pages)
+        assert page.value("document.documentElement.scrollWidth") <= width
+        assert page.value(FOUND, [ERRORS, "--model2", 44, 20, 300, 400])
+
+
+def test_a_finger_moves_the_hand_and_does_not_scroll_sideways(browser: Browser, pages: Path) -> None:
+    with watched(browser, viewport={"width": 390, "height": 800}, has_touch=True) as page:
+        show(page, pages)
+        x, y = point(page, 150)
+        page.page.touchscreen.tap(x, y)
+        assert abs(index(page) - 150) <= 2
+        assert page.value(f"getComputedStyle(document.querySelector('{ERRORS}')).touchAction") == "pan-y"
+
+
+def test_without_scripts_still_pictures_are_seen(browser: Browser, pages: Path) -> None:
+    with watched(browser, java_script_enabled=False) as page:
+        page.open(pages)
+        assert page.page.locator(".plots-still svg").first.is_visible()
+        assert page.page.locator(ERRORS).is_hidden()
+        assert page.page.locator("[data-switch]").is_hidden()
+
+
+def test_paper_has_the_still_pictures(opened: WatchedPage) -> None:
+    assert opened.page.locator(".plots-still").is_hidden()
+    opened.page.emulate_media(media="print")
+    assert opened.page.locator(".plots-still svg").first.is_visible()
+    assert opened.page.locator(ERRORS).is_hidden()
+
+
+def test_gaps_stay_gaps(opened: WatchedPage) -> None:
+    """The index finger's errors of the fitted hands are not known in frames 100 to 159."""
+    boxes = opened.page.locator("[data-model] input")
+    for box in boxes.all():
+        box.uncheck()
+    boxes.nth(1).check()
+    settle(opened)
+    element, second_strip = opened.page.locator(ERRORS), 20 + 82
+    found = opened.value(FOUND, [ERRORS, "--model1", 0, second_strip, 1000, 62])
+
+    def inked(first: int, last: int) -> int:
+        left, right = (at(element, frame)["x"] for frame in (first, last))
+        return sum(left < x < right for x, _ in found)
+
+    assert inked(102, 157) == 0
+    assert inked(60, 97) > 30
+    assert inked(163, 190) > 30

@@ -1,0 +1,171 @@
+"""The page of a recording: its cells are the tables' numbers, its words true, and no name does harm."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.compute as pc
+import pytest
+from report_samples.made_study import HOSTILE
+from report_samples.read_page import read_page, table_called
+
+from schemas.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIONS, POSED_TIPS, POSES, TIP_ERRORS
+from schemas.study import Hand
+from schemas.tables import Provenance, read_table, write_table
+from stages.report.recording_page.recording_content import failure_page, recording_page
+from stages.report.recording_results import read_recording
+
+TITLE = "Subject S01, right hand, opposition"
+ANGLE_OF = {"flexion": "flexion_deg", "abduction": "abduction_deg", "rotation": "rotation_deg"}
+
+
+def text_of(page: str) -> str:
+    return " ".join("".join(read_page(page).text).split())
+
+
+def cells(number: float | None, decimals: int) -> str:
+    text = "–" if number is None else f"{number:.{decimals}f}"
+    return "0." + "0" * decimals if text == "-0." + "0" * decimals else text
+
+
+@pytest.mark.parametrize("model", ["whole-hand", "whole-hand-b"])
+def test_ranges_of_motion_are_the_tables_percentiles(hands: Any, page: str, model: str) -> None:
+    table = table_called(page, f"Range of motion in this recording, {model}.")
+    calibrated = {row["joint"]: row["range_deg"] for row in hands.rows(model, JOINT_CENTRES)}
+    angles = hands.rows(model, JOINT_ANGLES, task="opposition")
+    joints = dict.fromkeys(row["joint"] for row in angles)
+    assert [row[:2] for row in table.rows[1:]] == [[joint, angle] for joint in joints for angle in ANGLE_OF]
+    for joint, angle, *numbers in table.rows[1:]:
+        known = [row[ANGLE_OF[angle]] for row in angles if row["joint"] == joint]
+        known = [value for value in known if value is not None]
+        least, first, median, last, most = np.quantile(known, [0, 0.05, 0.5, 0.95, 1])
+        expected = [cells(v, 1) for v in (least, first, median, last, most, last - first)]
+        assert numbers == [*expected, str(len(known)), cells(calibrated[joint], 1)]
+
+
+@pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
+def test_what_the_calibration_says_is_what_the_tables_say(hands: Any, page: str, model: str) -> None:
+    table = table_called(page, f"What the calibration says of each joint, {model}.")
+    values = {row["joint"]: row["singular_values"] for row in hands.rows(model, JOINT_SOLUTIONS)}
+    rows = hands.rows(model, JOINT_CENTRES)
+    assert [row[0] for row in table.rows[1:]] == [row["joint"] for row in rows]
+    for found, row in zip(table.rows[1:], rows, strict=True):
+        gaps = [cells(row[name], 2) for name in ("gap_rms_mm", "gap_rms_free_mm", "sd_mm")]
+        own = [cells(value, 4) for value in values.get(row["joint"], [None] * 6)]
+        assert found[2:] == [
+            *gaps, str(row["n_frames"]), cells(row["n_effective"], 1), *own, row["message"]
+        ]  # fmt: skip
+
+
+def test_tip_errors_in_numbers_are_the_tables_rows(hands: Any, page: str) -> None:
+    table = table_called(page, f"Tip error of the replay in numbers: {TITLE}.")
+    rows = [row for model in hands.study.models for row in hands.rows(model, TIP_ERRORS)]
+    assert len(table.rows) == len(rows) + 1 > 20
+    for found, row in zip(table.rows[1:], rows, strict=True):
+        numbers = (row[name] for name in ("mean_mm", "sd_mm", "median_mm", "p95_mm", "max_mm", "min_mm"))
+        assert found[:3] == [row["model"], row["digit"], row["binding"]]
+        assert found[3:11] == [
+            *(cells(v, 2) for v in numbers), str(row["n_frames"]), str(row["n_frames_total"])
+        ]  # fmt: skip
+
+
+def test_the_header_says_how_long_the_recording_is(page: str) -> None:
+    text = text_of(page)
+    assert "300 frames, 1.25 s, 98.8 % of the poses may be used." in text
+
+
+def test_a_still_picture_stands_in_for_the_plots(hands: Any, page: str) -> None:
+    still = page[page.index('<div class="plots-still">') : page.index('aria-labelledby="angles"')]
+    assert f"<title>Tip error over time, {TITLE}</title>" in still
+    assert all(f">{model}</text>" in still for model in hands.study.models)
+    assert "<noscript" not in page
+    assert page.index('class="plots-live" hidden') < page.index('class="plots-still"')
+
+
+def test_charts_have_a_row_for_every_joint(hands: Any, page: str) -> None:
+    joints = {row["joint"] for row in hands.rows("whole-hand", JOINT_ANGLES)}
+    for angle in ANGLE_OF:
+        (chart,) = re.findall(
+            f"<title>Range of {angle} by joint, {TITLE}, whole-hand</title>.*?</svg>", page, re.S
+        )
+        assert {joint for joint in joints if f">{joint}</text>" in chart} == joints
+        assert chart.count("stroke-width:7") == len(joints)
+
+
+def test_a_hostile_name_is_text_everywhere(hands: Any) -> None:
+    page = recording_page(hands.results(HOSTILE, "right"))
+    reader = read_page(page)
+    assert f"Subject {HOSTILE}, right hand, opposition" in "".join(reader.text)
+    assert not any(tag == "b" and "data-part" not in attributes for tag, attributes in reader.tags)
+    assert not any(
+        '"x"' in (value or "") and "<b>" not in (value or "") for _, a in reader.tags for value in a.values()
+    )
+    links = [attributes["href"] for tag, attributes in reader.tags if tag == "a" and "href" in attributes]
+    assert all(link and not set('<>" ') & set(link) for link in links)
+
+
+def test_a_page_asks_for_nothing(page: str) -> None:
+    reader = read_page(page)
+    assert not [a for tag, a in reader.tags if "src" in a or (tag == "link" and a.get("href") != "data:,")]
+    assert not re.search(r"(?i)@import|\burl\((?!#)|https?://(?!www\.w3\.org)", page)
+
+
+def test_a_model_without_results_is_left_out_with_the_reason(
+    make: Callable[[Path], Any], tmp_path: Path
+) -> None:
+    hands, hand = make(tmp_path), Hand("S01", "right")
+    hands.spoil("whole-hand", hand, JOINT_CENTRES, failure="no hand <was> fitted")
+    hands.spoil("whole-hand-b", hand, POSED_TIPS, "opposition")
+    results = hands.results()
+    assert [model.name for model in results.models] == ["paper-fig4"]
+    page = recording_page(results)
+    text = text_of(page)
+    assert "whole-hand: no hand <was> fitted" in text
+    assert "whole-hand-b: the posed_tips table has no row of this recording" in text
+    assert "Only models that fit the whole hand state joint angles" in text
+    assert 'data-plot="angles"' not in page
+    assert "Range of motion in this recording" not in page
+
+
+def test_poses_that_failed_leave_a_page_that_says_so(hands: Any) -> None:
+    results = hands.results(HOSTILE, "left")
+    assert results.motion is None
+    text = text_of(recording_page(results))
+    assert "Nothing moves here. left.csv: row 7 <is> not a number" in text
+    assert "Right hand, same task" in text
+
+
+def test_without_any_model_the_page_still_leads_on(make: Callable[[Path], Any], tmp_path: Path) -> None:
+    hands = make(tmp_path)
+    for model in hands.study.models:
+        hands.spoil(model, Hand("S01", "right"), JOINT_CENTRES)
+    results = hands.results()
+    assert set(results.left_out.values()) == {"the joint_centres table has no row"}
+    text = text_of(recording_page(results))
+    assert "no model of the study has results of this hand" in text
+    assert "Left hand, same task" in text
+
+
+def test_a_receiver_that_the_view_hangs_on_may_be_lost(make: Callable[[Path], Any], tmp_path: Path) -> None:
+    hands = make(tmp_path)
+    recording = hands.recording()
+    subject = hands.subject()
+    path = subject.poses(recording)
+    whole = read_table(path, POSES)
+    columns = {column.name: whole.column(column.name) for column in POSES.columns}
+    columns["valid"] = pc.and_(whole["valid"], pc.not_equal(whole["segment"], "hand"))
+    write_table(path, POSES, columns, Provenance(), row_group_rows=300)
+    results = read_recording(subject, recording)
+    assert results.motion is None
+    page = recording_page(results)
+    assert "the receiver of hand has no valid pose" in page
+    assert "Range of motion in this recording, whole-hand." in page
+
+
+def test_a_failure_is_told_as_text() -> None:
+    reader = read_page(failure_page("Subject <b>, right hand, x", "because <b>"))
+    assert "because <b>" in "".join(reader.text)

@@ -1,0 +1,106 @@
+"""Which joints need more motion: said in words, with what it would gain, printed and written."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pyarrow.csv
+import pyarrow.parquet as pq
+import pytest
+from simulated_poses import recorded, write_poses
+
+from schemas.catalogue import CALIBRATION_ADVICE, POSES
+from schemas.layout import read_layout
+from schemas.parts import Part, read_part
+from schemas.plan import plan_of_poses
+from schemas.tables import Provenance, write_failure
+from stages.solve_joints.check_calibration import main
+
+
+@pytest.fixture(scope="module")
+def poses(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Poses of a simulated left hand by task; in opposition its DIP joints are stiff."""
+    folder = tmp_path_factory.mktemp("poses")
+    made = {"rom": 4800, "opposition": 2400}
+    return {
+        task: write_poses(
+            folder / f"{task}.parquet", recorded("left", task, seed=50, n_frames=n)[0], "left", task
+        )
+        for task, n in made.items()
+    }
+
+
+def checked(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    assert main(["--layout", "liberty16", *words]) == 0
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_stiff_fingertips_are_advised(
+    poses: dict[str, Path], ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / f"advice{ending}"
+    printed = checked(capsys, "--poses", str(poses["opposition"]), "--out", str(out))
+    assert "move the little finger's fingertip joint alone through 40 deg" in printed
+    table = pyarrow.csv.read_csv(out) if ending == ".csv" else pq.read_table(out)
+    rows = {row["joint"]: row for row in table.to_pylist()}
+    assert len(rows) == 15
+    little = rows["little_dip"]
+    assert little["range_deg"] < 10
+    assert little["advice"].startswith(f"little DIP moved {little['range_deg']:.0f} deg; ")
+    assert little["sd_moved_mm"] < little["sd_now_mm"] - 0.15
+    assert all(row["sd_moved_mm"] <= row["sd_now_mm"] for row in rows.values())
+
+
+def test_a_full_range_of_motion_is_enough(poses: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """Range of motion alone, and added to the task: no finger joint is asked for more."""
+    for words in (["rom"], ["opposition", "rom"]):
+        printed = checked(capsys, "--poses", *(str(poses[task]) for task in words))
+        advice = {line.split()[0]: line for line in printed.splitlines()[1:]}
+        assert "forearm" not in printed
+        for finger in ("index", "middle", "ring", "little"):
+            for joint in ("mcp", "pip", "dip"):
+                assert "enough" in advice[f"{finger}_{joint}"]
+
+
+def test_bad_input_is_a_sentence(
+    poses: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rom = str(poses["rom"])
+    for words, said in (
+        (["--poses", str(tmp_path / "none.parquet")], "no such file"),
+        (["--poses", rom, "--out", "table.txt"], "expected .csv or .parquet"),
+        (["--poses", rom, "--hand-length-mm", "18"], "--hand-length-mm: is 18; expected millimetres"),
+    ):
+        assert main(["--layout", "liberty16", *words]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_without_a_recording_there_is_no_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Alone that is refused; a study goes on, since what became of the recordings stands with them."""
+    failed, out = tmp_path / "failed.parquet", tmp_path / "advice.parquet"
+    names = {"subject": "01", "hand": "left", "task": "rom", "trial": ""}
+    write_failure(failed, POSES, "the file is empty", Provenance(parameters=names))
+    argv = ["--layout", "liberty16", "--poses", str(failed), "--out", str(out)]
+    assert main(argv) == 2
+    assert "no calibration recording: the file is empty" in capsys.readouterr().err
+    assert main([*argv, "--record-failure"]) == 0
+    assert read_part(out, CALIBRATION_ADVICE, Part("left", subject="01")).num_rows == 0
+
+
+def test_a_plan_of_both_hands_has_a_part_for_each(
+    poses: dict[str, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Each hand's advice stands under its name; the hand without a usable recording has none."""
+    layout = read_layout("liberty16")
+    left = plan_of_poses([poses["rom"]], [], layout, [])
+    both = replace(left, layouts={"left": layout, "right": layout})
+    monkeypatch.setattr(type(both), "hands", ("left", "right"))
+    monkeypatch.setattr("stages.command_line.plan_of", lambda _: both)
+    out = tmp_path / "advice.parquet"
+    assert main(["--out", str(out), "--record-failure"]) == 0
+    assert capsys.readouterr().out.startswith("left hand\njoint ")
+    assert read_part(out, CALIBRATION_ADVICE, Part("left", subject="01")).num_rows == 15
+    assert read_part(out, CALIBRATION_ADVICE, Part("right", subject="01")).num_rows == 0

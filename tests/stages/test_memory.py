@@ -1,0 +1,47 @@
+"""As the guide says: an hour of a hand fits in 2 GB."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from long_poses import long_poses
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+HOUR = 3600 * 240
+PEAK = (
+    "from stages.{}.__main__ import main; import re, sys; assert main(sys.argv[1:]) == 0; "
+    "print(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1])"
+)
+
+
+def peak_bytes(stage: str, *argv: object) -> int:
+    """Run a stage under paper-fig4 in a process of its own; the most memory that it held."""
+    options = [*argv, "--layout", "liberty16", "--model", "paper-fig4"]
+    finished = subprocess.run(
+        [sys.executable, "-c", PEAK.format(stage), *map(str, options)],
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return int(finished.stdout.split()[-1]) * 1024
+
+
+@pytest.mark.slow
+def test_metacarpals_and_tips_of_an_hour(tmp_path: Path) -> None:
+    """16 receivers at 240 Hz, calibrated on and evaluated."""
+    hour, short = long_poses(tmp_path / "hour.parquet", HOUR), long_poses(tmp_path / "short.parquet", 2400)
+    solved, placed, joints, bones, metacarpals, tips, errors = (
+        tmp_path / f"{name}.parquet"
+        for name in ("solved", "placed", "joints", "bones", "turns", "tips", "errors")
+    )
+    peak_bytes("solve_joints", "--poses", short, "--out", solved)
+    peak_bytes("project_planes", "--joints", solved, "--out", placed)
+    recordings = ["--calibration", hour, "--poses", hour]
+    built = ["--out-joints", joints, "--out-bones", bones, "--out", metacarpals]
+    assert peak_bytes("estimate_metacarpals", "--joints", placed, *recordings, *built) < 2 * 1024**3
+    read = ["--joints", joints, "--bones", bones, "--metacarpals", metacarpals]
+    written = ["--out", tips, "--out-errors", errors]
+    assert peak_bytes("evaluate_tips", *read, *recordings, *written) < 2 * 1024**3

@@ -1,0 +1,46 @@
+"""An emulated tracker that hears something else, or nothing, for one of its commands; and setting it up."""
+
+from tracker_processes import at_a_port
+
+from trackers.emulate.device import EmulatedDevice
+from trackers.protocols.stream_settings import StreamSettings
+from trackers.record.conversation import Conversation
+from trackers.record.driver import driver_of
+from trackers.record.port import open_port
+from trackers.record.request import RecordingRequest
+
+
+class StubbornTracker:
+    """A stand-in for a tracker: the bytes `unheard` come to the device as `heard`."""
+
+    streaming = True
+
+    def __init__(self, device: EmulatedDevice, unheard: bytes, heard: bytes = b"") -> None:
+        self.device = device
+        self.period_s = float(1 / device.rate)
+        self.unheard, self.heard = unheard, heard
+
+    def take(self, data: bytes) -> bytes:
+        """Answer commands."""
+        return self.device.receive(data.replace(self.unheard, self.heard))
+
+    def cycle(self) -> bytes:
+        """Give what it sends in one cycle."""
+        return self.device.next_cycle().data
+
+
+def set_up(
+    tracker: StubbornTracker, request: RecordingRequest, *, put_back: bool = False
+) -> tuple[StreamSettings, list[str]]:
+    """Set it up at a pseudo-terminal, and back; gives the settings and the warnings."""
+    with at_a_port(tracker) as name:
+        port = open_port(name, 115200)
+        conversation = Conversation(port)
+        driver = driver_of(conversation, request)
+        try:
+            return driver.set_up(), driver.warnings
+        finally:
+            if put_back:
+                driver.put_back()
+            conversation.close()
+            port.close()

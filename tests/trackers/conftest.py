@@ -1,0 +1,49 @@
+"""An emulated tracker that runs for as long as a test; a stand-in for a tracker that is recorded."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from tracker_processes import StandIn, at_a_port, emulator
+
+from trackers.archive import open_archive
+from trackers.decode.stream import Tally, blocks_of
+from trackers.protocols.records import concatenated
+from trackers.record.port import open_port
+from trackers.record.recording_terminal import StopRequest, Terminal
+from trackers.record.request import RecordingRequest
+from trackers.record.session import RecordingPlan, record
+
+
+@pytest.fixture
+def emulated(tmp_path: Path) -> Iterator[Callable[..., str]]:
+    """Start an emulated tracker with the emulator's own options; gives the port to open."""
+    with ExitStack() as running:
+
+        def start(*options: str, tcp: bool = False) -> str:
+            link = tmp_path / f"tracker{len(list(tmp_path.glob('tracker*')))}"
+            where = ("--tcp", "0") if tcp else ("--pty", str(link))
+            return running.enter_context(emulator(*options, port=where)).name
+
+        yield start
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Callable[..., object]:
+    """Record a stand-in for half a second; gives its records, its settings and the tally."""
+
+    def run(device: StandIn, request: RecordingRequest):
+        plan = RecordingPlan(tmp_path / "rom.arrows", request, duration_s=0.5)
+        with at_a_port(device) as name, Path(os.devnull).open("w") as sink, Path(os.devnull).open() as keys:
+            port = open_port(name, 115200)
+            try:
+                record(plan, port, Terminal(sink, keys), StopRequest(), {})
+            finally:
+                port.close()
+        tally = Tally()
+        blocks = list(blocks_of(open_archive(plan.out), tally))
+        return concatenated([block.records for block in blocks]), blocks[0].settings, tally
+
+    return run

@@ -1,0 +1,247 @@
+"""From a raw capture to records and poses: what is lost is counted and placed, the same bytes every time."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from captures import circling, cycle, record, settings, write
+
+from schemas.catalogue import CAPTURE_RECORDS, POSES
+from schemas.tables import read_metadata, read_table
+from stages.capture.__main__ import main
+from trackers.archive import ArchiveWriter, open_archive
+from trackers.decode.findings import findings
+from trackers.decode.records_table import FLAGS
+from trackers.decode.stream import Tally, blocks_of
+from trackers.decode.survey import survey_archive
+
+BIT = {flag: 1 << place for place, flag in enumerate(FLAGS)}
+
+
+def survey_of(path: Path):
+    return survey_archive(open_archive(path))
+
+
+def decode(path: Path, *words: str):
+    out = path.with_suffix(".parquet")
+    assert main(["decode", "--in", str(path), "--out", str(out), *words]) == 0
+    return read_table(out, CAPTURE_RECORDS)
+
+
+def test_a_faultless_capture(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.arrows", [cycle(frame) for frame in range(100, 580)])
+    survey = survey_of(path)
+    assert findings(survey) == []
+    assert survey.records == {1: 480, 2: 480, 3: 480}
+    table = decode(path)
+    assert table.num_rows == 1440
+    assert table["frame"].to_pylist()[::3] == list(range(100, 580))
+    assert table["time_s"].to_numpy()[::3] == pytest.approx(np.arange(480) / 240, abs=1e-12)
+    assert table["station"].to_pylist() == [1, 2, 3] * 480
+    assert table["x_mm"].to_pylist()[:3] == [210.0, 220.0, 230.0]
+    assert table["host_ns"].to_numpy()[-1] == round(479e9 / 240)
+    assert set(table["flags"].to_pylist()) == {0}
+    assert table["repaired_x_mm"].null_count == 1440
+    assert table["button"].null_count == 1440
+
+
+def test_the_same_capture_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name in "ab":
+        write(tmp_path / f"{name}" / "rom.arrows", [cycle(frame, pose=circling) for frame in range(1000)])
+        decode(tmp_path / name / "rom.arrows", "--repair-hemisphere")
+    one, other = ((tmp_path / name / "rom.parquet").read_bytes() for name in "ab")
+    assert one == other
+
+
+@pytest.mark.parametrize("size", [1, 1000, 50_000])
+def test_where_blocks_end_does_not_matter(tmp_path: Path, size: int) -> None:
+    cycles = [cycle(frame) for frame in range(300) if frame % 7]
+    cycles[40] = cycles[40][:50] + cycles[40][51:]
+    path = write(tmp_path / "a.arrows", cycles)
+    whole = list(blocks_of(open_archive(path), Tally()))
+    apart = list(blocks_of(open_archive(path), Tally(), size))
+    for column in ("station", "frame", "offset", "doubtful"):
+        joined = [np.concatenate([getattr(b.records, column) for b in part]) for part in (whole, apart)]
+        np.testing.assert_array_equal(*joined)
+
+
+def test_missing_frames_and_partial_cycles_are_placed(tmp_path: Path) -> None:
+    frames = [frame for frame in range(480) if frame not in (100, 101)]
+    cycles = [cycle(frame, (1, 3) if frame in (200, 201, 202) else (1, 2, 3)) for frame in frames]
+    path = write(tmp_path / "a.arrows", cycles)
+    survey = survey_of(path)
+    assert survey.missing_frames == 2
+    assert survey.partial_frames.tolist() == [200, 201, 202]
+    assert survey.gaps.tolist() == [[0, 100, 101], [1, 100, 101], [2, 100, 101], [2, 200, 202], [3, 100, 101]]
+    assert findings(survey) == [
+        "2 of 480 frames are missing for all receivers (at 0.42 s)",
+        "3 of 480 frames lack a receiver (at 0.83 s, 0.84 s, 0.84 s)",
+    ]
+    rows = decode(path).to_pylist()
+    flagged = {(r["frame"], r["station"]): r["flags"] for r in rows if r["flags"]}
+    assert flagged == {
+        **{(102, station): BIT["gap-before"] for station in (1, 2, 3)},
+        **{(frame, station): BIT["partial-cycle"] for frame in (200, 201, 202) for station in (1, 3)},
+        (203, 2): BIT["gap-before"],
+    }
+
+
+def test_an_unplugged_receiver_is_named(tmp_path: Path) -> None:
+    cycles = [cycle(f, (1, 3) if 300 <= f < 900 else (1, 2, 3)) for f in range(1200)]
+    survey = survey_of(write(tmp_path / "a.arrows", cycles, settings((1, 2, 3, 7))))
+    assert findings(survey) == [
+        "receiver 7 was active and sent nothing",
+        "receiver 2 sent nothing for 2.5 s, from 1.25 s on",
+    ]
+
+
+@pytest.mark.parametrize("place", range(1, 144, 5))
+def test_a_lost_byte_costs_one_record(tmp_path: Path, place: int) -> None:
+    cycles = [cycle(frame) for frame in range(60)]
+    cycles[30] = cycles[30][:place] + cycles[30][place + 1 :]
+    survey = survey_of(write(tmp_path / "a.arrows", cycles))
+    assert sum(survey.records.values()) == 179
+    assert survey.skipped_bytes == 47
+    assert survey.partial_frames.tolist() == [30]
+    assert "47 bytes at 1 places were no record" in findings(survey)[1]
+
+
+def test_what_the_tracker_says_of_itself_is_kept(tmp_path: Path) -> None:
+    cycles = [cycle(frame) for frame in range(30)]
+    cycles[10] = record(10, 1, error=ord("b")) + record(10, 2, error=ord("I")) + record(10, 3, distortion=2)
+    path = write(tmp_path / "a.arrows", cycles)
+    flags = {(r["frame"], r["station"]): r["flags"] for r in decode(path).to_pylist() if r["flags"]}
+    assert flags == {
+        (10, 1): BIT["device-error"],
+        (10, 2): BIT["device-warning"],
+        (10, 3): BIT["distorted"],
+    }
+    assert findings(survey_of(path)) == [
+        "the tracker reported error 'I' with 1 records (receiver 2, at 0.04 s)",
+        "the tracker reported error 'b' with 1 records (receiver 1, at 0.04 s)",
+        "the tracker saw its field distorted by metal (receiver 3, at 0.04 s; receiver 3 in 3.3 % of its "
+        "records)",
+    ]
+
+
+def test_a_level_that_no_tracker_sends_is_doubted_and_left_out(tmp_path: Path) -> None:
+    cycles = [cycle(frame) for frame in range(30)]
+    cycles[10] = record(10, 1, distortion=64256) + record(10, 2, distortion=-70000) + record(10, 3)
+    path = write(tmp_path / "a.arrows", cycles)
+    rows = {(r["frame"], r["station"]): r for r in decode(path).to_pylist()}
+    assert [rows[10, station]["distortion"] for station in (1, 2, 3)] == [None, None, 0]
+    assert [rows[10, station]["flags"] & BIT["doubtful"] > 0 for station in (1, 2, 3)] == [True, True, False]
+    assert "2 records hold numbers that cannot be right (receivers 1, 2, at 0.04 s); not used" in findings(
+        survey_of(path)
+    )
+
+
+def test_receivers_that_the_layout_does_not_name_are_left_out_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stations = (2, 3, 18)
+    path = write(tmp_path / "a.arrows", [cycle(f, stations) for f in range(60)], settings(stations))
+    words = ["--subject", "01", "--hand", "right", "--task", "rom", "--out", str(tmp_path / "a.parquet")]
+    assert main(["import", "--in", str(path), "--layout", "liberty16", *words]) == 0
+    assert "receiver 18: not in layout liberty16; left out" in capsys.readouterr().err
+    poses = read_table(tmp_path / "a.parquet", POSES).to_pandas()
+    assert set(poses.segment) == {"thumb_metacarpal", "thumb_proximal"}
+    assert main(["import", "--in", str(path), "--layout", "arm", *words]) == 2
+    assert "has the receivers 2, 3, 18; layout arm names none" in capsys.readouterr().err
+
+
+def crossing(frame: int, station: int):
+    position, quaternion = circling(frame, station)
+    mirrored = position[0] < 0 and station == 2
+    return tuple(-p for p in position) if mirrored else position, quaternion
+
+
+def test_flips_are_marked_and_repaired_only_on_request(tmp_path: Path) -> None:
+    given = settings()
+    path = write(tmp_path / "a.arrows", [cycle(f, pose=crossing) for f in range(960)], given)
+    true = np.array([circling(f, 2)[0] for f in range(960)]) * 10
+    rows = decode(path, "--repair-hemisphere").to_pandas()
+    rows = rows[rows.station == 2]
+    wrong = (rows["flags"] & (BIT["hemisphere-flipped"] | BIT["hemisphere-transit"])) > 0
+    assert np.flatnonzero(wrong).tolist() == [f for f in range(960) if circling(f, 2)[0][0] < 0]
+    sent = rows[["x_mm", "y_mm", "z_mm"]].to_numpy()
+    assert np.abs(sent - true)[~wrong].max() < 1e-4
+    assert np.abs(sent + true)[wrong].max() < 1e-4
+    repaired = rows[["repaired_x_mm", "repaired_y_mm", "repaired_z_mm"]].to_numpy()
+    assert np.abs(repaired - true).max() < 1e-4
+    assert "receiver 2 jumped to the other side of the transmitter 2 times" in findings(survey_of(path))[0]
+
+
+def test_a_capture_as_poses(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.arrows", [cycle(f, pose=crossing) for f in range(960)])
+    words = ["import", "--in", str(path), "--layout", "liberty16", "--subject", "01", "--hand", "right"]
+    tables = {}
+    for name, more in (("kept", []), ("repaired", ["--repair-hemisphere"])):
+        out = tmp_path / f"{name}.parquet"
+        assert main([*words, "--task", "rom", "--out", str(out), *more]) == 0
+        tables[name] = read_table(out, POSES).to_pandas().query("segment == 'thumb_metacarpal'")
+        assert len(read_metadata(out)["parameters"]["notes"]) == 1
+    flipped = np.array([circling(f, 2)[0][0] < 0 for f in range(960)])
+    assert (tables["kept"].valid == ~flipped).all()
+    assert (tables["kept"]["flags"][flipped] == "hemisphere-flip").all()
+    assert tables["repaired"].valid.all()
+    assert (tables["repaired"]["flags"][flipped] == "hemisphere-repaired").all()
+    true = np.array([circling(f, 2)[0] for f in range(960)], np.float32).astype(float) * 10
+    assert np.array_equal(tables["repaired"][["x_mm", "y_mm", "z_mm"]].to_numpy(), true)
+
+
+def test_a_capture_that_was_killed_says_so(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.arrows", [cycle(f) for f in range(200)], ended=False)
+    path.write_bytes(path.read_bytes()[:-700])
+    said = findings(survey_of(path))
+    assert "are no whole entry" in said[0]
+    assert "was not ended by the recorder" in said[1]
+    assert survey_of(path).records[1] == 150
+
+
+def test_a_second_stream_goes_on(tmp_path: Path) -> None:
+    """A recorder that set the tracker up anew: its counter starts again, the frames go on."""
+    writer = ArchiveWriter(tmp_path / "a.arrows", {}, lambda: 0)
+    for start_s in (0, 2):
+        writer.settings(settings().to_json(), start_s * 10**9)
+        for frame in range(240):
+            writer.received(cycle(frame), start_s * 10**9 + round(frame * 1e9 / 240))
+    writer.close({}, 3 * 10**9)
+    survey = survey_of(tmp_path / "a.arrows")
+    assert survey.last_frame == 2 * 240 + 239
+    assert survey.missing_frames == 240
+    assert len(survey.settings) == 2
+
+
+def test_a_moved_calendar_clock_is_told(tmp_path: Path) -> None:
+    offsets = iter(range(10**6))
+    path = write(
+        tmp_path / "a.arrows",
+        [cycle(f) for f in range(100)],
+        utc_offset_ns=lambda: 3_600_000_000_000 if next(offsets) > 50 else 0,
+    )
+    assert findings(survey_of(path)) == [
+        "the host's calendar clock was moved by 3600.00 s meanwhile; device time is not touched"
+    ]
+    assert decode(path)["time_s"].to_numpy()[-1] == pytest.approx(99 / 240, abs=1e-12)
+
+
+def test_without_settings_there_is_nothing_to_decode(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    writer = ArchiveWriter(tmp_path / "a.arrows", {})
+    writer.received(b"Invalid Command\r\n", 1)
+    writer.close({}, 2)
+    out = tmp_path / "a.parquet"
+    assert main(["decode", "--in", str(tmp_path / "a.arrows"), "--out", str(out)]) == 2
+    assert "ends before the tracker was set up" in capsys.readouterr().err
+    assert not out.exists()
+    assert main(["decode", "--record-failure", "--in", str(tmp_path / "a.arrows"), "--out", str(out)]) == 0
+    assert "failure" in read_metadata(out)
+    assert pq.read_metadata(out).num_rows == 0
+
+
+def test_flags_are_explained() -> None:
+    guide = (Path(__file__).parents[3] / "docs" / "recording.md").read_text("utf-8")
+    assert [flag for flag in FLAGS if f"`{flag}`" not in guide] == []

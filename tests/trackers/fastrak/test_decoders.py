@@ -1,0 +1,104 @@
+"""FASTRAK in both modes: every number of a record, touching fields, and the way back after damage."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from benchmarks.fuzz_decoding import check_tiles, decode
+from benchmarks.tracker_streams import fastrak_binary, fastrak_text, pose, settings
+from schemas.errors import InputError
+from trackers.fastrak.binary_decoder import BinaryDecoder
+from trackers.fastrak.items import OUTPUT_ITEMS
+from trackers.fastrak.text_decoder import TextDecoder
+from trackers.protocols.records import Decoded
+
+LISTS = [(2, 4, 1), (2, 11, 0), (2, 5, 6, 7, 1), (2, 6, 7), (2, 11, 16, 1), (52, 61, 1), (2, 2, 4)]
+
+
+def read(data: bytes, items: tuple[int, ...], mode: str = "binary", unit: str = "cm") -> Decoded:
+    made = {"binary": BinaryDecoder, "ascii": TextDecoder}[mode]
+    decoded = decode(made(settings("fastrak", mode, items, unit=unit)), data)
+    check_tiles(decoded, len(data))
+    return decoded
+
+
+@pytest.mark.parametrize("mode", ["binary", "ascii"])
+@pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("inch", 25.4)])
+@pytest.mark.parametrize("items", LISTS)
+def test_every_number_comes_out(mode: str, unit: str, mm: float, items: tuple[int, ...]) -> None:
+    names = [(frame, station) for frame in (1, 2) for station in (1, 2, 3, 4)]
+    write = {"binary": fastrak_binary, "ascii": fastrak_text}[mode]
+    pieces = [write(f, s, items, b"E" if s == 3 else b" ") for f, s in names]
+    decoded = read(b"".join(pieces), items, mode, unit)
+    records = decoded.records
+    assert not decoded.skipped
+    assert records.station.tolist() == [s for _, s in names]
+    assert records.error.tolist() == [ord("E") if s == 3 else 0 for _, s in names]
+    assert records.button.tolist() == [1 if 16 in items else -1] * 8
+    assert records.size.tolist() == [len(piece) for piece in pieces]
+    assert max(map(len, pieces)) <= OUTPUT_ITEMS.record_bytes(items, mode)
+    for row, (frame, station) in enumerate(names):
+        position, quaternion = pose(frame, station)
+        np.testing.assert_allclose(records.position_mm[row], mm * np.array(position), atol=6e-3 * mm)
+        sign = np.sign(records.quaternion[row] @ quaternion)
+        np.testing.assert_allclose(
+            sign * records.quaternion[row], quaternion, atol=1e-4 if mode == "ascii" else 1e-6
+        )
+    assert not records.doubtful.any()
+
+
+def test_the_lengths_that_the_manual_gives() -> None:
+    assert len(fastrak_text(1, 1, (2, 4, 1))) == OUTPUT_ITEMS.record_bytes((2, 4, 1), "ascii") == 47
+    assert len(fastrak_binary(1, 1, (2, 4, 1))) == OUTPUT_ITEMS.record_bytes((2, 4, 1)) == 29
+    assert len(fastrak_binary(1, 1, (2, 11, 0))) == OUTPUT_ITEMS.record_bytes((2, 11, 0)) == 32
+
+
+def test_fields_touch_each_other() -> None:
+    data = b"01 -112.34-156.78-100.00 -12.34  -5.60 100.00\r\n"
+    records = read(data, (2, 4, 1), "ascii").records
+    np.testing.assert_allclose(records.position_mm, [[-1123.4, -1567.8, -1000.0]])
+
+
+def test_text_replies() -> None:
+    good = fastrak_text(1, 1, (2, 4, 1))
+    error = b"2 E*ERROR*O9*ERROR* EC -3*PS 2*FL 0*ST 0\r\n"
+    decoded = read(good + b"21O 2 4 1\r\n" + good + error, (2, 4, 1), "ascii")
+    assert len(decoded.records) == 2
+    assert not decoded.skipped
+    assert [(r.station, r.command, r.error) for r in decoded.replies] == [(1, ord("O"), 0), (0, ord("E"), -3)]
+    assert decoded.replies[0].body == b" 2 4 1\r\n"
+
+
+def test_each_station_has_its_own_list() -> None:
+    from trackers.protocols.stream_settings import StreamSettings
+
+    lists = {1: (2, 11, 0), 2: (2, 4, 1)}
+    data = b"".join(fastrak_binary(f, s, lists[s]) for f in range(1, 5) for s in lists)
+    decoded = decode(BinaryDecoder(StreamSettings("fastrak", "binary", "cm", 60.0, (1, 2), lists)), data)
+    assert decoded.records.station.tolist() == [1, 2] * 4
+    assert not decoded.skipped
+
+
+def test_a_header_in_the_numbers_of_a_still_receiver_does_not_mislead() -> None:
+    position = struct.unpack("<f", b"01 B")[0]
+    record = b"01 " + struct.pack("<3f4f", position, 1, 1, 1, 0, 0, 0) + b" "
+    decoded = read(record[9:] + record * 6, (2, 11, 0))
+    assert decoded.records.offset.tolist() == [len(record) - 9 + n * len(record) for n in range(6)]
+
+
+def test_numbers_that_cannot_be_right_are_doubted_and_kept_in_step() -> None:
+    good = fastrak_binary(1, 1, (2, 11, 0))
+    far = good[:3] + struct.pack("<f", 400) + good[7:]
+    long = good[:15] + struct.pack("<4f", 1, 0.2, 0, 0) + good[31:]
+    records = read(good + far + long + good, (2, 11, 0)).records
+    assert records.doubtful.tolist() == [False, True, True, False]
+
+
+@pytest.mark.parametrize("made", [BinaryDecoder, TextDecoder])
+@pytest.mark.parametrize(("items", "stations"), [((2, 8), (1,)), ((2, 4), (5,))])
+def test_items_and_stations_that_there_are_not(
+    made: type[BinaryDecoder], items: tuple[int, ...], stations: tuple[int, ...]
+) -> None:
+    with pytest.raises(InputError, match="a FASTRAK has stations 1 to 4 and items 0, 1, 16, 2"):
+        made(settings("fastrak", "binary", items, stations))

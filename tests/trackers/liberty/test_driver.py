@@ -1,0 +1,150 @@
+"""Setting up a LIBERTY that does not do as it is told: whatever it does not take is found."""
+
+import re
+
+import pytest
+from stubborn_trackers import StubbornTracker, set_up
+
+from schemas.errors import InputError
+from trackers.emulate.device import World
+from trackers.emulate.pose_sources import built_in_motion
+from trackers.liberty import driver
+from trackers.liberty.driver import SETTINGS
+from trackers.liberty.emulated_device import EmulatedLiberty
+from trackers.record.request import RecordingRequest
+from trackers.record.settings_driver import FILTER_OFF
+
+REQUEST = RecordingRequest("liberty", rate_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True)
+EVERYTHING_HEARD = b"not a command"
+
+
+def stubborn(unheard: bytes, heard: bytes = b"", *, before: bytes = b"") -> StubbornTracker:
+    """A LIBERTY with two receivers; before : what an earlier program has sent it."""
+    device = EmulatedLiberty(World(built_in_motion(), frozenset({1, 2})), ports=4)
+    device.receive(before)
+    return StubbornTracker(device, unheard, heard)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("unheard", "sentence"),
+    [
+        (b"U1\r", "did not take its units: sent was 1, and when asked it says 0; switch it off and on"),
+        (b"R3\r", "did not take its rate: sent was 3, and when asked it says 4"),
+        (b"Z1\r", "did not take its external sync: sent was 1, and when asked it says 0"),
+        (
+            b"O*,8,9,11,10,12,3,7\r",
+            "did not take its output list of receiver 1: sent was 8, 9, 11, 10, 12, 3, 7",
+        ),
+        (
+            b"H*,0,0,1\r",
+            "did not take its hemisphere of receiver 1: sent was 0, 0, 1, and when asked it says 1, 0, 0",
+        ),
+        (b"\x152,0\r", "did not take its active receivers: sent was 1, and when asked it says 1, 2"),
+        (b"X0,1,0,0\r", "did not take its position filter"),
+        (b"Y0,1,0,0\r", "did not take its attitude filter"),
+        (b"U\r", "did not take its units: sent was 1, and when asked it says nothing about it"),
+        (b"F1\r", "the tracker was told to answer in binary and does not"),
+    ],
+)
+def test_a_setting_that_is_not_taken_ends_it(unheard: bytes, sentence: str) -> None:
+    with pytest.raises(InputError) as refused:
+        set_up(stubborn(unheard), REQUEST)
+    assert ": the tracker " in str(refused.value)
+    assert sentence in str(refused.value)
+
+
+@pytest.mark.slow
+def test_a_stylus_mode_that_is_not_taken_ends_it() -> None:
+    with pytest.raises(InputError, match="did not take its stylus mode of receiver 1: sent was 0"):
+        set_up(stubborn(b"L*,0\r", before=b"L1,1\r"), REQUEST)
+
+
+@pytest.mark.slow
+def test_what_the_tracker_complains_of_is_told() -> None:
+    with pytest.raises(InputError) as refused:
+        set_up(stubborn(b"R3\r", b"R9\r"), RecordingRequest("liberty", rate_hz=120))
+    complaint = "sent was 3, and when asked it says 4 (it complained: parameter above its limit)"
+    assert complaint in str(refused.value)
+
+
+@pytest.mark.slow
+def test_an_echo_is_switched_off_or_told() -> None:
+    with pytest.raises(InputError, match="its echo: sent was 0, and when asked it says 1"):
+        set_up(stubborn(b"\x050\r", before=b"\x051\r"), RecordingRequest("liberty"))
+
+
+def test_one_that_obeys() -> None:
+    """The same request, all heard."""
+    tracker = stubborn(EVERYTHING_HEARD)
+    settings, warnings = set_up(tracker, REQUEST)
+    assert warnings == []
+    assert settings.stations == (1,)
+    assert settings.rate_hz == 120
+    assert sorted(settings.items) == [1, 2, 3, 4], "a receiver that is plugged in later is decoded too"
+    assert not tracker.device.streaming
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+def test_receivers_that_an_earlier_run_has_switched_off_are_switched_on_or_told(obeys: bool) -> None:
+    tracker = stubborn(EVERYTHING_HEARD if obeys else b"\x152,1\r", before=b"\x152,0\r")
+    settings, warnings = set_up(tracker, RecordingRequest("liberty"))
+    assert settings.stations == ((1, 2) if obeys else (1,))
+    assert tracker.device.active() == settings.stations
+    assert warnings == ([] if obeys else ["receiver 2: cannot be switched on; not recorded"])
+
+
+@pytest.mark.parametrize("stations", [None, (2,)])
+def test_receivers_are_switched_back(stations) -> None:
+    tracker = stubborn(EVERYTHING_HEARD, before=b"\x152,0\r")
+    settings, _ = set_up(tracker, RecordingRequest("liberty", stations=stations), put_back=True)
+    assert settings.stations == (stations or (1, 2))
+    assert tracker.device.active() == (1,)
+
+
+@pytest.mark.slow
+def test_with_no_receiver_that_can_be_switched_on_it_ends() -> None:
+    tracker = stubborn(b",1\r", b",0\r", before=b"\x151,0\r\x152,0\r")
+    with pytest.raises(InputError) as refused:
+        set_up(tracker, RecordingRequest("liberty"))
+    assert "its active receivers: sent was 1, 2, and when asked it says nothing" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("built", "bytes_of_the_manual"),
+    [
+        (SETTINGS["units"].assignment(1), b"U1\r"),
+        (SETTINGS["rate"].assignment(driver.RATES[240]), b"R4\r"),
+        (SETTINGS["rate"].assignment(driver.RATES[120]), b"R3\r"),
+        (SETTINGS["external_sync"].assignment(0), b"Z0\r"),
+        (SETTINGS["echo"].assignment(0), b"\x050\r"),
+        (SETTINGS["output_list"].assignment((8, 9, 11, 10, 12, 3, 7)), b"O*,8,9,11,10,12,3,7\r"),
+        (SETTINGS["output_list"].assignment((2, 4, 1), 12), b"O12,2,4,1\r"),
+        (SETTINGS["hemisphere"].assignment((1.0, 0.0, 0.0)), b"H*,1,0,0\r"),
+        (SETTINGS["hemisphere"].assignment((0.0, -0.5, 0.25), 3), b"H3,0,-0.5,0.25\r"),
+        (SETTINGS["stylus"].assignment(0), b"L*,0\r"),
+        (SETTINGS["stations"].assignment(1, 7), b"\x157,1\r"),
+        (SETTINGS["position_filter"].assignment(FILTER_OFF), b"X0,1,0,0\r"),
+        (SETTINGS["attitude_filter"].assignment(FILTER_OFF), b"Y0,1,0,0\r"),
+        (driver.RESET_COUNTERS, b"Q0\r"),
+        (driver.STREAM, b"C\r"),
+        (driver.POLL, b"P"),
+        (driver.WHOAMI, b"\x16\r"),
+        (SETTINGS["output_list"].question(16), b"O16\r"),
+        (SETTINGS["stations"].question(), b"\x150\r"),
+        (SETTINGS["bit_errors"].question(), b"\x14\r"),
+        (SETTINGS["usb_buffering"].question(), b"@B\r"),
+    ],
+)
+def test_commands_are_the_manuals(built: bytes, bytes_of_the_manual: bytes) -> None:
+    assert built == bytes_of_the_manual
+
+
+def test_no_question_changes_anything() -> None:
+    """A, B, G and N with more than a station would align or move something; ^T with 0 clears the errors."""
+    for name, setting in SETTINGS.items():
+        asked = setting.question(0 if name == "stations" else 5)
+        assert asked.endswith(b"\r")
+        if name != "stations":  # its 0 asks for all
+            shape = rb"(@B|[A-Z\x05\x14])5?\r" if setting.per_station else rb"(@B|[A-Z\x05\x14])\r"
+            assert re.fullmatch(shape, asked), name

@@ -1,0 +1,189 @@
+"""Recordings through the emulated device into raw captures, and what they give when they are read."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from schemas.errors import InputError
+from schemas.layout import read_layout
+from stages.capture.__main__ import main
+from stages.capture.emulate_tracker import read_motion
+from trackers.archive import END, RECEIVED, SENT, SETTINGS, open_archive
+from trackers.emulate.device import World
+from trackers.emulate.emulator import Behaviour
+from trackers.emulate.faults import parse_fault
+from trackers.emulate.pose_sources import MAX_STATION, Motion, built_in_motion
+from trackers.families import decoder_of
+from trackers.liberty.emulated_capture import home_hemisphere, write_archive
+from trackers.liberty.emulated_device import EmulatedLiberty
+from trackers.protocols.records import Records, concatenated
+from trackers.protocols.stream_settings import settings_from_json
+
+LAYOUT = read_layout("liberty16")
+SEGMENTS = {LAYOUT.segments[name].receiver: name for name in LAYOUT.measured}
+FRAMES = 500
+
+
+def write_capture(path: Path, out: Path, plugs=(), line_faults=(), seed=0) -> None:
+    """Write a capture of a LIBERTY with 16 connectors that measured this recording."""
+    motion = read_motion(path, "liberty16")
+    device = EmulatedLiberty(World(motion, frozenset(motion.stations), tuple(plugs)))
+    behaviour, about = Behaviour(faults=tuple(line_faults), seed=seed), {"recording": path.name, "seed": seed}
+    write_archive(device, motion, out, behaviour, about)
+
+
+def recording(
+    path: Path, frames: list[int], stations: range = range(1, 17), *, lost: tuple[int, int] = (-1, 0)
+) -> Path:
+    """Write a tidy recording of the built-in motion; `lost` is a row and station without numbers."""
+    position, quaternion = built_in_motion().poses(np.arange(len(frames)), range(1, MAX_STATION + 1))
+    numbers = np.concatenate([position, quaternion], -1)
+    if lost[0] >= 0:
+        numbers[lost[0], lost[1] - 1] = np.nan
+    chosen = numbers[:, [min(station, 16) - 1 for station in stations]].reshape(-1, 7)
+    columns = dict(zip(("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"), chosen.T, strict=True))
+    names = [SEGMENTS[station] for station in stations] * len(frames)
+    table = {
+        "frame": np.repeat(frames, len(stations)),
+        "time_s": np.repeat(np.array(frames) / 240, len(stations)),
+    }
+    pq.write_table(pa.table({**table, "segment": names, **columns}), path)
+    return path
+
+
+def rows(path: Path) -> list[tuple[int, int, bytes]]:
+    """Host time, kind and data of every row."""
+    return [
+        row for piece in open_archive(path).pieces()
+        for row in zip(piece.host_ns.tolist(), piece.kind.tolist(), piece.data, strict=True)
+    ]  # fmt: skip
+
+
+def decoded(path: Path) -> Records:
+    """Decode what came behind the settings, piece by piece; no byte may be skipped."""
+    import json
+
+    found = rows(path)
+    start = next(index for index, (_, kind, _) in enumerate(found) if kind == SETTINGS)
+    decoder = decoder_of(settings_from_json(json.loads(found[start][2]), str(path)))
+    parts = [decoder.feed(data) for _, kind, data in found[start:] if kind == RECEIVED]
+    parts.append(decoder.feed(b"", final=True))
+    assert not any(part.skipped for part in parts)
+    return concatenated([part.records for part in parts])
+
+
+def test_poses_come_back_within_float32_centimetres(tmp_path: Path) -> None:
+    path = recording(tmp_path / "rec.parquet", list(range(1017, 1017 + FRAMES)))
+    out = tmp_path / "out.arrows"
+    write_capture(path, out)
+    records = decoded(out)
+    assert len(records) == 16 * FRAMES
+    assert not records.doubtful.any()
+    frame, station = records.frame.reshape(FRAMES, 16), records.station.reshape(FRAMES, 16)
+    assert (frame == np.arange(FRAMES)[:, None]).all()
+    assert (station == np.arange(1, 17)).all()
+    position, quaternion = built_in_motion().poses(np.arange(FRAMES), range(1, 17))
+    assert np.abs(records.position_mm.reshape(FRAMES, 16, 3) - position).max() < 1e-4
+    assert np.abs(records.quaternion.reshape(FRAMES, 16, 4) - quaternion).max() < 1e-7
+
+
+def test_rows_are_those_of_a_recorder(tmp_path: Path) -> None:
+    """Commands and answers, settings before Q0 and C, pieces of about 10 ms in rising time, the end."""
+    out = tmp_path / "out.arrows"
+    write_capture(recording(tmp_path / "rec.parquet", list(range(FRAMES))), out)
+    found = rows(out)
+    times = [host_ns for host_ns, _, _ in found]
+    assert times == sorted(times)
+    sent = [data for _, kind, data in found if kind == SENT]
+    assert sent[0] == b"P"
+    assert {b"F1\r", b"U1\r", b"O*,8,9,11,10,12,3,7\r", b"O16\r"} <= set(sent)
+    assert sent[-3:] == [b"Q0\r", b"C\r", b"P"]
+    kinds = [kind for _, kind, _ in found]
+    start = kinds.index(SETTINGS)
+    assert [data for _, kind, data in found[start + 1 : start + 3] if kind == SENT] == [b"Q0\r", b"C\r"]
+    assert kinds.count(SETTINGS) == kinds.count(END) == 1
+    assert kinds[-1] == END
+    assert b'"duration"' in found[-1][2]
+    pieces = [host_ns for host_ns, kind, _ in found[start:] if kind == RECEIVED]
+    assert len(pieces) == pytest.approx(FRAMES / 240 * 100, abs=2)
+    assert min(np.diff(pieces)[:-1]) > 8e6
+    assert max(np.diff(pieces)) < 12e6
+    assert any(len(data) % 16 for _, kind, data in found[start:] if kind == RECEIVED), "pieces end anywhere"
+
+
+def test_same_input_same_bytes(tmp_path: Path) -> None:
+    path = recording(tmp_path / "rec.parquet", list(range(FRAMES)))
+    faults = [parse_fault("flip-bytes", "1e-3"), parse_fault("garbage", "0.01")]
+    outs = [tmp_path / f"{n}.arrows" for n in range(3)]
+    for out, seed in zip(outs, (5, 5, 6), strict=True):
+        write_capture(path, out, line_faults=faults, seed=seed)
+    assert outs[0].read_bytes() == outs[1].read_bytes()
+    assert outs[0].read_bytes() != outs[2].read_bytes()
+
+
+def test_gaps_stay_gaps(tmp_path: Path) -> None:
+    """Frames that are left out are no cycle, a receiver without numbers or without rows sends no record."""
+    frames = [10, 11, 14, 15]
+    path = recording(tmp_path / "rec.parquet", frames, range(1, 4), lost=(1, 2))
+    write_capture(path, tmp_path / "out.arrows")
+    records = decoded(tmp_path / "out.arrows")
+    got = list(zip(records.frame.tolist(), records.station.tolist(), strict=True))
+    assert got == [(0, 1), (0, 2), (0, 3), (1, 1), (1, 3), (4, 1), (4, 2), (4, 3), (5, 1), (5, 2), (5, 3)]
+
+
+@pytest.mark.parametrize(
+    ("frames", "rows_expected", "noted"),
+    [([0, 2, 4, 8], [0, 1, 2, 4], False), ([5, 5000, 9000, 9001], [0, 1, 2, 3], True), ([7], [0], False)],
+)
+def test_frame_numbers_are_scaled_to_the_device(
+    tmp_path: Path, frames: list[int], rows_expected: list[int], noted: bool
+) -> None:
+    motion = read_motion(recording(tmp_path / "rec.parquet", frames, range(1, 3)), "liberty16")
+    assert np.flatnonzero(np.isfinite(motion.position_mm[:, 0, 0])).tolist() == rows_expected
+    assert bool(motion.notes) == noted
+
+
+def test_a_segment_without_a_station_is_noted(tmp_path: Path) -> None:
+    """The forearm's receiver 17 does not fit a tracker of 16."""
+    motion = read_motion(recording(tmp_path / "rec.parquet", [0, 1], range(16, 18)), "liberty16")
+    assert motion.stations == (16,)
+    assert "forearm" in motion.notes[0]
+    with pytest.raises(InputError, match="none of its segments has a station"):
+        read_motion(recording(tmp_path / "rec.parquet", [0, 1], range(17, 18)), "liberty16")
+
+
+@pytest.mark.parametrize(
+    ("places", "expected"),
+    [
+        ([[300, -200, 10], [100, 50, 5]], (1.0, 0.0, 0.0)),
+        ([[30, -200, 10], [-100, -50, 5]], (0.0, -1.0, 0.0)),
+        ([[300, 0, 10], [-10, 0, 5]], (0.0, 0.0, 0.0)),
+        ([[np.nan, 0, 10], [-10, 0, -50]], (0.0, 0.0, -1.0)),
+    ],
+)
+def test_the_hemisphere_is_one_that_no_receiver_leaves(places: list[list[float]], expected: object) -> None:
+    """Or none, where there is none."""
+    position = np.array(places)[:, None]
+    motion = Motion((1,), position, np.tile([1.0, 0, 0, 0], (2, 1, 1)))
+    assert home_hemisphere(motion) == expected
+
+
+def test_unplugging_is_in_the_capture(tmp_path: Path) -> None:
+    path = recording(tmp_path / "rec.parquet", list(range(FRAMES)))
+    write_capture(path, tmp_path / "out.arrows", plugs=[parse_fault("unplug", "5@100f")])
+    assert (decoded(tmp_path / "out.arrows").station == 5).sum() == 100
+
+
+def test_the_command_writes_what_the_function_writes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = recording(tmp_path / "rec.parquet", list(range(100)))
+    write_capture(path, tmp_path / "function.arrows")
+    words = ["emulate", "--archive", str(tmp_path / "command.arrows"), "--recording", str(path)]
+    assert main(words) == 0
+    assert (tmp_path / "command.arrows").read_bytes() == (tmp_path / "function.arrows").read_bytes()
+    assert main(words) == 2
+    assert "exists already" in capsys.readouterr().err

@@ -1,0 +1,277 @@
+"""The emulated LIBERTY without any port: commands, answers, counters and what is measured."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from trackers.emulate.device import World
+from trackers.emulate.faults import parse_fault
+from trackers.emulate.pose_sources import Motion, built_in_motion
+from trackers.families import decoder_of
+from trackers.liberty.emulated_device import EmulatedLiberty
+from trackers.liberty.items import FULL_LIST
+from trackers.protocols.stream_settings import StreamSettings
+
+ALL = frozenset(range(1, 17))
+INVALID = b"Invalid Command\r\n"
+
+
+def device(stations: frozenset[int] = ALL, **world: object) -> EmulatedLiberty:
+    return EmulatedLiberty(World(built_in_motion(), stations, **world))  # type: ignore[arg-type]
+
+
+def told(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
+    return b"".join(tracker.receive(command) for command in commands)
+
+
+def body(reply: bytes) -> bytes:
+    size = struct.unpack_from("<h", reply, 6)[0]
+    assert len(reply) == 8 + size
+    return reply[8:]
+
+
+def cycles(tracker: EmulatedLiberty, count: int) -> bytes:
+    return b"".join(tracker.next_cycle().data for _ in range(count))
+
+
+def records(data: bytes, size: int) -> list[bytes]:
+    assert len(data) % size == 0
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+QUERIES = {
+    # query: (ASCII body, binary body) of a device as the factory leaves it
+    b"U": (b"0", struct.pack("<i", 0)),
+    b"R": (b"4", struct.pack("<i", 4)),
+    b"Z": (b"0", struct.pack("<i", 0)),
+    b"\x05": (b"0", struct.pack("<i", 0)),
+    b"@B": (b"1", struct.pack("<i", 1)),
+    b"G": (b"   0.000    0.000    0.000 ", struct.pack("<3f", 0, 0, 0)),
+    b"X": (b" 0.200  0.200  0.800  0.950 ", struct.pack("<4f", 0.2, 0.2, 0.8, 0.95)),
+    b"Y": (b" 0.200  0.200  0.800  0.950 ", struct.pack("<4f", 0.2, 0.2, 0.8, 0.95)),
+    b"\x14": (b" ".join([b"0x00000000"] * 18), bytes(72)),
+    b"\x150": (b"ffffffff", struct.pack("<HH", 0xFFFF, 0xFFFF)),
+}
+STATION_QUERIES = {
+    b"A": (
+        b"   0.00   0.00   0.00\r\n   1.00   0.00   0.00\r\n   0.00   1.00   0.00\r\n",
+        struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0),
+    ),
+    b"B": (b"   0.00    0.00    0.00 ", struct.pack("<3f", 0, 0, 0)),
+    b"H": (b"  1.000  0.000  0.000", struct.pack("<3f", 1, 0, 0)),
+    b"L": (b"0", struct.pack("<i", 0)),
+    b"N": (b" 0.000  0.000  0.000 ", struct.pack("<3f", 0, 0, 0)),
+    b"O": (b"2 4 1", struct.pack("<4i", 2, 4, 1, -1)),
+}
+
+
+def letter(query: bytes) -> bytes:
+    return query[:1] if query[0] >= 0x20 else bytes([query[0] + 0x60])
+
+
+@pytest.mark.parametrize("query", QUERIES)
+def test_queries_of_the_device_are_answered_in_both_modes(query: bytes) -> None:
+    tracker = device()
+    text, data = QUERIES[query]
+    assert told(tracker, query + b"\r") == b"00" + letter(query) + b"  " + text + b"\r\n"
+    assert told(tracker, b"F1\r") == b""
+    header = b"LY" + bytes((0, query[0], 0, 0)) + struct.pack("<h", len(data))
+    assert told(tracker, query.lower() + b"\r") == header + data
+
+
+@pytest.mark.parametrize("query", STATION_QUERIES)
+def test_queries_of_a_station_are_answered_in_both_modes(query: bytes) -> None:
+    tracker = device()
+    text, data = STATION_QUERIES[query]
+    assert told(tracker, query + b"7\r") == b"07" + letter(query) + b"  " + text + b"\r\n"
+    told(tracker, b"F1\r")
+    header = b"LY" + bytes((7, query[0], 0, 0)) + struct.pack("<h", len(data))
+    assert told(tracker, query + b"7\r") == header + data
+    assert told(tracker, query + b"17\r")[4] == 2, "Invalid Station"
+    assert told(tracker, query + b"\r")[4] == 4, "Too Few Parameters"
+
+
+SETTINGS = (
+    b"A1,0,0,0,0,1,0,-1,0,0|B2,0,0,0|F0|G0,0,10|H*,0,0,-1|L3,1|N*,0.1,0,0|O*,8,9,7|Q0|R3|R4|U1"
+    b"|X0,1,0,0|Y.1,.2,.3,.4|Z1|\x051|\x050|\x153,0|@B0"
+).split(b"|")
+
+
+def test_setting_is_never_answered() -> None:
+    for mode in (b"F0\r", b"F1\r"):
+        for command in SETTINGS:
+            tracker = device()
+            told(tracker, mode)
+            reply = told(tracker, command + b"\r\n")
+            assert reply.replace(b"\x050\r", b"").replace(b"\n", b"") == b""
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        (b"", 1), (b"K1", 1), (b"\x1c", 1), (b"H0,1,0,0", 2), (b"H17,1,0,0", 2), (b"Hx", 2), (b"U2", 7),
+        (b"U-1", 3), (b"R2", 6), (b"H1,a,0,0", 3), (b"H1,0,0,1,5", 5), (b"Q", 4), (b"Q3", 7), (b"C1", 5),
+        (b"O1,13", 7), (b"O1," + b"2," * 20 + b"2", 5), (b"Q1", 7), (b"D1", 1),
+        (b"\x150,1", 2), (b"A1,0,0,0,1,0,0,1,0,0,0", 5), (b"N1,1e999,0,0", 7),
+    ],
+)  # fmt: skip
+def test_refusals_name_their_code(command: bytes, code: int) -> None:
+    """In ASCII a line without header, in binary a header with the error code and the text."""
+    tracker = device()
+    text = told(tracker, command + b"\r")
+    assert text.endswith(b"\r\n")
+    assert not text[:2].isdigit()
+    told(tracker, b"F1\r")
+    reply = told(tracker, command + b"\r")
+    assert (reply[:3], reply[4], body(reply)) == (b"LY\0", code, text)
+
+
+def test_line_ends_and_blanks() -> None:
+    """CR ends a command, LF is nothing, a lone CR is an invalid command, blanks are tolerated."""
+    tracker = device()
+    assert told(tracker, b"\r") == INVALID
+    assert told(tracker, b"\n") == b""
+    assert told(tracker, b"u1\r\n", b"U\r\n") == b"00U  1\r\n"
+    assert told(tracker, b"X .2,.3\r", b"X\r") == b"00X   0.200  0.300  0.800  0.950 \r\n"
+    assert told(tracker, b"H ", b"4 , 0,", b"0,1\r", b"h4\r") == b"04H    0.000  0.000  1.000\r\n"
+
+
+def test_ascii_record_has_the_widths_of_the_manual() -> None:
+    tracker = device(frozenset({2}))
+    assert len(told(tracker, b"P")) == 60
+    widths = {2: 27, 3: 45, 4: 27, 5: 45, 6: 87, 7: 36, 0: 1, 1: 2, 10: 1, 11: 1, 12: 1}
+    for item, width in widths.items():
+        told(tracker, b"O2,%d\r" % item)
+        record = told(tracker, b"P")
+        assert len(record) == 4 + width
+        assert record.startswith(b"02  ")
+    told(tracker, b"O2,3\r")
+    assert [float(word) for word in told(tracker, b"P")[4:].split()] == pytest.approx(
+        built_in_motion().poses(np.array([0]), [2])[0][0, 0] / 25.4, rel=1e-6
+    )
+    assert b"E+00" in told(tracker, b"P")
+
+
+def test_p_acts_at_once_only_as_the_first_byte() -> None:
+    tracker = device(frozenset({1}))
+    told(tracker, b"C\r")
+    assert tracker.next_cycle().data
+    assert told(tracker, b"p").startswith(b"01  ")
+    assert tracker.next_cycle().data == b""
+    assert told(tracker, b"Up\r") != b"", "an argument that is none, and no poll"
+
+
+def test_all_stations_of_a_cycle_share_their_counters() -> None:
+    """In ascending order; the timestamp is the frame count in ms, cut off; Q0 resets both."""
+    tracker = device(frozenset({9, 2, 16}))
+    told(tracker, b"F1\rO*,8,9\rC\r")
+    cycles(tracker, 100)
+    got = [struct.unpack_from("<2x2B4x2I", record) for record in records(cycles(tracker, 4), 16)]
+    assert got == [(s, ord("C"), f * 1000 // 240, f) for f in range(100, 104) for s in (2, 9, 16)]
+    told(tracker, b"Q0\r")
+    assert struct.unpack_from("<8x2I", cycles(tracker, 1)) == (0, 0)
+
+
+def test_stations_are_switched_off_and_on() -> None:
+    tracker = device(frozenset({1, 2, 5}))
+    told(tracker, b"F1\r\x152,0\r")
+    assert body(told(tracker, b"\x150\r")) == struct.pack("<HH", 0b10001, 0b10011), "active, then detected"
+    assert {record[2] for record in records(told(tracker, b"P"), 34)} == {1, 5}
+    told(tracker, b"\x15*,1\rF0\r")
+    assert told(tracker, b"\x150\r") == b"00u  00130013\r\n"
+
+
+def test_unplugging_and_plugging_change_the_active_set() -> None:
+    """A plug that is pulled ends the records at once, one that is put in is found after a second."""
+    plugs = (parse_fault("plug", "3@1"), parse_fault("plug", "2@2"), parse_fault("unplug", "2@240f"))
+    tracker = device(frozenset({1, 2, 3}), plugs=plugs)
+    told(tracker, b"F1\rO*,9\rC\r")
+    got: dict[int, list[int]] = {1: [], 2: [], 3: []}
+    for record in records(cycles(tracker, 960), 12):
+        got[record[2]].append(struct.unpack_from("<I", record, 8)[0])
+    assert got[1] == list(range(960))
+    assert got[2] == [*range(240), *range(720, 960)]
+    assert got[3] == list(range(480, 960))
+
+
+def flat(x_mm: np.ndarray) -> Motion:
+    """One receiver that moves along X."""
+    position = np.stack([x_mm, np.full_like(x_mm, 300.0), np.full_like(x_mm, 20.0)], -1)[:, None]
+    return Motion((1,), position, np.tile([1.0, 0, 0, 0], (len(x_mm), 1, 1)))
+
+
+def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
+    told(tracker, b"F1\rU1\rO1,2,7\rC\r")
+    return np.array([struct.unpack_from("<7f", r, 8) for r in records(cycles(tracker, count), 36)])
+
+
+def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
+    """The orientation goes on; no flip while the hemisphere follows the receiver."""
+    motion = flat(np.linspace(100, -100, 200))
+    true = motion.position_mm[:, 0] / 10
+    seen = measured_cm(EmulatedLiberty(World(motion, frozenset({1}))), 200)
+    assert seen[:100, :3] == pytest.approx(true[:100], abs=1e-5)
+    assert seen[100:, :3] == pytest.approx(-true[100:], abs=1e-5)
+    assert (seen[:, 3:] == [1, 0, 0, 0]).all()
+    follows = EmulatedLiberty(World(motion, frozenset({1})))
+    told(follows, b"H*,0,0,0\r")
+    assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
+
+
+def test_after_power_up_it_is_deaf_and_says_that_it_is_ready() -> None:
+    tracker = device(restart_s=0.5)
+    tracker.start_up()
+    assert told(tracker, b"U\r") == b""
+    assert cycles(tracker, 121) == b"LIBERTY Ready!\r\n"
+    assert told(tracker, b"U\r") == b"00U  0\r\n"
+
+
+def test_echo_gives_back_what_was_typed() -> None:
+    tracker = device()
+    assert told(tracker, b"\x051\r", b"U1\r") == b"U1\r"
+    assert told(tracker, b"U\r") == b"U\r00U  1\r\n"
+
+
+def test_patriot_has_two_stations_at_60_hz_and_its_own_tag() -> None:
+    tracker = EmulatedLiberty(
+        World(built_in_motion(), frozenset({1, 2})), family="patriot", ports=2, rate_hz=60
+    )
+    told(tracker, b"F1\rO*,8,9\rC\r")
+    assert tracker.rate == 60
+    cycles(tracker, 60)
+    got = records(cycles(tracker, 1), 16)
+    assert [record[:3] for record in got] == [b"PA\x01", b"PA\x02"]
+    assert struct.unpack_from("<2I", got[0], 8) == (1000, 60)
+    assert told(tracker, b"H3\r")[4] == 2
+
+
+@pytest.mark.parametrize(
+    ("mode", "items"),
+    [
+        ("binary", FULL_LIST),
+        ("binary", (2, 4, 1)),
+        ("ascii", (9, 0, 8, 0, 2, 7, 0, 10, 11, 12, 1)),
+        ("ascii", (3, 6)),
+    ],
+)
+def test_decoders_read_what_is_sent(mode: str, items: tuple[int, ...]) -> None:
+    """Every record is found, with positions as fine as the format prints them."""
+    tracker = device()
+    chosen = ",".join(map(str, items)).encode()
+    told(tracker, b"F%d\rU1\rO*,%s\rC\r" % (mode == "binary", chosen))
+    stations = tuple(range(1, 17))
+    settings = StreamSettings("liberty", mode, "cm", 240.0, stations, dict.fromkeys(stations, items))
+    got = decoder_of(settings).feed(cycles(tracker, 200), final=True)
+    assert not got.skipped
+    assert len(got.records) == 16 * 200
+    position, quaternion = built_in_motion().poses(np.arange(200), stations)
+    cosine = np.einsum("ij,ij->i", got.records.quaternion, quaternion.reshape(-1, 4))
+    assert np.abs(np.abs(cosine) - 1).max() < 1e-4
+    coarse_mm = 0.0051 if mode == "ascii" else 1e-4
+    assert np.abs(got.records.position_mm - position.reshape(-1, 3)).max() < coarse_mm
+    if 9 in items:
+        frame = np.repeat(np.arange(200), 16)
+        assert (got.records.frame == frame).all()
+        assert (got.records.device_ms == frame * 1000 // 240).all()
+        assert not (got.records.button | got.records.distortion | got.records.sync).any()

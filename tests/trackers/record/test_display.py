@@ -1,0 +1,183 @@
+"""The view, which fits a terminal of 80 columns with every receiver there is; and the summary at the end."""
+
+import math
+
+import pytest
+
+from trackers.liberty.items import FULL_LIST
+from trackers.protocols.stream_settings import StreamSettings
+from trackers.record import display
+from trackers.record.statistics import Moment, Row
+
+
+def row(station: int = 1, **other) -> Row:
+    well = {"rate_hz": 240.0, "missing_percent": 0.0, "error": "", "distortion": 0}
+    return Row(station, **{**well, "margin": 0.8, "absent_s": 0.0, **other})
+
+
+def moment(*rows: Row, **other) -> Moment:
+    well = {"bytes_per_s": 215_040.0, "lag_ms": 3.0, "silent_s": 0.0, "skipped_bytes": 0}
+    return Moment(rows, **{**well, "partial_cycles": 0, "cycles": 100, **other})
+
+
+def recorded(**other) -> display.Recorded:
+    well = {"title": "liberty at /dev/ttyUSB0 -> rom.arrows", "elapsed_s": 12.44, "remaining_s": 47.6}
+    return display.Recorded(**{**well, "archive_bytes": 2_660_000, "line_bytes_per_s": None, **other})
+
+
+WORST = {"rate_hz": 239.96, "missing_percent": 100.0, "error": "G", "distortion": 255, "margin": -1.0}
+
+
+def test_every_line_fits_80_columns_at_its_worst() -> None:
+    rows = [row(station, **WORST) for station in range(1, 16)]
+    rows.append(row(16, rate_hz=None, absent_s=123_456.0))
+    stream = {"skipped_bytes": 10**10, "partial_cycles": 10**8, "lag_ms": 123_456.0, "silent_s": 86_400.0}
+    times = {"elapsed_s": 360_000.0, "remaining_s": 360_000.0, "archive_bytes": 10**12}
+    long = recorded(title="t" * 200, line_bytes_per_s=11520.0, notice="n" * 200, **times)
+    shown = display.view(moment(*rows, bytes_per_s=1e7, **stream), long)
+    assert len(shown) == 5 + 16 + 1, "silence is told in one line, instead of the notice"
+    assert max(map(len, shown)) <= 80
+    usual = display.view(moment(*rows), recorded())
+    assert all(f"{station}" in line for station, line in zip(range(1, 17), usual[5:21], strict=True))
+
+
+def test_it_says_what_there_is_to_see() -> None:
+    rows = [row(1), row(2, error="b"), row(3, margin=0.04), row(4, margin=-0.5)]
+    rows.append(row(5, rate_hz=None, absent_s=7.2))
+    shown = display.view(moment(*rows), recorded(line_bytes_per_s=11520.0 * 20))
+    text = "\n".join(shown)
+    assert "elapsed 0:12.4   remaining 0:47.6   archive 2.66 MB" in text
+    assert "215.0 kB/s (93 % of the line)   lag 3 ms   skipped 0 bytes   partial cycles 0" in text
+    assert shown[5].split() == ["1", "240.0", "0.0", "%", "-", "none", "+0.80"]
+    assert shown[6].endswith("see error")
+    assert shown[7].endswith("+0.04  near the edge")
+    assert shown[8].endswith("in the other half")
+    assert shown[9].split() == ["5", "--", "--", "absent", "for", "7", "s"]
+
+
+def test_columns_stand_under_their_heads() -> None:
+    shown = display.view(moment(row(16, error="I", distortion=1)), recorded())
+    head, line = shown[4], shown[5]
+    names = ("receiver", "Hz", "missing", "error", "distortion")
+    for name, cell in zip(names, ("16", "240.0", "0.0 %", "I", "minor"), strict=True):
+        assert head.index(name) + len(name) == line.index(cell) + len(cell)
+
+
+def test_a_long_notice_has_two_lines() -> None:
+    notice = "the line brought 11.5 kB/s of the 215 kB/s that 16 receivers need: it is too slow; see --items"
+    shown = display.view(moment(row()), recorded(notice=notice))
+    assert " ".join(shown[-2:]) == notice
+    assert len(display.view(moment(row()), recorded(notice="word " * 100))) == len(shown)
+
+
+@pytest.mark.parametrize(
+    ("port", "archive", "shown"),
+    [
+        ("/dev/ttyUSB0", "rom.arrows", "liberty at /dev/ttyUSB0 -> rom.arrows"),
+        ("/tmp/" + "p" * 80 + "/tracker0", "rom.arrows", "p/tracker0 -> rom.arrows"),
+        ("/dev/ttyUSB0", "a" * 80 + "_rom.arrows", "liberty at /dev/ttyUSB0 -> ...a"),
+        ("/tmp/" + "p" * 80 + "/tracker0", "a" * 80 + "_rom.arrows", "p/tracker0 -> ...a"),
+    ],
+)
+def test_both_names_stay_visible_in_the_first_line(port: str, archive: str, shown: str) -> None:
+    title = display.title("liberty", port, archive)
+    assert shown in title
+    assert title.endswith("rom.arrows")
+    assert len(title) == min(80, len(f"liberty at {port} -> {archive}"))
+    assert title.startswith(f"liberty at {'...p' if 'p' * 80 in port else port}")
+
+
+def test_a_low_terminal_shows_what_fits_and_says_so() -> None:
+    rows = [row(station) for station in range(1, 17)]
+    shown = display.view(moment(*rows), recorded(), rows=15)
+    assert len(shown) == 15
+    assert "and 8 more" in shown[-2]
+    assert len(display.view(moment(*rows), recorded(), rows=22)) == 22
+
+
+def test_no_data_is_shouted() -> None:
+    silent = moment(row(rate_hz=None), silent_s=4.2)
+    assert display.view(silent, recorded(notice="something else"))[-1].startswith("NO DATA for 4 s")
+    assert display.one_line(silent, recorded()).startswith("NO DATA for 4 s")
+
+
+@pytest.mark.parametrize(("margin", "shown"), [(math.nan, "follows"), (0.815, "+0.81"), (-0.2, "-0.20")])
+def test_margins(margin: float, shown: str) -> None:
+    assert shown in display.view(moment(row(margin=margin)), recorded())[5]
+
+
+def test_a_line_for_a_log() -> None:
+    told = display.one_line(
+        moment(row(1, rate_hz=239.5, missing_percent=0.2), row(2), row(7, rate_hz=None)), recorded()
+    )
+    assert (
+        told == "12.4 s  2 of 3 receivers  239.5 Hz  missing 0.2 %  skipped 0 B  lag 3 ms  2.66 MB  absent 7"
+    )
+
+
+SETTINGS = StreamSettings("liberty", "binary", "cm", 240.0, (1, 16), dict.fromkeys((1, 16), FULL_LIST))
+
+WELL = {
+    "records": 14_400,
+    "lost_frames": 0,
+    "doubtful_records": 0,
+    "records_with_error": 0,
+    "worst_distortion": 0,
+    "least_hemisphere_margin": 0.82,
+    "absent_s": [],
+}
+TOTALS = {
+    "seconds": 60.04,
+    "records": 28_800,
+    "lost_frames": 3,
+    "lost_cycles": 2,
+    "cycles": 14_400,
+    "partial_cycles": 2,
+    "skipped_bytes": 7,
+    "received_bytes": 1_612_807,
+    "silent_s": [[10.0, 12.5]],
+    "receivers": {
+        "1": WELL,
+        "16": {
+            **WELL,
+            "least_hemisphere_margin": None,
+            "absent_s": [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [50.0, None]],
+        },
+    },
+}
+
+
+def test_the_summary() -> None:
+    lines = display.summary("rom.arrows", "--duration 60", TOTALS, ("the host's clock was set by +3600.0 s",))
+    assert lines[0] == "rom.arrows: ended after 60.0 s (--duration 60)"
+    assert lines[1] == "28800 records in 14400 cycles; 2 frames lost (3 records), 2 cycles partial"
+    assert lines[2] == "1612807 bytes, 7 of them in no record"
+    assert lines[4].split() == ["1", "14400", "0", "0", "0", "+0.82", "-"]
+    assert lines[5].endswith("1.0 s to 2.0 s, 3.0 s to 4.0 s, 5.0 s to 6.0 s and 1 more")
+    assert lines[6] == "no data at all: 10.0 s to 12.5 s"
+    assert lines[7] == "note: the host's clock was set by +3600.0 s"
+
+
+def test_an_absence_to_the_end() -> None:
+    receivers = {"2": {**WELL, "absent_s": [[50.04, None]]}}
+    assert display.totals_table({**TOTALS, "receivers": receivers})[-1].endswith("50.0 s to the end")
+
+
+def test_a_good_recording_needs_no_advice() -> None:
+    assert display.advice(TOTALS, SETTINGS) == []
+
+
+def test_a_line_that_is_too_slow_is_lines() -> None:
+    totals = {**TOTALS, "lost_frames": 7_300, "received_bytes": 690_000}
+    (lines,) = display.advice(totals, SETTINGS)
+    assert lines.startswith("the line brought 11.5 kB/s of the 26.9 kB/s that 2 receivers need")
+    assert display.advice({**totals, "lost_frames": 7_100}, SETTINGS) == []
+
+
+def test_receivers_at_the_edge_of_the_hemisphere_are_named() -> None:
+    margins = {"1": 0.05, "2": 0.04, "3": None, "5": -0.3}
+    receivers = {s: {**WELL, "least_hemisphere_margin": margin} for s, margin in margins.items()}
+    assert display.advice({**TOTALS, "receivers": receivers}, SETTINGS) == [
+        "receiver 2, 5: came to the edge of the hemisphere: positions may have jumped; `decode` marks it; "
+        "consider --hemisphere"
+    ]

@@ -1,0 +1,51 @@
+"""The terminal: rewritten in place, keys without Return, and everything put back."""
+
+import io
+import os
+import re
+import termios
+
+from trackers.record.recording_terminal import Terminal
+
+
+class Tty(io.StringIO):
+    """Text that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        """It is none."""
+        return True
+
+
+def test_a_view_is_written_over_the_one_before() -> None:
+    out = Tty()
+    with Terminal(out, io.StringIO()) as terminal:
+        terminal.say("setting up")
+        terminal.show(["one", "two"])
+        terminal.show(["three", "four"])
+    written = out.getvalue()
+    assert terminal.in_place
+    assert written.startswith("setting up\n")
+    assert written.count("\x1b[2A") == 1, "two lines up, before the second view"
+    assert re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", written) == "setting up\none\ntwo\nthree\nfour\n"
+    assert written.count("\x1b[?25l") == written.count("\x1b[?25h") == 1, "the cursor is back"
+
+
+def test_a_terminal_that_went_away_is_no_error() -> None:
+    out = Tty()
+    with Terminal(out, io.StringIO()) as terminal:
+        out.close()
+        terminal.show(["one"])
+        terminal.say("two")
+        assert terminal.pressed() == ""
+
+
+def test_keys_are_not_read_from_what_is_no_terminal_of_ours() -> None:
+    """A pseudo-terminal that is not this program's own is left as it is."""
+    master, slave = os.openpty()
+    with os.fdopen(slave, "r+b", buffering=0) as keyboard:
+        before = termios.tcgetattr(slave)
+        with Terminal(io.StringIO(), keyboard) as terminal:  # type: ignore[arg-type]
+            assert termios.tcgetattr(slave) == before
+            os.write(master, b"q")
+            assert terminal.pressed() == ""
+    os.close(master)

@@ -1,0 +1,486 @@
+"""A recording from end to end, through a real line, from every state of the tracker, and all that goes wrong.
+
+What a test asserts never depends on how fast the host is; it waits for what it asserts.
+"""
+
+import json
+import os
+import pty
+import re
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import termios
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tracker_processes import PATIENCE_S, REPOSITORY, capture, leave_in, started, until_lines
+
+from stages.capture import record_tracker
+from trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
+from trackers.decode.stream import Tally, blocks_of
+from trackers.protocols.records import Records, concatenated
+from trackers.record import session
+from trackers.record.port import open_port
+from trackers.record.recording_terminal import StopRequest, Terminal
+from trackers.record.request import RecordingRequest
+from trackers.record.session import RecordingPlan, record
+
+NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
+"""What stays after the recorder has gone: re-initialise, start-up settings, save, name, line settings."""
+
+
+def rows(path: Path) -> list[tuple[int, bytes]]:
+    """Kind and bytes of every row of an archive."""
+    return [
+        (int(kind), data)
+        for piece in open_archive(path).pieces()
+        for kind, data in zip(piece.kind, piece.data, strict=True)
+    ]
+
+
+def events(path: Path) -> list[dict[str, object]]:
+    return [json.loads(data) for kind, data in rows(path) if kind == EVENT]
+
+
+def decoded(path: Path):
+    """Records of an archive in turn, what else is in it, its settings."""
+    tally = Tally()
+    blocks = list(blocks_of(open_archive(path), tally))
+    return concatenated([block.records for block in blocks]), tally, blocks[0].settings
+
+
+def frames_of(records: Records, station: int = 1) -> np.ndarray:
+    return records.frame[records.station == station]
+
+
+def assert_gapless(frames: np.ndarray) -> None:
+    assert len(frames) > 24
+    assert np.diff(frames).tolist() == [1] * (len(frames) - 1)
+
+
+def assert_whole(path: Path, stations: int) -> None:
+    """Every receiver has every frame from the first to the last."""
+    records, tally, _ = decoded(path)
+    frames = np.unique(records.frame)
+    assert_gapless(frames)
+    for station in range(1, stations + 1):
+        mine = frames_of(records, station)
+        assert len(np.unique(mine)) >= len(frames) - 1, "the last cycle may be cut by the stop"
+    assert tally.summary is not None
+    assert tally.summary["skipped_bytes"] == 0
+    assert tally.summary["records"] == len(records), "what came after the stop is counted too"
+
+
+def error_line(stderr: str) -> str:
+    """The one line that begins with error."""
+    (line,) = [line for line in stderr.splitlines() if line.startswith("error: ")]
+    assert "Traceback" not in stderr
+    return line
+
+
+@pytest.fixture
+def recording(emulated, tmp_path: Path) -> Callable[..., tuple[str, Path, subprocess.CompletedProcess[str]]]:
+    """Record an emulated tracker of those options; gives its port, the archive and the ended recorder."""
+
+    def run(state: Sequence[str], *how: str, returncode: int = 0, tcp: bool = False, left: bytes = b""):
+        port, out = emulated(*state, tcp=tcp), tmp_path / "rom.arrows"
+        if left:
+            leave_in(port, left)
+        done = capture("record", "--port", port, "--out", str(out), *how)
+        assert done.returncode == returncode, done.stderr
+        return port, out, done
+
+    return run
+
+
+def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys) -> None:
+    """Nothing is lost; the archive says all that is needed to read it alone."""
+    port, out = emulated("--already-streaming", "--stations", "1-4"), tmp_path / "rom.arrows"
+    argv = ["--port", port, "--out", str(out), "--duration", "1.2", "--note", "first", "--note", "second"]
+    assert record_tracker.main(argv) == 0
+    printed = capsys.readouterr()
+    assert re.search(rf"{out}: ended after \d+\.\d s \(--duration 1\.2\)", printed.out)
+    assert "4 of 4 receivers" in printed.err
+    assert_whole(out, 4)
+    _, _, settings = decoded(out)
+    assert settings.unit == "cm"
+    assert settings.items[16] == (8, 9, 11, 10, 12, 3, 7)
+    assert settings.options["before"]["output_list"]["1"] != settings.options["after"]["output_list"]["1"]
+    assert "LIBERTY" in settings.options["whoami"]
+    assert open_archive(out).about["notes"] == ["first", "second"]
+    assert [e["text"] for e in events(out) if e["event"] == "note"] == ["first", "second"]
+    kinds = [kind for kind, _ in rows(out)]
+    assert kinds.index(RECEIVED) < kinds.index(SETTINGS), "the talk before the first frame is kept too"
+    assert kinds[-1] == END
+    sent = b"".join(data for kind, data in rows(out) if kind == SENT)
+    assert not any(byte in sent for byte in NEVER_SENT)
+    assert sent.endswith(b"Q0\rC\rP")
+
+
+STATES = [
+    [],
+    ["--already-streaming"],
+    ["--already-streaming", "--echo"],
+    ["--power-up-text", "--reinit-delay", "0.5"],
+    ["--ports", "4"],
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [[], ["--ascii", "--items", "short"]], ids=["binary", "ascii"])
+@pytest.mark.parametrize("state", STATES, ids=" ".join)
+def test_every_state_of_the_tracker(state, how, recording) -> None:
+    _, out, _ = recording([*state, "--stations", "1-3"], "--duration", "1", *how)
+    assert_whole(out, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "left", [b"O*,8,9", b"F1\rC\r", b"F1\rO*,2,4,2\rU0\rC\rO1,", b"\r\r\r", b"L*,1\rR3\r"]
+)
+def test_whatever_another_program_has_left(left: bytes, recording) -> None:
+    _, out, _ = recording(["--stations", "1,3"], "--duration", "1", left=left)
+    records, _, settings = decoded(out)
+    assert settings.stations == (1, 3)
+    assert settings.rate_hz == 240
+    assert_gapless(frames_of(records))
+
+
+@pytest.mark.slow
+def test_what_is_in_force_is_reported_and_left(recording) -> None:
+    left = b"B1,10,0,0\rN2,1,2,3\rA1,0,0,0,0,1,0,-1,0,0\rG0,0,30\r@B0\r"
+    _, out, done = recording(["--stations", "1,2"], "--duration", "0.5", left=left)
+    for warning in (
+        "note: receiver 1: a boresight turns its orientations",
+        "note: receiver 1: an alignment moves its frame",
+        "note: receiver 2: a tip offset moves its positions",
+        "note: the transmitter's mounting frame is turned by 0, 0, 30 deg",
+        "note: USB buffering is off",
+    ):
+        assert warning in done.stderr
+    _, _, settings = decoded(out)
+    assert len(settings.options["warnings"]) == 5
+    assert settings.options["after"]["source_frame"] == [0, 0, 30]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stations", "tcp"), [(4, False), (16, True)], ids=["pseudo-terminal", "socket"])
+def test_nothing_is_lost_in_eight_seconds(stations, tcp, recording) -> None:
+    """240 Hz, the full list, the log on. A pseudo-terminal's buffer holds 0.4 s of four receivers; 16 through
+    one are for the benchmark, on a machine that does nothing else.
+    """
+    _, out, _ = recording(["--stations", f"1-{stations}"], "--duration", "8", tcp=tcp)
+    assert_whole(out, stations)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tracker", ["patriot", "fastrak"])
+@pytest.mark.parametrize("mode", [[], ["--ascii"]], ids=["binary", "ascii"])
+def test_other_trackers(tracker: str, mode: list[str], recording) -> None:
+    state = ["--device", tracker, "--stations", "1-2", "--already-streaming"]
+    _, out, _ = recording(state, "--tracker", tracker, "--duration", "2", *mode)
+    records, _, settings = decoded(out)
+    assert settings.rate_hz == 60
+    assert set(records.station.tolist()) == {1, 2}
+    assert_gapless(frames_of(records))
+    assert np.isfinite(records.quaternion).all()
+
+
+@pytest.mark.slow
+def test_settings_that_were_asked_for(recording, tmp_path: Path) -> None:
+    how = [
+        "--duration",
+        "1",
+        "--rate",
+        "120",
+        "--stations",
+        "2,4",
+        "--hemisphere",
+        "0,0,-1",
+        "--no-filters",
+        "--items",
+        "9,2,7",
+    ]
+    port, out, _ = recording(["--stations", "1-4"], *how)
+    records, _, settings = decoded(out)
+    assert (settings.stations, settings.rate_hz, settings.hemisphere[2]) == ((2, 4), 120.0, (0.0, 0.0, -1.0))
+    assert set(records.station.tolist()) == {2, 4}
+    assert_gapless(frames_of(records, 4))
+    after = settings.options["after"]
+    assert sorted(after["position_filter"]) == sorted(after["attitude_filter"]) == [0, 0, 0, 1]
+    absent = capture("record", "--port", port, "--out", str(tmp_path / "no.arrows"), "--stations", "2,9")
+    assert absent.returncode == 2
+    assert "receiver 9 of --stations is not connected; connected are" in absent.stderr
+
+
+def in_a_terminal(*words: str) -> tuple[int, int]:
+    """Run a subcommand of capture in a terminal of its own; gives its process and the terminal."""
+    child, master = pty.fork()
+    if child == 0:
+        os.chdir(REPOSITORY)
+        os.execv(sys.executable, [sys.executable, "-m", "stages.capture", *words])
+    return child, master
+
+
+def shown_until(master: int, part: bytes) -> bytes:
+    """Read a terminal until that part is shown, or its program ends."""
+    shown = b""
+    while part not in shown:
+        try:
+            shown += os.read(master, 4096)
+        except OSError:
+            break
+    return shown
+
+
+@pytest.mark.slow
+def test_the_key_q_ends_it_and_the_terminal_is_as_before(emulated, tmp_path: Path) -> None:
+    """The view is rewritten in place; after q the terminal echoes and waits for Return as it did."""
+    out = tmp_path / "rom.arrows"
+    port = emulated("--stations", "1-2")
+    child, master = in_a_terminal("record", "--port", port, "--out", str(out), "--countdown", "1")
+    before = termios.tcgetattr(master)
+    shown = shown_until(master, b"elapsed 0:01")
+    during = termios.tcgetattr(master)
+    os.write(master, b"q")
+    shown += shown_until(master, b"nothing that is ever shown")
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 0
+    assert not during[3] & termios.ICANON
+    assert termios.tcgetattr(master)[3] == before[3]
+    assert b"starting in 1 ..." in shown
+    assert b"(key q)" in shown
+    assert shown.rindex(b"\x1b[?25h") > shown.rindex(b"\x1b[?25l")
+    assert_whole(out, 2)
+    os.close(master)
+
+
+# --- what goes wrong: what is kept of it, and what the user is told ----------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", [[], ["--line-rate", "115200"]])
+def test_nothing_answers(line: list[str], recording) -> None:
+    port, out, done = recording(["--silent"], *line, returncode=2)
+    assert f"error: {port}: nothing answers" in error_line(done.stderr)
+    assert "(just switched on? it takes 10 s)" in done.stderr
+    assert ("at 115200, 57600, 38400, 19200, 9600 baud" in done.stderr) == bool(line)
+    assert not out.exists(), "the name is free for the next attempt"
+
+
+@pytest.mark.slow
+def test_another_line_rate_is_found_and_reported(recording) -> None:
+    how = ["--line-rate", "115200", "--duration", "1", "--items", "9,2", "--rate", "120"]
+    _, out, done = recording(["--baud", "57600", "--stations", "1"], *how)
+    assert "note: it answered at 57600 baud and not at 115200; 57600 is used" in done.stderr
+    assert_gapless(frames_of(decoded(out)[0]))
+
+
+@pytest.mark.slow
+def test_a_line_that_is_too_slow(recording) -> None:
+    """Refused with the arithmetic; with --allow-slower what comes through is recorded."""
+    state, how = ["--stations", "1-4", "--line-rate", "11520"], ["--line-rate", "115200", "--duration", "4"]
+    _, out, refused = recording(state, *how, returncode=2)
+    arithmetic = "4 receivers x 56 bytes x 240 Hz = 53760 bytes/s, and 115200 baud carries 11520"
+    assert arithmetic in error_line(refused.stderr)
+    assert not out.exists()
+    _, _, done = recording(state, *how, "--allow-slower")
+    assert "note: the line is too slow" in done.stderr
+    assert re.search(r"note: the line brought [\d.]+ kB/s of the 53.8 kB/s that 4 receivers", done.stdout)
+    records, tally, _ = decoded(out)
+    assert tally.summary is not None
+    assert tally.summary["lost_frames"] > len(records)
+
+
+@pytest.mark.slow
+def test_something_else_answers(recording) -> None:
+    port, _, done = recording(["--device", "patriot"], returncode=2)
+    assert error_line(done.stderr) == f"error: {port}: the tracker is a PATRIOT; give --tracker patriot"
+    _, _, done = recording(["--device", "fastrak", "--stations", "1"], returncode=2)
+    assert "what answers is no LIBERTY" in error_line(done.stderr)
+
+
+@pytest.mark.slow
+def test_the_tracker_vanishes_in_the_middle_of_a_record(recording) -> None:
+    """All that came is kept, the archive is whole, the exit code is 3."""
+    port, out, done = recording(["--stations", "1-4", "--gone-at", "2"], returncode=3)
+    message = error_line(done.stderr)
+    assert message.startswith(f"error: {port}: the port is gone (")
+    after_s, kept_s = re.findall(r"(\d+\.\d) s", message)
+    assert message.endswith(f" after {after_s} s; {out} keeps the first {kept_s} s")
+    assert after_s == kept_s
+    records, tally, _ = decoded(out)
+    assert_gapless(frames_of(records))
+    assert tally.summary is not None
+    assert tally.summary["reason"].startswith("the port is gone")
+    assert "failed" in [event["event"] for event in tally.events]
+
+
+@pytest.mark.slow
+def test_two_programs_at_one_port(emulated, tmp_path: Path) -> None:
+    """The second is refused and costs the first nothing."""
+    port = emulated("--stations", "1-4")
+    with started("record", "--port", port, "--out", str(tmp_path / "a.arrows")) as first:
+        until_lines(first, 1)
+        second = capture("record", "--port", port, "--out", str(tmp_path / "b.arrows"))
+        assert second.returncode == 2
+        assert "another program has it open" in error_line(second.stderr)
+        assert not (tmp_path / "b.arrows").exists()
+        first.send_signal(signal.SIGINT)
+        first.communicate(timeout=PATIENCE_S)
+        assert first.returncode == 0
+    assert_whole(tmp_path / "a.arrows", 4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: Path) -> None:
+    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
+    with started("record", "--port", port, "--out", str(out)) as recorder:
+        until_lines(recorder, 2)
+        recorder.send_signal(number)
+        printed, _ = recorder.communicate(timeout=PATIENCE_S)
+        assert recorder.returncode == 0
+    assert f"({number.name})" in printed
+    assert_whole(out, 4)
+    _, tally, _ = decoded(out)
+    assert tally.summary is not None
+    assert tally.summary["reason"] == number.name
+    assert tally.unreadable_bytes == 0
+
+
+@pytest.mark.slow
+def test_a_stop_before_the_first_frame_leaves_nothing(emulated, tmp_path: Path) -> None:
+    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
+    with started("record", "--port", port, "--out", str(out), "--countdown", "30") as recorder:
+        assert recorder.stderr is not None
+        while "starting in 29" not in recorder.stderr.readline():
+            assert recorder.poll() is None
+        recorder.send_signal(signal.SIGINT)
+        _, stderr = recorder.communicate(timeout=PATIENCE_S)
+        assert recorder.returncode == 0
+    assert "stopped before the first frame (SIGINT); no file is left" in stderr
+    assert not out.exists()
+
+
+@pytest.mark.slow
+def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
+    """A child that may write so much and no more; what was written before is whole."""
+    port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))
+
+    with started("record", "--port", port, "--out", str(out), preexec_fn=limit) as recorder:
+        _, stderr = recorder.communicate(timeout=PATIENCE_S)
+        assert recorder.returncode == 3
+    assert f"error: {port}: the disk takes no more (File too large) after" in error_line(stderr)
+    assert f"{out} keeps the first " in stderr
+    records, tally, _ = decoded(out)
+    assert out.stat().st_size <= 500_000
+    assert tally.unreadable_bytes == 0
+    assert_gapless(frames_of(records))
+
+
+@pytest.mark.slow
+def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
+    """It is reported and kept; the times of the frames do not know of it."""
+    out = tmp_path / "rom.arrows"
+    calls = 0
+
+    def utc_offset_ns() -> int:  # an hour less from the hundredth time on that it is asked for
+        nonlocal calls
+        calls += 1
+        return 10**18 - (3600 * 10**9 if calls > 1000 else 0)
+
+    port = open_port(emulated("--stations", "1"), 115200)
+    with Path(os.devnull).open("w") as sink, Path(os.devnull).open() as keys:
+        plan = RecordingPlan(out, RecordingRequest("liberty"), duration_s=6.0)
+        ending = record(plan, port, Terminal(sink, keys), StopRequest(), {}, utc_offset_ns)
+    port.close()
+    assert not ending.failed
+    assert ending.notices == ("the host's clock was set by -3600.0 s; times of frames are not concerned",)
+    records, tally, _ = decoded(out)
+    (jump,) = [event for event in tally.events if event["event"] == "clock-jumped"]
+    assert jump["seconds"] == pytest.approx(-3600.0)
+    assert tally.utc_offset_range_ns == pytest.approx(3600e9)
+    host_ns = np.concatenate([piece.host_ns[piece.kind == RECEIVED] for piece in open_archive(out).pieces()])
+    assert (np.diff(host_ns) >= 0).all()
+    assert_gapless(frames_of(records))
+
+
+@pytest.mark.slow
+def test_a_receiver_is_unplugged_and_plugged_in(emulated, tmp_path: Path) -> None:
+    port, out = emulated("--stations", "1-3", "--unplug", "2@1.5", "--plug", "2@2.5"), tmp_path / "rom.arrows"
+    with started("record", "--port", port, "--out", str(out)) as recorder:
+        lines = until_lines(recorder, 1)
+        while not any("absent 2" in line for line in lines):
+            lines += until_lines(recorder, 1)
+        while "3 of 3 receivers" not in lines[-1]:
+            lines += until_lines(recorder, 1)
+        recorder.send_signal(signal.SIGINT)
+        printed, _ = recorder.communicate(timeout=PATIENCE_S)
+        assert recorder.returncode == 0
+    records, tally, _ = decoded(out)
+    assert tally.summary is not None
+    ((from_s, to_s),) = tally.summary["receivers"]["2"]["absent_s"]
+    assert f"{from_s:.1f} s to {to_s:.1f} s" in printed
+    assert [e["event"] for e in tally.events if "receiver" in e] == ["receiver-absent", "receiver-back"]
+    assert tally.summary["receivers"]["1"]["lost_frames"] == 0
+    assert np.diff(frames_of(records, 2)).max() == 2 * 240 + 1, "out at 1.5 s, found at 3.5 s"
+
+
+@pytest.mark.slow
+def test_damaged_bytes_are_counted_and_cost_little(recording) -> None:
+    faults = ("--drop-bytes", "5@100f", "--garbage", "7@200f")
+    _, out, _ = recording(["--stations", "1-4", *faults], "--duration", "3")
+    _, tally, _ = decoded(out)
+    assert tally.summary is not None
+    assert tally.summary["skipped_bytes"] > 0
+    assert 0 < tally.summary["lost_frames"] <= 12
+
+
+@pytest.mark.parametrize("command", ["record", "check"])
+def test_a_network_port_that_is_closed_at_once(command: str, tmp_path: Path) -> None:
+    def serve() -> None:
+        server.accept()[0].close()
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=serve)
+        thread.start()
+        out = ["--out", str(tmp_path / "rom.arrows")] if command == "record" else []
+        done = capture(command, "--port", f"socket://127.0.0.1:{server.getsockname()[1]}", *out)
+        thread.join()
+    assert done.returncode == 2
+    assert error_line(done.stderr).endswith("; perhaps another program has it")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["add", "totals"])
+def test_a_fault_of_the_program_itself(fault: str, emulated, tmp_path: Path, monkeypatch, capsys) -> None:
+    """One in the view costs nothing; any other ends the recording, and what came until then is kept."""
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("a fault")
+
+    port, out = emulated("--stations", "1-2"), tmp_path / "rom.arrows"
+    monkeypatch.setattr(session.Statistics, fault, fail)
+    argv = ["--port", port, "--out", str(out), "--duration", "1"]
+    if fault == "add":
+        assert record_tracker.main(argv) == 0
+        note = "note: the view has failed (ZeroDivisionError: a fault); every byte is still recorded"
+        assert note in capsys.readouterr().err
+    else:
+        with pytest.raises(ZeroDivisionError):
+            record_tracker.main(argv)
+    records, tally, _ = decoded(out)
+    assert len(frames_of(records)) > 24, "a second stop may have brought one more frame, later"
+    assert tally.summary is not None
+    expected = "--duration 1" if fault == "add" else "internal error (ZeroDivisionError('a fault'))"
+    assert tally.summary["reason"] == expected

@@ -1,0 +1,61 @@
+"""`check`: says what it finds, and leaves the tracker as it was."""
+
+import pytest
+from tracker_processes import capture, leave_in
+
+from trackers.liberty.items import FULL_LIST
+from trackers.protocols.stream_settings import StreamSettings
+from trackers.record import tracker_check
+
+
+def test_settings_are_told_as_they_were_and_are() -> None:
+    options = {
+        "whoami": "LIBERTY 240/8",
+        "before": {"units": 0, "output_list": {"1": (2, 4, 1), "2": (2, 4, 1)}, "stylus": {"1": 1, "2": 0}},
+        "after": {"units": 1, "output_list": {"1": FULL_LIST, "2": FULL_LIST}, "stylus": {"1": 0, "2": 0}},
+    }
+    settings = StreamSettings(
+        "liberty", "binary", "cm", 240.0, (1, 2), {1: FULL_LIST, 2: FULL_LIST}, {}, options
+    )
+    told = tracker_check.answer_lines(settings, ["a warning"])
+    assert told == [
+        "tracker     LIBERTY 240/8",
+        "receivers   1, 2",
+        "units             inch -> cm",
+        "output list       2 4 1 -> 8 9 11 10 12 3 7",
+        "stylus            1: 1 -> 0; 2: 0",
+        "note: a warning",
+    ]
+    assert tracker_check.line_lines(settings, 115200) == [
+        "line        2 receivers x 56 bytes x 240 Hz = 26880 bytes/s, and 115200 baud carries 11520: 233 %",
+        "            too slow; what fits is 1 receiver at 120 Hz with this list, "
+        "1 receiver at 240 Hz or 2 receivers at 120 Hz with --items short",
+    ]
+    assert tracker_check.line_lines(settings, None) == [
+        "line        needs 26.9 kB/s; the port's own rate is not known"
+    ]
+
+
+@pytest.mark.slow
+def test_a_check_leaves_no_trace(emulated) -> None:
+    """What a second check finds before its settings is what the first found."""
+    port = emulated("--stations", "1-2")
+    leave_in(port, b"U0\rR3\rO1,2,4,9\rO2,8,3,7\rH1,0,0,-1\rL2,1\rX0,1,0,0\r")
+    first, second = (capture("check", "--port", port, "--no-filters") for _ in range(2))
+    assert first.returncode == second.returncode == 0, first.stderr
+    settings = [out.split("\n\n")[0] for out in (first.stdout, second.stdout)]
+    assert settings[0] == settings[1]
+    assert "units             inch -> cm" in settings[0]
+    assert "output list       1: 2 4 9 -> 8 9 11 10 12 3 7; 2: 8 3 7 -> 8 9 11 10 12 3 7" in settings[0]
+    assert "hemisphere        1: 0 0 -1 -> 1 0 0; 2: 1 0 0" in settings[0]
+    assert "rate              120 Hz -> 240 Hz" in settings[0]
+    assert "; 0 frames lost (0 records), 0 cycles partial" in first.stdout
+
+
+@pytest.mark.slow
+def test_a_check_of_nothing(emulated) -> None:
+    port = emulated("--silent")
+    done = capture("check", "--port", port)
+    assert done.returncode == 2
+    assert f"error: {port}: nothing answers" in done.stderr
+    assert not done.stdout

@@ -1,0 +1,147 @@
+"""The raw archive: what was flushed is there, whatever happens to the file afterwards."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas.errors import InputError
+from trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, ArchiveWriter, open_archive
+
+
+def written(path: Path, batches: int = 6, rows: int = 4) -> Path:
+    random = np.random.default_rng(3)
+    writer = ArchiveWriter(path, {"port": "made up"}, utc_offset_ns=lambda: 7)
+    for batch in range(batches):
+        for row in range(rows):
+            writer.received(random.bytes(100), 1000 * batch + row)
+        writer.flush()
+    writer.close({"reason": "key"}, 99_000)
+    return path
+
+
+def data_of(path: Path) -> list[bytes]:
+    return [data for piece in open_archive(path).pieces() for data in piece.data]
+
+
+def test_every_row_comes_back(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "a.arrows"
+    writer = ArchiveWriter(path, {"note": "é"}, utc_offset_ns=lambda: 5)
+    writer.sent(b"P", 1)
+    writer.received(b"\0\xff\n", 2)
+    writer.settings({"unit": "cm"}, 3)
+    writer.event("note", 4, text="left")
+    writer.close({"reason": "key"}, 5)
+    archive = open_archive(path)
+    (piece,) = archive.pieces()
+    assert archive.about == {"note": "é"}
+    assert piece.kind.tolist() == [SENT, RECEIVED, SETTINGS, EVENT, END]
+    assert piece.host_ns.tolist() == [1, 2, 3, 4, 5]
+    assert piece.utc_offset_ns.tolist() == [5] * 5
+    expected = [
+        b"P",
+        b"\0\xff\n",
+        b'{"unit": "cm"}',
+        b'{"event": "note", "text": "left"}',
+        b'{"reason": "key"}',
+    ]
+    assert piece.data == expected
+
+
+def test_any_arrow_reader_opens_it(tmp_path: Path) -> None:
+    table = pa.ipc.open_stream(written(tmp_path / "a.arrows")).read_all()
+    assert table.num_rows == 25
+    assert table.column_names == ["host_ns", "utc_offset_ns", "kind", "data", "crc32"]
+    assert table.schema.field("host_ns").metadata[b"unit"] == b"ns"
+
+
+def test_the_same_rows_are_the_same_bytes(tmp_path: Path) -> None:
+    assert written(tmp_path / "a.arrows").read_bytes() == written(tmp_path / "b.arrows").read_bytes()
+
+
+def test_an_existing_file_is_never_written_over(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="exists already"):
+        ArchiveWriter(path, {})
+    assert path.read_bytes() == before
+
+
+def test_cut_off_anywhere_every_whole_batch_is_read(tmp_path: Path) -> None:
+    whole = written(tmp_path / "a.arrows").read_bytes()
+    rows = data_of(tmp_path / "a.arrows")
+    cut = tmp_path / "cut.arrows"
+    first = len(whole) - 6 * 800
+    for length in range(first, len(whole), 41):
+        cut.write_bytes(whole[:length])
+        kept = data_of(cut)
+        assert kept == rows[: len(kept)]
+        assert len(kept) % 4 in (0, 1)
+
+
+def test_a_damaged_batch_costs_no_other(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    whole, rows = bytearray(path.read_bytes()), data_of(path)
+    begin = whole.index(rows[0])
+    for place in range(begin - 300, begin + 2500, 37):
+        hurt = whole.copy()
+        hurt[place] ^= 0x5A
+        path.write_bytes(hurt)
+        pieces = list(open_archive(path).pieces())
+        kept = [data for piece in pieces for data in piece.data]
+        assert [row for row in rows if row in kept] == [data for data in kept if data in rows]
+        assert all(data in rows for data in kept), "damaged bytes came through"
+        assert len(kept) >= len(rows) - 4
+        lost = sum(piece.spoilt_bytes + piece.unreadable_bytes for piece in pieces)
+        assert (lost > 0) == (len(kept) < len(rows))
+
+
+@given(st.binary(max_size=300))
+def test_what_is_no_archive_is_refused(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
+    path = tmp_path_factory.mktemp("any") / "a.arrows"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"a\.arrows: "):
+        open_archive(path)
+
+
+def test_another_arrow_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.arrows"
+    table = pa.table({"x": [1, 2]})
+    with pa.ipc.new_stream(path, table.schema) as stream:
+        stream.write_table(table)
+    with pytest.raises(InputError, match="does not begin as a raw capture does"):
+        open_archive(path)
+    with pytest.raises(InputError, match="no such file"):
+        open_archive(tmp_path / "none.arrows")
+
+
+CHILD = """
+import sys, time
+from pathlib import Path
+from trackers.archive import ArchiveWriter
+writer = ArchiveWriter(Path(sys.argv[1]), {})
+for number in range(10**6):
+    writer.received(number.to_bytes(4, "little") * 64, time.monotonic_ns())
+    if number % 10 == 9:
+        writer.flush()
+        print(number, flush=True)
+"""
+
+
+def test_killed_it_keeps_what_was_flushed(tmp_path: Path) -> None:
+    path = tmp_path / "a.arrows"
+    with subprocess.Popen([sys.executable, "-c", CHILD, path], stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        for _ in range(20):
+            flushed = int(child.stdout.readline())
+        os.kill(child.pid, signal.SIGKILL)
+    kept = data_of(path)
+    assert [int.from_bytes(data[:4], "little") for data in kept] == list(range(len(kept)))
+    assert len(kept) > flushed

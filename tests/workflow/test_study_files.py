@@ -1,0 +1,193 @@
+"""The files and requests of jobs: each depends on what it reads of the study, and on no more."""
+
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import yaml
+from small_study import write_study
+
+from schemas.config_files import CONFIG_FOLDER
+from schemas.errors import InputError
+from schemas.plan import plan_text, read_plan
+from schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
+from workflow.study_files import StudyFiles
+from workflow.write_plan import main as write_plan
+
+ROWS = (
+    "A&b right rom calibration data/a.csv",
+    "A&b right pinch both made/b.arrows 1",
+    "A&b left rom both data/c.csv",
+    "A&b left pinch both data/d.csv - - moved",
+    "02 right rom both data/e.csv",
+)
+SHEETS = {
+    "participants": "subject hand_length_mm hand_breadth_mm\nA&b 180 80\n02 170 75",
+    "corrections": "subject hand joint dx_mm dy_mm dz_mm\nA&b right thumb_ip 1 2 3",
+    "measurements": "subject hand quantity value_mm sd_mm\nA&b right hand_breadth 80 2",
+}
+MODELS = ("rigid", "alone.yaml")
+SUBJECT = "sub-A%26b"
+SIMULATION = "simulation: {folder: made, seed: 3}\n"
+FIT = SimpleNamespace(subject="A%26b", hand="right", model="alone")
+ROM = SimpleNamespace(subject="A%26b", hand="right", recording="rom")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory of a study in a folder of it, of which a model fits each hand by itself."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study").mkdir()
+    config = yaml.safe_load((CONFIG_FOLDER / "models" / "whole-hand.yaml").read_text())
+    config |= {"model": "alone", "fit": config["fit"] | {"share_lengths": False}}
+    (tmp_path / "study/alone.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+    return tmp_path
+
+
+def files(
+    folder: Path, *rows: str, more: str = "", models: tuple[str, ...] = MODELS, **sheets: str
+) -> StudyFiles:
+    return StudyFiles(
+        write_study(folder / "study", *(rows or ROWS), models=models, more=more, **SHEETS | sheets)
+    )
+
+
+def test_paths_of_a_subject(folder: Path) -> None:
+    study = files(folder)
+    assert study.file == "study/study.yaml"
+    assert study.subject(FIT) == "A&b"
+    assert study.model(FIT) == "alone"
+    poses = [
+        f"results/test/{SUBJECT}/{name}/poses.parquet" for name in ("right/rom", "right/pinch_1", "left/rom")
+    ]
+    assert study.poses(FIT) == poses, "excluded ones are none"
+    assert study.poses_of_fit(FIT) == poses[:2], "of one hand"
+    fits = [f"results/test/{SUBJECT}/fits/{hand}/alone" for hand in ("right", "left")]
+    assert set(study.fits(FIT)) == {f"{fit}/{table}.parquet" for fit in fits for table in FIT_TABLES}
+    assert f"results/test/{SUBJECT}/tip_errors.parquet" in study.subject_tables(FIT)
+    assert study.plans == [f"results/test/{subject}/plan.json" for subject in (SUBJECT, "sub-02")]
+
+
+def test_files_of_the_whole_study(folder: Path) -> None:
+    study = files(folder)
+    assert len(study.gathered()) == 3 * 2 + (len(GATHERED_TABLES) - 2) * 2
+    assert study.all_poses() == [path for path in study.tables if path.endswith("/poses.parquet")]
+    assert set(study.gathered()) < set(study.tables)
+    assert study.study_tables == [f"results/test/{name}.parquet" for name in STUDY_TABLES]
+    names = {Path(path).name for path in study.configuration}
+    sheets = {f"{name}.tsv" for name in (*SHEETS, "recordings")}
+    assert names == {"study.yaml", "liberty16.yaml", "rigid.yaml", "alone.yaml"} | sheets
+
+
+def test_a_recordings_file_that_is_missing_stops_no_other(folder: Path) -> None:
+    """Its import says so. What is simulated is made, whether or not it is there."""
+    study = files(folder, more=SIMULATION)
+    assert study.recording_files(ROM) == []
+    (folder / "study/data").mkdir()
+    (folder / "study/data/a.csv").write_text("")
+    assert study.recording_files(ROM) == ["study/data/a.csv"]
+    assert study.seed == 3
+    assert study.streamed == "study/made/sub-{subject}_hand-{hand}_task-{task}.arrows"
+    simulated = files(
+        folder,
+        "A&b right rom both made/sub-A%26b_hand-right_task-rom.arrows",
+        more=SIMULATION,
+    )
+    assert simulated.recording_files(ROM) == ["study/made/sub-A%26b_hand-right_task-rom.arrows"]
+    assert simulated.truth(ROM)[0] == "study/made/sub-A%26b_hand-right_task-rom_truth/joint_centres.parquet"
+
+
+Change = dict[str, str]
+CHANGES: dict[str, tuple[tuple[str, ...], Change, tuple[str, ...]]] = {
+    "role": (("A&b right rom both data/a.csv", *ROWS[1:]), {}, MODELS),
+    "file": (("A&b right rom calibration data/z.csv", *ROWS[1:]), {}, MODELS),
+    "other-hand": ((*ROWS[:2], "A&b left rom evaluation data/c.csv", *ROWS[3:]), {}, MODELS),
+    "other-subject": ((*ROWS[:4], "02 right rom both data/f.csv", "03 left rom both data/g.csv"), {}, MODELS),
+    "size": (ROWS, {"participants": SHEETS["participants"].replace("180", "181")}, MODELS),
+    "correction": (ROWS, {"corrections": SHEETS["corrections"].replace("2 3", "2 4")}, MODELS),
+    "measurement": (ROWS, {"measurements": SHEETS["measurements"].replace("80 2", "81 2")}, MODELS),
+    "other-model": (ROWS, {}, ("paper-fig4", "alone.yaml")),
+}
+AGAIN = {
+    "plan": {"role", "file", "other-hand", "size", "correction", "measurement", "other-model"},
+    "import_options": {"file"},
+    "fit_plan": {"role", "file", "size", "measurement"},
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_job_is_run_again_for_what_it_uses(folder: Path, change: str) -> None:
+    before = files(folder)
+    requests: dict[str, Callable[[StudyFiles], str]] = {
+        "plan": lambda study: study.plan(FIT),
+        "import_options": lambda study: study.import_options(ROM),
+        "fit_plan": lambda study: study.fit_plan(FIT),
+    }
+    first = {name: request(before) for name, request in requests.items()}
+    rows, sheets, models = CHANGES[change]
+    after = files(folder, *rows, models=models, **sheets)
+    changed = {name for name, request in requests.items() if request(after) != first[name]}
+    assert changed == {name for name, changes in AGAIN.items() if change in changes}
+
+
+def test_a_layout_is_part_of_every_request(folder: Path) -> None:
+    layout = folder / "study" / "mine.yaml"
+    shipped = CONFIG_FOLDER / "layouts" / "liberty16.yaml"
+    text = shipped.read_text().replace("layout: liberty16", "layout: mine")
+    layout.write_text(text)
+    rows = ("A&b right rom calibration data/a.csv - mine.yaml", "A&b right pinch both data/b.csv 1 mine.yaml")
+    first = files(folder, *rows)
+    layout.write_text(text + "\n# a comment\n")
+    same = files(folder, *rows)
+    config = yaml.safe_load(text)
+    config["joints"]["index_dip"]["plane"] = {"normal": [0, 1, 0.1]}
+    layout.write_text(yaml.safe_dump(config, sort_keys=False))
+    other = files(folder, *rows)
+    for request in ("plan", "fit_plan", "layout_digest"):
+        assert getattr(same, request)(FIT) == getattr(first, request)(FIT), request
+        assert getattr(other, request)(FIT) != getattr(first, request)(FIT), request
+
+
+def test_both_hands_where_lengths_are_shared(folder: Path) -> None:
+    fit = SimpleNamespace(subject="A%26b", hand="right", model="whole-hand")
+    study = files(folder, models=("whole-hand",))
+    assert len(study.poses_of_fit(fit)) == 3
+    rows, *_ = CHANGES["other-hand"]
+    assert files(folder, *rows, models=("whole-hand",)).fit_plan(fit) != study.fit_plan(fit)
+
+
+def test_what_is_exported(folder: Path) -> None:
+    assert files(folder).exports == []
+    more = "exports: [bvh, bids]\nexport_settings: {models: [rigid]}\n"
+    study = files(folder, more=more)
+    assert study.export_formats == ["bvh"]
+    assert study.exports == [f"results/test/exports/{name}" for name in (SUBJECT, "sub-02", "bids")]
+    assert "--models=rigid" in shlex.split(study.export_options)
+    assert files(folder, more="exports: [bids]\n").exports == ["results/test/exports/bids"]
+
+
+def test_a_run_is_of_one_study_as_its_file_says(folder: Path) -> None:
+    path = write_study(folder / "study", *ROWS)
+    config = yaml.safe_load(path.read_text())
+    assert StudyFiles.of([path], config, Path("none")).study.name == "test"
+    assert StudyFiles.of([], {}, path).study.name == "test"
+    with pytest.raises(InputError, match="--configfile: names several files"):
+        StudyFiles.of([path, path], config, path)
+    with pytest.raises(InputError, match=r"--config: .*; write it into .*study/study\.yaml"):
+        StudyFiles.of([path], config | {"layout": "arm"}, path)
+
+
+def test_the_plan_command_writes_the_subjects_plan(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = files(folder)
+    argv = ["--study", study.file, "--results", "results/test", "--out", study.plans[0]]
+    assert write_plan([*argv, "--subject", "A&b"]) == 0
+    read = read_plan(Path(study.plans[0]))
+    assert (read.subject, read.folder) == ("A&b", Path("results/test", SUBJECT))
+    before = Path(study.plans[0]).read_bytes()
+    assert write_plan([*argv, "--subject", "A&b"]) == 0
+    assert Path(study.plans[0]).read_bytes() == before
+    assert write_plan([*argv, "--subject", "nobody"]) == 2
+    assert "has no subject 'nobody'; expected one of A&b, 02" in capsys.readouterr().err
+    assert plan_text({"plan": 1}).endswith("\n")

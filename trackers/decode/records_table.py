@@ -1,0 +1,148 @@
+"""Second pass over an archive: records with device time, flags, and, where asked for, repaired positions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from trackers.archive import Archive
+from trackers.decode.hemisphere import flip_states
+from trackers.decode.stream import Block, Tally, blocks_of
+from trackers.decode.survey import Survey
+from trackers.protocols.records import NONE, Records, stations_in
+
+Bools = npt.NDArray[np.bool_]
+
+FLAGS = {
+    "gap-before": "frames are missing between this record and the station's one before",
+    "resync-before": "bytes that are no record lie before it",
+    "partial-cycle": "another station's record is missing in this frame",
+    "doubtful": "framed as a record should be, but its numbers cannot be right",
+    "out-of-order": "its frame or station does not fit between its neighbours'",
+    "device-error": "the tracker's error letter says that the pose is wrong (a to g, A to G)",
+    "device-warning": "its error letter is another one (I: self-test errors, u: unmapped place)",
+    "distorted": "the tracker saw its field distorted by metal",
+    "hemisphere-transit": "on the way of a jump to the other side of the transmitter; the position is wrong",
+    "hemisphere-flipped": "on the other side of the transmitter; the position has the wrong sign",
+}
+"""What a record's flags say; bit i of the number stands for the i-th."""
+
+BIT = {flag: np.uint16(1 << place) for place, flag in enumerate(FLAGS)}
+
+UNUSABLE = ("doubtful", "out-of-order")
+"""Records of which not even the station and frame can be believed."""
+
+SOURCE_FAILURES = b"abcdefgABCDEFG"
+
+
+@dataclass(frozen=True)
+class FlaggedRecords:
+    """Records of a block: time_s (N,) device time, flags (N,) bits as in FLAGS, host_ns (N,) of arrival."""
+
+    records: Records
+    time_s: npt.NDArray[np.float64]
+    host_ns: npt.NDArray[np.int64]
+    flags: npt.NDArray[np.uint16]
+
+    def flagged(self, *names: str) -> Bools:
+        """Whether a record has any of the flags, shape (N,)."""
+        mask = np.bitwise_or.reduce([BIT[name] for name in names])
+        return np.asarray((self.flags & mask) != 0)
+
+    @property
+    def repaired_mm(self) -> npt.NDArray[np.float64]:
+        """Positions, (N, 3), put back where a flip turned their sign; NaN on the way of a jump."""
+        position_mm = np.where(
+            self.flagged("hemisphere-flipped")[:, None],
+            -self.records.position_mm,
+            self.records.position_mm,
+        )
+        position_mm[self.flagged("hemisphere-transit")] = np.nan
+        return position_mm
+
+
+def flagged_records(
+    archive: Archive, survey: Survey, kept: Sequence[Block] | None = None
+) -> Iterator[FlaggedRecords]:
+    """Decode the archive again, with what the survey found; blocks without a record are left out.
+
+    kept : its blocks, where the survey kept them.
+    """
+    if survey.clock is None:
+        return
+    for block in blocks_of(archive, Tally()) if kept is None else kept:
+        if len(block.records):
+            yield FlaggedRecords(
+                block.records,
+                survey.clock.time_s(block.records.frame),
+                block.host_ns,
+                _flags(block, survey),
+            )
+
+
+def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
+    records = block.records
+    flags = np.zeros(len(records), np.uint16)
+    flags[records.doubtful] |= BIT["doubtful"]
+    flags[block.out_of_order] |= BIT["out-of-order"]
+    source = np.isin(records.error, list(SOURCE_FAILURES))
+    flags[source] |= BIT["device-error"]
+    flags[(records.error != 0) & ~source] |= BIT["device-warning"]
+    flags[(records.distortion > 0) & ~records.doubtful] |= BIT["distorted"]
+    flags[_at(survey.partial_frames, records.frame)] |= BIT["partial-cycle"]
+    resumed = np.array([offset + size for offset, size, _ in survey.skipped], np.int64)
+    flags[_at(np.sort(resumed), records.offset)] |= BIT["resync-before"]
+    for station in stations_in(records.station):
+        mine = np.flatnonzero(records.station == station)
+        frame = records.frame[mine]
+        flags[mine[_at(survey.gap_ends(station), frame)]] |= BIT["gap-before"]
+        flips = survey.flips_of(station)
+        if flips:
+            transit, flipped = flip_states(flips, frame)
+            flags[mine[transit]] |= BIT["hemisphere-transit"]
+            flags[mine[flipped]] |= BIT["hemisphere-flipped"]
+    return flags
+
+
+def _at(places: npt.NDArray[np.int64], values: npt.NDArray[np.int64]) -> Bools:
+    """Whether each value is one of the places, which ascend; (N,) like the values."""
+    if not len(places):
+        return np.zeros(len(values), bool)
+    nearest = np.searchsorted(places, values)
+    nearest[nearest == len(places)] = 0
+    return np.asarray(places[nearest] == values)
+
+
+def table_columns(flagged: FlaggedRecords, *, repair: bool) -> dict[str, Any]:
+    """Give the columns of the table of records; repaired positions are null unless asked for."""
+    records = flagged.records
+    count = len(records)
+    repaired_mm = flagged.repaired_mm if repair else np.full((count, 3), np.nan)
+    return {
+        "station": records.station,
+        "frame": records.frame,
+        "time_s": flagged.time_s,
+        "device_ms": _known(records.device_ms, np.int64),
+        **{f"{axis}_mm": records.position_mm[:, i].astype(np.float32) for i, axis in enumerate("xyz")},
+        **{f"q{part}": records.quaternion[:, i].astype(np.float32) for i, part in enumerate("wxyz")},
+        **{f"repaired_{axis}_mm": repaired_mm[:, i].astype(np.float32) for i, axis in enumerate("xyz")},
+        "error": records.error,
+        "distortion": _known(records.distortion, np.int16),
+        "button": _known(records.button, np.int8),
+        "sync": _known(records.sync, np.int8),
+        "host_ns": flagged.host_ns,
+        "offset": records.offset,
+        "flags": flagged.flags,
+    }
+
+
+def _known(values: npt.NDArray[np.int64], kind: type[np.signedinteger[Any]]) -> pa.Array:
+    """Values as a column of that type; null where there is none, or a damaged one that it cannot hold."""
+    limits = np.iinfo(kind)
+    unknown = (values == NONE) | (values < limits.min) | (values > limits.max)
+    return pa.array(np.where(unknown, 0, values).astype(kind), mask=unknown)

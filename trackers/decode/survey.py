@@ -1,0 +1,251 @@
+"""First pass over an archive: the clock, and everything that is lost, doubtful or flipped, with its place."""
+
+from __future__ import annotations
+
+from collections import Counter as Count
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from trackers.archive import Archive
+from trackers.decode.clock import DeviceClock, fit_clock
+from trackers.decode.hemisphere import Flip, FlipFinder
+from trackers.decode.stream import Block, Tally, blocks_of
+from trackers.protocols.records import Wholes, stations_in
+from trackers.protocols.stream_settings import StreamSettings
+
+SHORT_GAP_S = 1.0
+"""A receiver that is silent for longer was unplugged (it takes about a second to be found again)."""
+
+
+@dataclass
+class Sightings:
+    """Records of one kind: how many of each station, and the first and last frame in which one stood."""
+
+    records: Count[int] = field(default_factory=Count)
+    first: int = 0
+    last: int = 0
+
+    @property
+    def total(self) -> int:
+        """How many records of all stations."""
+        return sum(self.records.values())
+
+    def add(self, station: Wholes, frame: Wholes) -> None:
+        """Count records, (N,) stations and frames that do not fall."""
+        if not len(station):
+            return
+        self.first = int(frame[0]) if not self.records else self.first
+        self.last = int(frame[-1])
+        for number, count in zip(*np.unique(station, return_counts=True), strict=True):
+            self.records[int(number)] += int(count)
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What an archive holds.
+
+    settings : of every stream in turn. records : (station) -> good records. clock : None where there is no
+    record. gaps : (G, 3) station, first and last frame that have no good record of it; station 0: of none at
+    all. partial_frames : ascending, frames that lack a station for less than SHORT_GAP_S while others are
+    there. skipped : (byte offset, bytes, frame before). doubtful, out_of_order, distorted : the records that
+    are so; errors : letter -> the good records with it.
+    """
+
+    settings: tuple[StreamSettings, ...]
+    records: dict[int, int]
+    first_frame: int
+    last_frame: int
+    clock: DeviceClock | None
+    gaps: Wholes
+    partial_frames: Wholes
+    doubtful: Sightings
+    out_of_order: Sightings
+    errors: dict[str, Sightings]
+    distorted: Sightings
+    skipped: tuple[tuple[int, int, int], ...]
+    flips: tuple[Flip, ...]
+    tally: Tally
+
+    def flips_of(self, station: int) -> list[Flip]:
+        """The flips of one station, in order."""
+        return [flip for flip in self.flips if flip.station == station]
+
+    def gap_ends(self, station: int) -> Wholes:
+        """The first frames after the station's gaps, ascending."""
+        return np.asarray(self.gaps[self.gaps[:, 0] == station, 2] + 1)
+
+    @property
+    def missing_frames(self) -> int:
+        """Frames between the first and the last of which no record came."""
+        whole = self.gaps[self.gaps[:, 0] == 0]
+        return int((whole[:, 2] - whole[:, 1] + 1).sum())
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes that were no record and no reply."""
+        return sum(size for _, size, _ in self.skipped)
+
+
+def survey_archive(archive: Archive, kept: list[Block] | None = None) -> Survey:
+    """Read the whole archive once. Raises InputError where it holds no settings.
+
+    kept : a list that the blocks are put into, of an archive so short that they need not be decoded twice.
+    """
+    tally = Tally()
+    surveyor = _Surveyor()
+    for block in blocks_of(archive, tally):
+        surveyor.add(block)
+        if kept is not None:
+            kept.append(block)
+    return surveyor.survey(tally)
+
+
+@dataclass
+class _Station:
+    """What is remembered of one station from block to block."""
+
+    first: int
+    last: int
+    records: int
+    finder: FlipFinder
+
+
+@dataclass
+class _Surveyor:
+    settings: list[StreamSettings] = field(default_factory=list)
+    stations: dict[int, _Station] = field(default_factory=dict)
+    last_frame: int | None = None
+    arrivals: list[tuple[Wholes, Wholes]] = field(default_factory=list)
+    gaps: list[Wholes] = field(default_factory=list)
+    doubtful: Sightings = field(default_factory=Sightings)
+    out_of_order: Sightings = field(default_factory=Sightings)
+    errors: dict[str, Sightings] = field(default_factory=dict)
+    distorted: Sightings = field(default_factory=Sightings)
+    skipped: list[tuple[int, int, int]] = field(default_factory=list)
+
+    def add(self, block: Block) -> None:
+        if not self.settings or self.settings[-1] is not block.settings:
+            self.settings.append(block.settings)
+        self._skips(block)
+        records = block.records
+        if not len(records):
+            return
+        good = block.good
+        arrived = np.flatnonzero(np.diff(block.host_ns, append=block.host_ns[-1] + 1))
+        arrived = arrived[good[arrived]]
+        self.arrivals.append((records.frame[arrived], block.host_ns[arrived]))
+        self._frames(records.frame[good])
+        for station in stations_in(records.station):
+            self._station(block, station, (records.station == station) & good)
+        self._count(block, good)
+
+    def _skips(self, block: Block) -> None:
+        for skip in block.skipped:
+            row = int(np.searchsorted(block.records.offset, skip.offset)) - 1
+            frame = int(block.records.frame[row]) if row >= 0 else self.last_frame or 0
+            if self.skipped and sum(self.skipped[-1][:2]) == skip.offset:  # one stretch, cut by blocks
+                offset, size, frame = self.skipped.pop()
+                self.skipped.append((offset, size + skip.size, frame))
+            else:
+                self.skipped.append((skip.offset, skip.size, frame))
+
+    def _frames(self, frame: Wholes) -> None:
+        """Find the frames that no station has."""
+        if not len(frame):
+            return
+        before = frame[0] if self.last_frame is None else self.last_frame
+        self.gaps.append(_jumps(0, frame, int(before)))
+        self.last_frame = int(frame[-1])
+
+    def _station(self, block: Block, station: int, rows: npt.NDArray[np.bool_]) -> None:
+        frame = block.records.frame[rows]
+        if not len(frame):
+            return
+        known = self.stations.get(station)
+        if known is None:
+            vector = block.settings.hemisphere.get(station)
+            known = _Station(int(frame[0]), int(frame[0]), 0, FlipFinder(station, vector))
+            self.stations[station] = known
+        self.gaps.append(_jumps(station, frame, known.last))
+        known.last = int(frame[-1])
+        known.records += len(frame)
+        known.finder.feed(frame, block.records.position_mm[rows], block.records.quaternion[rows])
+
+    def _count(self, block: Block, good: npt.NDArray[np.bool_]) -> None:
+        records = block.records
+
+        def sighted(sightings: Sightings, which: npt.NDArray[np.bool_]) -> None:
+            sightings.add(records.station[which], records.frame[which])
+
+        sighted(self.doubtful, records.doubtful)
+        sighted(self.out_of_order, block.out_of_order & ~records.doubtful)
+        sighted(self.distorted, (records.distortion > 0) & good)
+        for code in np.unique(records.error[good & (records.error > 0)]):
+            letter = chr(int(code))
+            sighted(self.errors.setdefault(letter, Sightings()), (records.error == code) & good)
+
+    def survey(self, tally: Tally) -> Survey:
+        nothing = np.empty(0, np.int64)
+        for known in self.stations.values():
+            known.finder.feed(nothing, np.empty((0, 3)), np.empty((0, 4)), final=True)
+        frames = np.concatenate([nothing, *(frame for frame, _ in self.arrivals)])
+        hosts = np.concatenate([nothing, *(host for _, host in self.arrivals)])
+        rate_hz = self.settings[0].rate_hz
+        first = min((known.first for known in self.stations.values()), default=0)
+        last = max((known.last for known in self.stations.values()), default=0)
+        clock = fit_clock(frames, hosts, rate_hz, first) if len(frames) else None
+        gaps = np.concatenate([np.empty((0, 3), np.int64), *self.gaps, self._late_and_early(first, last)])
+        return Survey(
+            tuple(self.settings),
+            {station: known.records for station, known in sorted(self.stations.items())},
+            first,
+            last,
+            clock,
+            gaps[np.lexsort((gaps[:, 1], gaps[:, 0]))],
+            _partial(gaps, SHORT_GAP_S * rate_hz),
+            self.doubtful,
+            self.out_of_order,
+            dict(sorted(self.errors.items())),
+            self.distorted,
+            tuple(self.skipped),
+            tuple(flip for known in self.stations.values() for flip in known.finder.flips),
+            tally,
+        )
+
+    def _late_and_early(self, first: int, last: int) -> Wholes:
+        """Gaps of stations that came after the first frame or went before the last, (G, 3)."""
+        found = [
+            (station, a, z)
+            for station, known in sorted(self.stations.items())
+            for a, z in ((first, known.first - 1), (known.last + 1, last))
+            if a <= z
+        ]
+        return np.array(found, np.int64).reshape(-1, 3)
+
+
+def _jumps(station: int, frame: Wholes, before: int) -> Wholes:
+    """Gaps between frames that should follow one another, (G, 3)."""
+    earlier = np.concatenate([[before], frame[:-1]])
+    rows = np.flatnonzero(frame - earlier > 1)
+    return np.stack([np.full(len(rows), station), earlier[rows] + 1, frame[rows] - 1], -1)
+
+
+def _partial(gaps: Wholes, short: float) -> Wholes:
+    """Frames that a station lacks for a short while and others have, ascending."""
+    lacking = gaps[(gaps[:, 0] > 0) & (gaps[:, 2] - gaps[:, 1] < short)]
+    frames = np.unique(_ranges(lacking[:, 1], lacking[:, 2]))
+    whole = gaps[gaps[:, 0] == 0]
+    whole = whole[np.argsort(whole[:, 1])]
+    at = np.searchsorted(whole[:, 1], frames, side="right") - 1
+    inside = at >= 0
+    inside[inside] = frames[inside] <= whole[at[inside], 2]
+    return frames[~inside]
+
+
+def _ranges(first: Wholes, last: Wholes) -> Wholes:
+    """All whole numbers of the ranges first..last, one range after the other."""
+    lengths = last - first + 1
+    starts = np.cumsum(lengths) - lengths
+    return np.asarray(np.arange(lengths.sum()) - np.repeat(starts - first, lengths), np.int64)

@@ -1,0 +1,137 @@
+"""The terminal of a recording, a view rewritten in place and keys without Return; and a request to stop.
+
+All is put back however the program ends.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import shutil
+import signal
+import termios
+import tty
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, TextIO
+
+_CLEAR_LINE, _CLEAR_BELOW = "\x1b[K", "\x1b[J"
+_HIDE_CURSOR, _SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+IGNORED_SIGNALS = (signal.SIGTSTP, signal.SIGTTOU)
+"""Ctrl-Z would leave the tracker's bytes to a buffer that is soon full."""
+
+
+class Terminal:
+    """Shows on `out` and reads keys from `keyboard`; use it with `with`.
+
+    in_place : whether `out` is a terminal, where lines can be rewritten. A terminal that goes away while it
+    is used is no error: the recording goes on without it.
+    """
+
+    def __init__(self, out: TextIO, keyboard: TextIO) -> None:
+        self.in_place = out.isatty()
+        self._out: TextIO | None = out
+        self._keys = _foreground_terminal(keyboard)
+        self._before: list[Any] = []
+        self._shown = 0
+        self._hidden = False
+
+    def __enter__(self) -> Terminal:
+        if self._keys is not None:
+            self._before = termios.tcgetattr(self._keys)
+            tty.setcbreak(self._keys, termios.TCSANOW)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._hidden:
+            self._write(_SHOW_CURSOR)
+        if self._keys is not None:
+            try:
+                termios.tcsetattr(self._keys, termios.TCSANOW, self._before)
+            except termios.error:  # it is gone
+                return
+
+    @property
+    def rows(self) -> int:
+        """Lines that a view may have."""
+        return shutil.get_terminal_size().lines - 1
+
+    def say(self, text: str) -> None:
+        """Write a line that stays."""
+        self._shown = 0
+        self._write(f"{text}\n")
+
+    def show(self, lines: Sequence[str]) -> None:
+        """Write the view over the one before."""
+        width = shutil.get_terminal_size().columns
+        up = f"\x1b[{self._shown}A" if self._shown else _HIDE_CURSOR
+        self._hidden = True
+        self._write(up + "".join(f"{line[:width]}{_CLEAR_LINE}\n" for line in lines) + _CLEAR_BELOW)
+        self._shown = len(lines)
+
+    def pressed(self) -> str:
+        """Give the keys that were pressed since the last call."""
+        if self._keys is None or not select.select([self._keys], [], [], 0)[0]:
+            return ""
+        try:
+            return os.read(self._keys, 64).decode("ascii", "replace")
+        except OSError:
+            return ""
+
+    def _write(self, text: str) -> None:
+        if self._out is None:
+            return
+        try:
+            self._out.write(text)
+            self._out.flush()
+        except (OSError, ValueError):
+            self._out = None
+
+
+def _foreground_terminal(keyboard: TextIO) -> int | None:
+    """Give the descriptor where keys can be read: a program in the background would be stopped for trying."""
+    try:
+        descriptor = keyboard.fileno()
+        return descriptor if os.tcgetpgrp(descriptor) == os.getpgrp() else None
+    except (OSError, ValueError, AttributeError):
+        return None
+
+
+class StopRequest:
+    """Whether somebody asked for the end.
+
+    reason : who, the first time; "" while nobody did.
+    """
+
+    def __init__(self) -> None:
+        self.reason = ""
+
+    def ask(self, reason: str) -> None:
+        """Ask for the end; a second reason does not replace the first."""
+        self.reason = self.reason or reason
+
+    def __bool__(self) -> bool:
+        return bool(self.reason)
+
+
+@contextmanager
+def stop_on_signals(stop: StopRequest) -> Iterator[None]:
+    """Have signals ask for the end instead of ending the program, within the `with`."""
+
+    def ask(number: int, frame: Any) -> None:
+        del frame
+        stop.ask(signal.Signals(number).name)
+
+    before = {number: signal.signal(number, ask) for number in STOP_SIGNALS}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in IGNORED_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

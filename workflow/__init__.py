@@ -1,0 +1,1 @@
+"""What only the Snakefile needs: a study's plans, the digest of a stage's code, the warm process."""

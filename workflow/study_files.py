@@ -1,0 +1,271 @@
+"""What the Snakefile asks of a study: the files that jobs read and write, and what they use of the plan."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from schemas.config_files import read_config
+from schemas.errors import InputError
+from schemas.plan import StudyPlans, plan_digest, plan_from_content, truth_folder
+from schemas.results import (
+    FIGURE_KINDS,
+    FIT_TABLES,
+    GATHERED_TABLES,
+    PRIOR_TABLES,
+    STUDY_FIGURES,
+    STUDY_TABLES,
+    SUBJECT_TABLES,
+    TRUTH_TABLES,
+    Results,
+)
+from schemas.study import Hand, Recording, Study, path_token, read_study
+
+Wildcards = Any
+"""Snakemake's wildcards: attributes subject, hand, recording, model, as they stand in paths."""
+
+
+class StudyFiles:
+    """One study, asked by the wildcards of a job."""
+
+    def __init__(self, study_file: Path) -> None:
+        self.file = _relative(study_file)
+        self.study: Study = read_study(Path(self.file))
+        self.results = Results.of(self.study.name)
+        self._study_plans = StudyPlans(self.study, self.results.folder)
+        self._contents = {
+            path_token(subject): self._study_plans.content(subject) for subject in self.study.subjects
+        }
+        self._plans = {
+            subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
+        }
+        self._models = {path_token(name): name for name in self.study.models}
+
+    @classmethod
+    def of(cls, study_files: Sequence[Path], config: Mapping[str, Any], default: Path) -> StudyFiles:
+        """Read the study of Snakemake's --configfile, or the default one.
+
+        Raises InputError where there are several, or where --config would change what the file says: the
+        stages read that file, and results that it does not explain would be worse than none.
+        """
+        if len(study_files) > 1:
+            raise InputError("--configfile: names several files; a run is of one study")
+        path = Path(study_files[0]) if study_files else default
+        if config and dict(config) != read_config(path, "study", with_defaults=False):
+            raise InputError(f"--config: a study is described by its file alone; write it into {path}")
+        return cls(path)
+
+    # --- of one subject -----------------------------------------------------------------------------------
+
+    def subject(self, wildcards: Wildcards) -> str:
+        """The subject's name, of which the wildcard is the form that stands in paths."""
+        return self._plans[wildcards.subject].subject
+
+    def plan(self, wildcards: Wildcards) -> str:
+        """Digest of the subject's whole plan."""
+        return plan_digest(self._contents[wildcards.subject])
+
+    def recording_files(self, wildcards: Wildcards) -> list[str]:
+        """A recording's file and mapping, those that are there or are simulated: a missing one must not stop
+        the others.
+        """
+        recording = self._recording(wildcards)
+        names = {"subject": wildcards.subject, "hand": recording.hand.hand, "task": recording.task}
+        simulated = [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
+        there = recording.file.exists() or _relative(recording.file) in simulated
+        mapping = [recording.mapping] if recording.mapping is not None and recording.mapping.exists() else []
+        return [_relative(path) for path in ([recording.file] if there else []) + mapping]
+
+    def import_options(self, wildcards: Wildcards) -> str:
+        """Options that say what a recording is, for the command that imports it."""
+        recording = self._recording(wildcards)
+        values = {
+            "in": _relative(recording.file),
+            "layout": str(recording.layout),
+            "format": recording.format,
+            "mapping": None if recording.mapping is None else _relative(recording.mapping),
+            "subject": recording.hand.subject,
+            "hand": recording.hand.hand,
+            "task": recording.task,
+            "trial": recording.trial,
+        }
+        repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
+        return shlex.join([f"--{name}={value}" for name, value in values.items() if value] + repair)
+
+    def layout_digest(self, wildcards: Wildcards) -> str:
+        """Digest of what the layout of a hand says."""
+        return plan_digest(self._contents[wildcards.subject]["layouts"][wildcards.hand])
+
+    def poses(self, wildcards: Wildcards) -> list[str]:
+        """Poses of every recording of the subject that is not excluded."""
+        plan = self._plans[wildcards.subject]
+        return [str(plan.poses(recording)) for recording in plan.recordings if not recording.exclude]
+
+    def subject_tables(self, wildcards: Wildcards) -> list[str]:
+        """The subject's own tables, of both hands and all models."""
+        plan = self._plans[wildcards.subject]
+        return [str(plan.table(table)) for table in (*SUBJECT_TABLES, *PRIOR_TABLES)]
+
+    def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
+        """Poses that a fit of a hand reads: of both hands, where the model shares lengths between them."""
+        plan = self._plans[wildcards.subject]
+        fitting = plan.models[self.model(wildcards)].fitting
+        both = fitting is not None and fitting.share_lengths
+        recordings = [r for r in plan.recordings if not r.exclude and (both or r.hand.hand == wildcards.hand)]
+        return [str(plan.poses(recording)) for recording in recordings]
+
+    def model(self, wildcards: Wildcards) -> str:
+        """The model's name, of which the wildcard is the form that stands in paths."""
+        return self._models[wildcards.model]
+
+    def layout(self, wildcards: Wildcards) -> str:
+        """The layout of a hand."""
+        return _relative(self.study.layout_of(Hand(self.subject(wildcards), wildcards.hand)))
+
+    def fits(self, wildcards: Wildcards) -> list[str]:
+        """Tables of the subject's whole-hand fits."""
+        plan = self._plans[wildcards.subject]
+        return [str(path) for table in FIT_TABLES for path in plan.files_of(table)]
+
+    def fit_plan(self, wildcards: Wildcards) -> str:
+        """Digest of the plan of a fit of the whole hand."""
+        subject = self.subject(wildcards)
+        return plan_digest(self._study_plans.fit_content(subject, wildcards.hand, self.model(wildcards)))
+
+    def truth(self, wildcards: Wildcards) -> list[str]:
+        """Tables of the truth beside the subject's simulated recordings."""
+        plan = self._plans[wildcards.subject]
+        folders = [plan.truth(recording) for recording in plan.recordings if not recording.exclude]
+        paths = [folder / f"{name}.parquet" for folder in folders if folder for name in TRUTH_TABLES]
+        return [_relative(path) for path in paths]
+
+    def _recording(self, wildcards: Wildcards) -> Recording:
+        plan = self._plans[wildcards.subject]
+        return next(
+            r
+            for r in plan.recordings
+            if (r.hand.hand, r.name) == (wildcards.hand, wildcards.recording) and not r.exclude
+        )
+
+    # --- simulation ---------------------------------------------------------------------------------------
+
+    @property
+    def simulated(self) -> str:
+        """Path of a simulated recording, with wildcards; a path that nothing asks for where none is."""
+        folder = self.study.simulation.folder if self.study.simulation else Path(os.devnull, "none")
+        return _relative(folder / "sub-{subject}_hand-{hand}_task-{task}.parquet")
+
+    @property
+    def streamed(self) -> str:
+        """Path of a simulated recording as its tracker's raw capture, with wildcards."""
+        return self.simulated.removesuffix(".parquet") + ".arrows"
+
+    @property
+    def simulated_truth(self) -> list[str]:
+        """Paths of the truth tables of a simulated recording, with wildcards."""
+        folder = truth_folder(Path(self.simulated))
+        return [(folder / f"{name}.parquet").as_posix() for name in TRUTH_TABLES]
+
+    @property
+    def seed(self) -> int:
+        """Seed of the simulation."""
+        return self.study.simulation.seed if self.study.simulation else 0
+
+    # --- the whole study ----------------------------------------------------------------------------------
+
+    @property
+    def plans(self) -> list[str]:
+        """Plans of all subjects."""
+        return [str(self.results.plan(subject)) for subject in self.study.subjects]
+
+    def gathered(self, _: Wildcards = None) -> list[str]:
+        """Tables of all subjects that the study's tables are gathered from."""
+        return [
+            str(path)
+            for plan in self._plans.values()
+            for table in GATHERED_TABLES
+            for path in plan.files_of(table)
+        ]
+
+    @property
+    def tables(self) -> list[str]:
+        """Every table of every subject."""
+        return [path for each in (self.poses, self.fits, self.subject_tables) for path in self._of_all(each)]
+
+    def all_poses(self, _: Wildcards = None) -> list[str]:
+        """Poses of all subjects."""
+        return self._of_all(self.poses)
+
+    def exported(self, _: Wildcards = None) -> list[str]:
+        """Tables of all subjects that exports are made of."""
+        names = ("joint_centres", "bone_lengths", "metacarpals")
+        tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
+        return [*self.all_poses(), *tables, *self._of_all(self.fits)]
+
+    def _of_all(self, files: Callable[[Wildcards], list[str]]) -> list[str]:
+        return [path for subject in self._plans for path in files(_Subject(subject))]
+
+    @property
+    def study_tables(self) -> list[str]:
+        """The study-wide tables."""
+        return [str(self.results.study_table(table)) for table in STUDY_TABLES]
+
+    @property
+    def configuration(self) -> list[str]:
+        """The study file and its sheets, layouts and models."""
+        layouts = dict.fromkeys(recording.layout for recording in self.study.recordings)
+        files = [*self.study.sheets.values(), *layouts, *self.study.models.values()]
+        return [self.file, *map(_relative, files)]
+
+    @property
+    def export_options(self) -> str:
+        """Options of the export command that the study file sets."""
+        settings = self.study.export_settings | {"models": ",".join(self.study.export_settings["models"])}
+        given = {name: value for name, value in settings.items() if value not in ("", None)}
+        return shlex.join(f"--{name.replace('_', '-')}={value}" for name, value in given.items())
+
+    @property
+    def participants(self) -> str:
+        """Option of the dataset's command that names the participants sheet, where the study has one."""
+        sheet = self.study.sheets.get("participants")
+        return "" if sheet is None else shlex.join([f"--participants={_relative(sheet)}"])
+
+    @property
+    def export_formats(self) -> list[str]:
+        """Formats that each recording is exported in; the dataset of all is a job of its own."""
+        return [name for name in self.study.exports if name != "bids"]
+
+    @property
+    def exports(self) -> list[str]:
+        """Folders of everything that the study exports: of each subject, and the dataset of all."""
+        folders = [str(self.results.exports(subject)) for subject in self.study.subjects]
+        dataset = [str(self.results.dataset)] if "bids" in self.study.exports else []
+        return (folders if self.export_formats else []) + dataset
+
+    figure_names = STUDY_FIGURES
+
+    @property
+    def figures(self) -> list[str]:
+        """The study's figures for print, and their captions."""
+        return [
+            str(self.results.figures / f"{name}.{kind}") for name in STUDY_FIGURES for kind in FIGURE_KINDS
+        ]
+
+    @property
+    def subject_pages(self) -> list[str]:
+        """Folders of the subjects' pages of the report."""
+        return [str(self.results.subject_pages(subject)) for subject in self.study.subjects]
+
+
+class _Subject:
+    """Wildcards of a subject alone."""
+
+    def __init__(self, subject: str) -> None:
+        self.subject = subject
+
+
+def _relative(path: str | Path) -> str:
+    return Path(os.path.relpath(path)).as_posix()
