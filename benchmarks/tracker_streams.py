@@ -174,19 +174,11 @@ def viper_closed(preamble: bytes, body: bytes) -> bytes:
     return frame + struct.pack("<I", crc16(frame))
 
 
-def flock_record(
-    frame: int, station: int, record: str, group: bool, inverse: bool = False, range_mm: float = 914.4
-) -> bytes:
-    """A record of Flock of Birds; positions of `pose` in centimetres."""
+def flock_record(frame: int, station: int, group: bool) -> bytes:
+    """A record of Flock of Birds with a range of 36 inches; positions of `pose` in centimetres."""
     position, (w, x, y, z) = pose(frame, station)
-    sent = (w, -x, -y, -z) if inverse else (w, x, y, z)
-    orientation = {
-        "position-quaternion": sent,
-        "position-angles": tuple(angle / 180 for angle in angles_deg((w, x, y, z))),
-        "position-matrix": cosines(sent),
-    }[record]
     out = bytearray()
-    for number in (*(10 * p / range_mm for p in position), *orientation):
+    for number in (*(10 * p / 914.4 for p in position), w, -x, -y, -z):
         word = int(np.clip(round(number * 8192), -8192, 8191)) & 0x3FFF
         out += bytes([word & 0x7F, word >> 7])
     out[0] |= 0x80
@@ -240,9 +232,7 @@ def streams(frames: int = 5) -> dict[str, Stream]:
     for orientation in ("deg", "rad", "quaternion"):
         whole = tuple(viper_frame(f, four, orientation) for f in range(1, 3 * frames + 1))
         clean[f"viper {orientation}"] = Stream(settings("viper"), whole)
-    for record in ("position-quaternion", "position-angles", "position-matrix"):
-        for group in (False, True):
-            options = settings("trakstar", record=record, group=group, range_inch=36, inverse=True)
-            pieces = tuple(flock_record(f, s, record, group, inverse=True) for f, s in order)
-            clean[f"trakstar {record}{' group' if group else ''}"] = Stream(options, pieces)
+    for group in (False, True):
+        pieces = tuple(flock_record(f, s, group) for f, s in order)
+        clean[f"trakstar{' group' if group else ''}"] = Stream(settings("trakstar", group=group), pieces)
     return clean

@@ -14,7 +14,7 @@ from schemas.errors import InputError
 from trackers.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
 from trackers.decode.counting import Counter
 from trackers.families import decoder_of
-from trackers.protocols.records import Records, Reply, Skipped, Wholes
+from trackers.protocols.records import Records, Skipped, Wholes
 from trackers.protocols.stream_settings import StreamSettings, settings_from_json
 
 BLOCK_BYTES = 4 << 20
@@ -34,7 +34,6 @@ class Block:
     host_ns: Wholes
     out_of_order: npt.NDArray[np.bool_]
     skipped: tuple[Skipped, ...] = ()
-    replies: tuple[Reply, ...] = ()
 
     @property
     def good(self) -> npt.NDArray[np.bool_]:
@@ -157,4 +156,4 @@ class ChunkDecoder:
             first = int(arrival[-1])
             del self._ends[:first], self._arrivals[:first]
         records, host_ns, out_of_order = self._counter.number(decoded, host_ns, final=final)
-        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped, decoded.replies)
+        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)

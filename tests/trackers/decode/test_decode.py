@@ -8,6 +8,7 @@ import pytest
 from captures import circling, cycle, record, settings, write
 
 from schemas.catalogue import CAPTURE_RECORDS, POSES
+from schemas.config_files import config_path
 from schemas.tables import read_metadata, read_table
 from stages.capture.__main__ import main
 from trackers.archive import ArchiveWriter, open_archive
@@ -140,15 +141,20 @@ def test_a_level_that_no_tracker_sends_is_doubted_and_left_out(tmp_path: Path) -
 def test_receivers_that_the_layout_does_not_name_are_left_out_and_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    stations = (2, 3, 18)
+    stations = (2, 3, 16)
+    layout = tmp_path / "other.yaml"
+    shipped = config_path("liberty16", "layout", Path()).read_text()
+    layout.write_text(
+        shipped.replace("layout: liberty16", "layout: other").replace("receiver: 16", "receiver: 18")
+    )
     path = write(tmp_path / "a.arrows", [cycle(f, stations) for f in range(60)], settings(stations))
     words = ["--subject", "01", "--hand", "right", "--task", "rom", "--out", str(tmp_path / "a.parquet")]
-    assert main(["import", "--in", str(path), "--layout", "liberty16", *words]) == 0
-    assert "receiver 18: not in layout liberty16; left out" in capsys.readouterr().err
+    assert main(["import", "--in", str(path), "--layout", str(layout), *words]) == 0
+    assert "receiver 16: not in layout other; left out" in capsys.readouterr().err
     poses = read_table(tmp_path / "a.parquet", POSES).to_pandas()
     assert set(poses.segment) == {"thumb_metacarpal", "thumb_proximal"}
     assert main(["import", "--in", str(path), "--layout", "arm", *words]) == 2
-    assert "has the receivers 2, 3, 18; layout arm names none" in capsys.readouterr().err
+    assert "has the receivers 2, 3, 16; layout arm names none" in capsys.readouterr().err
 
 
 def crossing(frame: int, station: int):
