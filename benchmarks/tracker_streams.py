@@ -142,23 +142,18 @@ def crc16(data: bytes) -> int:
 def viper_frame(
     frame: int,
     stations: Sequence[int],
-    orientation: str = "quaternion",
     unit: int = 2,
     accelerated: bool = False,
 ) -> bytes:
-    """A frame of poses of VIPER; unit 0 inch, 1 foot, 2 cm, 3 m; orientation deg, rad or quaternion."""
+    """A frame of poses of VIPER; unit 0 inch, 1 foot, 2 cm, 3 m."""
     body = struct.pack("<4I", 7, frame, int(accelerated), len(stations))
     for station in stations:
         position, quaternion = pose(frame, station)
-        kind = ("deg", "rad", "quaternion").index(orientation)
-        info = station - 1 | unit << 8 | kind << 10 | 1 << 12 | 37 << 14
-        angles = angles_deg(quaternion)
-        numbers = [(*angles, 0.0), (*np.radians(angles), 0.0), quaternion][kind]
+        info = station - 1 | unit << 8 | 2 << 10 | 1 << 12 | 37 << 14
         if accelerated:
-            scale = 32768 / (180.0, np.pi, 1.0)[kind]
-            sent = struct.pack("<8h", *(round(number * scale) for number in numbers), 1, 2, 3, 4)
+            sent = struct.pack("<8h", *(round(number * 32768) for number in quaternion), 1, 2, 3, 4)
         else:
-            sent = _floats(numbers)
+            sent = _floats(quaternion)
         body += struct.pack("<I", info) + _floats(position) + sent
     return viper_closed(b"VPRP", body)
 
@@ -229,9 +224,7 @@ def streams(frames: int = 5) -> dict[str, Stream]:
         for family, mode, record, lists in by_items
         for items in lists
     }
-    for orientation in ("deg", "rad", "quaternion"):
-        whole = tuple(viper_frame(f, four, orientation) for f in range(1, 3 * frames + 1))
-        clean[f"viper {orientation}"] = Stream(settings("viper"), whole)
+    clean["viper"] = Stream(settings("viper"), tuple(viper_frame(f, four) for f in range(1, 3 * frames + 1)))
     for group in (False, True):
         pieces = tuple(flock_record(f, s, group) for f, s in order)
         clean[f"trakstar{' group' if group else ''}"] = Stream(settings("trakstar", group=group), pieces)

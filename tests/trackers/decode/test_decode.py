@@ -9,6 +9,7 @@ from captures import circling, cycle, record, settings, write
 
 from schemas.catalogue import CAPTURE_RECORDS, POSES
 from schemas.config_files import config_path
+from schemas.errors import InputError
 from schemas.tables import read_metadata, read_table
 from stages.capture.__main__ import main
 from trackers.archive import ArchiveWriter, open_archive
@@ -206,18 +207,13 @@ def test_a_capture_that_was_killed_says_so(tmp_path: Path) -> None:
     assert survey_of(path).records[1] == 150
 
 
-def test_a_second_stream_goes_on(tmp_path: Path) -> None:
-    """A recorder that set the tracker up anew: its counter starts again, the frames go on."""
+def test_settings_that_come_twice_are_refused(tmp_path: Path) -> None:
     writer = ArchiveWriter(tmp_path / "a.arrows", {}, lambda: 0)
-    for start_s in (0, 2):
-        writer.settings(settings().to_json(), start_s * 10**9)
-        for frame in range(240):
-            writer.received(cycle(frame), start_s * 10**9 + round(frame * 1e9 / 240))
-    writer.close({}, 3 * 10**9)
-    survey = survey_of(tmp_path / "a.arrows")
-    assert survey.last_frame == 2 * 240 + 239
-    assert survey.missing_frames == 240
-    assert len(survey.settings) == 2
+    for _ in range(2):
+        writer.settings(settings().to_json(), 0)
+    writer.close({}, 1)
+    with pytest.raises(InputError, match="the tracker's settings twice"):
+        survey_of(tmp_path / "a.arrows")
 
 
 def test_a_moved_calendar_clock_is_told(tmp_path: Path) -> None:
