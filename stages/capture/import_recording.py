@@ -69,7 +69,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     layout = read_layout(arguments.layout)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
-    options = ReadingOptions(mapping, arguments.repair_hemisphere)
+    options = ReadingOptions(mapping)
     remarks = _Remarks()
 
     def parts() -> Iterator[Samples]:
@@ -81,7 +81,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
-    with poses_table(parts, parents, folder) as poses:
+    with poses_table(parts, parents, folder, repair_hemisphere=arguments.repair_hemisphere) as poses:
         _write(arguments, layout, poses, remarks)
 
 

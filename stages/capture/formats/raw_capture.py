@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,13 +22,11 @@ from trackers.decode.survey import survey_archive
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
 
-_MARKS = (*_KEPT, "hemisphere-flip", "hemisphere-repaired")
-
 _KEPT_BYTES = 16 << 20
 """A capture that is no longer is decoded once, and stays in memory."""
 
 
-def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Iterator[Samples]:
+def read_capture(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
     """Read a raw capture part by part; the last part has no samples, but what is to be said of the whole.
 
     A record whose station or frame cannot be believed is left out and counted. Raises InputError where the
@@ -41,7 +39,7 @@ def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Iterato
     wanted = [layout.segments[name].receiver for name in layout.measured]
     there: set[int] = set()
     for part in flagged_records(archive, survey, kept):
-        columns = _kept(part, options)
+        columns = _kept(part)
         there.update(int(number) for number in np.unique(columns[0]))
         known = np.isin(columns[0], [number for number in wanted if number is not None])
         if known.any():
@@ -49,13 +47,22 @@ def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Iterato
     if not there:
         raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
     left_out = _left_out(path, there, layout)
-    nothing = (*(np.empty(0, np.int64) for _ in range(4)), np.empty((0, 7)), np.empty((0, len(_MARKS)), bool))
+    nothing = (*(np.empty(0, np.int64) for _ in range(4)), np.empty((0, 7)), np.empty((0, len(_KEPT)), bool))
     yield replace(
         _samples(path, layout, nothing),
         notes=(*left_out, *losses),
         losses=losses,
         missing_frames=survey.missing_frames,
+        hemispheres=_hemispheres(survey.settings.hemisphere, layout),
     )
+
+
+def _hemispheres(
+    vectors: Mapping[int, tuple[float, float, float]], layout: Layout
+) -> dict[int, tuple[float, float, float]]:
+    """The half of space of each segment's receiver, by the segment's index."""
+    index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
+    return {index_of[station]: vector for station, vector in vectors.items() if station in index_of}
 
 
 def _samples(path: Path, layout: Layout, columns: Sequence[npt.NDArray[Any]]) -> Samples:
@@ -68,7 +75,7 @@ def _samples(path: Path, layout: Layout, columns: Sequence[npt.NDArray[Any]]) ->
         time_s,
         numbers,
         place,
-        {name: marks[:, column] for column, name in enumerate(_MARKS)},
+        {name: marks[:, column] for column, name in enumerate(_KEPT)},
     )
 
 
@@ -83,20 +90,12 @@ def _left_out(path: Path, there: set[int], layout: Layout) -> list[str]:
     return [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
 
 
-def _kept(part: FlaggedRecords, options: ReadingOptions) -> tuple[npt.NDArray[np.generic], ...]:
-    """Station, frame, time, offset, (N, 7) numbers and (N, 5) marks of the records that can be believed."""
+def _kept(part: FlaggedRecords) -> tuple[npt.NDArray[np.generic], ...]:
+    """Station, frame, time, offset, (N, 7) numbers and (N, 3) marks of the records that can be believed."""
     good = np.flatnonzero(~part.flagged(*UNUSABLE))
     records = part.records
-    flipped = part.flagged("hemisphere-flipped")
-    wrong = part.flagged("hemisphere-transit")
-    position_mm = records.position_mm
-    if options.repair_hemisphere:
-        position_mm = np.where(flipped[:, None], -position_mm, position_mm)
-    else:
-        wrong = wrong | flipped
-        flipped = np.zeros(len(flipped), bool)
-    marks = np.stack([*(part.flagged(name) for name in _KEPT), wrong, flipped & ~wrong], -1)
-    numbers = np.concatenate([position_mm, records.quaternion], -1)
+    marks = np.stack([part.flagged(name) for name in _KEPT], -1)
+    numbers = np.concatenate([records.position_mm, records.quaternion], -1)
     columns = (records.station, records.frame, part.time_s, records.offset, numbers, marks)
     return tuple(column[good] for column in columns)
 
