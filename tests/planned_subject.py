@@ -24,7 +24,7 @@ QUICK = """model: quick
 description: a whole hand, fitted in few frames
 joints: {solver: anatomical, calibration: all}
 planes: {cut: false}
-fit: {whole_hand: true, frames: 30}
+fit: {whole_hand: true, frames: 30, steps: 10}
 own_cmc: [thumb_cmc, index_cmc, middle_cmc, ring_cmc, little_cmc]
 metacarpals: {unmeasured: fitted, measured: fitted}
 """

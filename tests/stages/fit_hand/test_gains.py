@@ -49,7 +49,14 @@ def test_every_measurement_is_tried_and_the_best_comes_first(fitted: HandFit, fo
     assert found["index_middle"].sd_mm < found["index_distal"].sd_mm < DEEP_SD_MM
 
 
-@pytest.mark.parametrize("quantity", ["ring_middle", "middle_proximal.lateral", "index_middle.distal"])
+@pytest.mark.parametrize(
+    "quantity",
+    [
+        "middle_proximal.lateral",
+        pytest.param("ring_middle", marks=pytest.mark.slow),
+        pytest.param("index_middle.distal", marks=pytest.mark.slow),
+    ],
+)
 def test_it_is_what_a_fit_with_the_measurement_has(found: dict[str, Gain], quantity: str) -> None:
     """Errors stated before anyone measured, against those of the hand fitted anew with the true value: of the
     joint that gains most, and of all joints.
