@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.benchmark_table import Cell, TextTable
 from benchmarks.peers import QMT, SARA, SCORE, Biobuddy, biobuddy, hinge_axis, missing_peers, receiver_pair
-from benchmarks.solvers import as_poses, closed, moments, solved_joints, stacked
+from benchmarks.solvers import closed, moments, solved_joints, stacked
 from schemas.layout import Joint, Plane, read_layout
 from schemas.poses import Poses
 from skeleton.rotations import Array, about_axis, multiply, rotate, unit
@@ -72,7 +72,7 @@ def joint_times(n_frames: int, rounds: int) -> TextTable:
 def hand_times(n_frames: int, rounds: int) -> TextTable:
     """Time a hand's joints from the same arrays of poses, each solver's inputs included."""
     layout = read_layout("liberty16")
-    poses = as_poses(simulate("01", "right", "opposition", 0, Realism.full(), n_frames))
+    poses = simulate("01", "right", "opposition", 0, Realism.full(), n_frames).poses()
     joints = solved_joints(layout, poses)
     peer, missing = biobuddy(), missing_peers()
     rivals = _ours(poses, joints)

@@ -19,8 +19,9 @@ from schemas.parts import Part, parts_writer
 from schemas.tables import Provenance, read_table, rows_of
 from stages.simulate.realism import Realism
 from stages.simulate.recording import write_recording
-from stages.simulate.simulated_truth import TrueJoint, write_truth
+from stages.simulate.simulated_truth import TrueJoint
 from stages.simulate.simulation import LAYOUT, Simulated, simulate
+from stages.simulate.written_truth import write_truth
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,7 +107,7 @@ def _solve_joints(folder: Path, poses: Path) -> None:
 
 def _write_true_centres(folder: Path, simulated: Simulated) -> None:
     """Write the true centres as if the model had solved them: the folder's projected_joints."""
-    write_truth(folder / "truth", simulated.truth, simulated.written(), Provenance())
+    write_truth(folder / "truth", simulated, Provenance())
     rows = rows_of(read_table(folder / "truth" / "joint_centres.parquet", JOINT_CENTRES))
     with parts_writer(folder / "projected_joints.parquet", JOINT_CENTRES, Provenance()) as table:
         part = Part(simulated.hand, MODEL, subject=simulated.subject)

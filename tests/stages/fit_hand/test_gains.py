@@ -23,7 +23,7 @@ def fitted() -> HandFit:
 
 @pytest.fixture(scope="module")
 def found(fitted: HandFit) -> dict[str, Gain]:
-    return {gain.quantity: gain for gain in gains(fitted)}
+    return {gain.quantity: gain for gain in gains(fingertips(fitted))}
 
 
 def sds(fit: HandFit) -> dict[str, float]:
@@ -31,7 +31,7 @@ def sds(fit: HandFit) -> dict[str, float]:
 
 
 def test_every_measurement_is_tried_and_the_best_comes_first(fitted: HandFit, found: dict[str, Gain]) -> None:
-    order = gains(fitted)
+    order = gains(fingertips(fitted))
     assert [gain.quantity for gain in order] == list(found)
     model = fitted.evidence.model
     assert {*model.length, *(f"{segment}.height" for segment in model.mount)} <= set(found)
@@ -102,4 +102,4 @@ def test_a_touch_gains_what_it_said(fitted: HandFit, found: dict[str, Gain]) -> 
 def test_a_chain_without_anatomy_has_nothing_to_measure() -> None:
     chain = random_chain(3, 3, 60, off_axis_rad=0.5)
     fit = fit_hand([chain.poses], chain_layout(chain), "right", settings=Settings(rounds=0))
-    assert gains(fit) == []
+    assert gains(fingertips(fit)) == []

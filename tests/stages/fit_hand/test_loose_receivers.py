@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated_poses import poses_of, recorded
+from simulated_poses import recorded
 
 from schemas.layout import Layout
 from schemas.poses import Poses
@@ -200,6 +200,6 @@ def test_no_false_alarm(layout: Layout, seed: int) -> None:
     side = ("right", "left")[seed % 2]
     for task in ("rom", "opposition"):
         for skin in (1.0, 2.0):
-            poses = poses_of(simulate("01", side, task, seed, replace(Realism.full(), artefact=skin)))
+            poses = simulate("01", side, task, seed, replace(Realism.full(), artefact=skin)).poses()
             fit = fit_hand([poses], layout, side)
             assert not loose_receivers(fit, [poses]), (task, skin)

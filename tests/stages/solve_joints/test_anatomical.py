@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from chains import as_poses, chain_layout, random_chain
 from scipy.spatial.transform import Rotation
-from simulated_poses import poses_of
 from thumb_receiver import facing_the_nail
 
 from benchmarks.accuracy import estimators
@@ -89,7 +88,7 @@ def test_a_thumb_whose_receiver_faces_the_nail(seed: int, side: str) -> None:
     error_mm, sd_mm = np.zeros((2, 2, 6)), np.zeros((2, 2, 6))
     for i, one in enumerate((made, facing_the_nail(made))):
         sample, moments = HandSample(joints), JointMoments(len(joints))
-        sample.add(add_block(moments, poses_of(one), joints))
+        sample.add(add_block(moments, one.poses(), joints))
         fit = fit_hand(sample, moments, LIBERTY, side, None)
         assert fit is not None
         for row, index in enumerate(fit.joints):
