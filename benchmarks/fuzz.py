@@ -312,7 +312,7 @@ def _table(outcomes: Mapping[str, Outcome], seed: int) -> TextTable:
         rows.append((name, runs, len(outcome.failures), ms_a_run, outcome.grown_mb, kinds))
     return TextTable(
         f"fuzz: {sum(len(outcome.peaks_mb) for outcome in outcomes.values())} runs, seed {seed}",
-        (("target", ""), ("runs", "d"), ("failed", "d"), ("ms a run", ".2f"), ("MB grown", ".1f"), ("", "")),
+        ("target", "runs:d", "failed:d", "ms a run:.2f", "MB grown:.1f", ""),
         rows,
         "A run damages a valid stream or file in up to 8 places. Failed: raised something else than "
         "InputError, warned, crashed, hung, lost a byte of the stream, or came out otherwise when the stream "

@@ -29,8 +29,8 @@ OF_SWEEP = {
 }
 
 
-def _columns(names: Iterable[str], before: str = "") -> list[tuple[str, str]]:
-    return [(before + METRICS[name].head, METRICS[name].form) for name in names]
+def _columns(names: Iterable[str], before: str = "") -> list[str]:
+    return [f"{before}{METRICS[name].head}:{METRICS[name].form}" for name in names]
 
 
 def _cells(one: Summary, names: Iterable[str]) -> list[Cell]:
@@ -53,7 +53,7 @@ def estimator_table(
     absent = "".join(f" {name}: {reason}." for name, reason in missing.items())
     return TextTable(
         f"accuracy: {scenario}, {people}",
-        (("estimator", ""), *_columns(OF_ESTIMATOR), ("x best peer", ".2f")),
+        ("estimator", *_columns(OF_ESTIMATOR), "x best peer:.2f"),
         rows,
         "Distance of all 15 centres from the truth in the child's receiver frame; medians of its parts "
         "along and across the true axis; axis of the hinges and length of nine phalanges (medians); mean "
@@ -79,10 +79,10 @@ def joint_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> TextT
             off = [j.child_mm for hand in scores[name] for j in hand.joints if j.joint in members]
             numbers += [float(value) for value in np.percentile(off, [50, 90])]
         rows.append((kind, *numbers))
-    heads = [(f"{name}: {what}", ".2f") for name in shown for what in ("median", "p90")]
+    heads = [f"{name}: {what}:.2f" for name in shown for what in ("median", "p90")]
     return TextTable(
         f"accuracy: {FULL.name} by type of joint, {people}",
-        (("joints", ""), *heads),
+        ("joints", *heads),
         rows,
         "Distance from the true centre in mm, as above.",
     )
@@ -94,7 +94,7 @@ def ablation_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> Te
     fits = (estimators.WHOLE, *estimators.ABLATIONS)
     return TextTable(
         f"accuracy: parts of the whole-hand fit left out, {FULL.name}, {people}",
-        (("fit", ""), *_columns(names)),
+        ("fit", *_columns(names)),
         [(fit, *_cells(summary(scores[fit]), names)) for fit in fits],
         "As above. Scales as published: those of priors and residuals are not found from the hand itself.",
     )
@@ -102,7 +102,7 @@ def ablation_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> Te
 
 def sweep_table(order: Sequence[str], scores: Scores, people: str) -> TextTable:
     """One scenario a row."""
-    columns = [("scenario", "")]
+    columns = ["scenario"]
     for name, metrics in OF_SWEEP.items():
         columns += _columns(metrics, f"{name}: ")
     rows: list[tuple[Cell, ...]] = []
@@ -134,7 +134,7 @@ def tip_table(tips: Sequence[TipError], people: str) -> TextTable:
     heads = (*DIGITS, "all", "p90", "constant", "moving")
     return TextTable(
         f"accuracy: the end of the last bone in opposition, calibrated on range of motion, {people}",
-        (("skeleton", ""), *((f"{head} mm", ".2f") for head in heads)),
+        ("skeleton", *(f"{head} mm:.2f" for head in heads)),
         rows,
         "Mean over the frames of the second half of opposition of the distance to the true end of the last "
         "bone (or, where the row says so, of the digit, skin and all), mean over hands (p90 over digits "
@@ -158,12 +158,12 @@ def literature_table(rows: Sequence[ProtocolRow], runs: int, peer_runs: int) -> 
         peer = [mm if np.isfinite(mm) else None for mm in (row.peer_centre_mm, row.peer_axis_mm)]
         centres, axes = (row.centre_mm, peer[0], centre), (row.axis_mm, peer[1], axis)
         cells.append((row.noise, row.range_deg, *centres, *axes))
-    centre_heads = (("centre mm", ".2f"), ("biobuddy SCoRE", ".2f"), ("published", ""))
-    axis_heads = (("axis mm", ".2f"), ("biobuddy SARA", ".2f"), ("published", ""))
+    centre_heads = ("centre mm:.2f", "biobuddy SCoRE:.2f", "published")
+    axis_heads = ("axis mm:.2f", "biobuddy SARA:.2f", "published")
     return TextTable(
         f"accuracy: two segments, four markers each, {NOISE_MM:g} mm white noise, {N_FRAMES} frames, "
         f"{runs} runs",
-        (("noise on", ""), ("range deg", ".0f"), *centre_heads, *axis_heads),
+        ("noise on", "range deg:.0f", *centre_heads, *axis_heads),
         cells,
         "Root mean square error in the child's cluster of the centre of a ball joint, and of a hinge's axis "
         f"where it passes the true centre, by the closed form; biobuddy on the first {peer_runs} runs, with "
@@ -245,7 +245,7 @@ def target_table(aims: Sequence[Target], people: str) -> TextTable:
         rows.append((target.what, aim, target.measured, kept))
     return TextTable(
         f"accuracy: targets, {people}",
-        (("what", ""), ("target", ""), ("measured", ".2f"), ("kept", "")),
+        ("what", "target", "measured:.2f", "kept"),
         rows,
         "Set before the seeds of the documented run were looked at; nothing is tuned on them.",
     )
