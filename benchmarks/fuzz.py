@@ -18,7 +18,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -232,15 +232,6 @@ def run_one(name: str, seed: int, number: int) -> Run:
         except Exception:  # whatever it is, it is what is looked for
             failure = traceback.format_exc()
     return Run(outcome, failure, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-
-
-def run_here(name: str, seed: int, runs: Iterable[int]) -> Outcome:
-    """Do runs in this process."""
-    outcome, started = Outcome(), time.perf_counter()
-    for number in runs:
-        outcome.add(number, run_one(name, seed, number))
-    outcome.seconds = time.perf_counter() - started
-    return outcome
 
 
 def run_apart(

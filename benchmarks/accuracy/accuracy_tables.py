@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,10 +10,10 @@ from benchmarks import peers
 from benchmarks.accuracy import estimators
 from benchmarks.accuracy.literature import N_FRAMES, NOISE_MM, PUBLISHED, ProtocolRow
 from benchmarks.accuracy.scenarios import FULL, STIFF
-from benchmarks.accuracy.score import JOINT_TYPES, RADIUS_SD, HandScore
-from benchmarks.accuracy.score_summary import METRICS, Summary, summary
+from benchmarks.accuracy.score import JOINT_TYPES, METRICS, HandScore, Summary, summary
 from benchmarks.accuracy.tip_scores import CONTACTS, RECEIVER, SKIN, TOUCHED, TRUE, TipError
 from benchmarks.benchmark_table import Cell, TextTable
+from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.simulate.random_hand import DIGITS
 
 Scores = Mapping[str, Mapping[str, Sequence[HandScore]]]
@@ -172,21 +171,15 @@ def literature_table(rows: Sequence[ProtocolRow], runs: int, peer_runs: int) -> 
     )
 
 
-@dataclass(frozen=True)
-class Target:
-    """A number that is aimed at: `most` at most, or between `least` and `most`."""
-
-    what: str
-    measured: float | None
-    most: float
-    least: float | None = None
-
-    @property
-    def kept(self) -> bool | None:
-        """Whether it is kept; None where it was not measured."""
-        if self.measured is None:
-            return None
-        return self.measured <= self.most and (self.least is None or self.measured >= self.least)
+def target_row(
+    what: str, measured: float | None, most: float, least: float | None = None
+) -> tuple[Cell, ...]:
+    """What is aimed at (`most` at most, or from `least` on), what is measured, and whether it is kept."""
+    aim = f"<= {most:g}" if least is None else f"{least:g} to {most:g}"
+    kept = None
+    if measured is not None:
+        kept = "yes" if measured <= most and (least is None or measured >= least) else "NO"
+    return what, aim, measured, kept
 
 
 TARGETS = (
@@ -208,41 +201,36 @@ TIP_TARGETS_MM = {estimators.WHOLE: 2.4, TOUCHED: 0.7, TOUCHED + SKIN: 0.7, CONT
 """How large the mean error of the worst digit's tip may be, by skeleton."""
 
 
-def tip_targets(tips: Sequence[TipError]) -> list[Target]:
+def tip_targets(tips: Sequence[TipError]) -> list[tuple[Cell, ...]]:
     """The targets of fingertips: the worst digit's mean."""
-    targets = []
+    rows = []
     for name, limit_mm in TIP_TARGETS_MM.items():
         own = [tip for tip in tips if tip.skeleton == name]
         worst_mm = max(_digit_means_mm(own)) if own else None
-        targets.append(Target(f"fingertip, {name}: worst digit mm", worst_mm, limit_mm))
-    return targets
+        rows.append(target_row(f"fingertip, {name}: worst digit mm", worst_mm, limit_mm))
+    return rows
 
 
-def targets(scores: Scores, skin: Sequence[str]) -> list[Target]:
+def targets(scores: Scores, skin: Sequence[str]) -> list[tuple[Cell, ...]]:
     """Every target of joints beside its measure; skin : scenarios in which coverage is held to 93 to 98 %."""
-    aims = [
-        Target(what, summary(scores[scenario.name][estimator])[metric], most)
+    rows = [
+        target_row(what, summary(scores[scenario.name][estimator])[metric], most)
         for what, scenario, estimator, metric, most in TARGETS
     ]
     full = {name: summary(hands) for name, hands in scores[FULL.name].items()}
     peer_mm, whole_mm = _best_peer_mm(full), full[estimators.WHOLE]["median_mm"]
     ratio = whole_mm / peer_mm if peer_mm and whole_mm else None
-    aims.append(Target("whole-hand over the best peer's median", ratio, 0.5))
+    rows.append(target_row("whole-hand over the best peer's median", ratio, 0.5))
     for scenario in skin:
         whole = summary(scores[scenario][estimators.WHOLE])
         for metric in ("radius_percent", "ellipsoid_percent"):
             what = f"whole-hand, {scenario}: {METRICS[metric].head}"
-            aims.append(Target(what, whole[metric], 98.0, 93.0))
-    return aims
+            rows.append(target_row(what, whole[metric], 98.0, 93.0))
+    return rows
 
 
-def target_table(aims: Sequence[Target], people: str) -> TextTable:
+def target_table(rows: Sequence[tuple[Cell, ...]], people: str) -> TextTable:
     """What is aimed at, what is measured."""
-    rows: list[tuple[Cell, ...]] = []
-    for target in aims:
-        aim = f"<= {target.most:g}" if target.least is None else f"{target.least:g} to {target.most:g}"
-        kept = {True: "yes", False: "NO", None: None}[target.kept]
-        rows.append((target.what, aim, target.measured, kept))
     return TextTable(
         f"accuracy: targets, {people}",
         ("what", "target", "measured:.2f", "kept"),

@@ -65,7 +65,7 @@ def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
         "along_mm": float(abs(child @ axis)),
         "across_mm": float(np.linalg.norm(np.cross(child, axis))),
         "parent_error_mm": both[1],
-        "axis_deg": _line_angle_deg(estimated_axis, axis) if true["dof"] == 1 else None,
+        "axis_deg": line_angle_deg(estimated_axis, axis) if true["dof"] == 1 else None,
         "sd_mm": sd_mm,
         "within_95": within,
     }
@@ -82,6 +82,6 @@ def stated_length_mm(stated: Stated, layout: Layout, joint: str) -> float | None
     return None if bone["length_mm"] is None else float(bone["length_mm"])
 
 
-def _line_angle_deg(first: Array, second: Array) -> float:
-    """Angle between two lines, whichever way their unit vectors point."""
+def line_angle_deg(first: Array, second: Array) -> float:
+    """Angle between two lines (3,), 0 to 90 deg, whichever way their vectors point."""
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(first, second)), abs(first @ second))))

@@ -11,12 +11,13 @@ from thumb_receiver import facing_the_nail
 
 from benchmarks.accuracy import estimators
 from benchmarks.accuracy.scenarios import STIFF, Scenario
-from benchmarks.accuracy.score import RADIUS_SD, score
+from benchmarks.accuracy.score import score
 from benchmarks.accuracy.trials import record
 from schemas.layout import Layout, read_layout
 from schemas.model import read_model
 from schemas.poses import Poses
 from skeleton.rotations import Array
+from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import simulate
 from stages.solve_joints import anatomical, posture_sample
