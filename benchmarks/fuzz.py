@@ -18,7 +18,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -234,15 +234,6 @@ def run_one(name: str, seed: int, number: int) -> Run:
     return Run(outcome, failure, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
-def run_here(name: str, seed: int, runs: Iterable[int]) -> Outcome:
-    """Do runs in this process."""
-    outcome, started = Outcome(), time.perf_counter()
-    for number in runs:
-        outcome.add(number, run_one(name, seed, number))
-    outcome.seconds = time.perf_counter() - started
-    return outcome
-
-
 def run_apart(
     name: str,
     seed: int,
@@ -312,7 +303,7 @@ def _table(outcomes: Mapping[str, Outcome], seed: int) -> TextTable:
         rows.append((name, runs, len(outcome.failures), ms_a_run, outcome.grown_mb, kinds))
     return TextTable(
         f"fuzz: {sum(len(outcome.peaks_mb) for outcome in outcomes.values())} runs, seed {seed}",
-        (("target", ""), ("runs", "d"), ("failed", "d"), ("ms a run", ".2f"), ("MB grown", ".1f"), ("", "")),
+        ("target", "runs:d", "failed:d", "ms a run:.2f", "MB grown:.1f", ""),
         rows,
         "A run damages a valid stream or file in up to 8 places. Failed: raised something else than "
         "InputError, warned, crashed, hung, lost a byte of the stream, or came out otherwise when the stream "

@@ -64,7 +64,8 @@ class PartsWriter:
     def rows(self, part: Part, rows: Iterable[Mapping[str, Any]], **parameters: Any) -> None:
         """Add a part's rows; a nullable column that a row does not name is null there."""
         self._parts.setdefault(part, {}).update(parameters)
-        columns = columns_from_rows(self._table, [{**self._keys(part), **row} for row in rows])
+        keys = _named_keys(self._table, part)
+        columns = columns_from_rows(self._table, [{**keys, **row} for row in rows])
         self._waiting.append((part, arrow_table(self._table, columns, self._schema)))
 
     def columns(self, part: Part, columns: Mapping[str, Any], **parameters: Any) -> None:
@@ -76,7 +77,7 @@ class PartsWriter:
         count = next(len(values) for values in columns.values() if not isinstance(values, str))
         whole = {
             name: pa.repeat(pa.scalar(values), count) if isinstance(values, str) else values
-            for name, values in {**self._keys(part), **columns}.items()
+            for name, values in {**_named_keys(self._table, part), **columns}.items()
         }
         rows = arrow_table(self._table, whole, self._schema)
         self._writer.write_table(rows, row_group_size=max(1, rows.num_rows))
@@ -93,10 +94,6 @@ class PartsWriter:
         listed = [{**asdict(part), **parameters} for part, parameters in self._parts.items()]
         text = json.dumps(listed, ensure_ascii=False, sort_keys=True)
         self._writer.add_key_value_metadata({PARTS_KEY: text})
-
-    def _keys(self, part: Part) -> dict[str, str]:
-        names = {column.name for column in self._table.columns}
-        return {name: value for name, value in asdict(part).items() if name in names}
 
 
 @contextmanager

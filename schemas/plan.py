@@ -22,17 +22,8 @@ from schemas.model import SkeletonModel, model_from_config
 from schemas.parts import Part
 from schemas.poses import one_hand, recording_name
 from schemas.results import FIT_TABLES
-from schemas.sheets import Row
-from schemas.study import (
-    Hand,
-    Recording,
-    Study,
-    path_token,
-    read_corrections,
-    read_measurements,
-    read_participants,
-    read_touches,
-)
+from schemas.sheets import HAND_SHEETS, SHEETS, Row, read_sheet
+from schemas.study import Hand, Recording, Study, path_token
 
 VERSION = 1
 SIZES = ("hand_length_mm", "hand_breadth_mm")
@@ -154,22 +145,16 @@ class StudyPlans:
         self._models = [read_config(path, "model") for path in study.models.values()]
         layouts = {study.layout_of(hand) for hand in study.hands}
         self._layouts = {path: read_config(path, "layout") for path in layouts}
-        readers = {
-            "participants": read_participants,
-            "corrections": read_corrections,
-            "measurements": read_measurements,
-            "touches": read_touches,
-        }
-        self._rows: dict[str, dict[str, list[dict[str, Any]]]] = {name: {} for name in readers}
-        for name, read in readers.items():
-            for row in read(study.sheets.get(name)):
+        names = ("participants", *HAND_SHEETS)
+        self._rows: dict[str, dict[str, list[dict[str, Any]]]] = {name: {} for name in names}
+        for name in names:
+            for row in read_sheet(study.sheets.get(name), SHEETS[name]):
                 self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
 
     def content(self, subject: str) -> dict[str, Any]:
         """Give a subject's plan as JSON types."""
         study = self._study.of_subject(subject)
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
-        sheets = ("corrections", "measurements", "touches")
         return {
             "plan": VERSION,
             "study": study.name,
@@ -179,8 +164,8 @@ class StudyPlans:
             "recordings": [_recording(recording, study, self._results) for recording in study.recordings],
             "layouts": {hand.hand: self._layouts[study.layout_of(hand)] for hand in study.hands},
             "models": self._models,
-            **{name: self._rows[name].get(subject, []) for name in sheets},
-            "sheets": {name: _relative(study.sheets[name]) for name in sheets if name in study.sheets},
+            **{name: self._rows[name].get(subject, []) for name in HAND_SHEETS},
+            "sheets": {name: _relative(study.sheets[name]) for name in HAND_SHEETS if name in study.sheets},
         }
 
     def fit_content(self, subject: str, hand: str, model: str) -> dict[str, Any]:
@@ -251,10 +236,13 @@ def plan_of_poses(
         given = (path, str(path), Path(layout.name), "auto", None, "keep", "")
         files[Recording(Hand(subject, hand), name.task, name.trial, role, *given)] = path
     named = {name: path for name, path in (sheets or {}).items() if path is not None}
-    readers = {"corrections": read_corrections, "measurements": read_measurements, "touches": read_touches}
     rows = {
-        name: tuple(row for row in read(named.get(name)) if (row["subject"], row["hand"]) == (subject, hand))
-        for name, read in readers.items()
+        name: tuple(
+            row
+            for row in read_sheet(named.get(name), SHEETS[name])
+            if (row["subject"], row["hand"]) == (subject, hand)
+        )
+        for name in HAND_SHEETS
     }
     sizes = sizes_mm or {}
     return SubjectPlan(

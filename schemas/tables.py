@@ -226,6 +226,16 @@ def column_array(table: pa.Table, name: str) -> npt.NDArray[Any]:
     return np.asarray(table.column(name).to_numpy())
 
 
+def vector_columns(prefix: str, vector: npt.NDArray[np.float64], suffix: str = "") -> dict[str, float]:
+    """Give a vector (3,) as the columns of a row that are named by its axes."""
+    return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}
+
+
+def vector_of(row: Mapping[str, Any], prefix: str, suffix: str = "") -> npt.NDArray[np.float64]:
+    """Give the columns of a row that are named by the axes of a vector as (3,); null as NaN."""
+    return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"], float)
+
+
 def columns_from_rows(table: Table, rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Turn rows into columns; a nullable column that a row does not name is null there."""
     missing = {c.name for c in table.columns if not c.nullable}

@@ -70,12 +70,12 @@ def export(arguments: argparse.Namespace) -> None:
 
 def _participants(path: Path | None, plans: Sequence[SubjectPlan]) -> Mapping[str, Mapping[str, Any]]:
     """Columns of the participants sheet, by subject of the plans."""
-    from schemas.study import read_participants
+    from schemas.sheets import PARTICIPANTS, read_sheet
 
     subjects = {plan.subject for plan in plans}
     return {
         row["subject"]: {name: value for name, value in row.values.items() if name != "subject"}
-        for row in read_participants(path)
+        for row in read_sheet(path, PARTICIPANTS)
         if row["subject"] in subjects
     }
 

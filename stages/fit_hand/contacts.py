@@ -7,10 +7,9 @@ import numpy.typing as npt
 
 from schemas.poses import Poses
 from skeleton.rotations import Array
-from stages.fit_hand.fingertips import PAD, Fingertips, fingertips, seen_parts
-from stages.fit_hand.fit import HandFit
+from stages.fit_hand.fingertips import PAD, Fingertips, seen_parts
 from stages.fit_hand.operations import Index
-from stages.fit_hand.touching import CONTACT_SD_MM, Contact, contact_in
+from stages.fit_hand.touching import CONTACT_SD_MM, Touch, contact_in
 
 THUMB = "thumb"
 
@@ -34,15 +33,14 @@ _Rows = npt.NDArray[np.bool_]
 
 
 def find_contacts(
-    hand: HandFit | Fingertips, poses: Poses, *, sd_mm: float = CONTACT_SD_MM, most_each: int = MOST_EACH
-) -> list[Contact]:
+    tips: Fingertips, poses: Poses, *, sd_mm: float = CONTACT_SD_MM, most_each: int = MOST_EACH
+) -> list[Touch]:
     """Find frames of a recording in which the thumb's pad is likely to rest on a finger's.
 
     One finger's pad must be the nearest to the thumb's, come nearer than the hand's uncertainty allows, and
     be held there. One person's way of putting pads together repeats itself, so that all
     contacts of a finger share the weight of one: sd_mm, per direction, is for their mean.
     """
-    tips = hand if isinstance(hand, Fingertips) else fingertips(hand)
     fingers = [name for name in tips.digits if name != THUMB]
     if THUMB not in tips.digits or not fingers:
         return []

@@ -13,8 +13,7 @@ import numpy as np
 
 from anatomy.known_digits import root_of
 from skeleton.rotations import Array
-from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, fingertips, seen_parts, tipped_digits
-from stages.fit_hand.fit import HandFit
+from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
 from stages.fit_hand.measurements import MOUNT_PARTS, Measurement, observations
 from stages.fit_hand.posterior import Evidence, centre_by_unknowns, places_of
 from stages.fit_hand.posterior_summary import bent_skin_mm2
@@ -46,16 +45,13 @@ class Gain:
     joint_sd_after_mm: float
 
 
-def gains(
-    hand: HandFit | Fingertips, *, sd_mm: float = MEASURED_SD_MM, touch_sd_mm: float = TOUCH_SD_MM
-) -> list[Gain]:
+def gains(tips: Fingertips, *, sd_mm: float = MEASURED_SD_MM, touch_sd_mm: float = TOUCH_SD_MM) -> list[Gain]:
     """Say what each bone's length, each receiver's place and each fingertip's touch would gain, best first.
 
     sd_mm : of a measurement between joints and receivers; what starts at a CMC joint or the wrist counts as
     known to DEEP_SD_MM, what ends at the tip of a bone as less certain by the soft tip. touch_sd_mm : of a
     touch, per direction. Empty for a hand whose anatomy is not known.
     """
-    tips = hand if isinstance(hand, Fingertips) else fingertips(hand)
     names = list(tips.fit.joints)
     quantities, sds, rows = _candidates(tips, sd_mm, touch_sd_mm)
     if not quantities or not names:

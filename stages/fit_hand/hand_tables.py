@@ -22,8 +22,7 @@ from schemas.catalogue import (
 )
 from schemas.parts import PartsWriter, parts_writer
 from schemas.poses import RecordingName
-from schemas.tables import Provenance, Table
-from skeleton.rotations import Array
+from schemas.tables import Provenance, Table, vector_columns
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.gains import gains
@@ -86,10 +85,10 @@ def _joint_row(joint: FittedJoint) -> Row:
         "source": SOURCE,
         "status": joint.status,
         "message": joint.message,
-        **_xyz("parent_", joint.parent_mm, "_mm"),
-        **_xyz("child_", joint.child_mm, "_mm"),
-        **_xyz("axis_parent_", joint.axis_parent),
-        **_xyz("axis_child_", joint.axis_child),
+        **vector_columns("parent_", joint.parent_mm, "_mm"),
+        **vector_columns("child_", joint.child_mm, "_mm"),
+        **vector_columns("axis_parent_", joint.axis_parent),
+        **vector_columns("axis_child_", joint.axis_child),
     }
     if np.isfinite(joint.covariance_mm2).all():
         row["covariance_mm2"] = joint.covariance_mm2.ravel()
@@ -112,7 +111,7 @@ def _fixed_row(centre: FixedCentre) -> Row:
         "source": SOURCE,
         "status": "ok",
         "message": centre.message,
-        **_xyz(f"{side}_", centre.centre_mm, "_mm"),
+        **vector_columns(f"{side}_", centre.centre_mm, "_mm"),
     }
 
 
@@ -188,10 +187,6 @@ def _tip_columns(tips: Fingertips, digit: str) -> Row:
         ("bone_tip", tip.point_mm, tip.covariance_mm2),
         ("soft_tip", tip.soft_tip_mm, tip.soft_tip_covariance_mm2),
     ):
-        row |= _xyz(f"{name}_", point, "_mm")
+        row |= vector_columns(f"{name}_", point, "_mm")
         row[f"{name}_sd_mm"] = float(np.sqrt(np.trace(covariance)))
     return row
-
-
-def _xyz(prefix: str, vector: Array, suffix: str = "") -> Row:
-    return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}

@@ -10,7 +10,8 @@ from small_study import HEADER, write_study
 from schemas.config_files import CONFIG_FOLDER
 from schemas.errors import InputError
 from schemas.layout import read_layout
-from schemas.study import Hand, Study, correction_problems, path_token, read_corrections, read_study
+from schemas.sheets import CORRECTIONS, read_sheet
+from schemas.study import Hand, Study, correction_problems, path_token, read_study
 
 
 def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
@@ -154,7 +155,7 @@ def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) 
     rows = [f"{joint} 1 2 3".replace(" ", "\t") for joint in joints]
     path.write_text("\n".join(["subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm", *rows]))
     layout = read_layout("liberty16")
-    problems = correction_problems(read_corrections(path), path, [Hand("01", "right")], layout)
+    problems = correction_problems(read_sheet(path, CORRECTIONS), path, [Hand("01", "right")], layout)
     assert [problem.split(", column ")[0] for problem in problems] == [
         f"corrections.tsv: row {row}" for row in (3, 4, 5, 6)
     ]

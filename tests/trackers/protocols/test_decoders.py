@@ -74,7 +74,7 @@ def test_both_hold_for_many_streams(made, cuts) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_byte_by_byte_is_as_good_as_at_once(name: str) -> None:
     stream = STREAMS[name]
-    data = stream.data[5:]
+    data = b"".join(stream.pieces[:9])[5:]
     check_same(
         decode(decoder_of(stream.settings), data),
         decode(decoder_of(stream.settings), data, range(len(data))),
@@ -105,7 +105,7 @@ def test_a_damaged_byte_costs_one_record(name: str, kind: str) -> None:
     expected = set(rows(decode(decoder_of(stream.settings), stream.data).records))
     pieces = [len(piece) for piece in stream.pieces]
     allowed = 4 if name.startswith("viper") else 1  # a frame has all four stations
-    for place in range(sum(pieces[:8]), sum(pieces[:10]), 3 if name.startswith("viper") else 1):
+    for place in range(sum(pieces[:8]), sum(pieces[:10]), 4):
         data = damaged(stream.data, place, kind)
         decoded = decode(decoder_of(stream.settings), data)
         assert len(expected - set(rows(decoded.records))) <= allowed, place
@@ -134,6 +134,6 @@ def test_what_is_kept_for_later_stays_small(name: str) -> None:
     stream = STREAMS[name]
     decoder = decoder_of(stream.settings)
     random = np.random.default_rng(1)
-    for _ in range(60):
+    for _ in range(20):
         decoder.feed(random.bytes(4096) + stream.pieces[0][:8])
         assert len(decoder._rest) < 6000

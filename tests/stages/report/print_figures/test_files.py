@@ -22,6 +22,7 @@ from stages.report.print_figures.drawing import Drawing, drawn, not_drawn, save
 from stages.report.print_figures.style import label, new_figure
 
 REPOSITORY = Path(__file__).resolve().parents[4]
+NAMES = sorted(f"{name}.{kind}" for name in STUDY_FIGURES for kind in FIGURE_KINDS)
 TEXT = "{http://www.w3.org/2000/svg}text"
 
 
@@ -45,6 +46,7 @@ def page_mm(pdf: Path) -> tuple[float, float]:
     return width, height
 
 
+@pytest.mark.slow
 def test_two_processes_write_the_same_bytes(
     simulated_files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -62,9 +64,8 @@ def test_two_processes_write_the_same_bytes(
     ]
     environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
     subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, check=True)
-    names = sorted(f"{name}.{kind}" for name in STUDY_FIGURES for kind in FIGURE_KINDS)
-    assert sorted(path.name for path in first.iterdir()) == names
-    for name in names:
+    assert sorted(path.name for path in first.iterdir()) == NAMES
+    for name in NAMES:
         assert (first / name).read_bytes() == (second / name).read_bytes(), name
 
 
@@ -127,6 +128,7 @@ def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
             "need a model that fits the whole hand, and this study has none.\n"
         )
         assert run(*words_of(study, out)) == 0
+    assert {path.name for path in out.iterdir() if path.is_file()} == {*NAMES}
     (svg,) = out.glob("*/right/opposition/tip-error.svg")
     assert "Tip error [mm]" in texts(svg)
     told = capsys.readouterr().err.splitlines()

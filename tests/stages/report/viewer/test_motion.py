@@ -57,7 +57,7 @@ def test_a_fitted_hand_moves_as_its_bones_were_posed(known: Any) -> None:
 
 def test_tip_errors_are_those_of_the_skeleton_that_is_drawn(right: Any) -> None:
     replayed, fitted = right.motion("paper-fig4", "whole-hand").skeletons
-    distal = right.made.written().distal_mm
+    distal = right.made.distal_mm
     np.testing.assert_allclose(
         replayed.tip_error_mm, np.linalg.norm(right.made.truth.tip_mm - distal, axis=-1), atol=1e-9
     )
