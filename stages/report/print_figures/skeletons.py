@@ -23,8 +23,7 @@ from stages.report.pictures.hand_views import (
     views_of,
     window_of,
 )
-from stages.report.print_figures.caption_text import capital, recording_text
-from stages.report.print_figures.drawing import NoDataError
+from stages.report.print_figures.drawing import NoDataError, capital, recording_text
 from stages.report.print_figures.style import SMALL_PT, TWO_COLUMNS_MM, headings, label, lettered, new_figure
 from stages.report.recording_results import read_still
 from stages.report.study_results import StudyResults

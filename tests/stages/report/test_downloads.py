@@ -22,8 +22,8 @@ from report_samples.small_page import small_page
 from schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES, TIP_ERRORS
 from schemas.study import read_study
 from schemas.tables import Table, read_table
+from stages.report.comparison.answers import observations
 from stages.report.comparison.comparisons import Comparison, compare
-from stages.report.comparison.observations import observations
 from stages.report.comparison.questions import JOINT_ERROR
 from stages.report.downloads import (
     Download,

@@ -11,13 +11,12 @@ from matplotlib.patches import PathPatch
 
 from schemas.errors import InputError
 from schemas.results import STUDY_FIGURES
-from stages.report.comparison.comparisons import compare_study
+from stages.report.comparison.answers import answer
 from stages.report.comparison.questions import JOINT_ERROR, TRUE_TIP
 from stages.report.palette import MODELS as COLOURS
 from stages.report.print_figures.drawing import Drawing, NoDataError
-from stages.report.print_figures.joint_trust import joint_trust
-from stages.report.print_figures.models_by_digit import models_by_digit
-from stages.report.print_figures.paired_differences import paired_differences
+from stages.report.print_figures.joints import joint_trust
+from stages.report.print_figures.models import models_by_digit, paired_differences
 from stages.report.print_figures.study_figures import of_study
 from stages.report.print_figures.style import applied
 from stages.report.study_results import StudyResults
@@ -89,8 +88,9 @@ def test_differences_mean_and_interval_are_the_comparisons(
 ) -> None:
     figure = drawings["paired-differences"].figure
     for panel, question in zip(figure.axes, (TRUE_TIP, JOINT_ERROR), strict=True):
-        pairs = [("whole-hand", "paper-fig4")]
-        (comparison,) = compare_study(simulated, question, pairs, held_out=True)
+        own = answer(simulated, question)
+        assert own is not None
+        (comparison,) = own.overall
         assert comparison.statistics is not None
         assert comparison.statistics.interval is not None
         (places,) = dots_in(panel, COLOURS[1])
