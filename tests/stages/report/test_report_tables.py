@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -112,16 +110,6 @@ def test_absent_results_are_bad_input(
 def test_nothing_to_do_is_bad_input(made: tuple[Path, Path]) -> None:
     """Neither page nor terminal was asked for."""
     assert _run("--study", str(made[0]), "--results", str(made[1])) == 2
-
-
-def test_help_loads_nothing_heavy() -> None:
-    """The help needs neither arrays nor templates."""
-    code = (
-        "import sys, stages.report.__main__ as m; m.build_parser().format_help();"
-        "print({'numpy', 'pyarrow', 'jinja2'} & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
 
 
 def test_words_and_numbers() -> None:

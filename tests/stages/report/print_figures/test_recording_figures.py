@@ -11,7 +11,7 @@ from schemas.tables import read_table
 from stages.report.palette import HUES, MODELS
 from stages.report.print_figures.over_time import joint_angles, tip_error
 from stages.report.print_figures.skeletons import skeletons
-from stages.report.print_figures.study_figures import find_recording, of_recording
+from stages.report.print_figures.study_figures import find_recording
 from stages.report.print_figures.style import applied
 from stages.report.study_results import StudyResults
 
@@ -92,16 +92,6 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
     np.testing.assert_allclose(np.unique(y), 3.0 * np.arange(12))
     assert np.isclose(x[-1], 11 / 240, atol=0.6 / 240)
     assert "n = 12 frames" in caption
-
-
-def test_without_a_fitted_model_there_are_no_angles(measured: StudyResults, recording: Recording) -> None:
-    missing = {drawing.name: drawing.missing for drawing in of_recording(measured, recording)}
-    assert missing == {
-        "tip-error": "",
-        "skeletons": "",
-        "joint-angles": "Not drawn: joint angles need a model that fits the whole hand, and this study has "
-        "none.",
-    }
 
 
 def test_a_recording_is_found_by_its_name_or_its_path(measured: StudyResults) -> None:
