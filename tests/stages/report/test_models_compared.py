@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from browser import WatchedPage
 from report_samples.many_subjects import NOT_FITTED, SEVEN, many_subjects
-from report_samples.read_page import read_page
+from report_samples.read_page import read_page, rows_where
 from report_samples.small_page import small_page
 
 from schemas.model import read_model
@@ -248,11 +248,8 @@ def test_dots_are_the_subjects_means(twelve: StudyResults) -> None:
     for digit in found.by_digit:
         rows = [
             row["true_tip_mean_mm"]
-            for row in twelve.scores
-            if (row["subject"], row["model"]) == ("S003", "whole-hand")
-            and row["held_out"]
-            and row["true_tip_mean_mm"] is not None
-            and digit in (ALL_DIGITS, row["digit"])
+            for row in rows_where(twelve.scores, subject="S003", model="whole-hand", held_out=True)
+            if row["true_tip_mean_mm"] is not None and digit in (ALL_DIGITS, row["digit"])
         ]
         assert len(rows) == (5 if digit == ALL_DIGITS else 1)  # one hand: the other was not fitted
         assert found.by_digit[digit]["whole-hand"]["S003"] == pytest.approx(np.mean(rows))

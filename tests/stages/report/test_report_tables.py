@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from report_samples.read_page import rows_where
 
 from schemas.model import read_model
 from stages import command_line
@@ -47,11 +48,8 @@ def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
 def test_headline_names_means_and_doubts(results: StudyResults) -> None:
     """The means are over all digits and hands, best and worst told; nothing was held out, and it says so."""
     means = mean_tip_errors(results, held_out=False)
-    values = [
-        row["mean_mm"]
-        for row in results.tip_errors
-        if (row["model"], row["binding"]) == ("rigid", "least-squares") and row["mean_mm"] is not None
-    ]
+    mine = rows_where(results.tip_errors, model="rigid", binding="least-squares")
+    values = [row["mean_mm"] for row in mine if row["mean_mm"] is not None]
     assert means["rigid"] == pytest.approx(sum(values) / len(values))
     text = headline(results)
     best, worst = sorted(means, key=lambda model: means[model])[:: len(means) - 1]

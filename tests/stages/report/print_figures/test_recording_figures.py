@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from report_samples.hand_tables import part_of, write_parts
+from report_samples.read_page import rows_where
 
 from schemas.catalogue import JOINT_ANGLES, TIPS
 from schemas.errors import InputError
@@ -27,12 +28,7 @@ def test_tip_errors_are_the_tables_and_break_at_the_gap(measured: StudyResults, 
     index = figure.axes[1]
     line = next(line for line in index.lines if line.get_color() == MODELS[2])
     data = read_table(measured.paths.study_table("tips"), TIPS).to_pylist()
-    own = [
-        row
-        for row in data
-        if (row["subject"], row["hand"], row["model"], row["digit"])
-        == ("S01", "right", "paper-fig4", "index")
-    ]
+    own = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
     largest = max(row["error_mm"] for row in own if row["error_mm"] is not None)
     y = np.asarray(line.get_ydata(), float)
     assert np.nanmax(y) == largest

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
+from report_samples.read_page import rows_where
 
 from schemas.errors import InputError
 from schemas.results import STUDY_FIGURES
@@ -72,12 +73,8 @@ def test_marks_are_medians_and_bars_quartiles(simulated: StudyResults, drawings:
 def test_joint_panel_has_the_joints_mean(simulated: StudyResults, drawings: dict[str, Drawing]) -> None:
     """S7, whose left hand failed, has the right hand's joints alone."""
     panel = drawings["models-by-digit"].figure.axes[1]
-    errors = [
-        row["error_mm"]
-        for row in simulated.joint_errors
-        if (row["subject"], row["model"], row["calibrated_on"]) == ("S7", "whole-hand", "rom")
-        and row["joint"].startswith("middle_")
-    ]
+    mine = rows_where(simulated.joint_errors, subject="S7", model="whole-hand", calibrated_on="rom")
+    errors = [row["error_mm"] for row in mine if row["joint"].startswith("middle_")]
     assert len(errors) == 3
     middle = dots_in(panel, COLOURS[1])[2]
     assert np.isclose(middle[:, 1], np.mean(errors)).any()
@@ -130,11 +127,9 @@ def test_joint_errors_and_stated_ones_are_the_tables(
     figure = drawings["joint-errors"].figure
     panel = figure.axes[1]
     joints = [label.get_text() for label in figure.axes[-1].get_xticklabels()]
-    rows = [
-        row for row in simulated.joint_errors if (row["model"], row["calibrated_on"]) == ("whole-hand", "rom")
-    ]
+    rows = rows_where(simulated.joint_errors, model="whole-hand", calibrated_on="rom")
     for joint, places in zip(joints, dots_in(panel, COLOURS[1]), strict=True):
-        expected = [row["error_mm"] for row in rows if row["joint"] == joint and row["error_mm"] is not None]
+        expected = [row["error_mm"] for row in rows_where(rows, joint=joint) if row["error_mm"] is not None]
         np.testing.assert_allclose(sorted(places[:, 1]), sorted(expected))
     stated = [line for line in panel.lines if line.get_color() == "black"]
     assert [list(line.get_ydata()) for line in stated] == [[1.0, 1.0]] * len(joints)

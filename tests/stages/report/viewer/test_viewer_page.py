@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from report_samples.viewer_page import page_of_viewer
+from report_samples.small_page import page_of_viewer
 
 from stages.report.hand_motion import still_frame
 from stages.report.viewer import view as viewer_view
