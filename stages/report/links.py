@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -63,29 +63,25 @@ class Navigation:
 def navigation(results: StudyResults, recording: Recording) -> Navigation:
     """The links of a recording's page, to pages of evaluated recordings alone."""
     paths, mine = results.paths, recording.hand
-    page = paths.recording_page(recording)
-
-    def to(words: Callable[[Recording], str], target: Recording | None) -> Link | None:
-        return None if target is None else link(words(target), page, paths.recording_page(target))
-
-    other = Hand(mine.subject, "left" if mine.hand == "right" else "right")
+    page, study = paths.recording_page(recording), f"Study {results.name}"
+    other = _same_task(results, "left" if mine.hand == "right" else "right", recording)
+    words = "Right hand" if mine.hand == "left" else "Left hand"
     others = [
         link(recording_label(own, with_hand=True), page, paths.recording_page(own))
         for own in results.shown
         if own.hand.subject == mine.subject and own != recording
     ]
     return Navigation(
-        study=link(f"Study {results.name}", page, paths.report),
+        study=link(study, page, paths.report),
         subject=link(f"Subject {mine.subject}", page, paths.subject_page(mine.subject)),
-        other_hand=to(
-            lambda own: f"{own.hand.hand.capitalize()} hand", _same_task(results, other, recording)
-        ),
+        other_hand=None if other is None else link(words, page, paths.recording_page(other)),
         others=tuple(others),
     )
 
 
-def _same_task(results: StudyResults, hand: Hand, recording: Recording) -> Recording | None:
-    """The hand's evaluated recording of the same task, of the same trial where there is one."""
+def _same_task(results: StudyResults, side: str, recording: Recording) -> Recording | None:
+    """The subject's evaluated recording of that hand and task, of the same trial where there is one."""
+    hand = Hand(recording.hand.subject, side)
     known = [own for own in results.shown if own.hand == hand and own.task == recording.task]
     same = [own for own in known if own.trial == recording.trial]
     return next(iter([*same, *known]), None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +32,7 @@ from stages.report.pictures.subject_dots import (
     value_scale,
 )
 from stages.report.study_results import StudyResults
-from stages.report.table_cells import DASH, Block, DataTable, Folded, counted, listed, number
+from stages.report.table_cells import DASH, Block, DataTable, Folded, counted, listed, number, title
 
 _SCALES = {"linear": "", "log": ", log scale", "asinh": ", even about 0, squeezed outward"}
 
@@ -53,7 +53,13 @@ def value_panels(answer: Answer) -> Panels:
     )
     scale = value_scale(every)
     shown = f"{answer.question.choice}, every subject under {listed(answer.names)}"
-    panels = [_panel_of(answer, digit, shown, _strips(answer, of)) for digit, of in answer.by_digit.items()]
+    marks = {name: (name == answer.baseline, name in answer.question.references) for name in answer.names}
+    panels = [
+        _panel_of(
+            answer, digit, shown, [Strip(n, of.get(n, {}), None, None, *own) for n, own in marks.items()]
+        )
+        for digit, of in answer.by_digit.items()
+    ]
     places = (
         "hands, recordings and joints" if answer.question.table == "joint_errors" else "hands and recordings"
     )
@@ -94,21 +100,7 @@ def difference_panels(answer: Answer) -> Panels | None:
 
 def digit_title(digit: str) -> str:
     """The digit in words."""
-    name = digit.replace("_", " ")
-    return "All digits" if digit == ALL_DIGITS else name[0].upper() + name[1:]
-
-
-def _strips(answer: Answer, of_model: Mapping[str, Mapping[str, float]]) -> list[Strip]:
-    references = answer.question.references
-    return [
-        Strip(
-            model=name,
-            numbers=of_model.get(name, {}),
-            baseline=name == answer.baseline,
-            reference=name in references,
-        )
-        for name in answer.names
-    ]
+    return "All digits" if digit == ALL_DIGITS else title(digit)
 
 
 def _panel_of(answer: Answer, digit: str, shown: str, strips: Sequence[Strip]) -> Panel:

@@ -31,12 +31,6 @@ def count_range(counts: Iterable[int]) -> str:
     return f"{low}" if low == high else f"{low}–{high}"
 
 
-def capital(text: str) -> str:
-    """The text with a capital first letter and without underscores."""
-    words = text.replace("_", " ")
-    return words[:1].upper() + words[1:]
-
-
 def recording_text(recording: Recording) -> str:
     """The recording in words."""
     trial = f", trial {recording.trial}" if recording.trial else ""

@@ -19,7 +19,7 @@ from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, Missing
 from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, Paired
 from stages.report.comparison.questions import JOINT_ERROR, LEFT_OUT, REPLAY, TRUE, TRUE_TIP, Question
 from stages.report.palette import SOFT, model_looks
-from stages.report.print_figures.drawing import NoDataError, capital, count_range, study_text
+from stages.report.print_figures.drawing import NoDataError, count_range, study_text
 from stages.report.print_figures.style import (
     FEWEST_FOR_QUARTILES,
     ONE_COLUMN_MM,
@@ -37,7 +37,7 @@ from stages.report.print_figures.style import (
     summary,
 )
 from stages.report.study_results import StudyResults
-from stages.report.table_cells import counted, listed, number
+from stages.report.table_cells import counted, listed, number, title
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,7 +125,7 @@ def models_by_digit(results: StudyResults) -> tuple[Figure, str]:
     counts: list[str] = []
     for each, axes in zip(judged, panels, strict=True):
         counts.append(_digit_panel(axes, results, each))
-        sentences.append(f"{capital(each.text)} [mm]; n = {counts[-1]} subjects. {each.gaps}".strip())
+        sentences.append(f"{title(each.text)} [mm]; n = {counts[-1]} subjects. {each.gaps}".strip())
     headings(panels, [f"n = {n} subjects" for n in counts])
     models = [name for name in results.models if any(name in each.answer.models for each in judged)]
     handles = model_handles(model_looks(list(results.models)), models)
@@ -187,7 +187,7 @@ def _references(
 
 def _digit_axis(axes: Axes, digits: Sequence[str]) -> None:
     axes.set_xlim(-0.5, len(digits) - 0.5)
-    axes.set_xticks(range(len(digits)), [label(capital(digit)) for digit in digits])
+    axes.set_xticks(range(len(digits)), [label(title(digit)) for digit in digits])
     axes.tick_params(axis="x", length=0)
     for edge in range(1, len(digits)):
         axes.axvline(edge - 0.5, color="0.88", linewidth=0.5, zorder=0)
@@ -277,7 +277,7 @@ def _differences_caption(results: StudyResults, panels: list[_Panel]) -> str:
 def _panel_text(panel: _Panel) -> str:
     judgement, compared = panel
     parts = "; ".join(_difference(comparison, statistics) for comparison, statistics in compared)
-    text = f"{capital(judgement.text)}; less that of {judgement.answer.baseline}: {parts}."
+    text = f"{title(judgement.text)}; less that of {judgement.answer.baseline}: {parts}."
     return " ".join(filter(None, [text, _not_compared(compared)]))
 
 

@@ -9,7 +9,6 @@ from typing import Literal
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from schemas.errors import InputError
 from schemas.layout import Layout
@@ -19,21 +18,20 @@ from stages.report.hand_motion import view_base
 from stages.report.palette import HUES, RULE, Look, model_looks
 from stages.report.pictures.tip_error_strips import Traces, hidden_lines, thinned_traces, time_label
 from stages.report.pictures.traces import Trace, error_scale, thin, trace_band, trace_line
-from stages.report.print_figures.drawing import NoDataError, capital, count_range, recording_text
+from stages.report.print_figures.drawing import NoDataError, count_range, recording_text
 from stages.report.print_figures.style import (
     TWO_COLUMNS_MM,
     columns_for,
     headings,
     label,
-    logarithmic,
     new_figure,
-    plain_numbers,
     stacked,
+    vertical_axis,
 )
 from stages.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
 from stages.report.score_tables import mean
 from stages.report.study_results import LEAST_SQUARES, StudyResults, recording_key
-from stages.report.table_cells import listed, number
+from stages.report.table_cells import listed, number, title
 
 _STRIP_MM, _FOOT_MM = 26.0, 22.0
 
@@ -47,8 +45,8 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     figure = new_figure(TWO_COLUMNS_MM, _FOOT_MM + _STRIP_MM * len(traces))
     strips = stacked(figure, len(traces), sharex=True, sharey=True)
     _draw_strips(strips, traces, looks)
-    headings(strips, [label(capital(digit)) for digit in traces])
-    strips[-1].set_xlabel(capital(time_label(traces)))
+    headings(strips, [label(title(digit)) for digit in traces])
+    strips[-1].set_xlabel(title(time_label(traces)))
     figure.supylabel("Tip error [mm]", fontsize="medium")
     models = [model for model in results.models if any(model in of for of in traces.values())]
     figure.legend(handles=_model_lines(looks, models), loc="outside upper center", ncols=4)
@@ -65,13 +63,7 @@ def _draw_strips(strips: Sequence[Axes], traces: Traces, looks: Mapping[str, Loo
         if not of:
             axes.text(0.02, 0.5, "no tip error", transform=axes.transAxes, va="center")
         axes.margins(x=0.01)
-        axes.grid(axis="y", clip_on=False)
-        if scale.kind == "log":
-            logarithmic(axes.yaxis, scale.low, scale.high)
-        else:
-            axes.set_ylim(0.0, scale.high)
-            axes.yaxis.set_major_locator(MaxNLocator(3))
-            plain_numbers(axes.yaxis)
+        vertical_axis(axes, scale, 3)
 
 
 def _draw_trace(axes: Axes, trace: Trace, look: Look, phase: float, order: int) -> None:

@@ -17,14 +17,12 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib import font_manager
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path as Outline
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.ticker import NullLocator
 
 from stages.report.palette import INK, RULE, SOFT, Look
+from stages.report.pictures.scale import Scale, plain
 
 ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 175.0
 LARGE_PT, SMALL_PT = 8.0, 7.0
@@ -171,23 +169,10 @@ FEWEST_FOR_QUARTILES = 4
 MANY = 40
 
 
-def dots(axes: Axes, x: Array, y: Array, colour: str, diameter: float = 0.0) -> PathPatch:
-    """Round dots at x, y, each (n,), as one outline: a hundred subjects take little room in the file.
-
-    diameter : in the figure's unit; unless given small, and smaller for many.
-
-    The axes' limits do not take them into account: every panel sets its own, and to measure dots takes long.
-    """
-    size = diameter or (2.4 if len(x) <= MANY else 1.5)
-    places = np.repeat(np.column_stack([x, y]), 2, axis=0)
-    codes = np.tile([Outline.MOVETO, Outline.LINETO], len(x))
-    patch = PathPatch(
-        Outline(places, codes), fill=False, edgecolor=colour, linewidth=size, capstyle="round", alpha=0.6
-    )
-    patch.get_path().should_simplify = False  # a dot is a line of no length
-    axes.add_artist(patch)
-    patch.set_clip_on(False)
-    return patch
+def dots(axes: Axes, x: Array, y: Array, colour: str) -> None:
+    """Translucent round dots at x, y, each (n,), smaller where they are many."""
+    size = 2.4 if len(x) <= MANY else 1.5
+    axes.plot(x, y, "o", color=colour, alpha=0.6, markersize=size, markeredgewidth=0.0, clip_on=False)
 
 
 def scattered(n: int, width: float) -> Array:
@@ -210,31 +195,19 @@ def error_axis(axes: Axes, values: Iterable[Array]) -> None:
     """The vertical axis from zero, or logarithmic where the largest would flatten a group of the others."""
     groups = [part for part in values if part.size]
     low, high = min(float(part.min()) for part in groups), max(float(part.max()) for part in groups)
-    if low > 0 and high > _LOG_RATIO * min(float(np.median(part)) for part in groups):
-        logarithmic(axes.yaxis, low / 1.25, high * 1.25)
-    else:
-        axes.set_ylim(0.0, high * 1.06 or 1.0)
-    axes.grid(axis="y")
+    dwarfed = low > 0 and high > _LOG_RATIO * min(float(np.median(part)) for part in groups)
+    scale = Scale(low / 1.25, high * 1.25, "log") if dwarfed else Scale(0.0, high * 1.06 or 1.0)
+    vertical_axis(axes, scale, 6)
 
 
-def logarithmic(axis: Axis, low: float, high: float) -> None:
-    """Make an axis logarithmic, with ticks at plain numbers."""
-    if isinstance(axis, XAxis):
-        axis.axes.set_xscale("log")
-        axis.axes.set_xlim(low, high)
-    else:
-        axis.axes.set_yscale("log")
-        axis.axes.set_ylim(low, high)
-    steps = (1.0, 2.0, 5.0) if high / low < 60 else (1.0, 3.0) if high / low < 1000 else (1.0,)
-    axis.set_major_locator(LogLocator(10.0, steps))
-    axis.set_minor_locator(NullLocator())
-    plain_numbers(axis)
-    axis.set_minor_formatter(NullFormatter())
-
-
-def plain_numbers(axis: Axis) -> None:
-    """Ticks as numbers without trailing zeros, with a true minus sign."""
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value, 9):g}".replace("-", "−")))
+def vertical_axis(axes: Axes, scale: Scale, most_ticks: int) -> None:
+    """Give the vertical axis the scale, with ticks at plain numbers and a grid."""
+    axes.set_yscale(scale.kind)
+    axes.set_ylim(scale.low, scale.high)
+    ticks = scale.ticks(most_ticks)
+    axes.set_yticks(ticks, [plain(tick) for tick in ticks])
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.grid(axis="y", clip_on=False)
 
 
 def model_handles(looks: Mapping[str, Look], names: Sequence[str]) -> list[Line2D]:

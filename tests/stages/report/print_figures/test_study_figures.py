@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.patches import PathPatch
 from report_samples.read_page import rows_where
 
 from schemas.errors import InputError
@@ -27,12 +26,7 @@ MODELS = ("paper-fig4", "whole-hand")
 
 def dots_in(axes: Axes, colour: str) -> list[np.ndarray]:
     """Places (n, 2) of every group of dots in that colour, in the order in which they were drawn."""
-    wanted = tuple(int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
-    return [
-        np.asarray(patch.get_path().vertices)[::2]
-        for patch in axes.patches
-        if isinstance(patch, PathPatch) and np.allclose(patch.get_edgecolor()[:3], wanted)
-    ]
+    return [line.get_xydata() for line in axes.lines if (line.get_color(), line.get_alpha()) == (colour, 0.6)]
 
 
 def subject_means(results: StudyResults, model: str, digit: str, column: str) -> list[float]:
