@@ -23,12 +23,11 @@ from stages.report.pictures.hand_views import (
     views_of,
     window_of,
 )
-from stages.report.print_figures.caption_text import capital, recording_text
-from stages.report.print_figures.drawing import NoDataError
+from stages.report.print_figures.drawing import NoDataError, recording_text
 from stages.report.print_figures.style import SMALL_PT, TWO_COLUMNS_MM, headings, label, lettered, new_figure
 from stages.report.recording_results import read_still
 from stages.report.study_results import StudyResults
-from stages.report.table_cells import listed
+from stages.report.table_cells import listed, title
 
 _ACROSS = 3
 _FOOT_MM = 20.0
@@ -58,7 +57,7 @@ def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     handles = [
         Line2D(
             [], [], color=own.colour, marker=own.marker, markersize=3, markerfacecolor=PAPER,
-            label=label(capital(digit)),
+            label=label(title(digit)),
         )
         for digit, own in digit_looks(motion.digits).items()
     ]  # fmt: skip

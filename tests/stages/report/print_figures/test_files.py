@@ -178,13 +178,3 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"any\.pdf: cannot be written"):
         save(tmp_path, not_drawn("any", "no reason"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["any.pdf", "any.svg"]
-
-
-def test_help_imports_no_matplotlib() -> None:
-    code = (
-        "import sys, runpy\nsys.argv = ['print_figures', '--help']\n"
-        "try:\n    runpy.run_module('stages.report.print_figures', run_name='__main__')\n"
-        "except SystemExit:\n    pass\n"
-        "sys.exit(bool({'numpy', 'matplotlib', 'pyarrow'} & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, check=False).returncode == 0
