@@ -106,22 +106,6 @@ def test_a_failure_can_be_recorded_instead(recording: Path, name: str, layout: s
     assert str(recording.parent) not in str(caught.value)
 
 
-@pytest.mark.parametrize("hand", ["right", "left"])
-def test_a_real_recording(real_data: Path, tmp_path: Path, hand: str) -> None:
-    """Every row comes through, gaps as gaps, quaternions of length 1 to rounding."""
-    recording = real_data / "upper_limb_poses" / f"racing_{hand}.csv"
-    if not recording.is_file():
-        pytest.skip(f"no {recording.name} among the real recordings")
-    out = tmp_path / "poses.parquet"
-    assert run(recording, out, layout="arm") == 0
-    lines = recording.read_text().splitlines()[1:]
-    poses = read_poses(out, read_layout("arm").measured)
-    assert poses.valid.size == len(lines) == 2800
-    assert (~poses.valid).sum() == sum(line.endswith(",,,,") for line in lines)
-    assert abs((poses.quaternion[poses.valid] ** 2).sum(-1) - 1).max() < 1e-12
-    assert read_metadata(out)["parameters"]["absent"] == []
-
-
 @pytest.mark.parametrize(
     "argv", [["--help"], *([name, "--help"] for name in ("import", "inspect", "export-bids"))]
 )

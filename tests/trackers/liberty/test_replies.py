@@ -77,14 +77,6 @@ def test_ports_come_from_the_binary_whoami() -> None:
     assert replies.ports_of(Reply(0, 0, 0x16, 0, b"")) is None
 
 
-@given(data=st.binary(max_size=200))
-def test_any_bytes_are_taken_without_a_fault(data: bytes) -> None:
-    for question in SETTINGS.values():
-        for reply in replies.binary_answers(data):
-            replies.binary_value(question, reply)
-    replies.text_whoami(data)
-
-
 @given(data=st.binary(max_size=40), value_sent=st.integers(-1, 5))
 def test_whatever_stands_before_an_answer_it_is_found(data: bytes, value_sent: int) -> None:
     answer = binary(0, b"U", struct.pack("<i", value_sent))
