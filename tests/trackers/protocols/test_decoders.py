@@ -4,48 +4,15 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from benchmarks.fuzz_decoding import check_same, check_tiles, decode, skipped_bytes
-from benchmarks.tracker_streams import Stream, streams
+from benchmarks.fuzz_decoding import check_tiles, decode, skipped_bytes
+from benchmarks.tracker_streams import streams
 from trackers.families import decoder_of
 from trackers.protocols.records import Records
 
 STREAMS = streams()
 NAMES = tuple(STREAMS)
 DAMAGES = ("dropped", "flipped", "top bit", "put in", "twice")
-CUTS = st.lists(st.integers(0, 3000), max_size=12)
-
-
-@st.composite
-def spoilt(draw: st.DrawFn) -> tuple[Stream, bytes]:
-    stream = STREAMS[draw(st.sampled_from(NAMES))]
-    data = bytearray(stream.data[draw(st.integers(0, 40)) :])
-    for place in draw(st.lists(st.integers(0, len(data) - 9), max_size=6)):
-        data[place : place + draw(st.integers(0, 9))] = draw(st.binary(max_size=9))
-    return stream, bytes(data)
-
-
-def check(made: tuple[Stream, bytes], cuts: list[int]) -> None:
-    """Wherever the stream is cut the outcome is the same, with every byte in a record, a reply or skipped."""
-    stream, data = made
-    whole = decode(decoder_of(stream.settings), data)
-    check_same(whole, decode(decoder_of(stream.settings), data, cuts))
-    check_tiles(whole, len(data))
-
-
-@settings(max_examples=60)
-@given(made=spoilt(), cuts=CUTS)
-def test_any_stream_cut_anywhere(made, cuts) -> None:
-    check(made, cuts)
-
-
-@pytest.mark.slow
-@settings(max_examples=2000)
-@given(made=spoilt(), cuts=CUTS)
-def test_many_streams_cut_anywhere(made, cuts) -> None:
-    check(made, cuts)
 
 
 def damaged(whole: bytes, place: int, kind: str) -> bytes:
