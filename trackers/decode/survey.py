@@ -88,17 +88,12 @@ class Survey:
         return sum(size for _, size, _ in self.skipped)
 
 
-def survey_archive(archive: Archive, kept: list[Block] | None = None) -> Survey:
-    """Read the whole archive once. Raises InputError where it holds no settings.
-
-    kept : a list that the blocks are put into, of an archive so short that they need not be decoded twice.
-    """
+def survey_archive(archive: Archive) -> Survey:
+    """Read the whole archive once. Raises InputError where it holds no settings."""
     tally = Tally()
     surveyor = _Surveyor()
     for block in blocks_of(archive, tally):
         surveyor.add(block)
-        if kept is not None:
-            kept.append(block)
     return surveyor.survey(tally)
 
 
