@@ -13,9 +13,8 @@ from schemas.layout import Layout
 from schemas.plan import SubjectPlan
 from schemas.poses import Poses, frame_count, pose_blocks
 from schemas.study import Recording
-from skeleton.posed_recording import read_motion as read_tables
-from skeleton.posed_recording import read_skeleton
-from skeleton.posing import Motion, PosedBones, axes_turned_about, pose_bones
+from skeleton.posed_recording import posed_bones
+from skeleton.posing import PosedBones, axes_turned_about
 from skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
 from stages.export.hand_anatomy import neutral_rotations, to_nail_side
 from stages.export.long_arrays import by_point, chosen_points, empty
@@ -29,7 +28,7 @@ from stages.export.motion import (
     nominal_rate_hz,
 )
 
-BLOCK_FRAMES = 1 << 14
+BLOCK_FRAMES = 1 << 16
 """Frames that are posed at a time."""
 
 
@@ -75,28 +74,17 @@ def _read_poses(path: Path, layout: Layout) -> Poses:
 
 def _posed_bones(plan: SubjectPlan, recording: Recording, model_name: str, poses: Poses) -> PosedBones:
     """Poses of all bones over the recording, made a block of frames at a time."""
-    skeleton = read_skeleton(plan, recording.hand.hand, model_name)
-    motion = read_tables(plan, recording, model_name, poses.frame)
     count = len(poses.frame)
     position = turn = np.empty((0, 0, 0))
     for start in range(0, max(count, 1), BLOCK_FRAMES):
         rows = slice(start, start + BLOCK_FRAMES)
-        bones = pose_bones(skeleton, poses.take(rows), _taken(motion, rows))
+        bones = posed_bones(plan, recording, model_name, poses.take(rows))
         if not start:
             position, turn = (empty(count, len(bones.joints), width) for width in (3, 4))
         position[rows], turn[rows] = bones.position_mm, bones.quaternion
     bones = replace(bones, position_mm=position, quaternion=turn)
     fitted = plan.models[model_name].fitting is not None
     return replace(bones, axis=axes_turned_about(bones)) if fitted else bones
-
-
-def _taken(motion: Motion, rows: slice) -> Motion:
-    return Motion(
-        *(
-            {name: numbers[rows] for name, numbers in series.items()}
-            for series in (motion.metacarpals, motion.bone_poses, motion.tips)
-        )
-    )
 
 
 def motion_of(
