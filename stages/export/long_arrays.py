@@ -7,6 +7,7 @@ held on the disk between.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Sequence
 from tempfile import TemporaryFile
 from typing import Any, cast
@@ -16,8 +17,13 @@ import numpy.typing as npt
 
 from skeleton.rotations import Array
 
-KEPT_BYTES = 1 << 25
-"""Of one array; a longer one is on the disk."""
+KEPT_BYTES = 400 * 10**6
+"""Of all arrays that are in memory; the next is on the disk."""
+
+BLOCK_FRAMES = 4096
+"""Frames that a file is written of at a time."""
+
+_kept = 0
 
 
 class OnDisk:
@@ -50,9 +56,17 @@ class OnDisk:
 
 def empty(frames: int, points: int, width: int) -> Array:
     """An array (frames, points, width) to be filled; where it is `OnDisk`, an index is all that it takes."""
-    if 8 * frames * points * width <= KEPT_BYTES:
-        return np.empty((frames, points, width))
-    return cast(Array, OnDisk((frames, points, width)))
+    if _kept + 8 * frames * points * width > KEPT_BYTES:
+        return cast(Array, OnDisk((frames, points, width)))
+    array = np.empty((frames, points, width))
+    _count(array.nbytes)
+    weakref.finalize(array, _count, -array.nbytes)
+    return array
+
+
+def _count(more: int) -> None:
+    global _kept
+    _kept += more
 
 
 def by_point(function: Callable[..., Array], *arrays: Array) -> Array:
@@ -78,6 +92,6 @@ def chosen_points(array: Array, indices: Sequence[int]) -> Array:
 def chosen_rows(array: Array, rows: slice | npt.NDArray[Any]) -> Array:
     """Only some of the frames: a range, their indices, or a truth value a frame."""
     index = np.arange(len(array))[rows]
-    if 8 * len(index) * array.shape[1] * array.shape[2] <= KEPT_BYTES:
+    if len(index) <= BLOCK_FRAMES or not array.shape[1]:
         return array[rows]
     return by_point(lambda series: series[index], array)

@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from skeleton.posing import SkeletonJoint, rigid_positions
 from skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
-from stages.export.long_arrays import by_point, chosen_points, chosen_rows, empty
+from stages.export.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
 
 Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
@@ -43,9 +43,6 @@ DISTAL = np.array([0.0, 0.0, -1.0])
 
 MOVES_MM = 1e-5
 """A joint that leaves its rest offset by more than this moves against the bone before."""
-
-BLOCK_FRAMES = 4096
-"""Frames that a file of text is written of at a time."""
 
 
 @dataclass(frozen=True)
@@ -182,6 +179,13 @@ class LocalMotion:
 
     offset_mm: Array
     quaternion: Array
+
+
+def without_receivers(motion: SkeletonMotion) -> SkeletonMotion:
+    """The motion without any receiver."""
+    count = len(motion.frame)
+    places, turns = np.empty((count, 0, 3)), np.empty((count, 0, 4))
+    return replace(motion, receivers=Receivers((), places, turns, np.empty((count, 0), bool)))
 
 
 def with_seen_receivers(motion: SkeletonMotion) -> tuple[SkeletonMotion, tuple[str, ...]]:

@@ -16,7 +16,8 @@ import pyarrow.csv as pc
 from schemas import PROGRAM, VERSION
 from schemas.files import replacing
 from skeleton.rotations import Array
-from stages.export.motion import BLOCK_FRAMES, Bools, Origin, SkeletonMotion, known_points
+from stages.export.long_arrays import BLOCK_FRAMES
+from stages.export.motion import Bools, Origin, SkeletonMotion, known_points
 from stages.export.opensim_joints import JointForm
 from stages.export.opensim_markers import Triad
 from stages.export.requirements import require_times

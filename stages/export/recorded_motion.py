@@ -17,7 +17,7 @@ from skeleton.posed_recording import posed_bones
 from skeleton.posing import PosedBones, axes_turned_about
 from skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
 from stages.export.hand_anatomy import neutral_rotations, to_nail_side
-from stages.export.long_arrays import by_point, chosen_points, empty
+from stages.export.long_arrays import chosen_points, empty
 from stages.export.motion import (
     BONE_TO_WEBXR,
     Origin,
@@ -92,14 +92,15 @@ def motion_of(
 ) -> SkeletonMotion:
     """The motion of bones that were posed in a recording, in WebXR frames, a thumb's facing its nail.
 
-    bones : one tree, every digit with a pose in some frame.
+    bones : one tree, every digit with a pose in some frame. Numbers of bones and poses are written over.
     """
-    joints, quaternion, axis = bones.joints, bones.quaternion.copy(), bones.axis.copy()
+    joints, quaternion, axis = bones.joints, bones.quaternion, bones.axis.copy()
     for index, change in to_nail_side(layout, origin.hand, joints, quaternion).items():
         quaternion[:, index] = multiply(quaternion[:, index], change)
         axis[index] = rotate(conjugate(change), axis[index])
-    offset, rest = _rest(replace(bones, quaternion=quaternion))
-    quaternion = by_point(lambda turn: continuous_series(multiply(turn, BONE_TO_WEBXR)), quaternion)
+    offset, rest = _rest(bones)
+    for index in range(len(joints)):
+        quaternion[:, index] = continuous_series(multiply(quaternion[:, index], BONE_TO_WEBXR))
     back = conjugate(BONE_TO_WEBXR)
     neutral = neutral_rotations(layout, origin.hand, joints)
     return SkeletonMotion(
@@ -183,7 +184,7 @@ def _rest(bones: PosedBones) -> tuple[Array, Array]:
 
 
 def _receivers(poses: Poses) -> Receivers:
-    position, turn = poses.position_mm.copy(), poses.quaternion.copy()
+    position, turn = poses.position_mm, poses.quaternion
     for index in range(len(poses.segments)):
         valid = poses.valid[:, index, None]
         position[:, index] = np.where(valid, position[:, index], np.nan)

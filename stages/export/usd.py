@@ -32,7 +32,8 @@ from skeleton.rotations import Array, matrix, multiply, rotate
 from stages.export.axes import UNITS_PER_MM, Target, upright
 from stages.export.bone_mesh import bone_mesh
 from stages.export.file_facts import facts
-from stages.export.motion import BLOCK_FRAMES, SkeletonMotion, Whole, local_motion, rest_pose
+from stages.export.long_arrays import BLOCK_FRAMES
+from stages.export.motion import SkeletonMotion, Whole, local_motion, rest_pose
 from stages.export.requirements import require_times, require_whole
 from stages.export.resampling import largest_time_error_s
 from stages.export.rig_names import plain_names
