@@ -85,7 +85,7 @@ def _requested(arguments: argparse.Namespace) -> Recording:
             hemisphere="repair" if arguments.repair_hemisphere else "",
             exclude="",
         )
-    own = [r for r in read_plan(arguments.plan).recordings if r.hand.hand == arguments.hand]
+    own = [r for r in read_plan(arguments.plan, checked=False).recordings if r.hand.hand == arguments.hand]
     for recording in own:
         if recording.name == arguments.recording:
             return recording
