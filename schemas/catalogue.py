@@ -181,8 +181,14 @@ JOINT_CENTRES = Table(
             "sd_mm",
             REAL,
             "mm",
-            "1-sigma error of the centre in 3-D; of the paper's models only what the gap shows "
-            "(docs/method.md)",
+            "1-sigma error of the centre in 3-D, with what skin and the receivers' places leave open",
+            True,
+        ),
+        Column(
+            "scatter_sd_mm",
+            REAL,
+            "mm",
+            "of that what the scatter of the frames alone says; null where anatomy was weighed in",
             True,
         ),
         Column(

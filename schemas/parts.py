@@ -139,7 +139,8 @@ def read_part(path: Path, table: Table, part: Part, columns: Sequence[str] | Non
     """
     with open_table(path, table) as file:
         _check_part(_parts_of(file, path), part, path)
-        return _filtered(path, file, _named_keys(table, part), columns)
+        keys = _named_keys(table, part)
+        return _filtered(path, file, _groups_with(file, keys), keys, columns)
 
 
 def read_recording(
@@ -161,11 +162,12 @@ def read_recording(
     with open_table(path, table) as file:
         _check_part(_parts_of(file, path), part, path)
         keys = _named_keys(table, part) | {"task": task, "trial": trial}
-        rows = _filtered(path, file, keys, [by, *columns])
-    numbers = np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
-    names = rows.column(by).combine_chunks().dictionary_encode()
-    codes = names.indices.to_numpy()
-    found = {name: numbers[codes == code] for code, name in enumerate(names.dictionary.to_pylist())}
+        pieces: dict[str, list[Array]] = {}
+        for group in _groups_with(file, keys):  # one at a time: together they take several times the result
+            rows = _filtered(path, file, [group], keys, [by, *columns])
+            for name, numbers in _by_name(rows, by, columns).items():
+                pieces.setdefault(name, []).append(numbers)
+    found = {name: np.concatenate(pieces.pop(name)) for name in list(pieces)}
     for name, own in found.items():
         if n_frames is not None and len(own) != n_frames:
             raise TableError(
@@ -173,6 +175,14 @@ def read_recording(
                 f"{n_frames}; remove it and run the study again"
             )
     return found
+
+
+def _by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
+    """Columns (N, C) of the rows of each name, in the order in which names appear."""
+    numbers = np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
+    names = rows.column(by).combine_chunks().dictionary_encode()
+    codes = names.indices.to_numpy()
+    return {name: numbers[codes == code] for code, name in enumerate(names.dictionary.to_pylist())}
 
 
 def _named_keys(table: Table, part: Part) -> dict[str, str]:
@@ -201,10 +211,13 @@ def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
 
 
 def _filtered(
-    path: Path, file: pq.ParquetFile, keys: Mapping[str, str], columns: Sequence[str] | None
+    path: Path,
+    file: pq.ParquetFile,
+    groups: Sequence[int],
+    keys: Mapping[str, str],
+    columns: Sequence[str] | None,
 ) -> pa.Table:
-    """Rows with those keys, of the row groups that may hold some."""
-    groups = [g for g in range(file.num_row_groups) if _may_hold(file.metadata.row_group(g), keys)]
+    """Rows with those keys of those row groups."""
     wanted = None if columns is None else [*dict.fromkeys([*keys, *columns])]
     try:
         rows = file.read_row_groups(groups, wanted, use_threads=False)
@@ -215,6 +228,11 @@ def _filtered(
         matches &= pc.equal(rows.column(name), value).to_numpy()
     rows = rows if matches.all() else rows.filter(pa.array(matches))
     return rows if columns is None else rows.select(list(columns))
+
+
+def _groups_with(file: pq.ParquetFile, keys: Mapping[str, str]) -> list[int]:
+    """Row groups that may hold rows with those keys."""
+    return [group for group in range(file.num_row_groups) if _may_hold(file.metadata.row_group(group), keys)]
 
 
 def _may_hold(group: pq.RowGroupMetaData, keys: Mapping[str, str]) -> bool:

@@ -12,10 +12,10 @@ from stages.report.comparison.answers import Answer
 from stages.report.comparison.comparisons import ALL_DIGITS
 from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS
 from stages.report.palette import DIGITS, INK
+from stages.report.pictures.scale import Scale
 from stages.report.pictures.subject_dots import (
     FEWEST_FOR_QUARTILES,
     Panel,
-    Scale,
     Strip,
     difference_scale,
     draw_panels,

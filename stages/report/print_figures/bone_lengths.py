@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stages.report.palette import Look, model_looks
-from stages.report.pictures.marks import MANY, dots, scattered
-from stages.report.pictures.style import TWO_COLUMNS_MM, headings, label, new_figure, stacked
 from stages.report.print_figures.caption_text import count_range, study_text
 from stages.report.print_figures.drawing import NoDataError
+from stages.report.print_figures.marks import MANY, dots, scattered
+from stages.report.print_figures.style import TWO_COLUMNS_MM, headings, label, new_figure, stacked
 from stages.report.study_results import StudyResults
 
 _PANEL_MM, _FOOT_MM = 58.0, 26.0

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from schemas import PROGRAM, VERSION
 from schemas.files import replacing, write_text
-from stages.report.pictures.style import ONE_COLUMN_MM, SMALL_PT, applied, label, new_figure
+from stages.report.print_figures.style import ONE_COLUMN_MM, SMALL_PT, applied, label, new_figure
 
 
 class NoDataError(Exception):

@@ -14,11 +14,11 @@ from schemas.poses import read_poses
 from schemas.study import Recording
 from stages.report.hand_motion import view_base
 from stages.report.palette import HUES, RULE
-from stages.report.pictures.marks import columns_for, trace_line
-from stages.report.pictures.style import TWO_COLUMNS_MM, headings, label, new_figure
-from stages.report.pictures.traces import Trace, thin
+from stages.report.pictures.traces import Trace, thin, trace_line
 from stages.report.print_figures.caption_text import recording_text
 from stages.report.print_figures.drawing import NoDataError
+from stages.report.print_figures.marks import columns_for
+from stages.report.print_figures.style import TWO_COLUMNS_MM, headings, label, new_figure
 from stages.report.recording_results import ANGLES, read_angles
 from stages.report.study_results import StudyResults
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from matplotlib.axes import Axes
 
-from stages.report.pictures.style import label
+from stages.report.print_figures.style import label
 from stages.report.study_results import StudyResults
 
 

@@ -15,7 +15,11 @@ from stages.report.comparison.answers import Answer, answer
 from stages.report.comparison.observations import observations
 from stages.report.comparison.questions import JOINT_ERROR, PRIOR
 from stages.report.palette import SOFT, Look, model_looks
-from stages.report.pictures.marks import (
+from stages.report.print_figures.caption_text import count_range, study_text
+from stages.report.print_figures.drawing import NoDataError
+from stages.report.print_figures.joint_axis import alike, draw_joint_axis, joints_in_order
+from stages.report.print_figures.judging import gap_text, kind_text
+from stages.report.print_figures.marks import (
     FEWEST_FOR_QUARTILES,
     Array,
     dots,
@@ -23,11 +27,7 @@ from stages.report.pictures.marks import (
     scattered,
     summary,
 )
-from stages.report.pictures.style import TWO_COLUMNS_MM, headings, label, new_figure, stacked
-from stages.report.print_figures.caption_text import count_range, study_text
-from stages.report.print_figures.drawing import NoDataError
-from stages.report.print_figures.joint_axis import alike, draw_joint_axis, joints_in_order
-from stages.report.print_figures.judging import gap_text, kind_text
+from stages.report.print_figures.style import TWO_COLUMNS_MM, headings, label, new_figure, stacked
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import listed
 

@@ -12,10 +12,10 @@ from matplotlib.patches import Patch
 
 from schemas.study import Hand
 from stages.report.palette import HUES
-from stages.report.pictures.style import TWO_COLUMNS_MM, headings, label, new_figure, stacked
 from stages.report.print_figures.caption_text import study_text
 from stages.report.print_figures.drawing import NoDataError
 from stages.report.print_figures.joint_axis import alike, draw_joint_axis, joints_in_order
+from stages.report.print_figures.style import TWO_COLUMNS_MM, headings, label, new_figure, stacked
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import listed
 

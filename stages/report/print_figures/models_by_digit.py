@@ -11,7 +11,10 @@ from matplotlib.lines import Line2D
 
 from stages.report.comparison.comparisons import ALL_DIGITS
 from stages.report.palette import SOFT, model_looks
-from stages.report.pictures.marks import (
+from stages.report.print_figures.caption_text import capital, count_range, study_text
+from stages.report.print_figures.drawing import NoDataError
+from stages.report.print_figures.judging import Judgement, judgements
+from stages.report.print_figures.marks import (
     FEWEST_FOR_QUARTILES,
     Array,
     dots,
@@ -20,10 +23,7 @@ from stages.report.pictures.marks import (
     scattered,
     summary,
 )
-from stages.report.pictures.style import TWO_COLUMNS_MM, headings, label, lettered, new_figure, stacked
-from stages.report.print_figures.caption_text import capital, count_range, study_text
-from stages.report.print_figures.drawing import NoDataError
-from stages.report.print_figures.judging import Judgement, judgements
+from stages.report.print_figures.style import TWO_COLUMNS_MM, headings, label, lettered, new_figure, stacked
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import listed
 

@@ -11,11 +11,11 @@ from stages.report.comparison.comparison_text import Tested, p_text, with_statis
 from stages.report.comparison.comparisons import Comparison, missing_text
 from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, Paired
 from stages.report.palette import model_looks
-from stages.report.pictures.marks import Array, dots, scattered
-from stages.report.pictures.style import ONE_COLUMN_MM, headings, label, lettered, new_figure, stacked
 from stages.report.print_figures.caption_text import capital, count_range, study_text
 from stages.report.print_figures.drawing import NoDataError
 from stages.report.print_figures.judging import Judgement, judgements
+from stages.report.print_figures.marks import Array, dots, scattered
+from stages.report.print_figures.style import ONE_COLUMN_MM, headings, label, lettered, new_figure, stacked
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import number
 

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from schemas.errors import InputError
 from schemas.poses import read_poses
 from schemas.study import Recording
 from stages.report.hand_motion import view_base
-from stages.report.palette import model_looks
-from stages.report.pictures.marks import columns_for
-from stages.report.pictures.style import TWO_COLUMNS_MM, headings, label, new_figure, stacked
+from stages.report.palette import Look, model_looks
 from stages.report.pictures.tip_error_strips import (
     Traces,
-    draw_strips,
     hidden_lines,
-    model_lines,
     thinned_traces,
     time_label,
 )
-from stages.report.pictures.traces import Trace
+from stages.report.pictures.traces import Trace, error_scale, trace_band
 from stages.report.print_figures.caption_text import capital, count_range, recording_text
 from stages.report.print_figures.drawing import NoDataError
+from stages.report.print_figures.marks import columns_for, logarithmic, plain_numbers
+from stages.report.print_figures.style import TWO_COLUMNS_MM, headings, label, new_figure, stacked
 from stages.report.recording_results import Array, read_tip_errors
 from stages.report.score_tables import mean
 from stages.report.study_results import LEAST_SQUARES, StudyResults, recording_key
@@ -40,13 +42,51 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     looks = model_looks(list(results.models))
     figure = new_figure(TWO_COLUMNS_MM, _FOOT_MM + _STRIP_MM * len(traces))
     strips = stacked(figure, len(traces), sharex=True, sharey=True)
-    draw_strips(strips, traces, looks, shaded=True)
+    _draw_strips(strips, traces, looks)
     headings(strips, [label(capital(digit)) for digit in traces])
     strips[-1].set_xlabel(capital(time_label(traces)))
     figure.supylabel("Tip error [mm]", fontsize="medium")
     models = [model for model in results.models if any(model in of for of in traces.values())]
-    figure.legend(handles=model_lines(looks, models), loc="outside upper center", ncols=4)
+    figure.legend(handles=_model_lines(looks, models), loc="outside upper center", ncols=4)
     return figure, _caption(results, recording, traces, models)
+
+
+def _draw_strips(strips: Sequence[Axes], traces: Traces, looks: Mapping[str, Look]) -> None:
+    """Draw every digit's traces into its own axes, which share one scale."""
+    everything = [trace for of in traces.values() for trace in of.values()]
+    scale = error_scale(everything)
+    for of, axes in zip(traces.values(), strips, strict=True):
+        for index, (model, trace) in enumerate(of.items()):
+            _draw_trace(axes, trace, looks[model], index / len(of), index)
+        if not of:
+            axes.text(0.02, 0.5, "no tip error", transform=axes.transAxes, va="center")
+        axes.margins(x=0.01)
+        axes.grid(axis="y", clip_on=False)
+        if scale.kind == "log":
+            logarithmic(axes.yaxis, scale.low, scale.high)
+        else:
+            axes.set_ylim(0.0, scale.high)
+            axes.yaxis.set_major_locator(MaxNLocator(3))
+            plain_numbers(axes.yaxis)
+
+
+def _draw_trace(axes: Axes, trace: Trace, look: Look, phase: float, order: int) -> None:
+    x, low, high = trace_band(trace)
+    axes.fill_between(x, low, high, color=look.colour, alpha=0.12, linewidth=0)
+    step = max(1, len(x) // 8)
+    axes.plot(
+        x, high, color=look.colour, linewidth=0.6, marker=look.marker,
+        markersize=3.0, markevery=(int(phase * step), step), markeredgecolor="white",
+        markeredgewidth=0.3, zorder=2.5 + order / 100,
+    )  # fmt: skip
+
+
+def _model_lines(looks: Mapping[str, Look], models: Sequence[str]) -> list[Line2D]:
+    """Entries of a legend: a line with its mark a model."""
+    return [
+        Line2D([], [], color=looks[name].colour, marker=looks[name].marker, markersize=4.0, label=label(name))
+        for name in models
+    ]
 
 
 def _traces(results: StudyResults, recording: Recording) -> dict[str, dict[str, Trace]]:

@@ -60,26 +60,6 @@ def test_fields_touch_each_other() -> None:
     np.testing.assert_allclose(records.position_mm, [[-1123.4, -1567.8, -1000.0]])
 
 
-def test_text_replies() -> None:
-    good = fastrak_text(1, 1, (2, 4, 1))
-    error = b"2 E*ERROR*O9*ERROR* EC -3*PS 2*FL 0*ST 0\r\n"
-    decoded = read(good + b"21O 2 4 1\r\n" + good + error, (2, 4, 1), "ascii")
-    assert len(decoded.records) == 2
-    assert not decoded.skipped
-    assert [(r.station, r.command, r.error) for r in decoded.replies] == [(1, ord("O"), 0), (0, ord("E"), -3)]
-    assert decoded.replies[0].body == b" 2 4 1\r\n"
-
-
-def test_each_station_has_its_own_list() -> None:
-    from trackers.protocols.stream_settings import StreamSettings
-
-    lists = {1: (2, 11, 0), 2: (2, 4, 1)}
-    data = b"".join(fastrak_binary(f, s, lists[s]) for f in range(1, 5) for s in lists)
-    decoded = decode(BinaryDecoder(StreamSettings("fastrak", "binary", "cm", 60.0, (1, 2), lists)), data)
-    assert decoded.records.station.tolist() == [1, 2] * 4
-    assert not decoded.skipped
-
-
 def test_a_header_in_the_numbers_of_a_still_receiver_does_not_mislead() -> None:
     position = struct.unpack("<f", b"01 B")[0]
     record = b"01 " + struct.pack("<3f4f", position, 1, 1, 1, 0, 0, 0) + b" "

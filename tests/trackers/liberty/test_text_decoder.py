@@ -1,4 +1,4 @@
-"""LIBERTY and PATRIOT in ASCII: records however they are spaced, and replies."""
+"""LIBERTY and PATRIOT in ASCII: records however they are spaced."""
 
 import numpy as np
 import pytest
@@ -99,27 +99,13 @@ def test_another_count_of_numbers_is_no_record(numbers: bytes) -> None:
     assert [(skip.offset, skip.size) for skip in decoded.skipped] == [(60, 6 + len(numbers))]
 
 
-def test_replies_among_records() -> None:
+def test_answers_to_commands_are_no_records() -> None:
     good = liberty_text(1, 1, DEFAULT)
     matrix = 3 * b"   1.00   0.00   0.00\r\n"
-    data = (
-        b"LIBERTY Ready!\r\n"
-        + good
-        + b"01O  2 4 1\r\n00u  0003\r\n01A  "
-        + matrix
-        + good
-        + b"Invalid Command\r\n"
-    )
-    decoded = read(data)
+    answers = b"01O  2 4 1\r\n00u  0003\r\n01A  " + matrix
+    decoded = read(b"LIBERTY Ready!\r\n" + good + answers + good + b"Invalid Command\r\n")
     assert len(decoded.records) == 2
-    assert not decoded.skipped
-    assert [(r.station, r.command, r.error, r.body) for r in decoded.replies] == [
-        (0, 0, 0, b"LIBERTY Ready!\r\n"),
-        (1, ord("O"), 0, b"2 4 1\r\n"),
-        (0, ord("u"), 0, b"0003\r\n"),
-        (1, ord("A"), 0, matrix),
-        (0, 0, 0, b"Invalid Command\r\n"),
-    ]
+    assert sum(skip.size for skip in decoded.skipped) == 16 + len(answers) + 17
 
 
 def test_numbers_that_cannot_be_right_are_doubted() -> None:

@@ -17,9 +17,9 @@ from schemas.errors import InputError
 from schemas.results import FIGURE_KINDS, STUDY_FIGURES, Results
 from schemas.study import read_study
 from stages import command_line
-from stages.report.pictures.style import label, new_figure
 from stages.report.print_figures.__main__ import build_parser, draw, record_failure
 from stages.report.print_figures.drawing import Drawing, drawn, not_drawn, save
+from stages.report.print_figures.style import label, new_figure
 
 REPOSITORY = Path(__file__).resolve().parents[4]
 TEXT = "{http://www.w3.org/2000/svg}text"

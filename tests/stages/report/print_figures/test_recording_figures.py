@@ -9,10 +9,10 @@ from schemas.errors import InputError
 from schemas.study import Recording
 from schemas.tables import read_table
 from stages.report.palette import HUES, MODELS
-from stages.report.pictures.style import applied
 from stages.report.print_figures.joint_angle_curves import joint_angles
 from stages.report.print_figures.skeletons import skeletons
 from stages.report.print_figures.study_figures import find_recording, of_recording
+from stages.report.print_figures.style import applied
 from stages.report.print_figures.tip_error import tip_error
 from stages.report.study_results import StudyResults
 

@@ -14,12 +14,12 @@ from schemas.results import STUDY_FIGURES
 from stages.report.comparison.comparisons import compare_study
 from stages.report.comparison.questions import JOINT_ERROR, TRUE_TIP
 from stages.report.palette import MODELS as COLOURS
-from stages.report.pictures.style import applied
 from stages.report.print_figures.drawing import Drawing, NoDataError
 from stages.report.print_figures.joint_trust import joint_trust
 from stages.report.print_figures.models_by_digit import models_by_digit
 from stages.report.print_figures.paired_differences import paired_differences
 from stages.report.print_figures.study_figures import of_study
+from stages.report.print_figures.style import applied
 from stages.report.study_results import StudyResults
 
 MODELS = ("paper-fig4", "whole-hand")

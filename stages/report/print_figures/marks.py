@@ -1,4 +1,4 @@
-"""What figures are drawn with: subjects as dots, axes for errors, legends, and lines with their gaps."""
+"""What figures are drawn with: subjects as dots, axes for errors, and legends."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from stages.report.palette import Look
-from stages.report.pictures.style import label
-from stages.report.pictures.traces import Trace
+from stages.report.print_figures.style import label
 
 Array = npt.NDArray[np.float64]
 
@@ -104,33 +103,3 @@ def model_handles(looks: Mapping[str, Look], names: Sequence[str]) -> list[Line2
 def columns_for(n_lines: int) -> int:
     """Pixel columns that each of so many lines may take, so that the file stays small."""
     return max(90, min(420, 5500 // max(1, n_lines)))
-
-
-def trace_line(trace: Trace) -> tuple[Array, Array]:
-    """The line through every column's two extremes: x, y (3 C,), NaN where a gap breaks it.
-
-    The second extreme stands half a column after the first, so that a slope stays one.
-    """
-    ends = np.column_stack([trace.low_mm, trace.high_mm])
-    ends = np.where(trace.rises[:, None], ends, ends[:, ::-1])
-    half = half_column(trace)
-    x = np.column_stack([trace.x, trace.x, trace.x + half])
-    y = np.column_stack([np.where(trace.broken, np.nan, ends[:, 0]), ends])
-    return x.ravel(), y.ravel()
-
-
-def half_column(trace: Trace) -> Array:
-    """Half of every column's width (C,), in the unit of x."""
-    if len(trace.x) < 2:
-        return np.zeros(len(trace.x))
-    return np.full(len(trace.x), float(np.diff(trace.x).min()) / 2)
-
-
-def trace_band(trace: Trace) -> tuple[Array, Array, Array]:
-    """Every column's middle, smallest and largest value, NaN where a gap breaks them: x, low, high."""
-    broken = np.flatnonzero(trace.broken)
-    x = trace.x + half_column(trace)
-    return tuple(
-        np.insert(part, broken, fill)
-        for part, fill in ((x, x[broken]), (trace.low_mm, np.nan), (trace.high_mm, np.nan))
-    )  # type: ignore[return-value]
