@@ -54,18 +54,11 @@ def check(arguments: argparse.Namespace) -> None:
 
 def check_subject(plan: SubjectPlan) -> list[tuple[Recording, CheckedRecording]]:
     """Check a subject's recordings, each alone and all against each other."""
-    from checks.checked_recording import check_recording
     from checks.compared_recordings import compared
-    from schemas.poses import read_poses, usable_poses
-    from schemas.tables import read_metadata
+    from schemas.poses import usable_poses
 
     recordings = [own for own in plan.recordings if not own.exclude and usable_poses([plan.poses(own)])[0]]
-    checked = []
-    for own in recordings:
-        path, layout = plan.poses(own), plan.layouts[own.hand.hand]
-        orientation = read_metadata(path)["parameters"].get("orientation", {})
-        poses = read_poses(path, layout.measured)
-        checked.append(check_recording(poses, layout, own.hand.hand, orientation))
+    checked = [command_line.checked_poses(plan.poses(own), plan.layouts[own.hand.hand]) for own in recordings]
     names = [
         " ".join(filter(None, ("the", own.hand.hand, "hand's", own.task, own.trial))) for own in recordings
     ]
