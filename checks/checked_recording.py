@@ -47,11 +47,16 @@ class CheckedRecording:
 
 
 def check_recording(
-    poses: Poses, layout: Layout, hand: str, orientation: Mapping[str, str] | None = None
+    poses: Poses,
+    layout: Layout,
+    hand: str,
+    orientation: Mapping[str, str] | None = None,
+    flipped: Mapping[str, int] | None = None,
 ) -> CheckedRecording:
     """Test what was declared about a recording against its poses.
 
     orientation : that of the mapping that it was read with, its kind, axes and unit; None where it has none.
+    flipped : by segment, how many poses the import left out because they are on the transmitter's other side.
     """
     declared = orientation or {}
     euler = declared.get("axes", "") if declared.get("kind") == "euler" else ""
@@ -66,6 +71,8 @@ def check_recording(
         return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
     findings, search = _explained(line, body, layout, segments, hand, euler)
     late = [
+        *_left_out(flipped or {}),
+        *_frozen(poses),
         *_stays(line, segments),
         *_clock(line, clock),
         *_angles(line, declared),
@@ -184,6 +191,30 @@ def _stays(line: Timeline, segments: Sequence[str]) -> list[Finding]:
         "numbers of these rows empty, or leave the recording out with `exclude` in the recordings sheet."
     )
     return [Finding("receiver-stuck", SUSPECT if share[place] > MANY_STUCK else NOTE, message)]
+
+
+def _left_out(flipped: Mapping[str, int]) -> list[Finding]:
+    if not flipped:
+        return []
+    most = max(flipped, key=lambda segment: flipped[segment])
+    message = (
+        f"{sum(flipped.values())} poses, most of {most}, are on the other side of the transmitter and "
+        "are left out: the tracker took the wrong hemisphere; write `repair` in the column hemisphere of the "
+        "recordings sheet (or --repair-hemisphere) to put them back."
+    )
+    return [Finding("hemisphere", NOTE, message)]
+
+
+def _frozen(poses: Poses) -> list[Finding]:
+    """Receivers that the import leaves out because they never move though their parents do."""
+    numbers = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
+    there = np.isfinite(numbers).all((0, 2)) & (numbers[0] == numbers[-1]).all(-1)
+    names = [name for name, dead in zip(poses.segments, there & ~poses.valid.any(0), strict=True) if dead]
+    message = (
+        f"The receiver {names[0] if names else ''} gives one and the same pose all along while others move, "
+        "and is not used: probably its channel hung; check its plug, and record again."
+    )
+    return [Finding("receiver-stuck", NOTE, message)] if names else []
 
 
 def _clock(line: Timeline, clock: tuple[float, str] | None) -> list[Finding]:

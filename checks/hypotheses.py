@@ -162,10 +162,10 @@ def _moved(factor: float | Array, order: Sequence[int] = (0, 1, 2)) -> Callable[
 
 def _units() -> Iterator[Hypothesis]:
     for factor, read, true in _FACTORS:
-        size = f"{factor:.3g} times too small" if factor > 1 else f"{1 / factor:.3g} times too large"
+        size = f"{factor:.4g} times too small" if factor > 1 else f"{1 / factor:.4g} times too large"
         yield Hypothesis(
             "units", 3.0, _moved(factor),
-            f"the positions are {size}, as {true} read as {read} are",
+            f"the positions are {size}, in {true} and read as {read}",
             f"write `position_unit: {true}` in the mapping, or give positions in mm",
         )  # fmt: skip
 

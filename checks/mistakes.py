@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from checks.expected_body import ExpectedBody
 from checks.explaining import Explanation, explain, joint_shares
@@ -16,6 +17,8 @@ from skeleton.rotations import Array
 DECISIVE = 4.0
 """Log of the odds, the mistake's own rareness taken off, from which on it is named."""
 MOST = 4
+CLOSER, CLOSED_MM = 0.5, 40.0
+"""Of joints that anatomy does not know: how much less their gap must be put right, and how small."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,8 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
     while True:
         explanation = _explain(motion, body, left)
         gains = explanation.total[1:] - explanation.total[0] - [one.penalty for one in left]
+        if not body.known.any():
+            gains[~_closes(explanation, left)] = -np.inf
         best = int(np.argmax(gains)) if len(gains) else 0
         if len(found) == MOST or not len(gains) or gains[best] < DECISIVE:
             break
@@ -52,6 +57,13 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
         motion = chosen.undo(motion)
         left = [one for one in left if not _same_matter(one, chosen)]
     return Search(tuple(found), motion, explanation)
+
+
+def _closes(explanation: Explanation, hypotheses: Sequence[Hypothesis]) -> npt.NDArray[np.bool_]:
+    """Whether joints that anatomy does not know close, and much better than as declared."""
+    gap = np.sqrt((explanation.gap_mm**2).mean(-1))
+    scaled = np.array([one.kind == "units" for one in hypotheses])
+    return np.asarray(scaled | ((gap[1:] < CLOSER * gap[0]) & (gap[1:] < CLOSED_MM)))
 
 
 def _same_matter(one: Hypothesis, chosen: Hypothesis) -> bool:
@@ -76,11 +88,12 @@ def _explain(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis
 
 def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: Hypothesis) -> str:
     """Say what is seen, by the joint and the measure that gain most."""
-    if hypothesis.kind == "units" and body.known.any() and "positions" in hypothesis.what:
-        return (
-            f"the hand comes out {_times(explained.scale[0])} the average size, put right "
-            f"{_times(explained.scale[row])}"
-        )
+    if hypothesis.kind == "units" and hypothesis.what.startswith("the positions"):
+        if body.known.any():
+            before, after = explained.scale[0], explained.scale[row]
+            return f"the hand comes out {before:.2g} times the average size, put right {after:.2g} times"
+        before, after = (np.median(np.linalg.norm(explained.centre_mm[i], axis=-1)) for i in (0, row))
+        return f"joints come out {before:.2g} mm from the receivers, put right {after:.0f} mm"
     gained = [part[row] - part[0] for part in (explained.closing, explained.placed, explained.turning)]
     measure, joint = np.unravel_index(int(np.argmax(gained)), np.shape(gained))
     name = body.names[joint]
@@ -98,7 +111,3 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
 
 def _range(angles_deg: Array) -> str:
     return f"{angles_deg[0]:.0f} to {angles_deg[2]:.0f} deg"
-
-
-def _times(scale: float) -> str:
-    return f"{scale:.2g} times"

@@ -121,6 +121,15 @@ KINDS: Mapping[str, Kind] = {
 }  # fmt: skip
 
 
+def same_file(first: str) -> Finding:
+    """Say that the poses are those of another recording, `first`."""
+    message = (
+        f"All poses are, number by number, those of {first}: probably one file is named twice; correct the "
+        "column file of the recordings sheet, or give a reason under `exclude` for one of the two."
+    )
+    return Finding("same-file", SUSPECT, message)
+
+
 def mistakes_page() -> str:
     """Give the guide's page of mistakes: every kind with its cause and cure."""
     lines = [

@@ -203,14 +203,21 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 
     Raises InputError as reading does.
     """
+    from collections import Counter
+
+    import pyarrow.compute as pc
+
     from checks.checked_recording import check_recording
+    from schemas.catalogue import POSES
     from schemas.poses import read_poses, recording_name
-    from schemas.tables import read_metadata
+    from schemas.tables import read_metadata, read_table
 
     orientation = read_metadata(path)["parameters"].get("orientation")
-    return check_recording(
-        read_poses(path, layout.measured), layout, hand or recording_name(path).hand, orientation
-    )
+    flags = read_table(path, POSES, ["segment", "flags"])
+    rows = flags.filter(pc.match_substring(flags["flags"], "hemisphere-flip"))
+    flipped = Counter(rows["segment"].to_pylist())
+    poses, side = read_poses(path, layout.measured), hand or recording_name(path).hand
+    return check_recording(poses, layout, side, orientation, flipped)
 
 
 def config_files(arguments: argparse.Namespace) -> list[Path]:

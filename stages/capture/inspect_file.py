@@ -85,6 +85,7 @@ def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
         findings = command_line.checked_poses(path, layout).findings
         if arguments.hand is None and any(one.kind == "wrong-hand" for one in findings):
             findings = command_line.checked_poses(path, layout, "left").findings
+            print("it looks like a left hand")
     return [f"{one.severity}: {one.kind}: {one.message}" for one in findings]
 
 

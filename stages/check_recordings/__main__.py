@@ -59,10 +59,11 @@ def check_subject(plan: SubjectPlan) -> list[tuple[Recording, CheckedRecording]]
 
     recordings = [own for own in plan.recordings if not own.exclude and usable_poses([plan.poses(own)])[0]]
     checked = [command_line.checked_poses(plan.poses(own), plan.layouts[own.hand.hand]) for own in recordings]
-    names = [
-        " ".join(filter(None, ("the", own.hand.hand, "hand's", own.task, own.trial))) for own in recordings
+    named = [
+        (f"the {own.hand.hand} hand's {' '.join(filter(None, (own.task, own.trial)))}", own.hand.hand, one)
+        for own, one in zip(recordings, checked, strict=True)
     ]
-    return list(zip(recordings, compared(list(zip(names, checked, strict=True))), strict=True))
+    return list(zip(recordings, compared(named), strict=True))
 
 
 def _key(plan: SubjectPlan, recording: Recording) -> dict[str, str]:

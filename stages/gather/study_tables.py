@@ -14,14 +14,22 @@ from schemas import PROGRAM, VERSION
 from schemas.catalogue import FINDINGS, PROBLEMS, RECEIVERS, RECORDINGS, TABLES
 from schemas.config_files import read_config
 from schemas.files import write_text
-from schemas.findings import REFUSED, STAGE
+from schemas.findings import REFUSED, STAGE, same_file
 from schemas.layout import read_layout
 from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan, read_plan
 from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
 from schemas.study import Study, correction_problems, read_corrections
-from schemas.tables import Provenance, Table, columns_from_rows, read_table, rows_of, write_table
+from schemas.tables import (
+    Provenance,
+    Table,
+    columns_from_rows,
+    read_metadata,
+    read_table,
+    rows_of,
+    write_table,
+)
 
 Row = dict[str, Any]
 
@@ -32,6 +40,7 @@ def gather_study(study: Study, results: Results) -> None:
     problems: list[Row] = []
     recordings = [row for plan in plans for row in _recording_rows(plan, problems)]
     problems += [row for plan in plans for row in _finding_rows(plan, recordings)]
+    problems += _same_files(plans)
     for name in GATHERED_TABLES:
         problems += _gather_table(results, name, plans)
     problems += [row for plan in plans for row in _uncalibrated(plan)]
@@ -73,6 +82,23 @@ def _finding_rows(plan: SubjectPlan, recordings: Sequence[Row]) -> Iterator[Row]
         task = ", ".join(filter(None, (row["task"], row["trial"])))
         where = {"subject": row["subject"], "hand": row["hand"], "task": task}
         yield _problem(STAGE, row["kind"], row["severity"], row["message"], **where)
+
+
+def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
+    """Name recordings whose poses are, number by number, those of another subject's."""
+    first_of: dict[str, tuple[str, str]] = {}
+    for plan in plans:
+        digests = read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"]
+        for recording in plan.recordings:
+            name = "/".join((plan.subject, recording.hand.hand, recording.task, recording.trial))
+            if name not in digests:
+                continue
+            subject, first = first_of.setdefault(digests[name], (plan.subject, name))
+            if subject != plan.subject:
+                task = ", ".join(filter(None, (recording.task, recording.trial)))
+                where = {"subject": plan.subject, "hand": recording.hand.hand, "task": task}
+                one = same_file(first).accepted(recording.accept)
+                yield _problem(STAGE, one.kind, one.severity, one.message, **where)
 
 
 def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> list[Row]:
