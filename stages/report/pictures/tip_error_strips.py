@@ -13,7 +13,7 @@ from stages.report.palette import RULE, SOFT, Look
 from stages.report.pictures.picture import Picture
 from stages.report.pictures.scale import Scale, plain
 from stages.report.pictures.traces import Trace, error_scale, thin, trace_band
-from stages.report.table_cells import listed
+from stages.report.table_cells import alike, listed
 
 Array = npt.NDArray[np.float64]
 Traces = Mapping[str, Mapping[str, Trace]]
@@ -57,11 +57,11 @@ def time_label(traces: Traces) -> str:
 
 def hidden_lines(traces: Traces, models: Sequence[str]) -> str:
     """Models whose lines are the same in every digit, so that the last hides the others."""
-    groups: dict[tuple[bytes, ...], list[str]] = {}
-    for model in models:
-        lines = tuple(of[model].high_mm.tobytes() if model in of else b"" for of in traces.values())
-        groups.setdefault(lines, []).append(model)
-    hidden = [listed(group) for group in groups.values() if len(group) > 1]
+    lines = {
+        model: [of[model].high_mm.tobytes() if model in of else b"" for of in traces.values()]
+        for model in models
+    }
+    hidden = [listed(group) for group in alike(lines) if len(group) > 1]
     return f"Equal, so that the last hides the others: {'; '.join(hidden)}." if hidden else ""
 
 

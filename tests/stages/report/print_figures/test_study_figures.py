@@ -164,7 +164,8 @@ def test_captions_state_n_units_what_is_missing_and_the_program(drawings: dict[s
         assert "simulated recordings of 8 subjects, 16 hands" in caption
         assert "Held out" in caption
         assert "Drawn by shukotsu" in caption
-    assert "S7 (paper-fig4 and whole-hand: failed: S7-left.csv" in drawings["models-by-digit"].caption
+    caption = drawings["models-by-digit"].caption
+    assert "Without a number: S7: whole-hand and paper-fig4: failed: S7-left.csv" in caption
     assert "n = 8" in drawings["paired-differences"].caption
 
 
