@@ -13,7 +13,6 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -84,7 +83,6 @@ class PosesTable:
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
     frozen : segments whose rows are flagged so. span_mm : how far apart the receivers are, NaN where unknown.
     frame : (T,) every frame that occurs with any segment, ascending.
-    A context manager, which gives the temporary files back to the disk.
     """
 
     segments: tuple[str, ...]
@@ -94,12 +92,8 @@ class PosesTable:
     frame: Integers
     _files: tuple[_RowFile, ...]
 
-    def __enter__(self) -> PosesTable:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Give the temporary files back to the disk."""
         for file in self._files:
             file.close()
 

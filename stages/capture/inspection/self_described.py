@@ -11,9 +11,8 @@ from typing import Any
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import UNIT_NAMES
-from stages.capture.formats.motion_sidecars import read_sidecars
+from stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
 from stages.capture.formats.readers import AUTO, find_reader
-from stages.capture.formats.tracked_points import SHIFT_TO_MM, XYZ
 from stages.capture.inspection.description import CHECK, Description
 from stages.capture.samples import ReadingOptions
 

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -226,7 +227,7 @@ def test_parts_give_the_table_of_the_whole(
     monkeypatch.setattr("stages.capture.poses_table.FROZEN_FRAMES", 2)
     whole = table_of(samples)
     monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 3)
-    with poses_table(lambda: pieces, PARENTS, tmp_path) as table:
+    with closing(poses_table(lambda: pieces, PARENTS, tmp_path)) as table:
         assert list(tmp_path.iterdir()) == []
         write(tmp_path / "parts.parquet", table, seed + 1)
     write(tmp_path / "whole.parquet", whole, seed + 1)
