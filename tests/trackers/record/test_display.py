@@ -15,7 +15,7 @@ def row(station: int = 1, **other) -> Row:
 
 def moment(*rows: Row, **other) -> Moment:
     well = {"bytes_per_s": 215_040.0, "lag_ms": 3.0, "silent_s": 0.0, "skipped_bytes": 0}
-    return Moment(rows, **{**well, "partial_cycles": 0, "cycles": 100, **other})
+    return Moment(rows, **{**well, "partial_cycles": 0, **other})
 
 
 def recorded(**other) -> display.Recorded:
