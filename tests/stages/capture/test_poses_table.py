@@ -13,7 +13,6 @@ from poses_columns import columns_of
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError
-from schemas.poses import pose_blocks, read_poses
 from schemas.tables import Provenance, write_table_in_parts
 from stages.capture.poses_table import FLAGS, FROZEN_FRAMES, PosesTable, poses_table
 from stages.capture.samples import Samples
@@ -234,34 +233,6 @@ def test_parts_give_the_table_of_the_whole(
     assert (tmp_path / "parts.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
     assert (table.segments, table.usable, table.frozen) == (whole.segments, whole.usable, whole.frozen)
     np.testing.assert_equal(table.span_mm, whole.span_mm)
-
-
-@pytest.mark.parametrize(("group_frames", "block_frames"), [(1, 7), (5, 1), (4, 4), (25, 25)])
-def test_blocks_give_back_what_was_recorded(tmp_path: Path, group_frames: int, block_frames: int) -> None:
-    """Through the file, in blocks of any size over row groups of any size, segments asked in any order."""
-    random = np.random.default_rng(group_frames)
-    cells = [(segment, frame) for segment in SEGMENTS for frame in range(-6, 12) if random.random() < 0.6]
-    random.shuffle(cells)
-    poses = [
-        (NAN,) * 7 if random.random() < 0.2 else (i, 1.0, 0.0, 0.6, 0.8, 0.0, 0.0) for i in range(len(cells))
-    ]
-    samples = samples_of(*((s, f, f / 8, pose) for (s, f), pose in zip(cells, poses, strict=True)))
-    path = tmp_path / "poses.parquet"
-    write(path, table_of(samples), group_frames)
-    asked = ("index", "nobody", "thumb", "hand")
-    blocks = list(pose_blocks(path, asked, block_frames))
-    frames = np.concatenate([block.frame for block in blocks])
-    numbers = np.concatenate([np.dstack([block.position_mm, block.quaternion]) for block in blocks])
-    np.testing.assert_array_equal(frames, np.unique(samples.frame))
-    assert all(len(block.frame) == block_frames for block in blocks[:-1])
-    expected = np.full((len(frames), len(asked), 7), np.nan)
-    for (segment, frame), pose in zip(cells, poses, strict=True):
-        expected[np.searchsorted(frames, frame), asked.index(segment)] = pose
-    np.testing.assert_allclose(numbers, expected, rtol=1e-15)
-    valid = np.isfinite(expected).all(-1)
-    np.testing.assert_array_equal(np.concatenate([block.valid for block in blocks]), valid)
-    np.testing.assert_allclose(np.concatenate([block.time_s for block in blocks]), frames / 8)
-    np.testing.assert_array_equal(read_poses(path, asked).valid, valid)
 
 
 def test_the_place_of_a_bad_quaternion_is_that_in_the_whole_recording() -> None:

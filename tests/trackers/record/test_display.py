@@ -151,11 +151,6 @@ def test_the_summary() -> None:
     assert lines[7] == "note: the host's clock was set by +3600.0 s"
 
 
-def test_an_absence_to_the_end() -> None:
-    receivers = {"2": {**WELL, "absent_s": [[50.04, None]]}}
-    assert display.totals_table({**TOTALS, "receivers": receivers})[-1].endswith("50.0 s to the end")
-
-
 def test_a_line_that_is_too_slow_is_lines() -> None:
     totals = {**TOTALS, "lost_frames": 7_300, "received_bytes": 690_000}
     (lines,) = display.advice(totals, SETTINGS)
