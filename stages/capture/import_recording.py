@@ -82,7 +82,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
-    with closing(poses_table(parts, parents, folder)) as poses:
+    with closing(poses_table(parts(), parents, folder)) as poses:
         _write(arguments, layout, poses, remarks)
 
 

@@ -157,22 +157,23 @@ class _Segment:
 
 
 def poses_table(
-    read: Callable[[], Iterable[Samples]], parents: Mapping[str, str], folder: Path | None = None
+    parts: Iterable[Samples], parents: Mapping[str, str], folder: Path | None = None
 ) -> PosesTable:
     """Check the samples of a recording and lay them out on the full grid.
 
-    read : gives the parts of the recording in order, from the start each time that it is called.
-    parents : of a segment the one towards the body that carries a receiver, where there is one.
-    folder : where temporary files may be; the system's own folder where none is given.
+    parts : of the recording, in order. parents : of a segment the one towards the body that carries a
+    receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
 
     Raises InputError at the first pose that has all its numbers but no unit quaternion.
     """
     names: tuple[str, ...] = ()
     files: dict[int, _RowFile] = {}
     frames: list[Integers] = []
+    places: list[tuple[int, Callable[[int], str]]] = []
     start = 0
-    for samples in read():
+    for samples in parts:
         names = samples.segments
+        places.append((start, samples.place))
         for index, rows in _rows_of_segments(samples, start):
             files.setdefault(index, _RowFile(folder)).append(rows)
         frames.append(np.unique(samples.frame))
@@ -180,7 +181,7 @@ def poses_table(
     frame = np.unique(np.concatenate(frames))
     span_frames = frame[:: max(1, len(frame) // SPAN_FRAMES)]
     segments = {names[index]: _checked(files[index], span_frames) for index in sorted(files)}
-    _refuse_bad_quaternions(segments, read)
+    _refuse_bad_quaternions(segments, places)
     frozen = _frozen_segments(segments, parents)
     return PosesTable(
         tuple(segments),
@@ -303,12 +304,19 @@ def _unusable(rows: Rows) -> Bools:
     return np.asarray((rows["flags"] & _INVALIDATING) != 0)
 
 
-def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[], Iterable[Samples]]) -> None:
+def _refuse_bad_quaternions(
+    segments: Mapping[str, _Segment], places: Sequence[tuple[int, Callable[[int], str]]]
+) -> None:
+    """Raise InputError at the first in the recording's order.
+
+    places : of each part its first sample and its place.
+    """
     bad = [(*segment.bad, name) for name, segment in segments.items() if segment.bad is not None]
     if not bad:
         return
     sample, frame, norm, name = min(bad)
-    where = f"{_place(sample, read)}, segment {name}, frame {frame}"
+    start, place = [one for one in places if one[0] <= sample][-1]
+    where = f"{place(sample - start)}, segment {name}, frame {frame}"
     count = sum(segment.bad_count for segment in segments.values())
     more = f" (and {count - 1} more rows like it)" if count > 1 else ""
     if norm == 0:
@@ -321,15 +329,6 @@ def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[],
         f"{NORM_TOLERANCE}; check the column order (qw, qx, qy, qz), or leave the row's seven numbers empty "
         "to keep it as a gap"
     )
-
-
-def _place(sample: int, read: Callable[[], Iterable[Samples]]) -> str:
-    """File and line of a sample; parts are read again, as none was kept."""
-    for samples in read():
-        if sample < len(samples.segment):
-            return samples.place(sample)
-        sample -= len(samples.segment)
-    raise AssertionError("the sample is in no part")
 
 
 def _frozen_segments(segments: Mapping[str, _Segment], parents: Mapping[str, str]) -> tuple[str, ...]:

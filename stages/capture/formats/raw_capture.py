@@ -59,8 +59,8 @@ def _samples(
     """Those records of a part as samples."""
     records = part.records.take(rows)
 
-    def place(sample: int) -> str:
-        return f"{path}: byte {records.offset[sample]} of the stream"
+    def place(_: int) -> str:
+        return str(path)
 
     flipped, wrong = (part.flagged(name)[rows] for name in ("hemisphere-flipped", "hemisphere-transit"))
     position_mm = records.position_mm

@@ -25,7 +25,7 @@ PARENTS = {"thumb": "hand", "index": "hand"}
 
 def table_of(samples: Samples) -> PosesTable:
     """Make the table of a hand from which a thumb and an index finger hang."""
-    return poses_table(lambda: [samples], PARENTS)
+    return poses_table([samples], PARENTS)
 
 
 def samples_of(*rows: tuple[str, int, float, tuple[float, ...]]) -> Samples:
@@ -226,7 +226,7 @@ def test_parts_give_the_table_of_the_whole(
     monkeypatch.setattr("stages.capture.poses_table.FROZEN_FRAMES", 2)
     whole = table_of(samples)
     monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 3)
-    with closing(poses_table(lambda: pieces, PARENTS, tmp_path)) as table:
+    with closing(poses_table(pieces, PARENTS, tmp_path)) as table:
         assert list(tmp_path.iterdir()) == []
         write(tmp_path / "parts.parquet", table, seed + 1)
     write(tmp_path / "whole.parquet", whole, seed + 1)
@@ -242,7 +242,7 @@ def test_the_place_of_a_bad_quaternion_is_that_in_the_whole_recording() -> None:
     segment = np.array([0, 1, 2, 0, 2, 1, 0, 1, 0])
     samples = Samples(SEGMENTS, segment, np.arange(9), np.arange(9) / 9, numbers, lambda row: f"line {row}")
     with pytest.raises(InputError) as caught:
-        poses_table(lambda: cut(samples, [2, 3]), {})
+        poses_table(cut(samples, [2, 3]), {})
     assert str(caught.value).startswith("line 4, segment index, frame 4: ")
     assert "and 2 more rows like it" in str(caught.value)
 
@@ -252,7 +252,7 @@ def test_a_folder_that_cannot_be_written_to_is_a_sentence(
 ) -> None:
     monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 1)
     with pytest.raises(InputError, match="nowhere: cannot be written"):
-        poses_table(lambda: [samples_of(("hand", 0, 0.0, GOOD))], {}, tmp_path / "nowhere")
+        poses_table([samples_of(("hand", 0, 0.0, GOOD))], {}, tmp_path / "nowhere")
 
 
 def test_no_row_group_holds_two_segments(tmp_path: Path) -> None:
