@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from schemas.errors import InputError
+from trackers.protocols.piecewise import rows_at
 from trackers.protocols.pose_numbers import fill_in
 from trackers.protocols.records import Records, Wholes, empty_records
 
@@ -126,10 +127,7 @@ def read_binary_records(
     records = empty_records(len(at))
     if not len(at):
         return records
-    if len(at) > 1 and (np.diff(at) == size).all():
-        rows = b[at[0] : at[-1] + size].view(kind)
-    else:
-        rows = np.lib.stride_tricks.sliding_window_view(b, size)[at].view(kind)[:, 0]
+    rows = rows_at(b, at, size).view(kind)[:, 0]
     records.offset[:] = at
     records.size[:] = size
     records.station[:] = rows["station"]
