@@ -131,5 +131,5 @@ def test_every_key_is_described_and_every_object_closed(kind: str) -> None:
     schema = json_schema(kind)
     assert schema["additionalProperties"] is False
     for name, part in _properties(schema):
-        assert part.get("description"), name
+        assert part.get("description", "").endswith("."), name
         assert part.get("type") != "object" or "additionalProperties" in part, name
