@@ -53,6 +53,7 @@ rule all:
         study.subject_pages,
         study.figures,
         study.exports,
+        study.export_folders,
 
 
 rule plan:  # what the stages need to know of the study about a subject
@@ -331,7 +332,7 @@ rule export:  # skeletons and their motion for other programs
         bones=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
     output:
-        directory(f"{results}/exports/sub-{{subject}}"),
+        directory(f"{subject}/exports"),
     log:
         f"{logs}/export/sub-{{subject}}.log",
     params:
@@ -351,7 +352,7 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
         plans=study.plans,
         configuration=study.configuration,
     output:
-        directory(f"{results}/exports/bids"),
+        directory(f"{results}/dataset"),
     log:
         f"{logs}/export_dataset.log",
     params:
@@ -362,7 +363,22 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
         "export_dataset: the study as a Motion-BIDS dataset"
     shell:
         f"{run} stages.export.dataset --record-failure --plans {{input.plans:q}} {{params.options}}"
-        " {params.participants} --out {output:q} > /dev/null 2> {log:q}"
+        " {params.participants} --out {output:q}/bids > /dev/null 2> {log:q}"
+
+
+rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice
+    input:
+        study.export_folders,
+    output:
+        directory(f"{results}/exports"),
+    log:
+        f"{logs}/collect_exports.log",
+    params:
+        code=code_digest("stages.export.collect"),
+    message:
+        "collect_exports: the exports of all subjects in one folder"
+    shell:
+        f"{run} stages.export.collect --folders {{input:q}} --out {{output:q}} 2> {{log:q}}"
 
 
 rule report:

@@ -142,23 +142,18 @@ def crc16(data: bytes) -> int:
 def viper_frame(
     frame: int,
     stations: Sequence[int],
-    orientation: str = "quaternion",
     unit: int = 2,
     accelerated: bool = False,
 ) -> bytes:
-    """A frame of poses of VIPER; unit 0 inch, 1 foot, 2 cm, 3 m; orientation deg, rad or quaternion."""
+    """A frame of poses of VIPER; unit 0 inch, 1 foot, 2 cm, 3 m."""
     body = struct.pack("<4I", 7, frame, int(accelerated), len(stations))
     for station in stations:
         position, quaternion = pose(frame, station)
-        kind = ("deg", "rad", "quaternion").index(orientation)
-        info = station - 1 | unit << 8 | kind << 10 | 1 << 12 | 37 << 14
-        angles = angles_deg(quaternion)
-        numbers = [(*angles, 0.0), (*np.radians(angles), 0.0), quaternion][kind]
+        info = station - 1 | unit << 8 | 2 << 10 | 1 << 12 | 37 << 14
         if accelerated:
-            scale = 32768 / (180.0, np.pi, 1.0)[kind]
-            sent = struct.pack("<8h", *(round(number * scale) for number in numbers), 1, 2, 3, 4)
+            sent = struct.pack("<8h", *(round(number * 32768) for number in quaternion), 1, 2, 3, 4)
         else:
-            sent = _floats(numbers)
+            sent = _floats(quaternion)
         body += struct.pack("<I", info) + _floats(position) + sent
     return viper_closed(b"VPRP", body)
 
@@ -174,19 +169,11 @@ def viper_closed(preamble: bytes, body: bytes) -> bytes:
     return frame + struct.pack("<I", crc16(frame))
 
 
-def flock_record(
-    frame: int, station: int, record: str, group: bool, inverse: bool = False, range_mm: float = 914.4
-) -> bytes:
-    """A record of Flock of Birds; positions of `pose` in centimetres."""
+def flock_record(frame: int, station: int, group: bool) -> bytes:
+    """A record of Flock of Birds with a range of 36 inches; positions of `pose` in centimetres."""
     position, (w, x, y, z) = pose(frame, station)
-    sent = (w, -x, -y, -z) if inverse else (w, x, y, z)
-    orientation = {
-        "position-quaternion": sent,
-        "position-angles": tuple(angle / 180 for angle in angles_deg((w, x, y, z))),
-        "position-matrix": cosines(sent),
-    }[record]
     out = bytearray()
-    for number in (*(10 * p / range_mm for p in position), *orientation):
+    for number in (*(10 * p / 914.4 for p in position), w, -x, -y, -z):
         word = int(np.clip(round(number * 8192), -8192, 8191)) & 0x3FFF
         out += bytes([word & 0x7F, word >> 7])
     out[0] |= 0x80
@@ -237,12 +224,8 @@ def streams(frames: int = 5) -> dict[str, Stream]:
         for family, mode, record, lists in by_items
         for items in lists
     }
-    for orientation in ("deg", "rad", "quaternion"):
-        whole = tuple(viper_frame(f, four, orientation) for f in range(1, 3 * frames + 1))
-        clean[f"viper {orientation}"] = Stream(settings("viper"), whole)
-    for record in ("position-quaternion", "position-angles", "position-matrix"):
-        for group in (False, True):
-            options = settings("trakstar", record=record, group=group, range_inch=36, inverse=True)
-            pieces = tuple(flock_record(f, s, record, group, inverse=True) for f, s in order)
-            clean[f"trakstar {record}{' group' if group else ''}"] = Stream(options, pieces)
+    clean["viper"] = Stream(settings("viper"), tuple(viper_frame(f, four) for f in range(1, 3 * frames + 1)))
+    for group in (False, True):
+        pieces = tuple(flock_record(f, s, group) for f, s in order)
+        clean[f"trakstar{' group' if group else ''}"] = Stream(settings("trakstar", group=group), pieces)
     return clean

@@ -170,8 +170,11 @@ JOINT_CENTRES = Table(
         *_xyz("axis_child_", "", "unit rotation axis in the child receiver's frame"),
         _real(
             "sd_mm",
-            "1-sigma error of the centre in 3-D; of the paper's models only what the gap shows "
-            "(docs/method.md)",
+            "1-sigma error of the centre in 3-D, with what skin and the receivers' places leave open",
+        ),
+        _real(
+            "scatter_sd_mm",
+            "of that what the scatter of the frames alone says; null where anatomy was weighed in",
         ),
         Column(
             "covariance_mm2",

@@ -240,9 +240,14 @@ class StudyFiles:
 
     @property
     def exports(self) -> list[str]:
-        """Folders of everything that the study exports: of each subject, and the dataset of all."""
-        folders = [str(self.results.exports(subject)) for subject in self.study.subjects]
-        dataset = [str(self.results.dataset)] if "bids" in self.study.exports else []
+        """The folder of everything that the study exports, none where it exports nothing."""
+        return [str(self.results.exports)] if self.study.exports else []
+
+    @property
+    def export_folders(self) -> list[str]:
+        """Folders that exports are made in: of each subject, and of the dataset of all."""
+        folders = [str(self.results.subject_exports(subject)) for subject in self.study.subjects]
+        dataset = [str(self.results.new_dataset.parent)] if "bids" in self.study.exports else []
         return (folders if self.export_formats else []) + dataset
 
     figure_names = STUDY_FIGURES

@@ -115,15 +115,14 @@ def _pose_recording(
     fits: _Fits,
     metacarpals: PartsWriter,
 ) -> None:
-    from schemas.poses import read_poses, usable_poses
+    from schemas.poses import frame_count, poses_reader, usable_poses
     from stages.estimate_metacarpals.hand import pose_metacarpals
 
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     for path in usable_poses([plan.poses(recording)])[0]:
-        poses = read_poses(path, layout.measured)
         posed_by_fit = model.fitting is not None and hand.metacarpals  # none where the fit failed
-        fitted = fits.posed(part, recording, len(poses.frame)) if posed_by_fit else None
-        for columns in pose_metacarpals(hand, layout, model, poses, fitted):
+        fitted = fits.posed(part, recording, frame_count(path)) if posed_by_fit else None
+        for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
             keys = {"subject": plan.subject, "task": recording.task, "trial": recording.trial}
             metacarpals.columns(part, {**keys, **columns})
 

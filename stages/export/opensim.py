@@ -57,7 +57,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     for file, locked in ((path, {}), (_beside(path, "_ik.osim"), held)):
         write_text(file, model_xml(motion, forms, receivers, title, credit, PUBLICATIONS, locked))
     write_mot(path.with_suffix(".mot"), title, motion.origin, time_s, forms)
-    write_trc(path.with_suffix(".trc"), title, time_s, motion.rate_hz, receivers)
+    write_trc(path.with_suffix(".trc"), title, time_s, motion, receivers)
     write_text(_beside(path, "_ik_setup.xml"), as_text(_ik_setup(path, title, time_s, receivers)))
     return remarks
 
@@ -134,18 +134,19 @@ def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[st
 def _of_points(motion: SkeletonMotion, receivers: Sequence[Triad]) -> list[str]:
     """Sentences on tips and receivers that the bones do not carry exactly."""
     remarks = []
-    tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
-    above = motion.parents[tips]
-    back = conjugate(motion.quaternion[:, above])
-    seen = rotate(back, motion.position_mm[:, tips] - motion.position_mm[:, above])
-    beyond = seen - motion.rest_offset_mm[tips]
+    tips = [(index, joint.parent) for index, joint in enumerate(motion.joints) if joint.tip]
+    beyond = np.zeros((len(motion.frame), len(tips), 3))
+    for place, (index, above) in enumerate(tips):
+        along = motion.position_mm[:, index] - motion.position_mm[:, above]
+        back = conjugate(motion.quaternion[:, above])
+        beyond[:, place] = rotate(back, along) - motion.rest_offset_mm[index]
     if tips and _largest(beyond) > _TOLD_MM:
         rms = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
         remarks.append(
             f"tips are markers fixed to their bones; the recording has them up to {_largest(beyond):.3f} mm "
             f"from there, rms {rms:.3f} mm"
         )
-    blind = int((~seen_frames(receivers, len(motion.frame))).sum())
+    blind = int((~seen_frames(motion, receivers)).sum())
     if blind:
         remarks.append(f"frames in which no receiver is valid, {blind}, are not in the .trc")
     worst = max(receivers, key=lambda triad: triad.spread_mm, default=None)

@@ -9,7 +9,8 @@ import numpy as np
 from schemas.errors import InputError
 from skeleton.rotations import Array
 from stages.export.interpolation import blended, bracketed, slerped
-from stages.export.motion import SkeletonMotion, Whole, continuous
+from stages.export.long_arrays import by_point
+from stages.export.motion import SkeletonMotion, Whole, continuous, known_points
 
 _SAME_S = 1e-9
 _WIDEST_STEPS = 1.5
@@ -89,7 +90,7 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
             receivers,
             position_mm=receiver_mm,
             quaternion=continuous(receiver_turn),
-            valid=np.asarray(np.isfinite(receiver_mm).all(-1) & np.isfinite(receiver_turn).all(-1)),
+            valid=known_points(receiver_mm, receiver_turn),
         ),
     )
     return out.noting(
@@ -104,10 +105,11 @@ def _count(time_s: Array, fps: float) -> int:
 
 def _at(position: Array, turn: Array, before: Whole, after: Whole, share: Array) -> tuple[Array, Array]:
     """Positions and rotations (N, K, ...) between rows of (T, K, ...)."""
-    parts = np.repeat(share[:, None], position.shape[1], axis=1)
+    if not position.shape[1]:
+        return position[before], turn[before]
     return (
-        blended(position[before], position[after], parts),
-        slerped(turn[before], turn[after], parts),
+        by_point(lambda series: blended(series[before], series[after], share), position),
+        by_point(lambda series: slerped(series[before], series[after], share), turn),
     )
 
 

@@ -295,7 +295,7 @@ def _subject_rows(plan: SubjectPlan, table: Table, stage: str, problems: list[Ro
 
 def _failed_exports(study: Study, paths: Results) -> list[Row]:
     """What the export stage could not write, and why."""
-    files = sorted((paths.folder / "exports").rglob("*.failed.txt")) if study.exports else []
+    files = sorted(paths.exports.glob("*.failed.txt")) if study.exports else []
     return [
         _problem("", "export", message, task=file.name.removesuffix(".failed.txt"))
         for file in files

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,16 +66,11 @@ class FlaggedRecords:
         return position_mm
 
 
-def flagged_records(
-    archive: Archive, survey: Survey, kept: Sequence[Block] | None = None
-) -> Iterator[FlaggedRecords]:
-    """Decode the archive again, with what the survey found; blocks without a record are left out.
-
-    kept : its blocks, where the survey kept them.
-    """
+def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords]:
+    """Decode the archive again, with what the survey found; blocks without a record are left out."""
     if survey.clock is None:
         return
-    for block in blocks_of(archive, Tally()) if kept is None else kept:
+    for block in blocks_of(archive, Tally()):
         if len(block.records):
             yield FlaggedRecords(
                 block.records,

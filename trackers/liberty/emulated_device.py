@@ -10,7 +10,7 @@ import struct
 from fractions import Fraction
 
 from trackers.emulate.device import EmulatedDevice, RefusedError, StationSettings, World
-from trackers.emulate.encoding import Block, Framing, Measured, encode
+from trackers.emulate.encoding import Framing
 from trackers.liberty.emulated_commands import COMMANDS, UNKNOWN_COMMAND
 from trackers.liberty.items import DEFAULT_LIST, OUTPUT_ITEMS, SINGLE, STREAMED, TAGS
 from trackers.liberty.replies import ERRORS
@@ -62,15 +62,10 @@ class EmulatedLiberty(EmulatedDevice):
         """What RS-232 brings after power-up."""
         return f"{self.family.upper()} Ready!\r\n".encode()
 
-    def encoded(self, measured: Measured, *, single: bool) -> Block:
-        """Encode cycles as the settings of the moment say."""
-        framing = Framing(
-            OUTPUT_ITEMS,
-            {"tag": TAGS[self.family], "command": SINGLE if single else STREAMED},
-            station_byte=0,
-            text_header="%02d  ",
-        )
-        return encode(measured, self.output_lists, framing, binary=bool(self.binary))
+    def framing(self, *, single: bool) -> Framing:
+        """How records are framed, while streaming or in answer to a single poll."""
+        header: dict[str, bytes | int] = {"tag": TAGS[self.family], "command": SINGLE if single else STREAMED}
+        return Framing(OUTPUT_ITEMS, header, station_byte=0, text_header="%02d  ")
 
     def _header(self, station: int, command: int, error: int, size: int) -> bytes:
         return TAGS[self.family] + struct.pack("<BBBBh", station, command, error, 0, size)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps
-from trackers.protocols.pose_numbers import doubtful_poses, quaternion_of_angles
+from trackers.protocols.pose_numbers import doubtful_poses
 from trackers.protocols.records import Decoded, Records, Reply, Wholes, concatenated, empty_records
 from trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
@@ -32,8 +32,8 @@ SINGLE, CONTINUOUS = 18, 19
 ANY = 0xFFFFFFFF
 
 _MM = np.array([MM_PER_UNIT[unit] for unit in ("inch", "foot", "cm", "m")])
-_DEGREES, _RADIANS, _QUATERNION = range(3)
-_FULL_SCALE = np.array([180.0, np.pi, 1.0, np.nan]) / 32768
+_QUATERNION = 2
+_FULL_SCALE = 32768
 _SENSOR = np.dtype([("info", "<u4"), ("position", "<f4", (3,)), ("orientation", "<f4", (4,))])
 _WITH_ACCELERATION = 1
 _COUNT_PLACE = 20
@@ -217,14 +217,9 @@ def _records_of_size(rows: Bytes, at: Wholes) -> Records:
 def _orientations(
     sent: npt.NDArray[np.float32], kind: Wholes, accelerated: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
-    """Quaternions (N, 4) of the 16 bytes of orientation, whichever they hold; NaN for an unknown kind."""
+    """Quaternions (N, 4) of the 16 bytes of orientation; NaN for angles, which no recorder asks for."""
     numbers = sent.astype(float)
     if accelerated.any():  # four whole numbers of orientation, then four of acceleration
-        short = np.ascontiguousarray(sent[accelerated]).view("<i2")[:, :4]
-        numbers[accelerated] = short * _FULL_SCALE[kind[accelerated]][:, None]
-    for angular, factor in ((_DEGREES, 1.0), (_RADIANS, 180 / np.pi)):
-        mine = kind == angular
-        if mine.any():
-            numbers[mine] = quaternion_of_angles(numbers[mine, :3] * factor)
-    numbers[kind > _QUATERNION] = np.nan
+        numbers[accelerated] = np.ascontiguousarray(sent[accelerated]).view("<i2")[:, :4] / _FULL_SCALE
+    numbers[kind != _QUATERNION] = np.nan
     return numbers

@@ -7,12 +7,17 @@ from typing import Any
 
 from schemas.study import Recording
 from stages.report.hand_motion import HandMotion
+from stages.report.links import navigation
 from stages.report.palette import model_looks
 from stages.report.pictures.joint_rows import range_picture, singular_value_picture
 from stages.report.pictures.tip_error_strips import hidden_lines, thinned_traces, tip_error_picture
-from stages.report.recording_page.angle_ranges import angle_blocks, angle_ranges
-from stages.report.recording_page.navigation import navigation
-from stages.report.recording_page.recording_tables import evidence_table, range_table, tip_error_table
+from stages.report.recording_page.recording_tables import (
+    angle_blocks,
+    angle_ranges,
+    evidence_table,
+    range_table,
+    tip_error_table,
+)
 from stages.report.recording_results import ANGLES, JointAngles, ModelResults, RecordingResults, angles_of
 from stages.report.skeleton_stills import Figure
 from stages.report.table_cells import counted, listed, number

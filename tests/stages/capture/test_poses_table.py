@@ -214,19 +214,18 @@ def cut(samples: Samples, cuts: Iterable[int]) -> list[Samples]:
 
 
 @pytest.mark.parametrize("order", ["frames", "segments", "none"])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_parts_give_the_table_of_the_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: str, seed: int
 ) -> None:
-    """Wherever the recording is cut, whether rows wait in memory or in files, and however these are read."""
+    """Wherever the recording is cut, and whether rows wait in memory or in files."""
     random = np.random.default_rng(seed)
     samples = any_samples(random, order)
     pieces = cut(samples, random.integers(0, len(samples.segment) + 1, seed + 1).tolist())
-    monkeypatch.setattr("stages.capture.poses_table.SPAN_FRAMES", 3)  # so that few frames are many
+    monkeypatch.setattr("stages.capture.poses_table.SAMPLED_FRAMES", 3)  # so that few frames are many
     monkeypatch.setattr("stages.capture.poses_table.FROZEN_FRAMES", 2)
     whole = table_of(samples)
-    for limit in ("BLOCK_ROWS", "MOST_FRAMES", "MEMORY_BYTES"):
-        monkeypatch.setattr(f"stages.capture.poses_table.{limit}", 3)
+    monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 3)
     with poses_table(lambda: pieces, PARENTS, tmp_path) as table:
         assert list(tmp_path.iterdir()) == []
         write(tmp_path / "parts.parquet", table, seed + 1)

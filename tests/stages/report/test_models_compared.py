@@ -11,15 +11,14 @@ import pandas as pd
 import pytest
 from browser import WatchedPage
 from report_samples.many_subjects import NOT_FITTED, SEVEN, many_subjects
-from report_samples.read_page import read_page
+from report_samples.read_page import read_page, rows_where
 from report_samples.small_page import small_page
 
 from schemas.model import read_model
 from schemas.study import read_study
-from stages.report.comparison.answers import answer
-from stages.report.comparison.comparison_text import missing_sentences, sentences, summary, untestable
+from stages.report.comparison.answers import Observation, answer
+from stages.report.comparison.comparison_text import missing_sentences, summary, untestable
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, compare
-from stages.report.comparison.observations import Observation
 from stages.report.comparison.questions import JOINT_ERROR, QUESTIONS, TRUE_TIP
 from stages.report.models_compared import panels
 from stages.report.models_compared.sections import ModelsCompared, models_compared
@@ -101,7 +100,6 @@ def test_a_study_of_two_says_once_that_it_can_show_nothing(two: StudyResults) ->
     assert "In these subjects, compared with paper-fig4, the joint centre is off by " in compared.headline
     assert "p = " not in text
     for section in compared.sections:
-        assert section.bullets == ()
         assert section.differences is not None
         assert "with fewer than 6 subjects there is no interval" in section.differences.caption
     assert compared.sections[0].sentences == ()  # the finding said it
@@ -120,9 +118,8 @@ def test_a_study_of_many_says_who_is_better(twelve_compared: ModelsCompared) -> 
         f"{mean['paper-fig3-rest']:.2f} mm in the mean)."
     )
     first = compared.sections[0]
-    assert [bullet[:40] for bullet in first.bullets][2].startswith("With whole-hand the joint centre is off")
-    assert len(first.bullets) == 3
-    assert "p = 0.0015, Holm-corrected over 3" in first.bullets[2]
+    assert first.table is not None
+    assert [row[8] for row in first.table.blocks[0].rows] == ["0.0015"] * 3
     assert [section.key for section in compared.sections] == [question.metric for question in QUESTIONS]
 
 
@@ -186,8 +183,10 @@ def test_one_model_is_held_against_anatomy(twelve: StudyResults) -> None:
     """A study of one model still has a question: what its data improved."""
     alone = {"whole-hand": twelve.models["whole-hand"]}
     first = models_compared(replace(twelve, models=alone)).sections[0]
-    assert first.bullets[0].startswith("With whole-hand the joint centre is off by ")
-    assert "than with prior-only" in first.bullets[0]
+    assert first.table is not None
+    assert first.table.caption == (
+        "Joint centres against the truth: every model against prior-only, held out."
+    )
 
 
 def test_summary_words() -> None:
@@ -241,7 +240,6 @@ def test_too_few_for_a_test(n: int, words: str) -> None:
         {BASE: [2.0] * n, LATER: [1.0 + 0.01 * k for k in range(n)], "rigid": [3.0 + k for k in range(n)]}
     )
     assert untestable(found) == words
-    assert bool(sentences(found)) == (not words)
     in_this = "In this subject" if n == 1 else "In these subjects" if words else "Over 7 subjects"
     assert summary(found)[0].startswith(in_this)
 
@@ -268,11 +266,8 @@ def test_dots_are_the_subjects_means(twelve: StudyResults) -> None:
     for digit in found.by_digit:
         rows = [
             row["true_tip_mean_mm"]
-            for row in twelve.scores
-            if (row["subject"], row["model"]) == ("S003", "whole-hand")
-            and row["held_out"]
-            and row["true_tip_mean_mm"] is not None
-            and digit in (ALL_DIGITS, row["digit"])
+            for row in rows_where(twelve.scores, subject="S003", model="whole-hand", held_out=True)
+            if row["true_tip_mean_mm"] is not None and digit in (ALL_DIGITS, row["digit"])
         ]
         assert len(rows) == (5 if digit == ALL_DIGITS else 1)  # one hand: the other was not fitted
         assert found.by_digit[digit]["whole-hand"]["S003"] == pytest.approx(np.mean(rows))

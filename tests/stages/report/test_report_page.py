@@ -9,7 +9,7 @@ from urllib.parse import unquote
 
 import pytest
 from report_samples.made_study import HOSTILE, MODELS, make_study, write, write_rows
-from report_samples.read_page import read_page, table_called
+from report_samples.read_page import read_page, rows_where, table_called
 from report_samples.rendered import whole_report
 
 from schemas.catalogue import JOINT_CENTRES, POSES, PROBLEMS, TIP_ERRORS
@@ -130,11 +130,7 @@ def test_tables_in_cm_equal_the_parquet_table(
         if table.caption.endswith(f"subject {subject}, opposition, model {model}.")
     ]
     starts = {"right": 0, "left": 5}
-    rows = [
-        row
-        for row in results.tip_errors
-        if (row["subject"], row["model"], row["binding"]) == (subject, model, "first-frame")
-    ]
+    rows = rows_where(results.tip_errors, subject=subject, model=model, binding="first-frame")
     assert rows
     for row in rows:
         start = starts[row["hand"]]
@@ -152,19 +148,16 @@ def test_least_squares_table_equals_the_parquet_table(results: StudyResults, pag
     )
     table = table_called(page, caption)
     left = next(i for i, row in enumerate(table.rows) if row[0] == "Left hand [mm]")
-    for row in results.tip_errors:
-        if (row["subject"], row["hand"], row["binding"]) == ("S01", "right", "least-squares"):
-            column = table.rows[0].index(f"{row['digit'].capitalize()} mean")
-            cells = next(cells for cells in table.rows[1:left] if cells[0] == row["model"])
-            assert cells[column : column + 2] == [f"{row['mean_mm']:.2f}", f"{row['p95_mm']:.2f}"]
+    for row in rows_where(results.tip_errors, subject="S01", hand="right", binding="least-squares"):
+        column = table.rows[0].index(f"{row['digit'].capitalize()} mean")
+        cells = next(cells for cells in table.rows[1:left] if cells[0] == row["model"])
+        assert cells[column : column + 2] == [f"{row['mean_mm']:.2f}", f"{row['p95_mm']:.2f}"]
 
 
 def test_joints_equal_the_parquet_table(results: StudyResults, page: str) -> None:
     """Every joint stands in its table with its status and numbers."""
     table = table_called(page, "Joints of subject S01, left hand, model paper-fig4.")
-    rows = [
-        r for r in results.joints if (r["subject"], r["hand"], r["model"]) == ("S01", "left", "paper-fig4")
-    ]
+    rows = rows_where(results.joints, subject="S01", hand="left", model="paper-fig4")
     assert len(table.rows) == len(rows) + 1
     for row, cells in zip(rows, table.rows[1:], strict=True):
         assert cells[0] == row["joint"]
@@ -176,11 +169,10 @@ def test_joints_equal_the_parquet_table(results: StudyResults, page: str) -> Non
 def test_bones_equal_the_parquet_table(results: StudyResults, page: str) -> None:
     """Every bone's length stands under its model."""
     table = table_called(page, "Bone lengths of subject S01, right hand, in mm, with 1-sigma error.")
-    for row in results.bones:
-        if (row["subject"], row["hand"]) == ("S01", "right"):
-            cells = next(cells for cells in table.rows if cells[0] == row["bone"])
-            cell = cells[table.rows[0].index(row["model"])]
-            assert cell.startswith(f"{row['length_mm']:.2f} ± {row['sd_mm']:.2f}")
+    for row in rows_where(results.bones, subject="S01", hand="right"):
+        cells = next(cells for cells in table.rows if cells[0] == row["bone"])
+        cell = cells[table.rows[0].index(row["model"])]
+        assert cell.startswith(f"{row['length_mm']:.2f} ± {row['sd_mm']:.2f}")
 
 
 def test_what_went_wrong_is_told(page: str) -> None:

@@ -171,12 +171,6 @@ def test_the_hemisphere_is_one_that_no_receiver_leaves(places: list[list[float]]
     assert home_hemisphere(motion) == expected
 
 
-def test_unplugging_is_in_the_capture(tmp_path: Path) -> None:
-    path = recording(tmp_path / "rec.parquet", list(range(FRAMES)))
-    write_capture(path, tmp_path / "out.arrows", plugs=[parse_fault("unplug", "5@100f")])
-    assert (decoded(tmp_path / "out.arrows").station == 5).sum() == 100
-
-
 def test_the_command_writes_what_the_function_writes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,7 +1,5 @@
 """The view, which fits a terminal of 80 columns with every receiver there is; and the summary at the end."""
 
-import math
-
 import pytest
 
 from trackers.liberty.items import FULL_LIST
@@ -101,11 +99,6 @@ def test_no_data_is_shouted() -> None:
     assert display.one_line(silent, recorded()).startswith("NO DATA for 4 s")
 
 
-@pytest.mark.parametrize(("margin", "shown"), [(math.nan, "follows"), (0.815, "+0.81"), (-0.2, "-0.20")])
-def test_margins(margin: float, shown: str) -> None:
-    assert shown in display.view(moment(row(margin=margin)), recorded())[5]
-
-
 def test_a_line_for_a_log() -> None:
     told = display.one_line(
         moment(row(1, rate_hz=239.5, missing_percent=0.2), row(2), row(7, rate_hz=None)), recorded()
@@ -161,10 +154,6 @@ def test_the_summary() -> None:
 def test_an_absence_to_the_end() -> None:
     receivers = {"2": {**WELL, "absent_s": [[50.04, None]]}}
     assert display.totals_table({**TOTALS, "receivers": receivers})[-1].endswith("50.0 s to the end")
-
-
-def test_a_good_recording_needs_no_advice() -> None:
-    assert display.advice(TOTALS, SETTINGS) == []
 
 
 def test_a_line_that_is_too_slow_is_lines() -> None:

@@ -17,9 +17,9 @@ from schemas.errors import InputError
 from schemas.results import FIGURE_KINDS, STUDY_FIGURES, Results
 from schemas.study import read_study
 from stages import command_line
-from stages.report.pictures.style import label, new_figure
 from stages.report.print_figures.__main__ import build_parser, draw, record_failure
 from stages.report.print_figures.drawing import Drawing, drawn, not_drawn, save
+from stages.report.print_figures.style import label, new_figure
 
 REPOSITORY = Path(__file__).resolve().parents[4]
 NAMES = sorted(f"{name}.{kind}" for name in STUDY_FIGURES for kind in FIGURE_KINDS)
@@ -178,13 +178,3 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"any\.pdf: cannot be written"):
         save(tmp_path, not_drawn("any", "no reason"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["any.pdf", "any.svg"]
-
-
-def test_help_imports_no_matplotlib() -> None:
-    code = (
-        "import sys, runpy\nsys.argv = ['print_figures', '--help']\n"
-        "try:\n    runpy.run_module('stages.report.print_figures', run_name='__main__')\n"
-        "except SystemExit:\n    pass\n"
-        "sys.exit(bool({'numpy', 'matplotlib', 'pyarrow'} & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, check=False).returncode == 0

@@ -10,8 +10,7 @@ import pytest
 
 from schemas.results import Results
 from schemas.study import read_study
-from stages.report.links import Link, link
-from stages.report.recording_page.navigation import Navigation, navigation
+from stages.report.links import Link, Navigation, link, navigation
 from stages.report.study_results import StudyResults
 
 ODD = "Ä%2F é#?"
