@@ -171,16 +171,7 @@ def status_table(joints: pd.DataFrame, of: str) -> TextTable:
                 rows.append((task, kind, status, len(child), *known))
     return TextTable(
         f"paper_accuracy: what the status of a joint is worth, {of}",
-        (
-            "solved from",
-            "joints",
-            "status",
-            "n:d",
-            "median mm:.1f",
-            "p90 mm:.1f",
-            "> 5 mm %:.0f",
-            "worst mm:.1f",
-        ),
+        ("solved from", "joints", "status", "n:d", *SPREAD),
         rows,
         "Distance to the true centre in the child's receiver frame. ok says that the data fix the fit, not "
         f"that the joint is a hinge: {COMPOUND}, seen from the hand, have a palm that moves between, which "

@@ -114,11 +114,6 @@ class Results:
         """Folder of the Motion-BIDS dataset of all exported recordings."""
         return self.exports / "bids"
 
-    @property
-    def dataset_failures(self) -> Path:
-        """What is not in that dataset, a line each; beside it, for it may hold its own files alone."""
-        return self.dataset.with_name("bids.failed.txt")
-
     def subject_pages(self, subject: str) -> Path:
         """Folder of the report's pages of one subject."""
         return self.folder / "report" / f"sub-{path_token(subject)}"

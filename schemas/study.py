@@ -103,19 +103,10 @@ class Study:
             )
         return replace(self, recordings=recordings)
 
-    def of(self, hand: Hand, roles: Iterable[str]) -> list[Recording]:
-        """The hand's recordings in those roles that are not excluded."""
-        wanted = set(roles)
-        return [r for r in self._by_hand.get(hand, ()) if r.role in wanted and not r.exclude]
-
     @property
     def shown(self) -> tuple[Recording, ...]:
         """Every recording that tips are evaluated on, and so has a page in the report."""
         return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
-
-    def evaluated(self, hand: Hand) -> list[Recording]:
-        """The recordings that the hand's tips are evaluated on."""
-        return self.of(hand, ("evaluation", "both"))
 
     def layout_of(self, hand: Hand) -> Path:
         """The one layout of the hand's recordings."""

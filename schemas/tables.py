@@ -114,29 +114,19 @@ def write_table(
     columns: Mapping[str, Any],
     provenance: Provenance,
     *,
-    row_group_rows: int | Sequence[int] = ROW_GROUP_ROWS,
+    row_group_rows: int = ROW_GROUP_ROWS,
 ) -> None:
     """Write the columns as one typed Parquet file, atomically.
 
     columns: name -> values, all of one length (arrays, lists or Arrow arrays); NaN becomes null.
-    row_group_rows: the most rows of a row group, or the rows of every row group in turn.
+    row_group_rows: the most rows of a row group.
     Raises ValueError (a bug, not a user's error) where columns are missing, left over or null against
     the declaration.
     """
     data = arrow_table(table, columns, table.arrow_schema(provenance.metadata()))
-    if isinstance(row_group_rows, int):
-        row_group_rows = [
-            min(row_group_rows, data.num_rows - start) for start in range(0, data.num_rows, row_group_rows)
-        ]
-    if sum(row_group_rows) != data.num_rows:
-        raise ValueError(
-            f"{table.name}: row groups of {sum(row_group_rows)} rows, but there are {data.num_rows}"
-        )
     with table_writer(path, table, data.schema) as writer:
-        start = 0
-        for rows in row_group_rows:
-            writer.write_table(data.slice(start, rows), row_group_size=rows)
-            start += rows
+        if data.num_rows:
+            writer.write_table(data, row_group_size=row_group_rows)
 
 
 def write_table_in_parts(

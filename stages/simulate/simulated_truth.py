@@ -11,7 +11,7 @@ from schemas.layout import Layout
 from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.mounts import Mounts
-from stages.simulate.random_hand import BONES, DIGITS, FLEXION, JOINTS, PARENT, TIP_BONES, Hand
+from stages.simulate.random_hand import DIGITS, FLEXION, JOINTS, PARENT, TIP_BONES, Hand
 from stages.simulate.realism import Realism
 
 
@@ -67,12 +67,6 @@ class Truth:
         """Give the truth of a recording; bones and recorded are positions in mm and quaternions over time."""
         joints = _joints(layout, hand, mounts, angles_rad, bones, recorded, realism)
         return cls(hand, mounts, angles_rad, *bones, _tips_mm(hand, *bones), joints)
-
-    def wrist_to_mcp_mm(self) -> Array:
-        """Distance (T, 5) from the wrist centre to each digit's MCP joint: the paper's Fig. 3 metacarpal."""
-        wrist = self.bone_position_mm[:, BONES.index("hand")]
-        mcp = [BONES.index(f"{digit}_proximal") for digit in DIGITS]
-        return np.asarray(np.linalg.norm(self.bone_position_mm[:, mcp] - wrist[:, None], axis=-1))
 
 
 def _tips_mm(hand: Hand, bone_position_mm: Array, bone_quaternion: Array) -> Array:
