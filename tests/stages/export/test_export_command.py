@@ -170,3 +170,27 @@ def test_help_tells_every_format_and_imports_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
     assert all(f"  {name} " in done.stdout for name in FORMATS)
+
+
+def test_a_dataset_of_several_subjects(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Receivers once, a skeleton for every model that was made; participants as in the sheet."""
+    hands = []
+    for subject in ("01", "02"):
+        (tmp_path / subject).mkdir()
+        hands.append(make_hand(tmp_path / subject, "right", 20, subject))
+    hands[1].write(FITTED, BONE_POSES, "the hand was not fitted")
+    sheet, out = tmp_path / "participants.tsv", tmp_path / "out"
+    sheet.write_text("subject\thand_length_mm\n01\t180\n03\t190\n", "utf-8")
+    argv = ["--plan", *(str(known.plan_path) for known in hands), "--participants", str(sheet)]
+    assert main([*argv, "--formats", "bids", "--licence", "CC0", "--out", str(out)]) == 2
+    assert capsys.readouterr().err.endswith("error: the hand was not fitted\n")
+    skeletons = {"01": ("", "skeletonpaperQdfig4", "skeletonwholeQdhand"), "02": ("", "skeletonpaperQdfig4")}
+    assert {path.name for path in out.rglob("*_motion.tsv")} == {
+        f"sub-{subject}_task-opposition_tracksys-righthand{skeleton}_motion.tsv"
+        for subject, own in skeletons.items()
+        for skeleton in own
+    }
+    table = (out / "bids" / "participants.tsv").read_text("utf-8").splitlines()
+    assert [line.split("\t")[0] for line in table] == ["participant_id", "sub-01", "sub-02"]
+    assert table[1].split("\t")[2].startswith("180")
+    assert '"License": "CC0"' in (out / "bids" / "dataset_description.json").read_text("utf-8")
