@@ -14,6 +14,7 @@ from export_samples.minimal_bvh import read_bvh
 from export_samples.minimal_glb import read_glb
 
 from schemas.catalogue import BONE_POSES
+from stages.export import long_arrays, recorded_motion
 from stages.export.__main__ import main
 from stages.export.registry import FORMATS
 
@@ -159,6 +160,31 @@ def test_a_subject_of_any_script_has_its_files(tmp_path: Path) -> None:
     known = make_hand(tmp_path, "left", 30, subject="山田 太郎")
     assert run(known, tmp_path / "out", model=REPLAYED) == 0
     assert (tmp_path / "out" / f"sub-山田%20太郎_hand-left_task-opposition_model-{REPLAYED}.bvh").is_file()
+
+
+def test_what_is_held_on_the_disk_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every byte, of gaps that were filled, resampled, stiff and on another rig too."""
+    known = make_hand(tmp_path, "left", 60)
+    rows = known.rows(FITTED, BONE_POSES)
+    for row in rows:
+        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
+            row |= dict.fromkeys(POSE)
+    known.write(FITTED, BONE_POSES, rows)
+    changed = ["--gaps", "interpolate", "--fps", "100", "--rig", "openxr", "--bones", "stiff"]
+    names = ["--formats", ",".join(FORMATS)]
+    for part, options in (("plain", ["--gaps", "cut"]), ("changed", changed)):
+        for model in (FITTED, REPLAYED):
+            assert run(known, tmp_path / "memory" / part, *names, *options, model=model) == 0
+    monkeypatch.setattr(long_arrays, "KEPT_BYTES", 0)
+    monkeypatch.setattr(recorded_motion, "BLOCK_FRAMES", 25)
+    for part, options in (("plain", ["--gaps", "cut"]), ("changed", changed)):
+        for model in (FITTED, REPLAYED):
+            assert run(known, tmp_path / "disk" / part, *names, *options, model=model) == 0
+    files = [path for path in sorted((tmp_path / "memory").rglob("*")) if path.is_file()]
+    assert len(files) > 50
+    for file in files:
+        other = tmp_path / "disk" / file.relative_to(tmp_path / "memory")
+        assert file.read_bytes() == other.read_bytes(), file
 
 
 def test_help_tells_every_format_and_imports_nothing_heavy() -> None:
