@@ -106,8 +106,8 @@ class Results:
 
     @property
     def new_dataset(self) -> Path:
-        """Folder that the Motion-BIDS dataset is made in."""
-        return self.folder / "dataset" / "bids"
+        """Folder that the Motion-BIDS dataset is made in, as `bids`."""
+        return self.folder / "dataset"
 
     @property
     def dataset(self) -> Path:

@@ -21,7 +21,6 @@ import numpy as np
 import numpy.typing as npt
 
 from schemas import PROGRAM, VERSION
-from schemas.errors import InputError
 from skeleton.rotations import Array, conjugate, matrix, rotate, unit
 from stages.export.axes import UNITS_PER_MM, Target
 from stages.export.bone_mesh import bone_mesh
@@ -56,32 +55,25 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     return write_scene([motion], target, path)
 
 
-def write_scene(
-    motions: Sequence[SkeletonMotion], target: Target, path: Path, *, one_clock: bool = False
-) -> tuple[str, ...]:
+def write_scene(motions: Sequence[SkeletonMotion], target: Target, path: Path) -> tuple[str, ...]:
     """Write several motions, such as both hands of a person, each with nodes and a skin of its own.
 
-    one_clock : whether the device times of all are of one clock, as of hands that were recorded at once. Then
-    there is one animation, and it starts with the earliest frame. Else each motion has an animation that
-    starts at 0: times of recordings that were made one after the other do not tell what was when in the
-    other, even where they overlap. Raises InputError as `write`, and where times of one clock do not overlap.
+    Each has an animation that starts at 0: times of recordings that were made one after the other do not tell
+    what was when in the other, even where they overlap. Raises InputError as `write`.
     """
     for motion in motions:
         require_whole(motion, path, "GLB")
         require_times(motion, (motion.time_s - motion.time_s[0]).astype(np.float32), path, "GLB")
-    hands = [
-        _hand(motion, start) for motion, start in zip(motions, _starts(motions, path, one_clock), strict=True)
-    ]
+    hands = [_hand(motion) for motion in motions]
     notes = [facts(hand.motion, target) for hand in hands]
     licence = "; ".join(dict.fromkeys(note["licence"] for note in notes if note["licence"]))
     asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": notes}}
     document = Document(asset | ({"copyright": licence} if licence else {}))
     document.json |= {"scene": 0, "scenes": [{"nodes": []}]}
-    animations = [_add_hand(document, hand) for hand in hands]
-    for animation in _joined(animations) if one_clock else animations:
-        document.add("animations", animation)
+    for hand in hands:
+        document.add("animations", _add_hand(document, hand))
     document.write(path)
-    if len(hands) < 2 or one_clock:
+    if len(hands) < 2:
         return ()
     return (
         f"{len(hands)} animations, each from 0 s on its own, as of recordings that were made one after the "
@@ -89,27 +81,13 @@ def write_scene(
     )
 
 
-def _starts(motions: Sequence[SkeletonMotion], path: Path, one_clock: bool) -> list[float]:
-    """Device time that is 0 in the file, of each motion."""
-    starts = [float(np.nan_to_num(motion.time_s[0])) for motion in motions]
-    if not one_clock:
-        return starts
-    ends = [float(np.nan_to_num(motion.time_s[-1])) for motion in motions]
-    if max(starts) > min(ends):
-        raise InputError(
-            f"{path}: device times do not overlap (one recording ends at {min(ends):.3f} s, another begins "
-            f"at {max(starts):.3f} s), so these were not recorded at once; write them without a common clock"
-        )
-    return [min(starts)] * len(starts)
-
-
-def _hand(motion: SkeletonMotion, start_s: float) -> _Hand:
+def _hand(motion: SkeletonMotion) -> _Hand:
     """The motion as it is written; a hand that has the layout's names gets those of WebXR."""
     motion = with_webxr_names(motion)
     return _Hand(
         motion,
         f"{motion.origin.hand}-{motion.kind}",
-        np.nan_to_num(motion.time_s - start_s).astype(np.float32),
+        np.nan_to_num(motion.time_s - motion.time_s[0]).astype(np.float32),
     )
 
 
@@ -229,16 +207,3 @@ def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
         "channels": channels,
         "extras": start,
     }
-
-
-def _joined(animations: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One animation of all their channels."""
-    samplers: list[dict[str, Any]] = []
-    channels: list[dict[str, Any]] = []
-    for animation in animations:
-        start = len(samplers)
-        samplers += animation["samplers"]
-        channels += [channel | {"sampler": start + channel["sampler"]} for channel in animation["channels"]]
-    name = ", ".join(animation["name"] for animation in animations)
-    extras = {animation["name"]: animation["extras"] for animation in animations}
-    return [{"name": name, "samplers": samplers, "channels": channels, "extras": extras}]
