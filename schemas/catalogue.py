@@ -28,6 +28,11 @@ MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing
 STATUS = Column("status", TEXT, "", "ok, weak (read the message) or failed (no usable number)")
 
 
+OF_RECORDING = (SUBJECT, HAND, TASK, TRIAL)
+OF_SKELETON = (SUBJECT, HAND, MODEL, MADE_WITHOUT)
+OF_SKELETON_IN_RECORDING = (*OF_RECORDING, MODEL, MADE_WITHOUT)
+"""Columns that say what a row is of."""
+
 _UNITS = {"mm": "mm", "deg": "deg", "s": "s", "percent": "%"}
 
 
@@ -36,10 +41,11 @@ def _real(name: str, description: str) -> Column:
     return Column(name, REAL, _UNITS.get(name.rsplit("_", 1)[-1], ""), description, nullable=True)
 
 
-def _xyz(prefix: str, unit: str, description: str, *, nullable: bool = True) -> tuple[Column, ...]:
+def _xyz(prefix: str, unit: str, description: str) -> tuple[Column, ...]:
     suffix = f"_{unit}" if unit else ""
     return tuple(
-        Column(f"{prefix}{axis}{suffix}", REAL, unit, f"{description}, {axis}", nullable) for axis in "xyz"
+        Column(f"{prefix}{axis}{suffix}", REAL, unit, f"{description}, {axis}", nullable=True)
+        for axis in "xyz"
     )
 
 
@@ -121,10 +127,7 @@ JOINT_SOLUTIONS = Table(
     2,
     "the joint as Eq. 1-7 give it, before the plane",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON,
         JOINT,
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
@@ -172,10 +175,7 @@ JOINT_CENTRES = Table(
     2,
     "the skeleton's joints, the wrist point in use among them",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON,
         JOINT,
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
@@ -220,12 +220,7 @@ METACARPALS = Table(
     2,
     "posture of the digit's metacarpal",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
         *_quaternion("metacarpal (x distal, z dorsal) to transmitter frame"),
@@ -242,12 +237,7 @@ TIPS = Table(
     2,
     "the replayed fingertip, least-squares binding",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
         _real("time_s", "device time as recorded"),
@@ -263,12 +253,7 @@ TIP_ERRORS = Table(
     2,
     "the paper's table, one cell group a row",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         DIGIT,
         Column("binding", TEXT, "", "first-frame (the paper's) or least-squares"),
         _real("max_mm", "largest tip error over the frames"),
@@ -293,10 +278,7 @@ BONE_LENGTHS = Table(
     2,
     "a bone is named after its segment",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON,
         DIGIT,
         Column("bone", TEXT, "", "the segment"),
         Column(
@@ -340,10 +322,7 @@ RECEIVERS = Table(
     2,
     "where the receiver sits on its bone and how it behaves, as fitted",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON,
         Column("segment", TEXT, "", "the segment that wears the receiver"),
         *(
             column
@@ -378,10 +357,7 @@ GAINS = Table(
     2,
     "what measuring one more thing on the hand would gain, best first",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON,
         Column("quantity", TEXT, "", "what could be measured, as measurements.tsv calls it"),
         Column("sd_mm", REAL, "mm", "1-sigma error that the measurement is assumed to have"),
         Column("mean_sd_before_mm", REAL, "mm", "mean sd_mm of the hand's joint centres now"),
@@ -398,12 +374,7 @@ JOINT_ANGLES = Table(
     2,
     "the joint's angles with the fitted hand",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         JOINT,
         FRAME,
         _real("flexion_deg", "flexion positive, extension negative (docs/joint-angles.md)"),
@@ -418,12 +389,7 @@ BONE_POSES = Table(
     2,
     "a bone of the fitted hand, posed with all receivers",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         Column("segment", TEXT, "", "the bone; those that carry no receiver among them"),
         FRAME,
         *_xyz(
@@ -439,12 +405,7 @@ POSED_TIPS = Table(
     2,
     "a tip of the fitted hand, posed with all receivers",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
         _real("time_s", "device time as recorded"),
@@ -472,10 +433,7 @@ SKELETON_SCORES = Table(
     1,
     "how well a skeleton does in one recording",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
+        *OF_RECORDING,
         Column(
             "model",
             TEXT,
@@ -532,10 +490,7 @@ RECORDINGS = Table(
     1,
     "recording of the study: what became of it",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
+        *OF_RECORDING,
         Column("role", TEXT, "", "calibration, evaluation or both"),
         Column("file", TEXT, "", "the recording's file, as in the sheet"),
         Column("status", TEXT, "", "used, excluded (by the sheet), refused (by a finding) or failed"),

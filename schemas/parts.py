@@ -25,6 +25,7 @@ from schemas.tables import (
     Table,
     arrow_table,
     columns_from_rows,
+    naming_damage,
     open_table,
     table_writer,
 )
@@ -221,10 +222,8 @@ def _filtered(
 ) -> pa.Table:
     """Rows with those keys of those row groups."""
     wanted = None if columns is None else [*dict.fromkeys([*keys, *columns])]
-    try:
+    with naming_damage(path):
         rows = file.read_row_groups(groups, wanted, use_threads=False)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
     matches = np.ones(rows.num_rows, bool)
     for name, value in keys.items():
         matches &= pc.equal(rows.column(name), value).to_numpy()

@@ -167,12 +167,18 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
     Raises InputError where the file is absent, is no Parquet file, is another table or another version,
     lacks a column or has one of another type, or records that its own making failed.
     """
-    with open_table(path, table) as file:
-        try:
-            threads = file.metadata.num_rows > ROW_GROUP_ROWS // 2  # a few rows are read before they start
-            return file.read(columns=None if columns is None else list(columns), use_threads=threads)
-        except (OSError, ValueError, pa.ArrowException) as error:
-            raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
+    with open_table(path, table) as file, naming_damage(path):
+        threads = file.metadata.num_rows > ROW_GROUP_ROWS // 2  # a few rows are read before they start
+        return file.read(columns=None if columns is None else list(columns), use_threads=threads)
+
+
+@contextmanager
+def naming_damage(path: Path) -> Iterator[None]:
+    """Turn the error of a Parquet file that cannot be read to its end into a TableError that names it."""
+    try:
+        yield
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
 
 
 def open_table(path: Path, table: Table) -> pq.ParquetFile:
