@@ -28,6 +28,7 @@ def render_study(results: StudyResults, study: Study) -> str:
         headline=headline(results),
         used=used_text(results),
         front=_front(results),
+        findings=provenance.findings(results),
         problems=provenance.problems_table(results),
         exports=study.exports,
         export_models=study.export_settings["models"],
