@@ -18,7 +18,6 @@ BENCHMARKS = {
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
     "cluster_plan": "a study of thousands on a cluster: jobs, hours, files, and what ends first",
     "report_pages": "the report: bytes of its pages, how a browser shows them",
-    "fuzz": "damaged byte streams and files: every decoder and reader must take them",
     "opensim_figure": "the guide's picture of an export in OpenSim, and its inverse kinematics",
 }
 

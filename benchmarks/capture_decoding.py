@@ -45,13 +45,13 @@ def run(rounds: int = 3, seconds: float = HOUR_S) -> Iterator[TextTable]:
     yield TextTable(
         f"capture_decoding: {seconds:.0f} s of 16 receivers at 240 Hz, {rounds} rounds in turns",
         (
-            ("records", ",d"),
-            ("MB sent", ".0f"),
-            ("MB written", ".0f"),
-            ("best s", ".2f"),
-            ("MB/s", ".0f"),
-            ("most memory MB", ".0f"),
-            ("x copying", ".1f"),
+            "records:,d",
+            "MB sent:.0f",
+            "MB written:.0f",
+            "best s:.2f",
+            "MB/s:.0f",
+            "most memory MB:.0f",
+            "x copying:.1f",
         ),
         [(records, sent / 1e6, written / 1e6, best_s, sent / 1e6 / best_s, memory_mb, ratio)],
         "From the raw capture to the table of records, in two passes, a process with its start-up. Copying "

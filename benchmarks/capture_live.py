@@ -34,13 +34,13 @@ def run(seconds: float = SECONDS) -> Iterator[TextTable]:
     yield TextTable(
         f"capture_live: {seconds:.0f} s of 16 receivers at 240 Hz, 56 bytes a record, with the live view",
         (
-            ("through", ""),
-            ("frames", ",d"),
-            ("lost", "d"),
-            ("skipped bytes", "d"),
-            ("% of one core", ".1f"),
-            ("most memory MB", ".0f"),
-            ("median delay ms", ".1f"),
+            "through",
+            "frames:,d",
+            "lost:d",
+            "skipped bytes:d",
+            "% of one core:.1f",
+            "most memory MB:.0f",
+            "median delay ms:.1f",
         ),
         rows,
         "The recorder as a process on a terminal of its own, start-up and all, on an emulated tracker in "

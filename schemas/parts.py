@@ -25,6 +25,7 @@ from schemas.tables import (
     Table,
     arrow_table,
     columns_from_rows,
+    naming_damage,
     open_table,
     table_writer,
 )
@@ -64,7 +65,8 @@ class PartsWriter:
     def rows(self, part: Part, rows: Iterable[Mapping[str, Any]], **parameters: Any) -> None:
         """Add a part's rows; a nullable column that a row does not name is null there."""
         self._parts.setdefault(part, {}).update(parameters)
-        columns = columns_from_rows(self._table, [{**self._keys(part), **row} for row in rows])
+        keys = _named_keys(self._table, part)
+        columns = columns_from_rows(self._table, [{**keys, **row} for row in rows])
         self._waiting.append((part, arrow_table(self._table, columns, self._schema)))
 
     def columns(self, part: Part, columns: Mapping[str, Any], **parameters: Any) -> None:
@@ -76,7 +78,7 @@ class PartsWriter:
         count = next(len(values) for values in columns.values() if not isinstance(values, str))
         whole = {
             name: pa.repeat(pa.scalar(values), count) if isinstance(values, str) else values
-            for name, values in {**self._keys(part), **columns}.items()
+            for name, values in {**_named_keys(self._table, part), **columns}.items()
         }
         rows = arrow_table(self._table, whole, self._schema)
         self._writer.write_table(rows, row_group_size=max(1, rows.num_rows))
@@ -93,10 +95,6 @@ class PartsWriter:
         listed = [{**asdict(part), **parameters} for part, parameters in self._parts.items()]
         text = json.dumps(listed, ensure_ascii=False, sort_keys=True)
         self._writer.add_key_value_metadata({PARTS_KEY: text})
-
-    def _keys(self, part: Part) -> dict[str, str]:
-        names = {column.name for column in self._table.columns}
-        return {name: value for name, value in asdict(part).items() if name in names}
 
 
 @contextmanager
@@ -224,10 +222,8 @@ def _filtered(
 ) -> pa.Table:
     """Rows with those keys of those row groups."""
     wanted = None if columns is None else [*dict.fromkeys([*keys, *columns])]
-    try:
+    with naming_damage(path):
         rows = file.read_row_groups(groups, wanted, use_threads=False)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
     matches = np.ones(rows.num_rows, bool)
     for name, value in keys.items():
         matches &= pc.equal(rows.column(name), value).to_numpy()

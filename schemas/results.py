@@ -8,6 +8,7 @@ from pathlib import Path
 from schemas.study import Recording, path_token
 
 SUBJECT_TABLES = {
+    "findings": "check_recordings",
     "calibration_advice": "check_calibration",
     "joint_solutions": "solve_joints",
     "projected_joints": "project_planes",

@@ -31,7 +31,7 @@ RECEIVED, SENT, SETTINGS, EVENT, END = range(5)
 KINDS = {
     RECEIVED: "bytes that came from the tracker",
     SENT: "bytes that were sent to it",
-    SETTINGS: "JSON: from here on the stream is read so; an earlier stream has ended",
+    SETTINGS: "JSON: how the stream is to be read",
     EVENT: "JSON: something happened to the recording (a note, a clock that jumped, the tracker gone)",
     END: "JSON: the recording was ended, and how",
 }
@@ -100,7 +100,7 @@ class ArchiveWriter:
         self._add(SENT, data, host_ns)
 
     def settings(self, settings: Mapping[str, Any], host_ns: int) -> None:
-        """Keep how the stream is to be read from here on (`StreamSettings.to_json`)."""
+        """Keep how the stream is to be read (`StreamSettings.to_json`)."""
         self._add(SETTINGS, _json_bytes(settings), host_ns)
 
     def event(self, name: str, host_ns: int, **details: Any) -> None:
@@ -196,11 +196,6 @@ class Archive:
     _mapped: mmap.mmap
     _first: int
     _schema: pa.Schema
-
-    @property
-    def size_bytes(self) -> int:
-        """How long the file is."""
-        return len(self._mapped)
 
     def pieces(self) -> Iterator[Piece]:
         """Give the batches in turn; a last empty piece may tell of bytes at the end that were none."""

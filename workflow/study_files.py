@@ -186,7 +186,7 @@ class StudyFiles:
         return [
             str(path)
             for plan in self._plans.values()
-            for table in GATHERED_TABLES
+            for table in ("findings", *GATHERED_TABLES)
             for path in plan.files_of(table)
         ]
 
@@ -201,7 +201,7 @@ class StudyFiles:
 
     def exported(self, _: Wildcards = None) -> list[str]:
         """Tables of all subjects that exports are made of."""
-        names = ("joint_centres", "bone_lengths", "metacarpals")
+        names = ("findings", "joint_centres", "bone_lengths", "metacarpals")
         tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
         return [*self.all_poses(), *tables, *self._of_all(self.fits)]
 

@@ -4,18 +4,15 @@ Frames, times and gaps stay as they came; samples are put in order and onto a fu
 segment has a row for every frame.
 
 Samples come part by part, in whatever order the recording has them, and the table leaves segment by segment.
-In between each segment's rows wait in a temporary file, first as they came, then in order and checked. So
-memory does not grow with the recording but for its frame numbers, unless rows are out of order: then a
-segment that has such rows is sorted in memory.
+In between each segment's rows wait in a temporary file, so that one segment at a time is in memory.
 """
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -23,7 +20,10 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from schemas.errors import InputError
+from stages.capture.hemispheres import Sides, jumps, link_sides, sides_by_jumps
 from stages.capture.samples import NUMBERS, Samples
+from stages.capture.spikes import spikes
+from trackers.decode.hemisphere import Flip
 
 FLAGS = {
     "no-row": "the recording has no row for this receiver in this frame, though others have",
@@ -42,11 +42,12 @@ FLAGS = {
     "hemisphere-repaired": "the position had jumped to the other side of the transmitter and was put back",
     "low-quality": "the recording's own measure of quality is beyond the limit that its mapping gives",
     "misfit": "the markers of the cluster do not fit its rigid shape",
+    "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
 }
 """What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
 
-INVALIDATING = ("device-error", "hemisphere-flip", "low-quality", "misfit")
-"""Marks of a reader that make a pose unusable though its numbers are complete; they are kept."""
+INVALIDATING = ("device-error", "hemisphere-flip", "low-quality", "misfit", "spike")
+"""Flags that make a pose unusable though its numbers are complete; they are kept."""
 
 NORM_TOLERANCE = 0.01
 """A quaternion whose length is off by more was not rounded: it is something else."""
@@ -57,16 +58,11 @@ FROZEN_FRAMES = 240
 ROW_GROUP_FRAMES = 1 << 15
 """Two minutes at 240 Hz: who reads frame by frame holds a row group of every segment at once."""
 
-SPAN_FRAMES = 1000
-"""Frames, spread over the recording, from which the extent of the receivers is measured."""
+SAMPLED_FRAMES = 1000
+"""Frames, spread over the recording, that tell the receivers' extent and side of the transmitter."""
 
 MEMORY_BYTES = 2 << 20
 """How much of a segment's rows is kept in memory before it goes to a file."""
-
-BLOCK_ROWS = 1 << 16
-
-MOST_FRAMES = 1 << 20
-"""Frame numbers that are kept before it is looked which of them came before, with other segments."""
 
 _BIT = {flag: np.uint32(1 << position) for position, flag in enumerate(FLAGS)}
 
@@ -91,7 +87,6 @@ class PosesTable:
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
     frozen : segments whose rows are flagged so. span_mm : how far apart the receivers are, NaN where unknown.
     frame : (T,) every frame that occurs with any segment, ascending.
-    A context manager, which gives the temporary files back to the disk.
     """
 
     segments: tuple[str, ...]
@@ -101,169 +96,208 @@ class PosesTable:
     frame: Integers
     _files: tuple[_RowFile, ...]
 
-    def __enter__(self) -> PosesTable:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Give the temporary files back to the disk."""
         for file in self._files:
             file.close()
 
     def row_groups(self, row_group_frames: int = ROW_GROUP_FRAMES) -> Iterator[dict[str, Any]]:
         """Give the columns of each row group in turn."""
         for segment, file in zip(self.segments, self._files, strict=True):
-            done = 0
+            rows = file.rows()
             for start in range(0, len(self.frame), row_group_frames):
                 frame = self.frame[start : start + row_group_frames]
-                rows = file.read(done, len(frame))
-                rows = rows[: np.searchsorted(rows["frame"], frame[-1], "right")]
-                done += len(rows)
-                yield _columns(segment, frame, rows, segment in self.frozen)
+                first, end = np.searchsorted(rows["frame"], [frame[0], frame[-1] + 1])
+                yield _columns(segment, frame, rows[first:end], segment in self.frozen)
 
 
 class _RowFile:
     """Rows of one segment: in memory while they are few, in a file that has no name when they are many."""
 
-    def __init__(self, folder: str | None) -> None:
-        self._file = tempfile.SpooledTemporaryFile(MEMORY_BYTES, dir=folder)  # noqa: SIM115
+    def __init__(self, folder: Path | None) -> None:
+        folder_name = None if folder is None else str(folder)
+        self._file = tempfile.SpooledTemporaryFile(MEMORY_BYTES, dir=folder_name)  # noqa: SIM115
         self._folder = folder
-        self.count = 0
 
     def append(self, rows: Rows) -> None:
         """Put rows at the end."""
         try:
-            self._file.seek(0, 2)
             self._file.write(rows.tobytes())
         except OSError as error:
             raise InputError(f"{self._folder}: cannot be written ({error.strerror or error})") from error
-        self.count += len(rows)
 
-    def read(self, start: int, count: int) -> Rows:
-        """Give as many rows as there are from number `start` on, `count` at most; read-only."""
-        self._file.seek(start * _ROW.itemsize)
-        return np.frombuffer(self._file.read(count * _ROW.itemsize), _ROW)
+    def replace(self, rows: Rows) -> None:
+        """Put rows in place of all that are there, which are as many or more."""
+        self._file.seek(0)
+        self._file.truncate()
+        self.append(rows)
+
+    def rows(self) -> Rows:
+        """Give all rows; read-only."""
+        self._file.seek(0)
+        return np.frombuffer(self._file.read(), _ROW)
 
     def close(self) -> None:
         """Give the memory and the file back."""
         self._file.close()
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Segment:
-    """One segment's rows and what they say together.
+    """What one segment's rows say together.
 
-    ascending : whether frames never fall from part to part; last : the last part's last frame.
-    usable : rows that are valid; complete : those that have all their numbers; first : the first of these;
-    moves : whether any other differs from it. bad : of the first row in the recording's own order whose
-    quaternion has no length of 1: its sample, frame and that length; bad_count : how many there are.
+    usable : rows that are valid; complete : those that have all their numbers; moves : whether these differ.
+    bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
+    and that length; bad_count : how many there are.
     position_mm : (K, 3) in the frames from which the span is measured, NaN where it has none.
+    flips : where it jumped to the other side of the transmitter.
     """
 
-    file: _RowFile
-    ascending: bool = True
-    last: int | None = None
-    usable: int = 0
-    complete: int = 0
-    first: Array | None = None
-    moves: bool = False
-    bad: tuple[int, int, float] | None = None
-    bad_count: int = 0
-    position_mm: Array | None = None
+    usable: int
+    complete: int
+    moves: bool
+    bad: tuple[int, int, float] | None
+    bad_count: int
+    position_mm: Array
+    flips: list[Flip]
 
 
 def poses_table(
-    read: Callable[[], Iterable[Samples]], parents: Mapping[str, str], folder: Path | None = None
+    parts: Iterable[Samples],
+    parents: Mapping[str, str],
+    folder: Path | None = None,
+    *,
+    repair_hemisphere: bool = False,
 ) -> PosesTable:
     """Check the samples of a recording and lay them out on the full grid.
 
-    read : gives the parts of the recording in order, from the start each time that it is called.
-    parents : of a segment the one towards the body that carries a receiver, where there is one.
-    folder : where temporary files may be; the system's own folder where none is given.
+    parts : of the recording, in order. parents : of a segment the one towards the body that carries a
+    receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
+    repair_hemisphere : whether positions on the wrong side of the transmitter are put back, or are gaps.
 
     Raises InputError at the first pose that has all its numbers but no unit quaternion.
     """
-    place = None if folder is None else str(folder)
     names: tuple[str, ...] = ()
-    by_index: dict[int, _Segment] = {}
+    files: dict[int, _RowFile] = {}
     frames: list[Integers] = []
+    hemispheres: dict[int, tuple[float, float, float]] = {}
+    places: list[tuple[int, Callable[[int], str]]] = []
     start = 0
-    for samples in read():
+    for samples in parts:
         names = samples.segments
-        _collect(samples, start, by_index, place)
+        hemispheres.update(samples.hemispheres)
+        places.append((start, samples.place))
+        for index, rows in _rows_of_segments(samples, start):
+            files.setdefault(index, _RowFile(folder)).append(rows)
         frames.append(np.unique(samples.frame))
-        if sum(map(len, frames[1:])) > len(frames[0]) + MOST_FRAMES:
-            frames = [np.unique(np.concatenate(frames))]
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
-    segments = {names[index]: by_index[index] for index in sorted(by_index)}
-    for segment in segments.values():
-        _check(segment, frame[:: max(1, len(frame) // SPAN_FRAMES)], place)
-    _refuse_bad_quaternions(segments, read)
+    sampled = frame[:: max(1, len(frame) // SAMPLED_FRAMES)]
+    segments = {
+        names[index]: _checked(files[index], sampled, hemispheres.get(index)) for index in sorted(files)
+    }
+    _refuse_bad_quaternions(segments, places)
+    files_by_name = {names[index]: files[index] for index in sorted(files)}
+    segments = _on_one_side(segments, files_by_name, parents, repair=repair_hemisphere)
     frozen = _frozen_segments(segments, parents)
     return PosesTable(
         tuple(segments),
         tuple(0 if name in frozen else segment.usable for name, segment in segments.items()),
         frozen,
-        _span_mm([s.position_mm for s in segments.values() if s.position_mm is not None]),
+        _span_mm([segment.position_mm for segment in segments.values()]),
         frame,
-        tuple(segment.file for segment in segments.values()),
+        tuple(files[index] for index in sorted(files)),
     )
 
 
-def _collect(samples: Samples, start: int, by_index: dict[int, _Segment], folder: str | None) -> None:
-    """Put a part's samples, of which the first is number `start` of the recording, into their files."""
-    flags = np.zeros(len(samples.segment), np.uint32)
+def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]]:
+    """Give each segment's rows of a part, whose first sample is number `start` of the recording."""
+    rows = np.empty(len(samples.segment), _ROW)
+    rows["sample"] = start + np.arange(len(rows))
+    for name in ("frame", "time_s", "numbers"):
+        rows[name] = getattr(samples, name)
+    rows["flags"] = 0
     for flag, marked in samples.marks.items():
-        flags[marked] |= _BIT[flag]
-    order = np.lexsort((samples.frame, samples.segment))
-    present, firsts = np.unique(samples.segment[order], return_index=True)
-    for index, first, end in zip(present.tolist(), firsts, [*firsts[1:], len(order)], strict=False):
-        place = order[first:end]
-        own = np.empty(len(place), _ROW)
-        own["sample"], own["flags"] = start + place, flags[place]
-        for name in ("frame", "time_s", "numbers"):
-            own[name] = getattr(samples, name)[place]
-        if index not in by_index:
-            by_index[index] = _Segment(_RowFile(folder))
-        segment = by_index[index]
-        segment.ascending &= segment.last is None or segment.last <= own["frame"][0]
-        segment.last = int(own["frame"][-1])
-        segment.file.append(own)
+        rows["flags"][marked] |= _BIT[flag]
+    for index in np.unique(samples.segment).tolist():
+        yield index, rows[samples.segment == index]
 
 
-def _check(segment: _Segment, span_frames: Integers, folder: str | None) -> None:
-    """Bring a segment's rows into order, flag them and note what they say together."""
-    raw, segment.file = segment.file, _RowFile(folder)
-    segment.position_mm = np.full((len(span_frames), 3), np.nan)
-    last_s = -np.inf
-    for rows in _whole_frames(raw) if segment.ascending else [_sorted(raw)]:
-        single = _one_a_frame(rows)
-        flags, last_s = _time_flags(single["time_s"], last_s)
-        single["flags"] |= _gap_flags(single) | flags
-        _normalise(single, segment)
-        _note(single, segment)
-        _, to, of = np.intersect1d(span_frames, single["frame"], assume_unique=True, return_indices=True)
-        segment.position_mm[to] = single["numbers"][of, :3]
-        segment.file.append(single)
-    raw.close()
+def _checked(file: _RowFile, sampled: Integers, hemisphere: tuple[float, float, float] | None) -> _Segment:
+    """Bring a segment's rows into order, flag them and say what they say together."""
+    rows = file.rows()
+    rows = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
+    rows["flags"] |= _gap_flags(rows) | _time_flags(rows["time_s"])
+    norm, bad = _normalise(rows)
+    first = min(zip(rows["sample"][bad], rows["frame"][bad], norm[bad], strict=True), default=None)
+    complete = _complete(rows)
+    believed = np.flatnonzero(complete & ~_unusable(rows))
+    rows["flags"][believed[spikes(rows["numbers"][believed])]] |= _BIT["spike"]
+    file.replace(rows)
+    poses = rows["numbers"][complete]
+    position_mm = np.full((len(sampled), 3), np.nan)
+    _, to, of = np.intersect1d(sampled, rows["frame"], assume_unique=True, return_indices=True)
+    position_mm[to] = rows["numbers"][of, :3]
+    usable = rows[complete & ~_unusable(rows)]
+    optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
+    flips = [] if optical else jumps(usable["frame"], usable["time_s"], usable["numbers"], hemisphere)
+    return _Segment(
+        len(usable),
+        len(poses),
+        bool((poses != poses[:1]).any()),
+        first,
+        int(bad.sum()),
+        position_mm,
+        flips,
+    )
 
 
-def _sorted(file: _RowFile) -> Rows:
-    rows = file.read(0, file.count)
-    return rows[np.argsort(rows["frame"], kind="stable")]
+def _on_one_side(
+    segments: Mapping[str, _Segment],
+    files: Mapping[str, _RowFile],
+    parents: Mapping[str, str],
+    *,
+    repair: bool,
+) -> dict[str, _Segment]:
+    """Flag rows on the wrong side of the transmitter, or put them back; give the segments as they are then.
+
+    Where no receiver jumped and no repair is asked for, nothing is looked at.
+    """
+    if not repair and not any(segment.flips for segment in segments.values()):
+        return dict(segments)
+    out = dict(segments)
+    for name, sides in _sides(segments, files, parents).items():
+        if not (sides.sign <= 0).any():
+            continue
+        rows = files[name].rows().copy()
+        mirrored, lost = (np.isin(rows["frame"], sides.frame[sides.sign == sign]) for sign in (-1, 0))
+        rows["flags"][lost if repair else lost | mirrored] |= _BIT["hemisphere-flip"]
+        if repair:
+            rows["numbers"][mirrored, :3] *= -1.0
+            rows["flags"][mirrored] |= _BIT["hemisphere-repaired"]
+        files[name].replace(rows)
+        out[name] = replace(segments[name], usable=int((_complete(rows) & ~_unusable(rows)).sum()))
+    return out
 
 
-def _whole_frames(file: _RowFile) -> Iterator[Rows]:
-    """Give rows, whose frames do not fall, in blocks of which none ends between two rows of a frame."""
-    held = np.empty(0, _ROW)
-    for start in range(0, file.count, BLOCK_ROWS):
-        rows = np.concatenate([held, file.read(start, BLOCK_ROWS)])
-        cut = int(np.searchsorted(rows["frame"], rows["frame"][-1]))
-        if cut:
-            yield rows[:cut]
-        held = rows[cut:]
-    yield held
+def _sides(
+    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
+) -> dict[str, Sides]:
+    """Each receiver's sides: as a joint tells, else as its own jumps do."""
+
+    def poses(name: str) -> tuple[Integers, Array]:
+        rows = files[name].rows()
+        rows = rows[_complete(rows) & ~_unusable(rows)]
+        return rows["frame"], rows["numbers"]
+
+    jumped = {name: sides_by_jumps(own.flips, poses(name)[0]) for name, own in segments.items() if own.flips}
+    told: dict[str, Sides] = {}
+    for name, parent in ((name, parents.get(name, "")) for name in segments):
+        link = link_sides(poses(parent), poses(name), told.get(parent)) if parent in segments else None
+        if link is not None:
+            sides = told.setdefault(parent, link[0].without(jumped.get(parent)))
+            told[name] = link[1].without(sides).without(jumped.get(name))
+    return jumped | told
 
 
 def _one_a_frame(rows: Rows) -> Rows:
@@ -301,18 +335,19 @@ def _gap_flags(rows: Rows) -> Flags:
     return flags.astype(np.uint32)
 
 
-def _time_flags(time_s: Array, last_s: float) -> tuple[Flags, float]:
-    """Flags of rows, and their last known time; last_s : that of the rows before."""
+def _time_flags(time_s: Array) -> Flags:
     known = np.isfinite(time_s)
     flags = np.where(known, np.uint32(0), _BIT["time-missing"])
     timed = np.flatnonzero(known)
-    times = np.concatenate([[last_s], time_s[timed]])
-    flags[timed[times[1:] <= times[:-1]]] = _BIT["time-not-increasing"]
-    return flags, float(times[-1])
+    flags[timed[1:][np.diff(time_s[timed]) <= 0]] = _BIT["time-not-increasing"]
+    return flags
 
 
-def _normalise(rows: Rows, segment: _Segment) -> None:
-    """Bring quaternions to length 1 and empty incomplete rows; `segment` gets what is no rounding error."""
+def _normalise(rows: Rows) -> tuple[Array, Bools]:
+    """Bring quaternions to length 1 and empty incomplete rows.
+
+    Gives the lengths as they were, and which are off by more than rounding though the row is to be used.
+    """
     numbers = rows["numbers"]
     numbers[~np.isfinite(numbers).all(-1)] = np.nan
     w, x, y, z = numbers[:, 3:].T
@@ -321,28 +356,13 @@ def _normalise(rows: Rows, segment: _Segment) -> None:
     bad = np.abs(norm - 1) > NORM_TOLERANCE + 1e-12  # False for NaN; 1e-12: rounding of the norm
     spoilt = bad & _unusable(rows)
     bad &= ~spoilt
-    if bad.any():
-        # The first in the recording's own order: that is where its reader will look.
-        row = int(np.flatnonzero(bad)[np.argmin(rows["sample"][bad])])
-        here = (int(rows["sample"][row]), int(rows["frame"][row]), float(norm[row]))
-        segment.bad = here if segment.bad is None else min(segment.bad, here)
-        segment.bad_count += int(bad.sum())
+    length = norm.copy()
     norm[np.abs(norm - 1) < 1e-15] = 1.0  # unit to rounding: reading a poses table again turns no bit
     with np.errstate(invalid="ignore"):
         numbers[:, 3:] /= norm[:, None]
     numbers[spoilt] = np.nan
     rows["time_s"][~np.isfinite(rows["time_s"])] = np.nan
-
-
-def _note(rows: Rows, segment: _Segment) -> None:
-    """Count a segment's next checked rows, and see whether their poses differ from its first."""
-    complete = _complete(rows)
-    poses = rows["numbers"][complete]
-    segment.usable += int((complete & ~_unusable(rows)).sum())
-    segment.complete += len(poses)
-    if segment.first is None and len(poses):
-        segment.first = poses[0].copy()
-    segment.moves = segment.moves or bool((poses != segment.first).any())
+    return length, bad
 
 
 def _complete(rows: Rows) -> Bools:
@@ -355,12 +375,19 @@ def _unusable(rows: Rows) -> Bools:
     return np.asarray((rows["flags"] & _INVALIDATING) != 0)
 
 
-def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[], Iterable[Samples]]) -> None:
+def _refuse_bad_quaternions(
+    segments: Mapping[str, _Segment], places: Sequence[tuple[int, Callable[[int], str]]]
+) -> None:
+    """Raise InputError at the first in the recording's order.
+
+    places : of each part its first sample and its place.
+    """
     bad = [(*segment.bad, name) for name, segment in segments.items() if segment.bad is not None]
     if not bad:
         return
     sample, frame, norm, name = min(bad)
-    where = f"{_place(sample, read)}, segment {name}, frame {frame}"
+    start, place = [one for one in places if one[0] <= sample][-1]
+    where = f"{place(sample - start)}, segment {name}, frame {frame}"
     count = sum(segment.bad_count for segment in segments.values())
     more = f" (and {count - 1} more rows like it)" if count > 1 else ""
     if norm == 0:
@@ -373,15 +400,6 @@ def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[],
         f"{NORM_TOLERANCE}; check the column order (qw, qx, qy, qz), or leave the row's seven numbers empty "
         "to keep it as a gap"
     )
-
-
-def _place(sample: int, read: Callable[[], Iterable[Samples]]) -> str:
-    """File and line of a sample; parts are read again, as none was kept."""
-    for samples in read():
-        if sample < len(samples.segment):
-            return samples.place(sample)
-        sample -= len(samples.segment)
-    raise AssertionError("the sample is in no part")
 
 
 def _frozen_segments(segments: Mapping[str, _Segment], parents: Mapping[str, str]) -> tuple[str, ...]:

@@ -82,7 +82,7 @@ def export(arguments: argparse.Namespace) -> None:
 
 def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespace) -> None:
     """Write the files of a whole dataset; one that is there keeps its own when a subject is added."""
-    from schemas.study import read_participants
+    from schemas.sheets import PARTICIPANTS, read_sheet
     from stages.export.motion_bids import write_dataset_files
 
     path = arguments.out / FORMATS["bids"].shared
@@ -91,7 +91,7 @@ def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespac
     subjects = {plan.subject for plan in plans}
     participants = {
         row["subject"]: {name: value for name, value in row.values.items() if name != "subject"}
-        for row in read_participants(arguments.participants)
+        for row in read_sheet(arguments.participants, PARTICIPANTS)
         if row["subject"] in subjects
     }
     write_dataset_files(path.parent, plans[0].study, participants, arguments.licence)

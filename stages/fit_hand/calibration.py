@@ -154,7 +154,7 @@ def _with_fingertips(plan: SubjectPlan, part: Part, calibration: Calibration) ->
         if name.task in fitting.contacts and fitting.steps
         for contact in find_contacts(tips, poses)
     ]
-    return with_touches(tips, contacts=contacts)
+    return with_touches(tips, contacts)
 
 
 def _touches(plan: SubjectPlan, hand: str, calibration: Calibration, tips: Fingertips) -> list[Touch]:

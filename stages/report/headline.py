@@ -9,7 +9,7 @@ from statistics import median
 from schemas.model import the_papers
 from stages.report.score_tables import mean, tasks_text
 from stages.report.study_results import LEAST_SQUARES, Row, StudyResults
-from stages.report.table_cells import counted, listed, number
+from stages.report.table_cells import alike, counted, listed, number
 from stages.report.truth_tables import FAR_MM, known
 
 FEW_MODELS = 2
@@ -147,22 +147,19 @@ def _closing(results: StudyResults) -> str:
 
 def _doubts(results: StudyResults, models: Iterable[str]) -> str:
     """Weak and failed joints by model, models with the same count together."""
-    groups: dict[str, list[str]] = {}
+    texts: dict[str, str] = {}
     names = list(models)
     for model in names:
         statuses = Counter(row["status"] for row in results.joints if row["model"] == model)
         total = sum(statuses.values())
         if not total:
-            text = "no joint was solved"
+            texts[model] = "no joint was solved"
         elif statuses["weak"] or statuses["failed"]:
             doubts = [f"{statuses[word]} {word}" for word in ("weak", "failed") if statuses[word]]
-            text = f"{listed(doubts)} of {counted(total, 'joint')}"
-        else:
-            continue
-        groups.setdefault(text, []).append(model)
-    if not groups:
+            texts[model] = f"{listed(doubts)} of {counted(total, 'joint')}"
+    if not texts:
         return (
             f"No joint{f' of {listed(names)}' if names != list(results.models) else ''} is marked doubtful."
         )
-    parts = "; ".join(f"{text} ({listed(models)})" for text, models in groups.items())
+    parts = "; ".join(f"{texts[group[0]]} ({listed(group)})" for group in alike(texts))
     return f"Doubtful: {parts}; see “Which joints to believe” for the reasons."

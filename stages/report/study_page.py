@@ -8,10 +8,10 @@ from schemas.study import Study
 from stages.report import provenance
 from stages.report.downloads import downloads
 from stages.report.headline import headline, used_text
-from stages.report.held_out_table import held_out_table
 from stages.report.links import recording_links
 from stages.report.methods_text import REFERENCES, methods_text
 from stages.report.models_compared.sections import models_compared
+from stages.report.score_tables import held_out_table
 from stages.report.skeleton_stills import skeleton_pictures
 from stages.report.study_results import StudyResults
 from stages.report.subjects_table import subjects_table

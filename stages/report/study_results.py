@@ -59,6 +59,18 @@ class Trial:
         return f"{self.task}, trial {self.trial}" if self.trial else self.task
 
 
+def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[Row]]]:
+    """The rows of that attribute by hand and model, in the table's order."""
+
+    def grouped(results: StudyResults) -> dict[HandModel, list[Row]]:
+        groups: dict[HandModel, list[Row]] = defaultdict(list)
+        for row in getattr(results, attribute):
+            groups[Hand(row["subject"], row["hand"]), row["model"]].append(row)
+        return dict(groups)
+
+    return cached_property(grouped)
+
+
 @dataclass(frozen=True)
 class StudyResults:
     """A study, or the part of it that is one subject's, with its results.
@@ -122,25 +134,10 @@ class StudyResults:
         """Those rows that statistics are made of: not of suspect hands."""
         return [row for row in rows if Hand(row["subject"], row["hand"]) not in self.suspect]
 
-    @cached_property
-    def joints_of(self) -> dict[HandModel, list[Row]]:
-        """Joint rows by hand and model, in the table's order."""
-        return _by_hand_and_model(self.joints)
-
-    @cached_property
-    def bones_of(self) -> dict[HandModel, list[Row]]:
-        """Bone rows by hand and model, in the table's order."""
-        return _by_hand_and_model(self.bones)
-
-    @cached_property
-    def receivers_of(self) -> dict[HandModel, list[Row]]:
-        """Receiver rows by hand and model, in the table's order."""
-        return _by_hand_and_model(self.receivers)
-
-    @cached_property
-    def gains_of(self) -> dict[HandModel, list[Row]]:
-        """Rows of gains by hand and model, best first."""
-        return _by_hand_and_model(self.gains)
+    joints_of = _by_hand_and_model("joints")
+    bones_of = _by_hand_and_model("bones")
+    receivers_of = _by_hand_and_model("receivers")
+    gains_of = _by_hand_and_model("gains")
 
     @property
     def fitted(self) -> list[str]:
@@ -321,10 +318,3 @@ def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
 def _columns_shown(table: Table) -> list[str]:
     """Columns that pages show: not those of lists, which are most of what there is to read."""
     return [column.name for column in table.columns if not pa.types.is_fixed_size_list(column.type)]
-
-
-def _by_hand_and_model(rows: list[Row]) -> dict[HandModel, list[Row]]:
-    groups: dict[HandModel, list[Row]] = defaultdict(list)
-    for row in rows:
-        groups[Hand(row["subject"], row["hand"]), row["model"]].append(row)
-    return dict(groups)

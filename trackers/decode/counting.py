@@ -20,22 +20,17 @@ LONGEST_GAP_S = 86_400.0
 
 
 class Counter:
-    """Numbers the records of one stream, piece by piece; holds the last one back to see what follows it.
+    """Numbers the records of one stream, piece by piece; holds the last one back to see what follows it."""
 
-    start : the frame number of the first record; None keeps the tracker's own.
-    """
-
-    def __init__(self, settings: StreamSettings, start: int | None = None) -> None:
+    def __init__(self, settings: StreamSettings) -> None:
         self._settings = settings
         self._rank = np.full(256, 0, np.int64)
         self._rank[list(settings.stations)] = np.arange(len(settings.stations))
         self._active = np.isin(np.arange(256), settings.stations)
         self._limit = int(LONGEST_GAP_S * settings.rate_hz)
-        self._start = start
         self._held = empty_records()
         self._held_host_ns = np.empty(0, np.int64)
         self._last: tuple[int, int, int] | None = None  # counter, frame, station of the last good one
-        self._last_host_ns = 0
 
     def number(self, decoded: Decoded, host_ns: Wholes, *, final: bool) -> tuple[Records, Wholes, Bools]:
         """Give the records that can be numbered, their arrivals, and which do not fit between neighbours."""
@@ -50,17 +45,9 @@ class Counter:
         frame = self._unwrapped(counter, odd)
         odd |= self._out_of_order(frame, records.station, odd)
         numbered = replace(records.take(slice(count)), frame=frame[:count])
-        self._remember(counter[:count], numbered, odd[:count], host_ns[:count])
+        self._remember(counter[:count], numbered, odd[:count])
         self._held, self._held_host_ns = records.take(slice(count, None)), host_ns[count:]
         return numbered, host_ns[:count], odd[:count]
-
-    def after(self, host_ns: int) -> int:
-        """The frame number with which a stream goes on that starts at that host time."""
-        if self._last is None:
-            return self._start or 0
-        frame: int = self._last[1]
-        passed = float(host_ns - self._last_host_ns) * 1e-9 * self._settings.rate_hz
-        return frame + max(1, round(passed))
 
     def _counters(self, records: Records) -> Wholes:
         """Count modulo 2^32, shape (N,): the tracker's frame count, its clock, or the cycles seen."""
@@ -100,8 +87,7 @@ class Counter:
     def _unwrapped(self, counter: Wholes, odd: Bools) -> Wholes:
         good = np.flatnonzero(~odd)
         if self._last is None:
-            first = int(counter[good[0]]) if len(good) else 0
-            known, frame = first, first if self._start is None else self._start
+            known = frame = int(counter[good[0]]) if len(good) else 0
         else:
             known, frame = self._last[0], self._last[1]
         step = _signed(np.diff(counter[good], prepend=known))
@@ -139,12 +125,11 @@ class Counter:
         due = np.where(same, self._rank[station[before]] + 1, 0)
         return np.asarray((self._rank[station[rows]] == due) & self._active[station[rows]])
 
-    def _remember(self, counter: Wholes, records: Records, odd: Bools, host_ns: Wholes) -> None:
+    def _remember(self, counter: Wholes, records: Records, odd: Bools) -> None:
         good = np.flatnonzero(~odd)
         if len(good):
             last = good[-1]
             self._last = (int(counter[last]), int(records.frame[last]), int(records.station[last]))
-            self._last_host_ns = int(host_ns[last])
 
 
 def _ascends(frame: Wholes, station: Wholes, first: Wholes, second: Wholes) -> Bools:

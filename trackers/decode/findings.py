@@ -34,7 +34,7 @@ def facts(survey: Survey) -> dict[str, Any]:
     """Give the numbers of a survey as JSON types, for a table's metadata."""
     clock = survey.clock
     return {
-        "tracker": [settings.to_json() for settings in survey.settings],
+        "tracker": [survey.settings.to_json()],
         "records": {str(station): count for station, count in survey.records.items()},
         "first_frame": survey.first_frame,
         "last_frame": survey.last_frame,
@@ -98,8 +98,8 @@ def _lost(survey: Survey) -> Iterator[str]:
 
 
 def _absent(survey: Survey) -> Iterator[str]:
-    rate_hz = survey.settings[0].rate_hz
-    for station in survey.settings[0].stations:
+    rate_hz = survey.settings.rate_hz
+    for station in survey.settings.stations:
         if station not in survey.records:
             yield f"receiver {station} was active and sent nothing"
     for station in survey.records:
@@ -165,7 +165,7 @@ def _clocks(survey: Survey) -> Iterator[str]:
     if clock is not None and not np.isnan(clock.measured_rate_hz) and not clock.fitted:
         yield (
             f"frames came at {clock.measured_rate_hz:.3f} Hz by the host's clock, not at "
-            f"{survey.settings[0].rate_hz:g} Hz; time is taken from the frame counter at the nominal rate"
+            f"{survey.settings.rate_hz:g} Hz; time is taken from the frame counter at the nominal rate"
         )
     moved_s = survey.tally.utc_offset_range_ns * 1e-9
     if moved_s > CLOCK_JUMP_S:
@@ -183,13 +183,13 @@ def describe(path: Path) -> list[str]:
     survey = survey_archive(archive)
     lines = [f"a raw capture of this project, {survey.tally.received_bytes} bytes of the tracker"]
     lines += [f"{key}: {value}" for key, value in archive.about.items()]
-    for settings in survey.settings:
-        lists = sorted(set(settings.items.values()))
-        lines.append(
-            f"{settings.family} in {settings.mode}, {settings.rate_hz:g} Hz, positions in {settings.unit}, "
-            f"stations {', '.join(map(str, settings.stations))}, "
-            f"output list {' or '.join(','.join(map(str, items)) for items in lists) or 'fixed'}"
-        )
+    settings = survey.settings
+    items = next(iter(settings.items.values()), ())
+    lines.append(
+        f"{settings.family} in {settings.mode}, {settings.rate_hz:g} Hz, positions in {settings.unit}, "
+        f"stations {', '.join(map(str, settings.stations))}, "
+        f"output list {','.join(map(str, items)) or 'fixed'}"
+    )
     frames = survey.last_frame - survey.first_frame + 1
     if survey.clock is not None:
         seconds = frames * survey.clock.period_s

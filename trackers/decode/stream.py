@@ -14,7 +14,7 @@ from schemas.errors import InputError
 from trackers.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
 from trackers.decode.counting import Counter
 from trackers.families import decoder_of
-from trackers.protocols.records import Records, Reply, Skipped, Wholes
+from trackers.protocols.records import Records, Skipped, Wholes
 from trackers.protocols.stream_settings import StreamSettings, settings_from_json
 
 BLOCK_BYTES = 4 << 20
@@ -24,8 +24,8 @@ BLOCK_BYTES = 4 << 20
 class Block:
     """Records of one stretch of the stream.
 
-    records : offsets count from the first byte that came after the settings; frames are unwrapped and go on
-    where an earlier stream of the same archive ended. host_ns : (N,) when the record's last byte had come.
+    records : offsets count from the first byte that came after the settings; frames are unwrapped.
+    host_ns : (N,) when the record's last byte had come.
     out_of_order : (N,) its station or frame does not fit between its neighbours'.
     """
 
@@ -34,7 +34,6 @@ class Block:
     host_ns: Wholes
     out_of_order: npt.NDArray[np.bool_]
     skipped: tuple[Skipped, ...] = ()
-    replies: tuple[Reply, ...] = ()
 
     @property
     def good(self) -> npt.NDArray[np.bool_]:
@@ -56,7 +55,6 @@ class Tally:
     spoilt_bytes: int = 0
     unreadable_bytes: int = 0
     received_bytes: int = 0
-    first_host_ns: int | None = None
     first_utc_offset_ns: int | None = None
     utc_offset_range_ns: int = 0
 
@@ -64,19 +62,19 @@ class Tally:
 def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) -> Iterator[Block]:
     """Decode an archive block by block; `tally` is filled on the way.
 
-    Raises InputError where the archive has no settings before its records, or ones that cannot be read.
+    Raises InputError where the archive has no settings before its records, has them twice, or has ones that
+    cannot be read.
     """
     stream: ChunkDecoder | None = None
     for piece in archive.pieces():
         _count(tally, piece)
         for kind, data, host_ns in zip(piece.kind, piece.data, piece.host_ns, strict=True):
             if kind == SETTINGS:
-                settings = settings_from_json(_json(archive, data), str(archive.path))
-                first_frame = None
                 if stream is not None:
-                    yield stream.decode(final=True)
-                    first_frame = stream.next_frame(int(host_ns))
-                stream = ChunkDecoder(settings, first_frame)
+                    raise InputError(
+                        f"{archive.path}: holds the tracker's settings twice; expected one recording"
+                    )
+                stream = ChunkDecoder(settings_from_json(_json(archive, data), str(archive.path)))
             elif kind == EVENT:
                 tally.events.append({**_json(archive, data), "host_ns": int(host_ns)})
             elif kind == END:
@@ -97,8 +95,7 @@ def _count(tally: Tally, piece: Piece) -> None:
     tally.unreadable_bytes += piece.unreadable_bytes
     if not len(piece.kind):
         return
-    if tally.first_host_ns is None or tally.first_utc_offset_ns is None:
-        tally.first_host_ns = int(piece.host_ns[0])
+    if tally.first_utc_offset_ns is None:
         tally.first_utc_offset_ns = int(piece.utc_offset_ns[0])
     moved = np.abs(piece.utc_offset_ns - tally.first_utc_offset_ns)
     tally.utc_offset_range_ns = max(tally.utc_offset_range_ns, int(moved.max()))
@@ -118,16 +115,13 @@ def _json(archive: Archive, data: bytes) -> dict[str, Any]:
 
 
 class ChunkDecoder:
-    """Decodes the chunks of bytes that came between one set of settings and the next.
+    """Decodes the chunks of bytes that came after the settings."""
 
-    first_frame : the frame number of the first record; None keeps the tracker's own.
-    """
-
-    def __init__(self, settings: StreamSettings, first_frame: int | None = None) -> None:
+    def __init__(self, settings: StreamSettings) -> None:
         self.settings = settings
         self.waiting_bytes = 0
         self._decoder = decoder_of(settings)
-        self._counter: Counter = Counter(settings, first_frame)
+        self._counter = Counter(settings)
         self._waiting: list[bytes] = []
         self._length = 0
         self._ends: list[int] = []
@@ -141,10 +135,6 @@ class ChunkDecoder:
         self._ends.append(self._length)
         self._arrivals.append(host_ns)
 
-    def next_frame(self, host_ns: int) -> int:
-        """The frame number with which a stream goes on that starts at that host time."""
-        return self._counter.after(host_ns)
-
     def decode(self, *, final: bool) -> Block:
         """Decode the chunks that wait; `final` says that none follow, so that the rest is decided too."""
         decoded = self._decoder.feed(b"".join(self._waiting), final=final)
@@ -157,4 +147,4 @@ class ChunkDecoder:
             first = int(arrival[-1])
             del self._ends[:first], self._arrivals[:first]
         records, host_ns, out_of_order = self._counter.number(decoded, host_ns, final=final)
-        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped, decoded.replies)
+        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)

@@ -12,7 +12,7 @@ from trackers.archive import Archive
 from trackers.decode.clock import DeviceClock, fit_clock
 from trackers.decode.hemisphere import Flip, FlipFinder
 from trackers.decode.stream import Block, Tally, blocks_of
-from trackers.protocols.records import Wholes, stations_in
+from trackers.protocols.records import Wholes
 from trackers.protocols.stream_settings import StreamSettings
 
 SHORT_GAP_S = 1.0
@@ -46,14 +46,14 @@ class Sightings:
 class Survey:
     """What an archive holds.
 
-    settings : of every stream in turn. records : (station) -> good records. clock : None where there is no
+    records : (station) -> good records. clock : None where there is no
     record. gaps : (G, 3) station, first and last frame that have no good record of it; station 0: of none at
     all. partial_frames : ascending, frames that lack a station for less than SHORT_GAP_S while others are
     there. skipped : (byte offset, bytes, frame before). doubtful, out_of_order, distorted : the records that
     are so; errors : letter -> the good records with it.
     """
 
-    settings: tuple[StreamSettings, ...]
+    settings: StreamSettings
     records: dict[int, int]
     first_frame: int
     last_frame: int
@@ -88,17 +88,12 @@ class Survey:
         return sum(size for _, size, _ in self.skipped)
 
 
-def survey_archive(archive: Archive, kept: list[Block] | None = None) -> Survey:
-    """Read the whole archive once. Raises InputError where it holds no settings.
-
-    kept : a list that the blocks are put into, of an archive so short that they need not be decoded twice.
-    """
+def survey_archive(archive: Archive) -> Survey:
+    """Read the whole archive once. Raises InputError where it holds no settings."""
     tally = Tally()
     surveyor = _Surveyor()
     for block in blocks_of(archive, tally):
         surveyor.add(block)
-        if kept is not None:
-            kept.append(block)
     return surveyor.survey(tally)
 
 
@@ -114,7 +109,7 @@ class _Station:
 
 @dataclass
 class _Surveyor:
-    settings: list[StreamSettings] = field(default_factory=list)
+    settings: StreamSettings | None = None
     stations: dict[int, _Station] = field(default_factory=dict)
     last_frame: int | None = None
     arrivals: list[tuple[Wholes, Wholes]] = field(default_factory=list)
@@ -126,8 +121,7 @@ class _Surveyor:
     skipped: list[tuple[int, int, int]] = field(default_factory=list)
 
     def add(self, block: Block) -> None:
-        if not self.settings or self.settings[-1] is not block.settings:
-            self.settings.append(block.settings)
+        self.settings = block.settings
         self._skips(block)
         records = block.records
         if not len(records):
@@ -137,7 +131,7 @@ class _Surveyor:
         arrived = arrived[good[arrived]]
         self.arrivals.append((records.frame[arrived], block.host_ns[arrived]))
         self._frames(records.frame[good])
-        for station in stations_in(records.station):
+        for station in np.unique(records.station).tolist():
             self._station(block, station, (records.station == station) & good)
         self._count(block, good)
 
@@ -187,18 +181,19 @@ class _Surveyor:
             sighted(self.errors.setdefault(letter, Sightings()), (records.error == code) & good)
 
     def survey(self, tally: Tally) -> Survey:
+        assert self.settings is not None, "an archive gives a block at least"
         nothing = np.empty(0, np.int64)
         for known in self.stations.values():
             known.finder.feed(nothing, np.empty((0, 3)), np.empty((0, 4)), final=True)
         frames = np.concatenate([nothing, *(frame for frame, _ in self.arrivals)])
         hosts = np.concatenate([nothing, *(host for _, host in self.arrivals)])
-        rate_hz = self.settings[0].rate_hz
+        rate_hz = self.settings.rate_hz
         first = min((known.first for known in self.stations.values()), default=0)
         last = max((known.last for known in self.stations.values()), default=0)
         clock = fit_clock(frames, hosts, rate_hz, first) if len(frames) else None
         gaps = np.concatenate([np.empty((0, 3), np.int64), *self.gaps, self._late_and_early(first, last)])
         return Survey(
-            tuple(self.settings),
+            self.settings,
             {station: known.records for station, known in sorted(self.stations.items())},
             first,
             last,
@@ -234,18 +229,12 @@ def _jumps(station: int, frame: Wholes, before: int) -> Wholes:
 
 def _partial(gaps: Wholes, short: float) -> Wholes:
     """Frames that a station lacks for a short while and others have, ascending."""
-    lacking = gaps[(gaps[:, 0] > 0) & (gaps[:, 2] - gaps[:, 1] < short)]
-    frames = np.unique(_ranges(lacking[:, 1], lacking[:, 2]))
-    whole = gaps[gaps[:, 0] == 0]
-    whole = whole[np.argsort(whole[:, 1])]
-    at = np.searchsorted(whole[:, 1], frames, side="right") - 1
-    inside = at >= 0
-    inside[inside] = frames[inside] <= whole[at[inside], 2]
-    return frames[~inside]
+    brief = gaps[gaps[:, 2] - gaps[:, 1] < short]
+    return np.setdiff1d(_frames(brief[brief[:, 0] > 0]), _frames(brief[brief[:, 0] == 0]))
 
 
-def _ranges(first: Wholes, last: Wholes) -> Wholes:
-    """All whole numbers of the ranges first..last, one range after the other."""
-    lengths = last - first + 1
-    starts = np.cumsum(lengths) - lengths
-    return np.asarray(np.arange(lengths.sum()) - np.repeat(starts - first, lengths), np.int64)
+def _frames(gaps: Wholes) -> Wholes:
+    """All frames of gaps (G, 3)."""
+    return np.concatenate(
+        [np.empty(0, np.int64), *(np.arange(first, last + 1) for _, first, last in gaps.tolist())]
+    )

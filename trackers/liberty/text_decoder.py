@@ -1,4 +1,4 @@
-"""LIBERTY and PATRIOT in ASCII: text -> records and replies.
+"""LIBERTY and PATRIOT in ASCII: text -> records.
 
 A record is two digits of the station, an error letter, a blank, then its numbers; an item may hold line ends,
 and none need end the record, so lines say nothing. How wide the numbers are and what stands between them
@@ -11,9 +11,8 @@ from __future__ import annotations
 import re
 
 from trackers.liberty.items import COSINES, ITEMS, LINE_END, OUTPUT_ITEMS, SPACE
-from trackers.protocols.records import Reply
 from trackers.protocols.stream_settings import StreamSettings
-from trackers.protocols.text_stream import LONGEST_REPLY, RecordForm, TextStream
+from trackers.protocols.text_stream import RecordForm, TextStream
 
 _BLANKS = rb" {0,8}+"
 _DECIMAL = _BLANKS + rb"([+-]? {0,3}\d{0,5}+\.\d{1,8}+(?:[Ee][+-]?\d{1,3}+|[Ee] \d{1,3}+)?+)"
@@ -29,56 +28,27 @@ _DECIMALS = {2: 3, 4: 3, 7: 5}
 _WIDTH = 8
 """Characters of a number of fixed width."""
 
-_HEAD = re.compile(rb"(?:0[1-9]|1[0-6])[PC]?[ a-gA-GIu] |(?<![!-~])(?:\d\d[A-Za-z@]|[A-Z][A-Za-z]{2})")
-_HEADER = re.compile(rb"(\d\d)(?:([PC])(?=[ a-gA-GIu] ))?([ a-gA-GIu]) ")
+_HEADER = re.compile(rb"(0[1-9]|1[0-6])(?:([PC])(?=[ a-gA-GIu] ))?([ a-gA-GIu]) ")
 _LONGEST_HEADER = 5
-_LINE = rb"[^\r\n]{0,%d}" % LONGEST_REPLY
-_SENTENCE = rb"[A-Z][A-Za-z]{2}[ -~]{0,%d}" % LONGEST_REPLY
-_ROW = rb"[ .\d+-]{3,60}"
-_REPLIES = re.compile(
-    rb"(?<![!-~])(?:(?P<station>\d\d)(?P<command>(?P<rows>A)|[BD-OQ-Za-z@])(?P<error>[ -~]) "
-    rb"(?P<body>" + _LINE + rb"\r\n(?(rows)(?:" + _ROW + rb"\r\n){2}))|(?P<sentence>" + _SENTENCE + rb"\r\n))"
-)
-_BEGUN_REPLY = re.compile(
-    rb"(?<![!-~])(?:\d\d[ABD-OQ-Za-z@](?:[ -~](?: " + _LINE + rb"\r?)?)?|"
-    rb"\d\dA[ -~] " + _LINE + rb"\r\n(?:" + _ROW + rb"\r\n)?(?:" + _ROW + rb"\r?)?|" + _SENTENCE + rb"\r?)\Z"
-)
 
 
 class TextDecoder(TextStream):
-    """Decoder of a LIBERTY or PATRIOT stream in ASCII.
-
-    A reply that has a header gives its body without that and with its line end; one without (an error, the
-    greeting) gives the whole line and command 0. Raises InputError for output lists that are none.
-    """
+    """Decoder of a LIBERTY or PATRIOT stream in ASCII. Raises InputError for output lists that are none."""
 
     def __init__(self, settings: StreamSettings) -> None:
-        self._lists = OUTPUT_ITEMS.checked(settings.items)
-        forms = {station: _form(items) for station, items in self._lists.items()}
-        super().__init__(forms, _HEAD, _LONGEST_HEADER, _REPLIES, _BEGUN_REPLY, settings.mm_per_unit)
+        self._items = OUTPUT_ITEMS.one_list(settings.items)
+        super().__init__(_form(self._items), settings.items, settings.mm_per_unit)
 
-    def _header(self, text: bytes, at: int) -> tuple[int, int, int] | None:
-        matched = _HEADER.match(text, at)
-        if matched is None or int(matched[1]) not in self._forms:
-            return None
-        station = int(matched[1])
-        if matched[2] == b"C" and matched[3] == b" " and self._is_error_letter(text, at, station):
-            return station, ord("C"), at + OUTPUT_ITEMS.text_header_bytes
-        return station, ord(matched[3]), matched.end()
+    def _read_header(self, header: re.Match[bytes]) -> tuple[int, int, int]:
+        if header[2] == b"C" and header[3] == b" " and self._is_error_letter(header):
+            return int(header[1]), ord("C"), header.start() + OUTPUT_ITEMS.text_header_bytes
+        return int(header[1]), ord(header[3]), header.end()
 
-    def _is_error_letter(self, text: bytes, at: int, station: int) -> bool:
+    def _is_error_letter(self, header: re.Match[bytes]) -> bool:
         """Say whether the C is one, not the command's letter: the first number ends where it must then."""
-        end = at + OUTPUT_ITEMS.text_header_bytes + _WIDTH
-        fixed = self._lists[station][0] in _FIXED_WIDTH
+        text, end = header.string, header.start() + OUTPUT_ITEMS.text_header_bytes + _WIDTH
+        fixed = self._items[0] in _FIXED_WIDTH
         return fixed and text[end - 1 : end].isdigit() and not text[end : end + 1].isdigit()
-
-    def _reply(self, matched: re.Match[bytes]) -> Reply:
-        if matched["sentence"] is not None:
-            return Reply(matched.start(), 0, 0, 0, matched["sentence"])
-        error = 0 if matched["error"] == b" " else ord(matched["error"])
-        return Reply(
-            matched.start(), int(matched["station"]), ord(matched["command"]), error, matched["body"]
-        )
 
 
 def _form(items: tuple[int, ...]) -> RecordForm:
@@ -94,7 +64,7 @@ def _form(items: tuple[int, ...]) -> RecordForm:
         if items[-1] in _DECIMALS:  # the next record's digits may touch it, where a blank is lost
             parts[-1] = parts[-1].replace(b"{1,8}", b"{1,%d}" % _DECIMALS[items[-1]])
         parts.append(_BLANKS)
-    return RecordForm(re.compile(b"".join(parts)), tuple(names), longest, ends_line)
+    return RecordForm(_HEADER, _LONGEST_HEADER, re.compile(b"".join(parts)), tuple(names), longest, ends_line)
 
 
 def _parts(item: int, following: int) -> list[bytes]:

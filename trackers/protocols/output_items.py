@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from schemas.errors import InputError
+from trackers.protocols.piecewise import rows_at
 from trackers.protocols.pose_numbers import fill_in
 from trackers.protocols.records import Records, Wholes, empty_records
 
@@ -81,22 +82,24 @@ class OutputItems:
             return self.header_bytes + sum(self.items[item].binary_bytes for item in items)
         return self.text_header_bytes + sum(self.items[item].text_bytes for item in items)
 
-    def checked(
-        self, lists: Mapping[int, Sequence[int]], stations: range | None = None
-    ) -> dict[int, tuple[int, ...]]:
-        """Station -> output list; stations : those that are taken, by default those that the family has.
+    def one_list(self, lists: Mapping[int, Sequence[int]]) -> tuple[int, ...]:
+        """Give the output list that all stations have; lists : station -> its list.
 
-        Raises InputError where there is no such station or item.
+        Raises InputError where there is no such station or item, or the lists differ.
         """
         for station, items in lists.items():
-            unknown = any(item not in self.items for item in items)
-            if station not in (stations or self.stations) or not items or unknown:
+            if station not in self.stations or not items or not self.items.keys() >= set(items):
                 raise InputError(
                     f"settings of the tracker: output list {list(items)} of station {station}; a "
                     f"{self.family} has stations 1 to {self.stations[-1]} and items "
                     f"{', '.join(map(str, self.items))}; correct its output lists"
                 )
-        return {station: tuple(items) for station, items in lists.items()}
+        several = {tuple(items) for items in lists.values()}
+        if len(several) != 1:
+            raise InputError(
+                f"settings of the tracker: has {len(several)} output lists; expected one for all stations"
+            )
+        return several.pop()
 
     def record_type(self, items: Sequence[int]) -> np.dtype[np.void]:
         """NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
@@ -124,10 +127,7 @@ def read_binary_records(
     records = empty_records(len(at))
     if not len(at):
         return records
-    if len(at) > 1 and (np.diff(at) == size).all():
-        rows = b[at[0] : at[-1] + size].view(kind)
-    else:
-        rows = np.lib.stride_tricks.sliding_window_view(b, size)[at].view(kind)[:, 0]
+    rows = rows_at(b, at, size).view(kind)[:, 0]
     records.offset[:] = at
     records.size[:] = size
     records.station[:] = rows["station"]

@@ -24,26 +24,28 @@ NO, UNKNOWN, YES = 0, 1, 2
 
 @dataclass(frozen=True)
 class Starts:
-    """N places in a piece of a stream of `length` bytes where a record or reply may start.
+    """N places in a piece of a stream of `length` bytes where a record may start.
 
-    at, end : (N,) its first byte and the first after it, ascending by `at`. header_bytes : of a header.
+    at : (N,) its first byte, ascending. record_bytes : of a record; header_bytes : of its header.
     final : nothing follows the piece.
     """
 
     at: Wholes
-    end: Wholes
+    record_bytes: int
     length: int
     header_bytes: int
     final: bool
 
     @cached_property
+    def end(self) -> Wholes:
+        """First byte after each record, shape (N,)."""
+        return self.at + self.record_bytes
+
+    @cached_property
     def following(self) -> Wholes:
         """Index of the start that stands right at a start's end; -1 where none does, shape (N,)."""
-        following = np.arange(1, len(self.at) + 1)
-        apart = np.flatnonzero(np.append(self.at[1:], -1) != self.end)
-        candidate = np.searchsorted(self.at, self.end[apart])
-        following[apart] = np.where(np.append(self.at, -1)[candidate] == self.end[apart], candidate, -1)
-        return following
+        place = np.searchsorted(self.at, self.end)
+        return np.where(np.append(self.at, -1)[place] == self.end, place, -1)
 
     @cached_property
     def linked(self) -> Bools:

@@ -20,8 +20,7 @@ class StreamSettings:
     rate_hz : frames a second (of each station). stations : those that were active at the start.
     items : station -> output list, as LIBERTY, PATRIOT and FASTRAK number their items; empty for others.
     hemisphere : station -> vector of its half of space, (0, 0, 0) where the tracker follows the receiver.
-    options : what only this family has: trakSTAR's `range_inch` and `inverse` (its quaternion turns the
-    transmitter's frame into the receiver's), and for people `whoami`, filters, errors and such.
+    options : what only this family has: trakSTAR's `group`, and for people `whoami`, filters, errors.
     """
 
     family: str

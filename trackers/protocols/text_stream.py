@@ -1,31 +1,31 @@
-"""Records and replies in ASCII, found by how they are written."""
+"""Records in ASCII, found by how they are written."""
 
 from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 
 from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps
 from trackers.protocols.pose_numbers import fill_in
-from trackers.protocols.records import Decoded, Records, Reply, concatenated, empty_records
-
-LONGEST_REPLY = 600
+from trackers.protocols.records import Decoded, Records, empty_records
 
 
 @dataclass(frozen=True)
 class RecordForm:
-    """How the records of one output list are written.
+    """How records are written.
 
-    pattern : a whole record, its groups the numbers in turn; every repetition in it is bounded, and what
-    follows the bytes that it needs never changes the match unless that reaches the end of the data.
-    names : of the numbers, "" for one that is not read. longest : bytes of the longest record.
-    ends_line : whether a record ends with a line end.
+    header : the start of one. pattern : all that follows, its groups the numbers in turn; every repetition in
+    it is bounded, and what follows the bytes that it needs never changes the match unless that reaches the
+    end of the data. names : of the numbers, "" for one that is not read. longest_header, longest : bytes of
+    the longest header and record. ends_line : whether a record ends with a line end.
     """
 
+    header: re.Pattern[bytes]
+    longest_header: int
     pattern: re.Pattern[bytes]
     names: tuple[str, ...]
     longest: int
@@ -34,15 +34,13 @@ class RecordForm:
 
 @dataclass(frozen=True)
 class _Match:
-    """A record (values, form) or a reply in the text."""
+    """A record in the text."""
 
     first: int
     last: int
-    station: int = 0
-    error: int = 0
-    form: RecordForm | None = None
-    values: tuple[bytes, ...] = ()
-    reply: Reply | None = None
+    station: int
+    error: int
+    values: tuple[bytes, ...]
 
 
 class TextStream(PiecewiseDecoder):
@@ -50,98 +48,54 @@ class TextStream(PiecewiseDecoder):
 
     A record is what its form says from the first byte to the last, so damage costs the record that it is in
     and no other. Not every damage shows: a digit that became another one is a number as good as the first.
+    Answers to commands count as skipped bytes.
     """
 
-    def __init__(
-        self,
-        forms: Mapping[int, RecordForm],
-        head: re.Pattern[bytes],
-        longest_head: int,
-        replies: re.Pattern[bytes],
-        begun_reply: re.Pattern[bytes],
-        mm_per_unit: float,
-    ) -> None:
-        """Take the station's forms, and patterns: of where something may start, a reply, one cut off."""
+    def __init__(self, form: RecordForm, stations: Collection[int], mm_per_unit: float) -> None:
         super().__init__()
-        self._forms = forms
-        self._head, self._longest_head = head, longest_head
-        self._replies, self._begun_reply = replies, begun_reply
-        self._mm_per_unit = mm_per_unit
-        self._before = b""  # the byte before the rest: a reply starts no word's middle
+        self._form, self._stations, self._mm_per_unit = form, stations, mm_per_unit
 
     @abstractmethod
-    def _header(self, text: bytes, at: int) -> tuple[int, int, int] | None:
-        """Station, error letter and first byte after the header of the record that starts there, if any."""
-
-    @abstractmethod
-    def _reply(self, matched: re.Match[bytes]) -> Reply:
-        """Give the reply, its offset counted in the text."""
+    def _read_header(self, header: re.Match[bytes]) -> tuple[int, int, int]:
+        """Station, error letter and first byte after the header."""
 
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
-        shift = len(self._before)
-        text = self._before + b.tobytes()
+        text, form = b.tobytes(), self._form
         matches: list[_Match] = []
-        position = shift
+        position = 0
         while True:
-            start = self._head.search(text, position)
-            at = start.start() if start else len(text)
-            if not final and at + self._longest_head > len(text):
-                position = max(position, min(at, len(text) - self._longest_head + 1))
+            header = form.header.search(text, position)
+            at = header.start() if header else len(text)
+            if not final and at + form.longest_header > len(text):
+                position = max(position, min(at, len(text) - form.longest_header + 1))
                 break
-            if start is None:
+            if header is None:
                 position = len(text)
                 break
-            here = self._at(text, at, final)
-            if here is None:
+            station, error, body = self._read_header(header)
+            known = station in self._stations
+            record = form.pattern.match(text, body) if known else None
+            if record and (final or form.ends_line or record.end() < len(text)):
+                matches.append(_Match(at, record.end(), station, error, record.groups()))
+                position = record.end()
+            elif known and not final and (record or len(text) - at < form.longest):
                 position = at
                 break
-            if here.last > at:
-                matches.append(here)
-            position = max(here.last, at + 1)
-        if position > shift:
-            self._before = text[position - 1 : position]
-        return self._decoded(matches, shift, position), position - shift
+            else:
+                position = at + 1
+        first, last = (
+            np.array([getattr(match, end) for match in matches], np.int64) for end in ("first", "last")
+        )
+        return Decoded(self._records(matches), gaps(first, last, position)), position
 
-    def _at(self, text: bytes, at: int, final: bool) -> _Match | None:
-        """Give what starts there, an empty find for nothing, None where more bytes are needed to say."""
-        header = self._header(text, at)
-        if header is not None:
-            station, error, body = header
-            form = self._forms[station]
-            matched = form.pattern.match(text, body)
-            if matched and (final or form.ends_line or matched.end() < len(text)):
-                return _Match(at, matched.end(), station, error, form, matched.groups())
-            if not final and (matched or len(text) - at < form.longest):
-                return None
-        reply = self._replies.match(text, at)
-        if reply:
-            return _Match(at, reply.end(), reply=self._reply(reply))
-        if not final and self._begun_reply.match(text, at):
-            return None
-        return _Match(at, at)
-
-    def _decoded(self, matches: list[_Match], shift: int, position: int) -> Decoded:
-        first = np.array([match.first - shift for match in matches], np.int64)
-        last = np.array([match.last - shift for match in matches], np.int64)
-        replies = tuple(replace(match.reply, offset=match.first - shift) for match in matches if match.reply)
-        return Decoded(self._records(matches, shift), gaps(first, last, position - shift), replies)
-
-    def _records(self, matches: list[_Match], shift: int) -> Records:
-        by_names: dict[tuple[str, ...], list[_Match]] = {}
-        for match in matches:
-            if match.form:
-                by_names.setdefault(match.form.names, []).append(match)
-        parts = [self._records_of_form(names, some, shift) for names, some in by_names.items()]
-        records = concatenated(parts)
-        return records if len(parts) < 2 else records.take(np.argsort(records.offset))
-
-    def _records_of_form(self, names: tuple[str, ...], matches: list[_Match], shift: int) -> Records:
+    def _records(self, matches: list[_Match]) -> Records:
+        names = self._form.names
         records = empty_records(len(matches))
-        records.offset[:] = [match.first - shift for match in matches]
+        records.offset[:] = [match.first for match in matches]
         records.size[:] = [match.last - match.first for match in matches]
         records.station[:] = [match.station for match in matches]
         records.error[:] = [0 if match.error == ord(" ") else match.error for match in matches]
-        if not names:
+        if not (matches and names):
             return records
         numbers = b",".join(b",".join(match.values) for match in matches).replace(b" ", b"").split(b",")
         table = np.array(numbers).astype(float).reshape(len(matches), len(names))

@@ -14,7 +14,7 @@ from trackers.protocols.stream_settings import StreamSettings
 from trackers.record.conversation import Conversation
 from trackers.record.driver import Driver
 from trackers.record.request import RecordingRequest
-from trackers.trakstar.decoder import DEFAULT_RANGE_INCH, FlockDecoder
+from trackers.trakstar.decoder import RANGE_INCH, FlockDecoder
 
 POINT, STREAM, POSITION_QUATERNION = b"B", b"@", b"]"
 CHANGE_GROUP_MODE = b"P\x23"
@@ -73,11 +73,5 @@ class TrakstarDriver(Driver):
         return (round(rate_hz, 1) if rate_hz >= LEAST_HZ else None), came + rest
 
     def _settings(self, rate_hz: float) -> StreamSettings:
-        options = {
-            "record": "position-quaternion",
-            "group": self._group,
-            "range_inch": DEFAULT_RANGE_INCH,
-            "inverse": True,
-            "warnings": self.warnings,
-        }
+        options = {"group": self._group, "range_inch": RANGE_INCH, "warnings": self.warnings}
         return StreamSettings("trakstar", "binary", "inch", rate_hz, self._stations, {}, {}, options)

@@ -12,8 +12,8 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
-from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps
-from trackers.protocols.pose_numbers import doubtful_poses, quaternion_of_angles
+from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps, rows_at
+from trackers.protocols.pose_numbers import doubtful_poses
 from trackers.protocols.records import Decoded, Records, Reply, Wholes, concatenated, empty_records
 from trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
@@ -32,8 +32,8 @@ SINGLE, CONTINUOUS = 18, 19
 ANY = 0xFFFFFFFF
 
 _MM = np.array([MM_PER_UNIT[unit] for unit in ("inch", "foot", "cm", "m")])
-_DEGREES, _RADIANS, _QUATERNION = range(3)
-_FULL_SCALE = np.array([180.0, np.pi, 1.0, np.nan]) / 32768
+_QUATERNION = 2
+_FULL_SCALE = 32768
 _SENSOR = np.dtype([("info", "<u4"), ("position", "<f4", (3,)), ("orientation", "<f4", (4,))])
 _WITH_ACCELERATION = 1
 _COUNT_PLACE = 20
@@ -125,17 +125,10 @@ def _sound(b: Bytes, at: Wholes, end: Wholes) -> npt.NDArray[np.bool_]:
     for size in np.unique((end - at)[whole]):
         mine = np.flatnonzero(whole & (end - at == size))
         for some in np.array_split(mine, 1 + len(mine) * int(size) // (1 << 22)):
-            rows = _rows(b, at[some], int(size))
+            rows = rows_at(b, at[some], int(size))
             sent = _unsigned(b, end[some] - CRC_BYTES) & 0xFFFF
             good[some] = crc16_arc(rows[:, :-CRC_BYTES]) == sent
     return good
-
-
-def _rows(b: Bytes, at: Wholes, size: int) -> Bytes:
-    """The bytes of stretches of one size, (N, size); no copy where they stand one after the other."""
-    if len(at) > 1 and (np.diff(at) == size).all():
-        return b[at[0] : at[-1] + size].reshape(-1, size)
-    return np.lib.stride_tricks.sliding_window_view(b, size)[at]
 
 
 def _disjoint(at: Wholes, end: Wholes, good: npt.NDArray[np.bool_], waiting: npt.NDArray[np.bool_]) -> Wholes:
@@ -181,7 +174,7 @@ def _records(b: Bytes, at: Wholes, end: Wholes) -> Records:
     sizes = end - at
     for size in np.unique(sizes):
         mine = at[sizes == size]
-        parts.append(_records_of_size(_rows(b, mine, int(size)), mine))
+        parts.append(_records_of_size(rows_at(b, mine, int(size)), mine))
     records = concatenated(parts)
     return records if len(parts) < 2 else records.take(np.argsort(records.offset))
 
@@ -217,14 +210,9 @@ def _records_of_size(rows: Bytes, at: Wholes) -> Records:
 def _orientations(
     sent: npt.NDArray[np.float32], kind: Wholes, accelerated: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
-    """Quaternions (N, 4) of the 16 bytes of orientation, whichever they hold; NaN for an unknown kind."""
+    """Quaternions (N, 4) of the 16 bytes of orientation; NaN for angles, which no recorder asks for."""
     numbers = sent.astype(float)
     if accelerated.any():  # four whole numbers of orientation, then four of acceleration
-        short = np.ascontiguousarray(sent[accelerated]).view("<i2")[:, :4]
-        numbers[accelerated] = short * _FULL_SCALE[kind[accelerated]][:, None]
-    for angular, factor in ((_DEGREES, 1.0), (_RADIANS, 180 / np.pi)):
-        mine = kind == angular
-        if mine.any():
-            numbers[mine] = quaternion_of_angles(numbers[mine, :3] * factor)
-    numbers[kind > _QUATERNION] = np.nan
+        numbers[accelerated] = np.ascontiguousarray(sent[accelerated]).view("<i2")[:, :4] / _FULL_SCALE
+    numbers[kind != _QUATERNION] = np.nan
     return numbers

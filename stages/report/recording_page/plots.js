@@ -202,8 +202,9 @@ class Plot {
 
 /* The stretch of time that all plots show. */
 class Stretch {
-  constructor(times) {
-    Object.assign(this, {times, last: times.length - 1, end: times.at(-1) || 1});
+  constructor(viewer) {
+    const {times} = viewer;
+    Object.assign(this, {viewer, times, last: times.length - 1, end: times.at(-1) || 1});
     const apart = Float64Array.from({length: this.last}, (_, i) => times[i + 1] - times[i]).sort();
     this.usual = apart[apart.length >> 1] || 0;
     this.all();
@@ -225,12 +226,8 @@ class Stretch {
 
   /* Index of the frame nearest to a moment. */
   index(seconds) {
-    let low = 0, high = this.last;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.times[middle] < seconds) low = middle + 1; else high = middle;
-    }
-    return low && seconds - this.times[low - 1] < this.times[low] - seconds ? low - 1 : low;
+    const {times} = this, before = this.viewer.upTo(times, seconds);
+    return before < this.last && times[before + 1] - seconds <= seconds - times[before] ? before + 1 : before;
   }
 
   /* Of the frames in view, one more at either end. */
@@ -239,7 +236,7 @@ class Stretch {
 
 class Plots {
   constructor(root, viewer) {
-    Object.assign(this, {root, viewer, time: new Stretch(viewer.times), hovered: null, told: 0});
+    Object.assign(this, {root, viewer, time: new Stretch(viewer), hovered: null, told: 0});
     this.part = {};
     for (const part of root.querySelectorAll("[data-part]")) this.part[part.dataset.part] = part;
     this.rows = [...root.querySelectorAll("[data-model]")];

@@ -7,15 +7,20 @@ from typing import Any
 
 from schemas.study import Recording
 from stages.report.hand_motion import HandMotion
+from stages.report.links import navigation
 from stages.report.palette import model_looks
 from stages.report.pictures.joint_rows import range_picture, singular_value_picture
 from stages.report.pictures.tip_error_strips import hidden_lines, thinned_traces, tip_error_picture
-from stages.report.recording_page.angle_ranges import angle_blocks, angle_ranges
-from stages.report.recording_page.navigation import navigation
-from stages.report.recording_page.recording_tables import evidence_table, range_table, tip_error_table
+from stages.report.recording_page.recording_tables import (
+    angle_blocks,
+    angle_ranges,
+    evidence_table,
+    range_table,
+    tip_error_table,
+)
 from stages.report.recording_results import ANGLES, JointAngles, ModelResults, RecordingResults, angles_of
 from stages.report.skeleton_stills import Figure
-from stages.report.table_cells import counted, listed, number
+from stages.report.table_cells import alike, counted, listed, number
 from stages.report.templates import render
 from stages.report.viewer.view import View, view_of
 
@@ -83,10 +88,8 @@ def _tip_error_still(title: str, study_models: Sequence[str], motion: HandMotion
     }
     traces = thinned_traces(motion.frame, motion.time_s, errors)
     looks = model_looks(study_models)
-    kinds: dict[str, list[str]] = {}
-    for own in motion.skeletons:
-        kinds.setdefault(own.error_is, []).append(own.model)
-    caption = "; ".join(f"{listed(models)}: {kind}" for kind, models in kinds.items())
+    kinds = {own.model: own.error_is for own in motion.skeletons}
+    caption = "; ".join(f"{listed(models)}: {kinds[models[0]]}" for models in alike(kinds))
     hidden = hidden_lines(traces, [own.model for own in motion.skeletons])
     return Figure(
         f"{caption}. Of every stretch of time the largest error",

@@ -6,16 +6,12 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError
-from schemas.layout import read_layout
-from schemas.plan import StudyPlans, plan_text
 from schemas.poses import read_poses, recording_name
-from schemas.study import read_study
 from schemas.tables import read_metadata, read_table
-from stages.capture.__main__ import main
+from stages.capture.__main__ import COMMANDS, main
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
@@ -109,31 +105,13 @@ def test_a_failure_can_be_recorded_instead(recording: Path, name: str, layout: s
     assert str(recording.parent) not in str(caught.value)
 
 
-@pytest.mark.parametrize("hand", ["right", "left"])
-def test_a_real_recording(real_data: Path, tmp_path: Path, hand: str) -> None:
-    """Every row comes through, gaps as gaps, quaternions of length 1 to rounding."""
-    recording = real_data / "upper_limb_poses" / f"racing_{hand}.csv"
-    if not recording.is_file():
-        pytest.skip(f"no {recording.name} among the real recordings")
-    out = tmp_path / "poses.parquet"
-    assert run(recording, out, layout="arm") == 0
-    lines = recording.read_text().splitlines()[1:]
-    poses = read_poses(out, read_layout("arm").measured)
-    assert poses.valid.size == len(lines) == 2800
-    assert (~poses.valid).sum() == sum(line.endswith(",,,,") for line in lines)
-    assert abs((poses.quaternion[poses.valid] ** 2).sum(-1) - 1).max() < 1e-12
-    assert read_metadata(out)["parameters"]["absent"] == []
-
-
-@pytest.mark.parametrize(
-    "argv", [["--help"], *([name, "--help"] for name in ("import", "inspect", "export-bids"))]
-)
+@pytest.mark.parametrize("argv", [["--help"], *([name, "--help"] for name in COMMANDS)])
 def test_help_imports_nothing_heavy(argv: list[str]) -> None:
     """A study starts thousands of processes; NumPy and Arrow come after the arguments."""
     code = (
         "import sys, stages.capture.__main__ as m\n"
         f"try: m.main({argv!r})\n"
-        "finally: print(sorted({'numpy', 'pyarrow', 'yaml', 'ezc3d'} & set(sys.modules)))"
+        "finally: print(sorted({'numpy', 'pyarrow', 'scipy', 'serial', 'yaml', 'ezc3d'} & set(sys.modules)))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
@@ -161,100 +139,3 @@ def test_the_guides_example_is_a_recording(tmp_path: Path) -> None:
         ("index_proximal", 1017, ""),
         ("index_proximal", 1018, "missing"),
     ]
-
-
-def hand_rows(unit_mm: float, n_receivers: int) -> str:
-    """Rows of a hand whose receivers are 12 mm apart, its positions in a unit of so many mm."""
-    segments = read_layout("liberty16").measured[:n_receivers]
-    return "".join(
-        f"{frame},{frame / 240},{segment},{12 * i / unit_mm:.9f},{(20 + frame) / unit_mm:.9f},0,1,0,0,0\n"
-        for frame in range(3)
-        for i, segment in enumerate(segments)
-    )
-
-
-@pytest.mark.parametrize(
-    ("unit_mm", "n_receivers", "unit"),
-    [(1.0, 16, ""), (1000.0, 16, "metres"), (10.0, 16, "centimetres"), (10.0, 4, "metres"), (1.0, 3, "")],
-)
-def test_positions_that_are_not_in_mm_are_doubted(
-    recording: Path, capsys: pytest.CaptureFixture[str], unit_mm: float, n_receivers: int, unit: str
-) -> None:
-    """A hand the size of a grain of rice is told on stderr and in the file; a hand is not."""
-    recording.write_text(HEADER + hand_rows(unit_mm, n_receivers))
-    out = recording.with_name("poses.parquet")
-    assert run(recording, out) == 0
-    doubt = read_metadata(out)["parameters"]["doubt"]
-    assert unit in doubt
-    assert bool(unit) == bool(doubt)
-    assert bool(unit) == ("of each other" in capsys.readouterr().err)
-
-
-@pytest.fixture
-def plan(recording: Path) -> Path:
-    """The plan of a subject with a right hand's recording that needs a mapping, and one that is tidy."""
-    tmp_path = recording.parent
-    (tmp_path / "poses.txt").write_text("7;1;2;3;1;0;0;0\n")
-    mapping = {
-        "format": "csv",
-        "position_unit": "cm",
-        "orientation": {"kind": "quaternion", "order": "wxyz"},
-        "receivers": {"hand": {"position": [2, 3, 4], "orientation": [5, 6, 7, 8]}},
-        "csv": {"delimiter": ";", "header": False, "frame": 1},
-    }
-    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(mapping))
-    sheet = [
-        "subject\thand\ttask\ttrial\trole\tfile\tmapping\themisphere",
-        "S 1\tright\trom\t\tboth\trom.csv\t\trepair",
-        "S 1\tright\tgrip\t2\tevaluation\tposes.txt\tmapping.yaml\t",
-        "S 1\tleft\trom\t\tboth\tno.csv\t\t",
-    ]
-    (tmp_path / "recordings.tsv").write_text("\n".join(sheet) + "\n")
-    study = "study: one\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [rigid]\n"
-    (tmp_path / "study.yaml").write_text(study)
-    path = tmp_path / "plan.json"
-    plans = StudyPlans(read_study(tmp_path / "study.yaml"), tmp_path / "results")
-    path.write_text(plan_text(plans.content("S 1")))
-    return path
-
-
-def run_planned(plan: Path, hand: str, recording: str, *more: str) -> tuple[int, Path]:
-    out = plan.with_name("poses.parquet")
-    options = ["--plan", str(plan), "--hand", hand, "--recording", recording]
-    return main(["import", *options, "--out", str(out), *more]), out
-
-
-def test_a_recording_of_a_plan_is_imported_as_the_sheet_says(plan: Path, recording: Path) -> None:
-    """Its layout, mapping and names; the table is, byte for byte, that of the same options alone."""
-    code, out = run_planned(plan, "right", "grip_2")
-    assert code == 0
-    assert str(recording_name(out)) == "subject S 1, right hand, grip, 2"
-    (row,) = read_table(out, POSES).to_pylist()
-    assert [row[name] for name in ("frame", "x_mm", "y_mm", "z_mm")] == [7, 10, 20, 30]
-    inputs = [entry["file"] for entry in read_metadata(out)["inputs"]]
-    assert inputs == ["poses.txt", "liberty16.yaml", "mapping.yaml"]
-    assert run_planned(plan, "right", "rom")[0] == 0
-    planned = out.read_bytes()
-    options = ["--in", str(recording), "--layout", "liberty16", "--subject", "S 1", "--hand", "right"]
-    assert main(["import", *options, "--task", "rom", "--repair-hemisphere", "--out", str(out)]) == 0
-    assert out.read_bytes() == planned
-
-
-def test_a_planned_recording_that_fails_or_is_not_in_the_plan(
-    plan: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, out = run_planned(plan, "left", "rom", "--record-failure")
-    assert code == 0
-    assert str(recording_name(out)) == "subject S 1, left hand, rom"
-    with pytest.raises(InputError, match=r"^no\.csv: no such file"):
-        read_table(out, POSES)
-    assert run_planned(plan, "left", "grip_2")[0] == 2
-    assert "has no recording 'grip_2' of the left hand; it has rom\n" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("given", [["--plan", "plan.json"], ["--in", "rom.csv", "--layout", "arm"]])
-def test_options_that_are_missing_are_named(given: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(["import", *given, "--hand", "right", "--out", "poses.parquet"])
-    missing = "--recording" if "--plan" in given else "--subject, --task"
-    assert f"the following arguments are required: {missing}" in capsys.readouterr().err

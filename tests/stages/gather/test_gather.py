@@ -9,13 +9,22 @@ import pytest
 import yaml
 from small_study import write_plans, write_study
 
-from schemas.catalogue import POSES, RECEIVERS, TABLES
+from schemas.catalogue import FINDINGS, POSES, RECEIVERS, TABLES
 from schemas.errors import TableError
 from schemas.parts import Part, parts_writer
 from schemas.plan import SubjectPlan, read_plan
 from schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
 from schemas.study import read_study
-from schemas.tables import Provenance, Table, read_metadata, read_table, rows_of, write_failure, write_table
+from schemas.tables import (
+    Provenance,
+    Table,
+    columns_from_rows,
+    read_metadata,
+    read_table,
+    rows_of,
+    write_failure,
+    write_table,
+)
 from stages.gather.__main__ import main
 from stages.gather.study_tables import gather_study
 
@@ -38,6 +47,12 @@ def row_of(table: Table, **values: Any) -> dict[str, Any]:
     return filled | {name: value for name, value in values.items() if name in {c.name for c in table.columns}}
 
 
+def write_findings(plan: SubjectPlan, *rows: dict[str, Any], **parameters: Any) -> None:
+    """Write a subject's findings."""
+    columns = columns_from_rows(FINDINGS, [{"subject": plan.subject, "trial": "", **row} for row in rows])
+    write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}, **parameters}))
+
+
 def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | None = None) -> None:
     """Write everything that is gathered: two rows of every part, and poses that stand still.
 
@@ -56,6 +71,7 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
             }
             columns["time_s"] = np.arange(4) / 240
             write_table(plan.poses(recording), POSES, columns, Provenance((), parameters))
+    write_findings(plan)
     for name in GATHERED_TABLES:
         for path in plan.files_of(name):
             parts = plan.parts()

@@ -26,8 +26,8 @@ def decoded(counters, stations, *, clock: bool = False, offsets=None) -> Decoded
     return Decoded(records)
 
 
-def number(pieces: list[Decoded], rate_hz: float = 240.0, start: int | None = None):
-    counter = Counter(settings(rate_hz), start)
+def number(pieces: list[Decoded], rate_hz: float = 240.0):
+    counter = Counter(settings(rate_hz))
     frames, odd = [], []
     for index, piece in enumerate(pieces):
         arrivals = np.zeros(len(piece.records), np.int64)
@@ -100,14 +100,6 @@ def test_cycles_are_counted_where_nothing_else_is() -> None:
 def test_skipped_bytes_count_as_cycles() -> None:
     offsets = [0, 40, 80, 120 + 240, 160 + 240, 200 + 240]  # six records' bytes are lost: two cycles
     assert number([decoded([None] * 6, list(STATIONS) * 2, offsets=offsets)])[0] == [0, 0, 0, 3, 3, 3]
-
-
-def test_a_later_stream_goes_on_by_the_hosts_clock() -> None:
-    counter = Counter(settings())
-    piece = decoded(*cycles([10, 11]))
-    counter.number(piece, np.full(6, 10**9), final=True)
-    assert counter.after(3 * 10**9) == 11 + 480
-    assert number([decoded(*cycles([0, 1]))], start=491)[0] == [491] * 3 + [492] * 3
 
 
 @given(st.data())

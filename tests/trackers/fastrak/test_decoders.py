@@ -4,10 +4,9 @@ import struct
 
 import numpy as np
 import pytest
+from fuzzing.decoding import check_tiles, decode
+from fuzzing.tracker_streams import fastrak_binary, fastrak_text, pose, settings
 
-from benchmarks.fuzz_decoding import check_tiles, decode
-from benchmarks.tracker_streams import fastrak_binary, fastrak_text, pose, settings
-from schemas.errors import InputError
 from trackers.fastrak.binary_decoder import BinaryDecoder
 from trackers.fastrak.items import OUTPUT_ITEMS
 from trackers.fastrak.text_decoder import TextDecoder
@@ -48,36 +47,10 @@ def test_every_number_comes_out(mode: str, unit: str, mm: float, items: tuple[in
     assert not records.doubtful.any()
 
 
-def test_the_lengths_that_the_manual_gives() -> None:
-    assert len(fastrak_text(1, 1, (2, 4, 1))) == OUTPUT_ITEMS.record_bytes((2, 4, 1), "ascii") == 47
-    assert len(fastrak_binary(1, 1, (2, 4, 1))) == OUTPUT_ITEMS.record_bytes((2, 4, 1)) == 29
-    assert len(fastrak_binary(1, 1, (2, 11, 0))) == OUTPUT_ITEMS.record_bytes((2, 11, 0)) == 32
-
-
 def test_fields_touch_each_other() -> None:
     data = b"01 -112.34-156.78-100.00 -12.34  -5.60 100.00\r\n"
     records = read(data, (2, 4, 1), "ascii").records
     np.testing.assert_allclose(records.position_mm, [[-1123.4, -1567.8, -1000.0]])
-
-
-def test_text_replies() -> None:
-    good = fastrak_text(1, 1, (2, 4, 1))
-    error = b"2 E*ERROR*O9*ERROR* EC -3*PS 2*FL 0*ST 0\r\n"
-    decoded = read(good + b"21O 2 4 1\r\n" + good + error, (2, 4, 1), "ascii")
-    assert len(decoded.records) == 2
-    assert not decoded.skipped
-    assert [(r.station, r.command, r.error) for r in decoded.replies] == [(1, ord("O"), 0), (0, ord("E"), -3)]
-    assert decoded.replies[0].body == b" 2 4 1\r\n"
-
-
-def test_each_station_has_its_own_list() -> None:
-    from trackers.protocols.stream_settings import StreamSettings
-
-    lists = {1: (2, 11, 0), 2: (2, 4, 1)}
-    data = b"".join(fastrak_binary(f, s, lists[s]) for f in range(1, 5) for s in lists)
-    decoded = decode(BinaryDecoder(StreamSettings("fastrak", "binary", "cm", 60.0, (1, 2), lists)), data)
-    assert decoded.records.station.tolist() == [1, 2] * 4
-    assert not decoded.skipped
 
 
 def test_a_header_in_the_numbers_of_a_still_receiver_does_not_mislead() -> None:
@@ -93,12 +66,3 @@ def test_numbers_that_cannot_be_right_are_doubted_and_kept_in_step() -> None:
     long = good[:15] + struct.pack("<4f", 1, 0.2, 0, 0) + good[31:]
     records = read(good + far + long + good, (2, 11, 0)).records
     assert records.doubtful.tolist() == [False, True, True, False]
-
-
-@pytest.mark.parametrize("made", [BinaryDecoder, TextDecoder])
-@pytest.mark.parametrize(("items", "stations"), [((2, 8), (1,)), ((2, 4), (5,))])
-def test_items_and_stations_that_there_are_not(
-    made: type[BinaryDecoder], items: tuple[int, ...], stations: tuple[int, ...]
-) -> None:
-    with pytest.raises(InputError, match="a FASTRAK has stations 1 to 4 and items 0, 1, 16, 2"):
-        made(settings("fastrak", "binary", items, stations))

@@ -4,11 +4,11 @@ import struct
 
 import numpy as np
 import pytest
+from fuzzing.decoding import decode, skipped_bytes
+from fuzzing.tracker_streams import liberty_binary, pose
 
-from benchmarks.fuzz_decoding import decode, skipped_bytes
-from benchmarks.tracker_streams import liberty_binary, pose
 from trackers.liberty.binary_decoder import BinaryDecoder
-from trackers.protocols.records import Records, Reply
+from trackers.protocols.records import Records
 from trackers.protocols.stream_settings import StreamSettings
 
 FULL = (8, 9, 11, 10, 12, 3, 7)
@@ -27,10 +27,10 @@ def stream(frames: int = 6, stations=range(1, 5), **how) -> list[bytes]:
     return [record(frame, station, **how) for frame in range(frames) for station in stations]
 
 
-def read(data: bytes, given: StreamSettings | None = None) -> tuple[Records, list[int], tuple[Reply, ...]]:
-    """Decode a stream; gives the records, the skipped bytes and the replies."""
+def read(data: bytes, given: StreamSettings | None = None) -> tuple[Records, list[int]]:
+    """Decode a stream; gives the records and the skipped bytes."""
     decoded = decode(BinaryDecoder(given or settings()), data)
-    return decoded.records, skipped_bytes(decoded), decoded.replies
+    return decoded.records, skipped_bytes(decoded)
 
 
 def names(records: Records) -> list[tuple[int, int]]:
@@ -41,10 +41,9 @@ def names(records: Records) -> list[tuple[int, int]]:
 @pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("inch", 25.4)])
 def test_every_number_comes_out(items, unit: str, mm: float) -> None:
     data = b"".join(stream(items=items))
-    records, skipped, replies = read(data, given=settings(items, unit=unit))
+    records, skipped = read(data, given=settings(items, unit=unit))
     assert len(records) == 24
     assert not skipped
-    assert not replies
     for row, (frame, station) in enumerate((f, s) for f in range(6) for s in range(1, 5)):
         position, quaternion = pose(frame, station)
         sent = np.array(position, np.float32).astype(float)
@@ -64,41 +63,26 @@ def test_patriot_and_single_polls_and_error_letters() -> None:
     polled = record(1, 1, tag=b"PA").replace(b"PA\x01C", b"PA\x01P")
     failed = record(1, 2, tag=b"PA", error=b"b")
     blank = record(2, 1, tag=b"PA", error=b" ")
-    records, skipped, _ = read(polled + failed + blank, given=settings(family="patriot"))
+    records, skipped = read(polled + failed + blank, given=settings(family="patriot"))
     assert names(records) == [(1, 1), (1, 2), (2, 1)]
     assert records.error.tolist() == [0, ord("b"), 0]
     assert not skipped
 
 
-def test_each_station_has_its_own_list() -> None:
-    lists = {1: (9, 2, 7), 2: FULL, 3: (2, 9)}
-    data = b"".join(record(f, s, items=lists[s]) for f in range(4) for s in lists)
-    own = StreamSettings("liberty", "binary", "cm", 240.0, (1, 2, 3), lists)
-    records, skipped, _ = read(data, given=own)
-    assert names(records) == [(f, s) for f in range(4) for s in (1, 2, 3)]
-    assert np.isnan(records.quaternion[records.station == 3]).all()
-    assert not records.doubtful.any()
-    assert not skipped
-
-
-def test_replies_stand_apart() -> None:
+def test_answers_to_commands_are_no_records() -> None:
     reply = b"LY\0U\0\0" + struct.pack("<h", 4) + struct.pack("<i", 1)
     error = b"LY\0O\x03\0" + struct.pack("<h", 19) + b"Invalid Parameter\r\n"
-    data = b"".join([*stream(2), reply, error, *stream(2)])
-    records, skipped, replies = read(data)
+    before, after = b"".join(stream(2)), b"".join(stream(2))
+    records, skipped = read(before + reply + error + after)
     assert len(records) == 16
-    assert not skipped
-    assert [(r.command, r.error, r.body) for r in replies] == [
-        (ord("U"), 0, b"\1\0\0\0"),
-        (ord("O"), 3, b"Invalid Parameter\r\n"),
-    ]
+    assert skipped == [*range(len(before), len(before + reply + error))]
 
 
 def test_a_tag_in_the_numbers_does_not_mislead() -> None:
     position = struct.unpack("<f", b"LY\x01C")[0]
     body = struct.pack("<I3f4f", 7, position, position, position, 1, 0, 0, 0)
     head = b"LY\x01C\0\0" + struct.pack("<h", len(body))
-    records, skipped, _ = read((head + body) * 5, given=settings((9, 2, 7)))
+    records, skipped = read((head + body) * 5, given=settings((9, 2, 7)))
     assert len(records) == 5
     assert not skipped
 
@@ -108,5 +92,5 @@ def test_numbers_that_cannot_be_right_are_doubted() -> None:
     far = good[:12] + struct.pack("<f", 400.0) + good[16:]
     nan = good[:12] + struct.pack("<f", float("nan")) + good[16:]
     long = good[:24] + struct.pack("<4f", 1, 0.2, 0, 0) + good[40:]
-    records, _, _ = read(b"".join([good, far, nan, long, good]), given=settings((9, 2, 7)))
+    records, _ = read(b"".join([good, far, nan, long, good]), given=settings((9, 2, 7)))
     assert records.doubtful.tolist() == [False, True, True, True, False]

@@ -57,4 +57,9 @@ def test_lists_that_a_tracker_does_not_take(table, lists) -> None:
     with pytest.raises(
         InputError, match=r"output list .* of station .*; a (LIBERTY|FASTRAK) has stations 1 to"
     ):
-        table.checked(lists)
+        table.one_list(lists)
+
+
+def test_lists_that_differ_are_refused() -> None:
+    with pytest.raises(InputError, match="has 2 output lists; expected one for all stations"):
+        LIBERTY.one_list({1: (2, 4, 1), 2: (2, 7)})

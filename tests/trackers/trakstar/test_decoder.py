@@ -1,32 +1,25 @@
-"""trakSTAR and Flock of Birds: every number of a record, in each kind."""
+"""trakSTAR and Flock of Birds: every number of a record."""
 
 import numpy as np
 import pytest
+from fuzzing.decoding import decode
+from fuzzing.tracker_streams import flock_record, pose, settings
 
-from benchmarks.fuzz_decoding import decode
-from benchmarks.tracker_streams import flock_record, pose, settings
 from schemas.errors import InputError
 from trackers.trakstar.decoder import FlockDecoder
 
-KINDS = ("position-quaternion", "position-angles", "position-matrix")
 
-
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("group", [False, True])
-@pytest.mark.parametrize("inverse", [False, True])
-@pytest.mark.parametrize("range_inch", [36, 72, 144])
-def test_every_number_comes_out(kind: str, group: bool, inverse: bool, range_inch: int) -> None:
-    given = settings("trakstar", record=kind, group=group, inverse=inverse, range_inch=range_inch)
+def test_every_number_comes_out(group: bool) -> None:
     names = [(frame, station) for frame in (1, 2) for station in (1, 2, 3, 4)]
-    data = b"".join(flock_record(f, s, kind, group, inverse, 25.4 * range_inch) for f, s in names)
-    records = decode(FlockDecoder(given), data).records
+    data = b"".join(flock_record(f, s, group) for f, s in names)
+    records = decode(FlockDecoder(settings("trakstar", group=group)), data).records
     assert records.station.tolist() == ([s for _, s in names] if group else [1] * 8)
     assert records.frame.tolist() == [-1] * 8
     assert not records.doubtful.any()
     for row, (frame, station) in enumerate(names):
         position, quaternion = pose(frame, station)
-        step_mm = 25.4 * range_inch / 8192
-        np.testing.assert_allclose(records.position_mm[row], 10 * np.array(position), atol=step_mm)
+        np.testing.assert_allclose(records.position_mm[row], 10 * np.array(position), atol=914.4 / 8192)
         sign = np.sign(records.quaternion[row] @ quaternion)
         np.testing.assert_allclose(sign * records.quaternion[row], quaternion, atol=2e-4)
 
@@ -42,11 +35,10 @@ def test_a_word_is_two_times_seven_bits() -> None:
 
 def test_a_station_that_is_not_there_is_doubted() -> None:
     given = settings("trakstar", group=True, stations=(1, 2))
-    data = b"".join(flock_record(1, station, KINDS[0], True) for station in (1, 2, 9))
+    data = b"".join(flock_record(1, station, True) for station in (1, 2, 9))
     assert decode(FlockDecoder(given), data).records.doubtful.tolist() == [False, False, True]
 
 
-@pytest.mark.parametrize("options", [{"record": "position"}, {"range_inch": 35}, {"record": []}])
-def test_options_that_are_none(options: dict[str, object]) -> None:
-    with pytest.raises(InputError, match="expected one of position-quaternion, position-angles"):
-        FlockDecoder(settings("trakstar", **options))
+def test_stations_that_there_are_not() -> None:
+    with pytest.raises(InputError, match="expected numbers from 1 to 126"):
+        FlockDecoder(settings("trakstar", stations=(127,)))

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 from report_samples.hand_tables import part_of, write_parts
+from report_samples.read_page import rows_where
 
 from schemas.catalogue import JOINT_ANGLES, TIPS
 from schemas.errors import InputError
 from schemas.study import Recording
 from schemas.tables import read_table
 from stages.report.palette import HUES, MODELS
-from stages.report.pictures.style import applied
-from stages.report.print_figures.joint_angle_curves import joint_angles
+from stages.report.print_figures.over_time import joint_angles, tip_error
 from stages.report.print_figures.skeletons import skeletons
-from stages.report.print_figures.study_figures import find_recording, of_recording
-from stages.report.print_figures.tip_error import tip_error
+from stages.report.print_figures.study_figures import find_recording
+from stages.report.print_figures.style import applied
 from stages.report.study_results import StudyResults
 
 
@@ -28,12 +28,7 @@ def test_tip_errors_are_the_tables_and_break_at_the_gap(measured: StudyResults, 
     index = figure.axes[1]
     line = next(line for line in index.lines if line.get_color() == MODELS[2])
     data = read_table(measured.paths.study_table("tips"), TIPS).to_pylist()
-    own = [
-        row
-        for row in data
-        if (row["subject"], row["hand"], row["model"], row["digit"])
-        == ("S01", "right", "paper-fig4", "index")
-    ]
+    own = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
     largest = max(row["error_mm"] for row in own if row["error_mm"] is not None)
     y = np.asarray(line.get_ydata(), float)
     assert np.nanmax(y) == largest
@@ -93,16 +88,6 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
     np.testing.assert_allclose(np.unique(y), 3.0 * np.arange(12))
     assert np.isclose(x[-1], 11 / 240, atol=0.6 / 240)
     assert "n = 12 frames" in caption
-
-
-def test_without_a_fitted_model_there_are_no_angles(measured: StudyResults, recording: Recording) -> None:
-    missing = {drawing.name: drawing.missing for drawing in of_recording(measured, recording)}
-    assert missing == {
-        "tip-error": "",
-        "skeletons": "",
-        "joint-angles": "Not drawn: joint angles need a model that fits the whole hand, and this study has "
-        "none.",
-    }
 
 
 def test_a_recording_is_found_by_its_name_or_its_path(measured: StudyResults) -> None:
