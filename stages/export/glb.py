@@ -13,7 +13,6 @@ Numbers are float32: joints up to 2 m from the transmitter are within 3e-7 m of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,15 +37,6 @@ _MATERIALS = {"bone": ((0.76, 0.56, 0.44, 1.0), 0.7), "nail": ((0.93, 0.82, 0.76
 """Colour (linear) and roughness by name."""
 
 
-@dataclass(frozen=True)
-class _Hand:
-    """A motion with the names that are written, what its nodes are called, and the times of its keys (T,)."""
-
-    motion: SkeletonMotion
-    name: str
-    time_s: npt.NDArray[np.float32]
-
-
 def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
     """Write one motion, which has no gap and whose world has +Y up; give what the file does not hold.
 
@@ -64,8 +54,8 @@ def write_scene(motions: Sequence[SkeletonMotion], target: Target, path: Path) -
     for motion in motions:
         require_whole(motion, path, "GLB")
         require_times(motion, (motion.time_s - motion.time_s[0]).astype(np.float32), path, "GLB")
-    hands = [_hand(motion) for motion in motions]
-    notes = [facts(hand.motion, target) for hand in hands]
+    hands = [with_webxr_names(motion) for motion in motions]
+    notes = [facts(hand, target) for hand in hands]
     licence = "; ".join(dict.fromkeys(note["licence"] for note in notes if note["licence"]))
     asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": notes}}
     document = Document(asset | ({"copyright": licence} if licence else {}))
@@ -81,20 +71,15 @@ def write_scene(motions: Sequence[SkeletonMotion], target: Target, path: Path) -
     )
 
 
-def _hand(motion: SkeletonMotion) -> _Hand:
-    """The motion as it is written; a hand that has the layout's names gets those of WebXR."""
-    motion = with_webxr_names(motion)
-    return _Hand(
-        motion,
-        f"{motion.origin.hand}-{motion.kind}",
-        np.nan_to_num(motion.time_s - motion.time_s[0]).astype(np.float32),
-    )
+def _name(motion: SkeletonMotion) -> str:
+    """What a hand's nodes are called."""
+    return f"{motion.origin.hand}-{motion.kind}"
 
 
-def _add_hand(document: Document, hand: _Hand) -> dict[str, Any]:
+def _add_hand(document: Document, motion: SkeletonMotion) -> dict[str, Any]:
     """Put nodes, skin and body of a hand into the document; give the animation that moves it."""
-    motion = hand.motion
-    root = document.add("nodes", {"name": hand.name})
+    name = _name(motion)
+    root = document.add("nodes", {"name": name})
     first = root + 1
     document.json["nodes"][root]["children"] = [first]
     for node in _joint_nodes(motion, first):
@@ -102,13 +87,13 @@ def _add_hand(document: Document, hand: _Hand) -> dict[str, Any]:
     joints = list(range(first, first + len(motion.joints)))
     inverse = document.array(_inverse_bind_matrices(motion))
     skin = document.add(
-        "skins", {"name": hand.name, "inverseBindMatrices": inverse, "skeleton": first, "joints": joints}
+        "skins", {"name": name, "inverseBindMatrices": inverse, "skeleton": first, "joints": joints}
     )
-    body = {"name": f"{hand.name}-body"}
+    body = {"name": f"{name}-body"}
     mesh = document.add("meshes", body | {"primitives": _primitives(document, motion)})
     # beside the hand, not below it: what is above a skinned mesh does not move it, and is refused by some
     document.json["scenes"][0]["nodes"] += [root, document.add("nodes", body | {"mesh": mesh, "skin": skin})]
-    return _animation(document, hand, first)
+    return _animation(document, motion, first)
 
 
 def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
@@ -180,9 +165,9 @@ def _material(document: Document, name: str) -> int:
     return document.add("materials", {"name": name, "pbrMetallicRoughness": factors})
 
 
-def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
-    motion = hand.motion
-    times = document.array(hand.time_s, bounds=True)
+def _animation(document: Document, motion: SkeletonMotion, first: int) -> dict[str, Any]:
+    since_s = np.nan_to_num(motion.time_s - motion.time_s[0])
+    times = document.array(since_s.astype(np.float32), bounds=True)
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
@@ -197,7 +182,7 @@ def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
         if index == 0 or np.abs(place_mm - motion.rest_offset_mm[index]).max() > MOVES_MM:
             add(index, "translation", place_mm * _SCALE)
         add(index, "rotation", np.roll(turn, -1, axis=-1))
-    parts = (hand.name, motion.origin.task, motion.origin.trial)
+    parts = (_name(motion), motion.origin.task, motion.origin.trial)
     start: dict[str, Any] = {"first_frame": int(motion.frame[0])}
     if np.isfinite(motion.time_s[0]):
         start["first_device_time_s"] = float(motion.time_s[0])

@@ -27,6 +27,17 @@ def run(known: KnownHand, out: Path, *argv: str, model: str = FITTED) -> int:
     return main([*which, "--model", model, "--formats", "bvh,csv", "--out", str(out), *argv])
 
 
+def hand_with_a_gap(folder: Path, hand: str) -> KnownHand:
+    """A hand of 60 frames, four of which lack a bone."""
+    known = make_hand(folder, hand, 60)
+    rows = known.rows(FITTED, BONE_POSES)
+    for row in rows:
+        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
+            row |= dict.fromkeys(POSE)
+    known.write(FITTED, BONE_POSES, rows)
+    return known
+
+
 def test_files_have_their_names_and_notes(
     right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -67,12 +78,7 @@ def test_options_reach_the_files(
 
 
 def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) -> None:
-    known = make_hand(tmp_path, "right", 60)
-    rows = known.rows(FITTED, BONE_POSES)
-    for row in rows:
-        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
-            row |= dict.fromkeys(POSE)
-    known.write(FITTED, BONE_POSES, rows)
+    known = hand_with_a_gap(tmp_path, "right")
     out = tmp_path / "out"
     assert run(known, out) == 2
     assert not list(out.glob("*.bvh*"))
@@ -164,22 +170,18 @@ def test_a_subject_of_any_script_has_its_files(tmp_path: Path) -> None:
 
 def test_what_is_held_on_the_disk_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every byte, of gaps that were filled, resampled, stiff and on another rig too."""
-    known = make_hand(tmp_path, "left", 60)
-    rows = known.rows(FITTED, BONE_POSES)
-    for row in rows:
-        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
-            row |= dict.fromkeys(POSE)
-    known.write(FITTED, BONE_POSES, rows)
+    known = hand_with_a_gap(tmp_path, "left")
     changed = ["--gaps", "interpolate", "--fps", "100", "--rig", "openxr", "--bones", "stiff"]
     names = ["--formats", ",".join(FORMATS)]
-    for part, options in (("plain", ["--gaps", "cut"]), ("changed", changed)):
-        for model in (FITTED, REPLAYED):
-            assert run(known, tmp_path / "memory" / part, *names, *options, model=model) == 0
+
+    def export(out: Path) -> None:
+        for part, options in (("plain", ["--gaps", "cut"]), ("changed", changed)):
+            assert run(known, out / part, *names, *options, model=f"{FITTED},{REPLAYED}") == 0
+
+    export(tmp_path / "memory")
     monkeypatch.setattr(long_arrays, "KEPT_BYTES", 0)
     monkeypatch.setattr(recorded_motion, "BLOCK_FRAMES", 25)
-    for part, options in (("plain", ["--gaps", "cut"]), ("changed", changed)):
-        for model in (FITTED, REPLAYED):
-            assert run(known, tmp_path / "disk" / part, *names, *options, model=model) == 0
+    export(tmp_path / "disk")
     files = [path for path in sorted((tmp_path / "memory").rglob("*")) if path.is_file()]
     assert len(files) > 50
     for file in files:

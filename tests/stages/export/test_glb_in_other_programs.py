@@ -117,7 +117,7 @@ def test_blender_has_every_joint_and_the_body(
     hand = f"{motion.origin.hand}-hand"
     found = read_in_blender(export_tool, file, motion.rate_hz)
     assert_joints(found["joints"][hand], motion, NEAR_M)
-    body, expected = np.array(found["bodies"][f"{hand}-body"]), last_body(file, f"{hand}-body")
+    body, expected = np.array(found["bodies"][hand]), last_body(file, f"{hand}-body")
     assert len(body) == len(expected)
     np.testing.assert_allclose(body.min(0), expected.min(0), atol=2e-6)
     np.testing.assert_allclose(body.max(0), expected.max(0), atol=2e-6)
