@@ -25,7 +25,7 @@ TEXT_PX = 11.0
 _MIDDLE_PX = 0.35 * TEXT_PX
 """From the middle of a line of text down to its baseline."""
 
-_STAR = np.repeat([1.0, 0.42], 5).reshape(2, 5).T.ravel()[:, None]
+_STAR = np.tile([1.0, 0.42], 5)[:, None]
 _TURN = np.pi / 5 * np.arange(10)[:, None]
 _CROSS = np.array([(-1, 3), (-1, 1), (-3, 1), (-3, -1), (-1, -1), (-1, -3),
                    (1, -3), (1, -1), (3, -1), (3, 1), (1, 1), (1, 3)]) / 3  # fmt: skip
