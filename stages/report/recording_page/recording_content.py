@@ -8,7 +8,7 @@ from typing import Any
 from schemas.study import Recording
 from stages.report.hand_motion import HandMotion
 from stages.report.links import navigation
-from stages.report.palette import model_looks
+from stages.report.palette import MARK_PATHS, model_looks
 from stages.report.pictures.joint_rows import range_picture, singular_value_picture
 from stages.report.pictures.tip_error_strips import hidden_lines, thinned_traces, tip_error_picture
 from stages.report.recording_page.recording_tables import (
@@ -48,6 +48,7 @@ def recording_page(results: RecordingResults) -> str:
         every=1 if motion is None else motion.every,
         still=None if motion is None else _tip_error_still(title, list(results.study.models), motion),
         angles=angles,
+        marks=list(MARK_PATHS.values()),
         tip_errors=tip_error_table(f"Tip error of the replay in numbers: {title}.", results.models),
         ranges=[_range_part(title, model) for model in results.models if model.angles is not None],
         evidence=[_evidence_part(title, model) for model in results.models],
