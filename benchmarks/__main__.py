@@ -16,6 +16,7 @@ BENCHMARKS = {
     "capture_live": "recording live through a terminal and a network port: loss, load, delay",
     "accuracy": "every estimator, and published software, on simulated hands against their truth",
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
+    "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
     "cluster_plan": "a study of thousands on a cluster: jobs, hours, files, and what ends first",
     "report_pages": "the report: bytes of its pages, how a browser shows them",
     "fuzz": "damaged byte streams and files: every decoder and reader must take them",
