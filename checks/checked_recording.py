@@ -11,7 +11,7 @@ import numpy as np
 from checks.expected_body import ExpectedBody, expected_body
 from checks.explaining import Explanation
 from checks.hypotheses import Recorded, hypotheses
-from checks.mistakes import Mistake, Search, find_mistakes
+from checks.mistake_search import Mistake, Search, find_mistakes
 from checks.sampled_motion import motion_of, receiver_axes
 from checks.timeline import (
     Timeline,

@@ -120,7 +120,8 @@ def _hand_mount_mm(layout: Layout) -> Array:
         return np.array(HAND_MOUNT_MM)
     worn = layout.segments[layout.wrist.segment]
     distal, dorsal = np.array(worn.distal), np.array(worn.dorsal)
-    return -np.stack([distal, np.cross(dorsal, distal), dorsal]) @ np.array(layout.wrist.nominal_mm)
+    axes = np.stack([distal, np.cross(dorsal, distal), dorsal])
+    return np.asarray(-axes @ np.array(layout.wrist.nominal_mm))
 
 
 def _expect_wrist(body: ExpectedBody, place: int, hand_mount_mm: Array) -> None:

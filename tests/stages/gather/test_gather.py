@@ -126,7 +126,7 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
         ("01", "right", "pinch, 1", "spikes", "refused"),
         ("02", "right", "pinch", "same-file", "suspect"),
     ]
-    assert "those of 01/right/rom/:" in rows[1]["message"]
+    assert "those of subject 01, right hand, rom:" in rows[1]["message"]
     statuses = {(row["subject"], row["task"], row["hand"]): row["status"] for row in found["recordings"]}
     assert statuses["01", "pinch", "right"] == "refused"
     assert statuses["02", "pinch", "right"] == "used"
