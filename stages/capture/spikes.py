@@ -21,8 +21,11 @@ def spikes(numbers: Array) -> Bools:
     if len(numbers) < 3:
         return found
     every = np.arange(len(numbers))
-    step_mm, step_deg = (float(np.median(step)) for step in _apart(numbers, every[:-1], every[1:]))
-    far_mm, far_deg = max(FAR_MM, USUAL_STEPS * step_mm), max(FAR_DEG, USUAL_STEPS * step_deg)
+    steps_mm, steps_deg = _apart(numbers, every[:-1], every[1:])
+    far_mm = max(FAR_MM, USUAL_STEPS * float(np.median(steps_mm)))
+    far_deg = max(FAR_DEG, USUAL_STEPS * float(np.median(steps_deg)))
+    if not ((steps_mm > far_mm) | (steps_deg > far_deg)).any():
+        return found
     for length in range(1, min(LONGEST_FRAMES, len(numbers) - 2) + 1):
         before = every[: -length - 1]
         moved_mm, turned_deg = _apart(numbers, before, before + length + 1)
