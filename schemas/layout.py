@@ -11,6 +11,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from schemas.config_files import config_path, read_config
 from schemas.errors import InputError
 from schemas.files import file_state
@@ -31,6 +34,11 @@ class Segment:
     distal: Vector
     lateral: Vector
     dorsal: Vector
+
+    @property
+    def axes(self) -> npt.NDArray[np.float64]:
+        """(3, 3) from the bone's axes (distal, lateral, dorsal) to the receiver's."""
+        return np.stack([self.distal, self.lateral, self.dorsal], -1)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from schemas.study import Recording, path_token
 
 SUBJECT_TABLES = {
+    "findings": "check_recordings",
     "calibration_advice": "check_calibration",
     "joint_solutions": "solve_joints",
     "projected_joints": "project_planes",
@@ -94,19 +95,24 @@ class Results:
         """A subject's plan."""
         return self.subject(subject) / "plan.json"
 
-    def exports(self, subject: str) -> Path:
-        """Folder of a subject's skeletons and motion in other programs' formats."""
-        return self.folder / "exports" / f"sub-{path_token(subject)}"
+    @property
+    def exports(self) -> Path:
+        """Folder of all skeletons and their motion in other programs' formats."""
+        return self.folder / "exports"
+
+    def subject_exports(self, subject: str) -> Path:
+        """Folder that a subject's exports are made in."""
+        return self.subject(subject) / "exports"
+
+    @property
+    def new_dataset(self) -> Path:
+        """Folder that the Motion-BIDS dataset is made in, as `bids`."""
+        return self.folder / "dataset"
 
     @property
     def dataset(self) -> Path:
         """Folder of the Motion-BIDS dataset of all exported recordings."""
-        return self.folder / "exports" / "bids"
-
-    @property
-    def dataset_failures(self) -> Path:
-        """What is not in that dataset, a line each; beside it, for it may hold its own files alone."""
-        return self.dataset.with_name("bids.failed.txt")
+        return self.exports / "bids"
 
     def subject_pages(self, subject: str) -> Path:
         """Folder of the report's pages of one subject."""

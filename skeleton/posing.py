@@ -170,7 +170,7 @@ def fitted_bones(
     bone_poses, tips : see `Motion`. The axis of a hinge is that which its bones turn about.
     """
     layout, count = skeleton.layout, len(poses.frame)
-    name, segment = _root_names(layout)
+    name, segment = root_names(layout)
     root = bone_poses.get(segment, np.full((count, 7), np.nan))
     build = _Builder([_Bone(SkeletonJoint(name, -1, segment), root[:, :3], root[:, 3:], np.zeros(3))])
     for digit in layout.digits.values():
@@ -185,8 +185,7 @@ def fitted_bones(
         lengths_mm = [_number(row.get("length_mm")) for row in rows]
         build.add_digit(skeleton, digit, [*placed, _Placed(end, placed[-1].quaternion)], lengths_mm)
     bones = build.bones("")
-    axis = [_axis_turned_about(bones, index) for index in range(len(bones.joints))]
-    return replace(bones, axis=np.stack(axis))
+    return replace(bones, axis=axes_turned_about(bones))
 
 
 def rigid_positions(
@@ -301,7 +300,7 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def _root_names(layout: Layout) -> tuple[str, str]:
+def root_names(layout: Layout) -> tuple[str, str]:
     """Joint and segment of the root: the wrist, or without one what the first digit hangs from."""
     if layout.wrist is not None:
         return layout.wrist.joint, layout.wrist.segment
@@ -322,7 +321,7 @@ def _root_failure(skeleton: Skeleton) -> str:
 def _ridden_root(skeleton: Skeleton, poses: Poses) -> _Bone:
     """The wrist on the hand's receiver, or where a layout has no wrist that receiver itself."""
     layout = skeleton.layout
-    name, segment = _root_names(layout)
+    name, segment = root_names(layout)
     seat = Seat(name, segment, np.zeros(3))
     if layout.wrist is not None:
         seat = joint_seat(name, "child", skeleton.joints.get(name))
@@ -362,6 +361,11 @@ def _turned(poses: Poses, segment: str, align: Array) -> Array:
     index = poses.index(segment)
     turn = multiply(poses.quaternion[:, index], align)
     return np.where(poses.valid[:, index, None], turn, np.nan)
+
+
+def axes_turned_about(bones: PosedBones) -> Array:
+    """Axes (J, 3), each in its bone's frame, of the joints of one degree of freedom; NaN of the others."""
+    return np.stack([_axis_turned_about(bones, index) for index in range(len(bones.joints))])
 
 
 def _axis_turned_about(bones: PosedBones, index: int) -> Array:

@@ -141,3 +141,11 @@ def mean_rotation(quaternion: Array) -> Array:
         return np.array([1.0, 0.0, 0.0, 0.0])
     mean = np.linalg.eigh(quaternion.T @ quaternion)[1][:, -1]
     return np.asarray(-mean if mean[0] < 0 else mean)
+
+
+def cross_matrix(vector: Array) -> Array:
+    """Matrices (..., 3, 3) that give the cross product of vectors (..., 3) with what they multiply."""
+    x, y, z = np.moveaxis(vector, -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, -1) for row in rows], -2)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fuzzing.sample_files import RECORDINGS
+from fuzzing.tracker_streams import streams
 
-from benchmarks.fuzz_files import RECORDINGS
-from benchmarks.tracker_streams import streams
 from schemas.config_files import json_schema
 from schemas.model import HandFitting, SkeletonModel
 from stages.capture.formats.readers import FORMATS as READ_ALONE

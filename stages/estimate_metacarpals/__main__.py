@@ -78,7 +78,7 @@ def _estimate_part(
     from schemas.parts import read_part
     from schemas.poses import poses_reader, usable_poses
     from schemas.tables import rows_of
-    from stages.estimate_metacarpals.hand import build_hand, failed_joints, merge_fitted
+    from stages.estimate_metacarpals.hand import build_hand, doubted, failed_joints, merge_fitted
 
     joints, bones, metacarpals = tables
     layout, model = plan.layouts[part.hand], plan.models[part.model]
@@ -100,7 +100,9 @@ def _estimate_part(
         "calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration],
     }
     keys = {"subject": plan.subject, "model": part.model, "made_without": part.made_without}
-    joints.rows(part, [{**row, **keys} for row in hand.joints], **parameters)
+    suspicion = next((plan.suspect[own] for own in calibration if own in plan.suspect), "")
+    centres = doubted(hand.joints, suspicion) if suspicion else hand.joints
+    joints.rows(part, [{**row, **keys} for row in centres], **parameters)
     bones.rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     metacarpals.rows(part, [], **parameters)
     for recording in plan.evaluated(part.hand, part.made_without):
@@ -115,15 +117,14 @@ def _pose_recording(
     fits: _Fits,
     metacarpals: PartsWriter,
 ) -> None:
-    from schemas.poses import read_poses, usable_poses
+    from schemas.poses import frame_count, poses_reader, usable_poses
     from stages.estimate_metacarpals.hand import pose_metacarpals
 
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     for path in usable_poses([plan.poses(recording)])[0]:
-        poses = read_poses(path, layout.measured)
         posed_by_fit = model.fitting is not None and hand.metacarpals  # none where the fit failed
-        fitted = fits.posed(part, recording, len(poses.frame)) if posed_by_fit else None
-        for columns in pose_metacarpals(hand, layout, model, poses, fitted):
+        fitted = fits.posed(part, recording, frame_count(path)) if posed_by_fit else None
+        for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
             keys = {"subject": plan.subject, "task": recording.task, "trial": recording.trial}
             metacarpals.columns(part, {**keys, **columns})
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from schemas.layout import Layout
 from schemas.model import SkeletonModel
-from schemas.poses import Poses, PosesReader
+from schemas.poses import PosesReader
 from skeleton.digit_chain import Rows, digit_chain
 from skeleton.rotations import Array
 from stages.estimate_metacarpals.bones import (
@@ -76,7 +76,7 @@ def pose_metacarpals(
     hand: BuiltHand,
     layout: Layout,
     model: SkeletonModel,
-    poses: Poses,
+    recording: PosesReader,
     fitted: Mapping[str, Array] | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Give the columns of the metacarpals table of one recording from digit on, digit by digit.
@@ -84,6 +84,7 @@ def pose_metacarpals(
     fitted : quaternions (T, 4) by segment as the fit of the whole hand poses them, where the model has one.
     """
     for metacarpal in hand.metacarpals:
+        (poses,) = recording(metacarpal.chain.digit.base, *metacarpal.chain.receivers)
         posed = None if fitted is None else fitted.get(metacarpal.bone.segment)
         columns = metacarpal_columns(metacarpal, layout, model, poses, posed)
         yield {"digit": metacarpal.chain.digit.name, **columns}
@@ -110,3 +111,13 @@ def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> 
     """Give rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
     failed = {"source": "fit of the whole hand", "status": "failed", "message": message}
     return [{name: row[name] for name in _KEPT_OF_FAILED} | failed for row in projected_rows]
+
+
+def doubted(rows: Sequence[Mapping[str, Any]], finding: str) -> list[Row]:
+    """Give rows of joint_centres of a hand whose recording is suspect: what was ok is weak, and says why."""
+    return [
+        {**row, "status": "weak", "message": "; ".join(filter(None, (row["message"], finding)))}
+        if row["status"] == "ok"
+        else dict(row)
+        for row in rows
+    ]

@@ -42,21 +42,25 @@ def wrist_row(
         given = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
         return _point_row(wrist, given, "ok", "as configured in the layout", "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
-    point = estimate_wrist(positions, np.array(wrist.nominal_mm))
+    point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
     sd_mm = float(np.sqrt(np.trace(point.covariance_mm2)))
     message = f"the point that keeps its distance from {len(positions)} MCP joints"
     if not positions:
         message = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
     elif sd_mm > WEAK_SD_MM:
         message += f", uncertain by {sd_mm:.0f} mm: the palm hardly moves, so the average hand decides"
-    return _point_row(wrist, point, "weak" if sd_mm > WEAK_SD_MM else "ok", message, "estimated point")
+    weak = [joint for joint in positions if rows[joint]["status"] == "weak"]
+    if len(weak) > len(positions) / 2:
+        message += f", of which {', '.join(weak)} are weak"
+    doubtful = sd_mm > WEAK_SD_MM or len(weak) > len(positions) / 2
+    return _point_row(wrist, point, "weak" if doubtful else "ok", message, "estimated point")
 
 
-def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> list[Array]:
-    """Per digit whose metacarpal carries no receiver: (N, 3) mm of its MCP joint seen from the hand, in
+def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
+    """By MCP joint of a digit whose metacarpal carries no receiver: (N, 3) mm of it seen from the hand, in
     evenly spaced frames.
     """
-    found = []
+    found = {}
     for digit in layout.digits.values():
         if layout.segments[digit.segments[0]].measured or digit.base != wrist.segment:
             continue
@@ -66,7 +70,7 @@ def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesR
         own = np.array([row[f"child_{axis}_mm"] for axis in "xyz"])
         together = _even_frames(calibration, digit.base, digit.segments[1], own)
         if len(together):
-            found.append(together)
+            found[digit.joints[1]] = together
     return found
 
 

@@ -84,14 +84,14 @@ def _evaluate_recording(
     from schemas.catalogue import METACARPALS
     from schemas.errors import InputError, TableError
     from schemas.parts import read_recording
-    from schemas.poses import read_poses
+    from schemas.poses import frame_count, poses_reader
     from stages.evaluate_tips.tip_tables import replay_recording, unavailable_rows
 
     calibrated = plan.calibrating(part.hand, part.model, part.made_without)
     keys: dict[str, Any] = {"subject": plan.subject, "task": recording.task, "trial": recording.trial}
     row_keys = {**keys, "held_out": recording not in calibrated}
     try:
-        poses = read_poses(plan.poses(recording), skeleton.layout.measured)
+        n_frames = frame_count(plan.poses(recording))
     except TableError:
         raise
     except InputError as error:
@@ -106,9 +106,10 @@ def _evaluate_recording(
         recording.trial,
         "digit",
         [f"q{name}" for name in "wxyz"],
-        len(poses.frame),
+        n_frames,
     )
-    for replayed in replay_recording(skeleton, poses, turns):
+    reader = poses_reader([plan.poses(recording)], skeleton.layout.measured)
+    for replayed in replay_recording(skeleton, reader, turns):
         if replayed.columns is not None:
             tips.columns(part, {**keys, **replayed.columns})
         errors.rows(part, [{**row_keys, **row} for row in replayed.rows])

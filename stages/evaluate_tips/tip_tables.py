@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from schemas.poses import Poses
+from schemas.poses import Poses, PosesReader
 from skeleton.digit_chain import DigitChain, digit_chain
-from skeleton.posing import Skeleton, ridden_bones
+from skeleton.posing import Skeleton, ridden_bones, root_names
 from skeleton.rotations import Array
 from stages.evaluate_tips.replay import (
     error_statistics,
@@ -35,7 +35,7 @@ class DigitReplay:
 
 
 def replay_recording(
-    skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, Array]
+    skeleton: Skeleton, recording: PosesReader, metacarpals: Mapping[str, Array]
 ) -> Iterator[DigitReplay]:
     """Replay every digit of the layout in a recording. metacarpals : quaternions (T, 4) by digit.
 
@@ -44,6 +44,8 @@ def replay_recording(
     for digit in skeleton.layout.digits.values():
         alone = replace(skeleton, layout=replace(skeleton.layout, digits={digit.name: digit}))
         chain = digit_chain(digit, skeleton.layout, skeleton.model, skeleton.joints)
+        receivers = [own for own in digit.segments if skeleton.layout.segments[own].measured]
+        (poses,) = recording(*dict.fromkeys([root_names(skeleton.layout)[1], digit.base, *receivers]))
         bones = ridden_bones(alone, poses, metacarpals)
         reason = chain if isinstance(chain, str) else bones.left_out.get(digit.name)
         if isinstance(chain, str) or reason is not None:

@@ -62,7 +62,7 @@ def _placed_rows(joints_file: Path, plan: SubjectPlan, part: Part) -> list[dict[
                 f"{joints_file}: joint {solution['joint']} is not in layout {layout.name}; "
                 "give the layout that the joints were solved with"
             )
-        row = place_joint(joint, solution, model, corrections_mm.get(joint.name))
+        row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
         rows.append({"subject": plan.subject, **row})
     return rows
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from schemas.layout import Joint
+from anatomy.skin import is_known
+from schemas.layout import Joint, Layout
 from schemas.model import SkeletonModel
 from skeleton.rotations import Array
 from stages.project_planes.plane import (
@@ -19,8 +20,12 @@ from stages.project_planes.plane import (
     project,
     worst_direction_sd_mm,
 )
+from stages.project_planes.unseen_error import unseen_covariance
 
-WEAK_SD_MM = 2.0
+WEAK_SCATTER_MM = 2.0
+WEAK_SD_MM = 7.0
+"""In 3-D: a third of a phalanx; a centre that is less sure is of little use on a hand."""
+
 WEAK_AXIS_SD_DEG = 5.0
 WEAK_GAP_MM = 10.0
 """No skin on a hand lets two receivers disagree so much about their joint; a wrong quaternion order does."""
@@ -31,7 +36,11 @@ an axis found from less than about twice that may be the skin's (docs/method.md)
 
 
 def place_joint(
-    joint: Joint, solution: Mapping[str, Any], model: SkeletonModel, correction_mm: Array | None
+    joint: Joint,
+    layout: Layout,
+    solution: Mapping[str, Any],
+    model: SkeletonModel,
+    correction_mm: Array | None,
 ) -> dict[str, Any]:
     """Give the joint's row of the joint_centres table (names of subject, hand and model left out).
 
@@ -58,7 +67,8 @@ def place_joint(
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
     row |= _centre(solution, placed, shift_mm, model)
     if model.cut:
-        reasons = _doubts(joint, row, worst_direction_sd_mm(placed.covariance_mm2), model)
+        row |= _whole_error(joint, layout, placed, solution)
+        reasons = _doubts(joint, layout, row, worst_direction_sd_mm(placed.covariance_mm2), model)
     else:
         reasons = [solution["message"]] * bool(solution["message"]) + _disagreement(row)
     row["status"] = "weak" if reasons else "ok"
@@ -109,7 +119,7 @@ def _centre(
     solution: Mapping[str, Any], placed: Projection, shift_mm: Array, model: SkeletonModel
 ) -> dict[str, Any]:
     """Where the centre is after the correction, how large its gap is and how far it can be trusted."""
-    mean_rotation = np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
+    mean_rotation = _mean_rotation(solution)
     p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
     gap = gap_rms_mm(
         solution["gap_rms_free_mm"],
@@ -132,7 +142,34 @@ def _centre(
     }
 
 
-def _doubts(joint: Joint, row: Mapping[str, Any], worst_sd_mm: float, model: SkeletonModel) -> list[str]:
+def _whole_error(
+    joint: Joint, layout: Layout, placed: Projection, solution: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The centre's error with what its frames cannot show; the scatter's part in a column of its own."""
+    unseen_mm2 = unseen_covariance(
+        joint,
+        layout,
+        placed,
+        (_vector(solution, "null_parent_"), _vector(solution, "null_child_")),
+        _mean_rotation(solution),
+        solution["gap_rms_free_mm"],
+        solution["range_deg"],
+    )
+    covariance_mm2 = placed.covariance_mm2 + unseen_mm2
+    return {
+        "scatter_sd_mm": centre_sd_mm(placed.covariance_mm2),
+        "sd_mm": centre_sd_mm(covariance_mm2),
+        "covariance_mm2": covariance_mm2.ravel(),
+    }
+
+
+def _mean_rotation(solution: Mapping[str, Any]) -> Array:
+    return np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
+
+
+def _doubts(
+    joint: Joint, layout: Layout, row: Mapping[str, Any], worst_scatter_mm: float, model: SkeletonModel
+) -> list[str]:
     """Say in words what makes the centre weak; nothing where nothing does."""
     reasons = []
     if joint.compound:
@@ -149,20 +186,27 @@ def _doubts(joint: Joint, row: Mapping[str, Any], worst_sd_mm: float, model: Ske
             f"its axis is {row['axis_plane_deg']:.0f} deg from the plane that cuts it, "
             f"which moved the centre {abs(row['slide_mm']):.0f} mm along it"
         )
-    if worst_sd_mm > WEAK_SD_MM:
-        reasons.append(f"centre uncertain by {worst_sd_mm:.1f} mm in its worst direction")
+    if worst_scatter_mm > WEAK_SCATTER_MM:
+        reasons.append(f"its frames scatter by {worst_scatter_mm:.1f} mm in the worst direction")
+    elif row["sd_mm"] > WEAK_SD_MM and is_known(joint.child, layout):
+        reasons.append(f"skin and the receivers' places leave the centre uncertain by {row['sd_mm']:.0f} mm")
     if cut and row["axis_sd_deg"] > WEAK_AXIS_SD_DEG:
         reasons.append(f"axis uncertain by {row['axis_sd_deg']:.0f} deg")
     return reasons
 
 
 def _disagreement(row: Mapping[str, Any]) -> list[str]:
-    if row["gap_rms_free_mm"] <= WEAK_GAP_MM:
-        return []
-    return [
-        f"its receivers disagree by {row['gap_rms_free_mm']:.0f} mm at best: a loose receiver, a wrong "
-        "quaternion order or angle convention, or more skin than on a hand"
-    ]
+    if row["gap_rms_free_mm"] > WEAK_GAP_MM:
+        return [
+            f"its receivers disagree by {row['gap_rms_free_mm']:.0f} mm at best: a loose receiver, a wrong "
+            "quaternion order or angle convention, or more skin than on a hand"
+        ]
+    if row["gap_rms_mm"] > WEAK_GAP_MM:
+        return [
+            f"its receivers disagree by {row['gap_rms_mm']:.0f} mm about this centre and by "
+            f"{row['gap_rms_free_mm']:.0f} mm at best: what it was moved by does not fit its motion"
+        ]
+    return []
 
 
 def _vector(row: Mapping[str, Any], prefix: str, suffix: str = "") -> Array:

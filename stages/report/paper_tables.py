@@ -13,18 +13,13 @@ from pathlib import Path
 
 from schemas.model import SkeletonModel
 from schemas.study import Recording
-from stages.report.study_results import FIRST_FRAME, LEAST_SQUARES, Row, StudyResults, Trial
-from stages.report.table_cells import Block, DataTable, listed, number
+from stages.report.study_results import FIRST_FRAME, HANDS, LEAST_SQUARES, Row, StudyResults, Trial
+from stages.report.table_cells import Block, DataTable, listed, number, title
 
 PRINTED = Path(__file__).parent / "paper_tables.tsv"
 
 PAPER_DIGITS = ("thumb", "index", "middle", "ring", "little")
-STATISTICS = {
-    "max": "Max [cm]",
-    "min": "Min [cm]",
-    "mean": "Average [cm]",
-    "sd": "Standard Deviation [cm]",
-}
+STATISTICS = {"max": "Max [cm]", "min": "Min [cm]", "mean": "Average [cm]", "sd": "Standard Deviation [cm]"}
 TITLES = {
     1: "Position error of the fingertip without estimating metacarpal posture in the model shown in Fig. 3",
     2: "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 3",
@@ -49,7 +44,11 @@ def own_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Data
         rows = {d: results.tip_error(recording, model.name, d, FIRST_FRAME) for d in digits}
         blocks.append(_own_block(recording, rows))
         notes += _notes(results, recording, rows)
-    notes += [f"The sheet has no {hand}-hand recording of this task." for hand in _absent_hands(trial)]
+    notes += [
+        f"The sheet has no {hand}-hand recording of this task."
+        for hand in HANDS
+        if hand not in trial.recordings
+    ]
     table = "" if model.paper_table is None else f"Table {model.paper_table}, this study: "
     caption = f"{table}subject {trial.subject}, {trial.title}, model {model.name}."
     return DataTable(caption, tuple(blocks), tuple(notes))
@@ -62,11 +61,11 @@ def printed_table(table: int) -> DataTable:
         Block(
             _header(hand, PAPER_DIGITS),
             tuple(
-                (title, *(values[table, hand, digit, statistic] for digit in PAPER_DIGITS))
-                for statistic, title in STATISTICS.items()
+                (words, *(values[table, hand, digit, statistic] for digit in PAPER_DIGITS))
+                for statistic, words in STATISTICS.items()
             ),
         )
-        for hand in ("right", "left")
+        for hand in HANDS
     )
     return DataTable(f"Table {table}, as the paper prints it.", blocks)
 
@@ -89,7 +88,7 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
     blocks = []
     for hand, recording in trial.recordings.items():
         digits = tuple(results.layouts[recording.hand].digits)
-        titles = [f"{_capital(digit)} {word}" for digit in digits for word in ("mean", "p95")]
+        titles = [f"{title(digit)} {word}" for digit in digits for word in ("mean", "p95")]
         rows = []
         for model in results.models:
             found = [results.tip_error(recording, model, digit, LEAST_SQUARES) for digit in digits]
@@ -97,7 +96,7 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
                 number(None if row is None else row[name]) for row in found for name in ("mean_mm", "p95_mm")
             ]
             rows.append((model, *cells, _held_out(found)))
-        blocks.append(Block((f"{_capital(hand)} hand [mm]", *titles, "Held out"), tuple(rows)))
+        blocks.append(Block((f"{title(hand)} hand [mm]", *titles, "Held out"), tuple(rows)))
     caption = (
         "Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: "
         f"subject {trial.subject}, {trial.title}."
@@ -118,18 +117,14 @@ def _own_block(recording: Recording, rows: dict[str, Row | None]) -> Block:
     return Block(
         _header(recording.hand.hand, tuple(rows)),
         tuple(
-            (title, *(_cm(None if row is None else row[f"{statistic}_mm"]) for row in rows.values()))
-            for statistic, title in STATISTICS.items()
+            (words, *(_cm(None if row is None else row[f"{statistic}_mm"]) for row in rows.values()))
+            for statistic, words in STATISTICS.items()
         ),
     )
 
 
 def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:
-    return (f"Error ({_capital(hand)} hand)", *map(_capital, digits))
-
-
-def _capital(name: str) -> str:
-    return name.replace("_", " ").capitalize()
+    return (f"Error ({title(hand)} hand)", *map(title, digits))
 
 
 def _cm(value_mm: float | None) -> str:
@@ -150,17 +145,9 @@ def _notes(results: StudyResults, recording: Recording, rows: dict[str, Row | No
             reasons[row["message"] or "no frame has an error"].append(digit)
         if row["mean_mm"] is not None and row["n_frames"] < row["n_frames_total"]:
             frames[f"{row['n_frames']} of {row['n_frames_total']} frames"].append(digit)
-    hand = f"{_capital(recording.hand.hand)} hand"
-    notes = [f"{hand}, {listed(digits)}: {reason}." for reason, digits in _stripped(reasons)]
+    hand = f"{title(recording.hand.hand)} hand"
+    notes = [f"{hand}, {listed(digits)}: {reason.rstrip('.')}." for reason, digits in reasons.items()]
     return notes + [f"{hand}, {listed(digits)}: from {text}." for text, digits in frames.items()]
-
-
-def _stripped(reasons: dict[str, list[str]]) -> list[tuple[str, list[str]]]:
-    return [(reason.rstrip("."), digits) for reason, digits in reasons.items()]
-
-
-def _absent_hands(trial: Trial) -> list[str]:
-    return [hand for hand in ("right", "left") if hand not in trial.recordings]
 
 
 def _held_out(rows: list[Row | None]) -> str:

@@ -6,11 +6,23 @@ A skeleton is a model made from certain tasks: a model has a row for each set of
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 from stages.report.study_results import HANDS, Row, StudyResults, Trial
-from stages.report.table_cells import DASH, Block, DataTable, Folded, counted, number
+from stages.report.table_cells import (
+    DASH,
+    Column,
+    DataTable,
+    Folded,
+    counted,
+    number,
+    table_of,
+    table_of_blocks,
+    title,
+)
 
 IN_SAMPLE = "○ no"
 
@@ -34,9 +46,26 @@ class Skeleton(NamedTuple):
         return DASH if self.reference else "yes" if self.held_out else IN_SAMPLE
 
     @property
+    def kind(self) -> str:
+        """What the terminal heads it with."""
+        return "Reference" if self.reference else "Held out" if self.held_out else "In-sample"
+
+    @property
     def title(self) -> str:
         """The model and what it was made from."""
         return self.model if self.reference else f"{self.model} (from {self.made_from})"
+
+
+Scored = tuple[Skeleton, list[Row]]
+"""A skeleton with its rows of skeleton_scores."""
+
+_SKELETON = (
+    Column("Skeleton", lambda scored: scored[0].model, is_text=True),
+    Column("Made from", lambda scored: scored[0].made_from, is_text=True),
+    Column("Held out", lambda scored: scored[0].seen, is_text=True),
+)
+_FRAMES = Column("Frames", lambda scored: number(scored[1][0]["n_frames"], 0))
+_MESSAGE = Column("Message", lambda scored: str(scored[1][0]["message"]), is_text=True)
 
 
 class Score(NamedTuple):
@@ -72,30 +101,33 @@ def tasks_text(calibrated_on: str) -> str:
     return ", ".join(calibrated_on.split(";")) or "unknown"
 
 
-def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
+def score_table(results: StudyResults, trial: Trial, *, compact: bool = False) -> DataTable | None:
     """The scores of one subject's task, means over digits and hands; None where it has none.
 
     Held-out skeletons stand first, in-sample ones next, references apart. Columns without a number are left
-    out: those of a truth that the study does not have, for instance.
+    out: those of a truth that the study does not have, for instance. compact : for the terminal, what
+    skeletons were made from in notes.
     """
-    found = _skeletons(results, trial)
+    found = _in_order(results, results.scores_in(trial))
     if not found:
         return None
     scores = _with_numbers(MEANS, results.scores_in(trial))
-    headings = tuple(score.heading for score in scores)
-    blocks = (
-        Block(
-            (kind, "Made from", "Held out", *headings),
-            tuple((s.model, s.made_from, s.seen, *_means(found[s], scores)) for s in found if wanted(s)),
-        )
-        for kind, wanted in _kinds()
-    )
-    return DataTable(
-        f"Mean over digits and hands: subject {trial.subject}, {trial.title}.",
-        tuple(block for block in blocks if block.rows),
-        _shortfalls(results, trial, found, scores),
-        frozenset({0, 1, 2}),
-    )
+    notes = _shortfalls(results, trial, dict(found), scores)
+    whose = f"ean over digits and hands: subject {trial.subject}, {trial.title}."
+    if not compact:
+        blocks = {
+            kind: [own for own in found if own[0].reference == is_reference]
+            for kind, is_reference in (("Skeleton", False), ("Reference", True))
+        }
+        return table_of_blocks(f"M{whose}", (*_SKELETON, *_columns(scores)), blocks, notes)
+    by_kind = {
+        kind: [own for own in found if own[0].kind == kind] for kind in ("Held out", "In-sample", "Reference")
+    }
+    legend = "; ".join(f"{score.short}: {score.heading}" for score in scores)
+    remark = f"{legend}. The replay, and what is in brackets, does not judge a skeleton (docs/evaluation.md)."
+    columns = (_SKELETON[0], *_columns(scores, short=True))
+    notes = (remark, *_made_from(dict(found)), *notes)
+    return table_of_blocks(f"Skeletons, m{whose}", columns, by_kind, notes)
 
 
 def digit_tables(results: StudyResults, trial: Trial) -> list[Folded]:
@@ -105,62 +137,20 @@ def digit_tables(results: StudyResults, trial: Trial) -> list[Folded]:
         rows = [row for row in results.scores_in(trial) if row["hand"] == hand]
         if not rows:
             continue
-        scores = _with_numbers(OF_A_DIGIT, rows)
-        headings = ("Made from", "Held out", *(score.heading for score in scores), "Frames")
-        headings += ("Message",) if any(row["message"] for row in rows) else ()
+        columns = [*_SKELETON, *_columns(_with_numbers(OF_A_DIGIT, rows)), _FRAMES]
+        columns += [_MESSAGE] if any(row["message"] for row in rows) else []
         found = _in_order(results, rows)
-        blocks = tuple(
-            Block((_capital(digit), *headings), tuple(_digit_cells(found, digit, scores, len(headings) + 1)))
+        blocks = {
+            title(digit): [(own, [row]) for own, its in found for row in its if row["digit"] == digit]
             for digit in dict.fromkeys(row["digit"] for row in rows)
-        )
-        caption = (
-            f"Digit by digit: subject {trial.subject}, {hand} hand, {trial.title}; p95: 95th percentile."
-        )
-        text = {0, 1, 2} | ({len(headings)} if headings[-1] == "Message" else set())
-        table = DataTable(caption, blocks, (), frozenset(text))
-        folded.append(Folded(f"{hand.capitalize()} hand, digit by digit", table))
+        }
+        whose = f"subject {trial.subject}, {hand} hand, {trial.title}"
+        table = table_of_blocks(f"Digit by digit: {whose}; p95: 95th percentile.", columns, blocks)
+        folded.append(Folded(f"{title(hand)} hand, digit by digit", table))
     return folded
 
 
-def compact_score_table(results: StudyResults, trial: Trial) -> DataTable | None:
-    """The scores for the terminal, what skeletons were made from in notes; None where there are none."""
-    found = _skeletons(results, trial)
-    if not found:
-        return None
-    scores = _with_numbers(MEANS, results.scores_in(trial))
-    kinds: tuple[tuple[str, Callable[[Skeleton], bool]], ...] = (
-        ("Held out", lambda s: s.held_out and not s.reference),
-        ("In-sample", lambda s: not s.held_out and not s.reference),
-        ("Reference", lambda s: s.reference),
-    )
-    blocks = (
-        Block(
-            (kind, *(score.short for score in scores)),
-            tuple((s.model, *_means(found[s], scores)) for s in found if wanted(s)),
-        )
-        for kind, wanted in kinds
-    )
-    legend = "; ".join(f"{score.short}: {score.heading}" for score in scores)
-    return DataTable(
-        f"Skeletons, mean over digits and hands: subject {trial.subject}, {trial.title}.",
-        tuple(block for block in blocks if block.rows),
-        (
-            f"{legend}. The replay, and what is in brackets, does not judge a skeleton (docs/evaluation.md).",
-            *_made_from(found),
-            *_shortfalls(results, trial, found, scores),
-        ),
-    )
-
-
-def _kinds() -> tuple[tuple[str, Callable[[Skeleton], bool]], ...]:
-    return ("Skeleton", lambda s: not s.reference), ("Reference", lambda s: s.reference)
-
-
-def _skeletons(results: StudyResults, trial: Trial) -> dict[Skeleton, list[Row]]:
-    return _in_order(results, results.scores_in(trial))
-
-
-def _in_order(results: StudyResults, rows: Iterable[Row]) -> dict[Skeleton, list[Row]]:
+def _in_order(results: StudyResults, rows: Iterable[Row]) -> list[Scored]:
     """Rows by skeleton: held-out ones, in-sample ones, references; within each as the study names them."""
     groups: dict[Skeleton, list[Row]] = defaultdict(list)
     for row in rows:
@@ -171,7 +161,7 @@ def _in_order(results: StudyResults, rows: Iterable[Row]) -> dict[Skeleton, list
         groups,
         key=lambda s: (s.reference, not s.held_out, names.index(s.model) if s.model in names else len(names)),
     )
-    return {skeleton: groups[skeleton] for skeleton in ordered}
+    return [(skeleton, groups[skeleton]) for skeleton in ordered]
 
 
 def _with_numbers(scores: Sequence[Score], rows: Iterable[Row]) -> list[Score]:
@@ -179,14 +169,14 @@ def _with_numbers(scores: Sequence[Score], rows: Iterable[Row]) -> list[Score]:
     return [score for score in scores if any(row[score.name] is not None for row in rows)]
 
 
-def _means(rows: list[Row], scores: Iterable[Score]) -> tuple[str, ...]:
-    return tuple(_cell(rows, score) for score in scores)
+def _columns(scores: Iterable[Score], *, short: bool = False) -> list[Column]:
+    return [Column(score.short if short else score.heading, partial(_cell, score)) for score in scores]
 
 
-def _cell(rows: list[Row], score: Score) -> str:
+def _cell(score: Score, scored: Scored) -> str:
     """The mean over rows of one skeleton; in brackets where what is left out was never used, see LEFT_OUT."""
-    value = number(mean(row[score.name] for row in rows))
-    replayed = all(row["posed_mean_mm"] is None for row in rows)
+    value = number(mean(row[score.name] for row in scored[1]))
+    replayed = all(row["posed_mean_mm"] is None for row in scored[1])
     return f"({value})" if score.name in LEFT_OUT and replayed and value != DASH else value
 
 
@@ -194,17 +184,6 @@ def mean(values: Iterable[float | None]) -> float | None:
     """The mean of what is there; None where nothing is."""
     known = [value for value in values if value is not None]
     return sum(known) / len(known) if known else None
-
-
-def _digit_cells(
-    found: dict[Skeleton, list[Row]], digit: str, scores: list[Score], n_columns: int
-) -> Iterable[tuple[str, ...]]:
-    """The digit's rows, a skeleton a row, cut to so many columns: the message comes last."""
-    for skeleton, rows in found.items():
-        for row in (row for row in rows if row["digit"] == digit):
-            numbers = (*_means([row], scores), number(row["n_frames"], 0))
-            cells = (skeleton.model, skeleton.made_from, skeleton.seen, *numbers, row["message"])
-            yield cells[:n_columns]
 
 
 def _shortfalls(
@@ -228,15 +207,44 @@ def _shortfalls(
 
 
 def _made_from(found: dict[Skeleton, list[Row]]) -> list[str]:
-    groups: dict[tuple[bool, str], list[str]] = defaultdict(list)
+    groups: dict[tuple[str, str], list[str]] = defaultdict(list)
     for skeleton in found:
         if not skeleton.reference:
-            groups[skeleton.held_out, skeleton.made_from].append(skeleton.model)
-    return [
-        f"{'Held out' if held_out else 'In-sample'}, made from {tasks}: {', '.join(models)}."
-        for (held_out, tasks), models in groups.items()
-    ]
+            groups[skeleton.kind, skeleton.made_from].append(skeleton.model)
+    return [f"{kind}, made from {tasks}: {', '.join(models)}." for (kind, tasks), models in groups.items()]
 
 
-def _capital(name: str) -> str:
-    return name.replace("_", " ").capitalize()
+def held_out_table(results: StudyResults) -> DataTable | None:
+    """A row for every model, what it was made from and what it was scored on; None where nothing was."""
+    hands: dict[tuple[Skeleton, str], set[tuple[str, str]]] = defaultdict(set)
+    for skeleton, rows in _in_order(results, [row for row in results.scores if not row["reference"]]):
+        for row in rows:
+            hands[skeleton, row["task"]].add((row["subject"], row["hand"]))
+    order = list(results.models)
+    made = sorted(
+        hands.items(),
+        key=lambda each: (
+            order.index(each[0][0].model), not each[0][0].held_out, each[0][0].calibrated_on, each[0][1]
+        ),
+    )  # fmt: skip
+    table = table_of("What skeletons were made from, and what they were scored on.", _HELD_OUT, made)
+    return replace(table, notes=(_HELD_OUT_NOTE,)) if made else None
+
+
+_HELD_OUT = (
+    Column("Model", lambda made: made[0][0].model, is_text=True),
+    Column("Made from", lambda made: made[0][0].made_from, is_text=True),
+    Column("Scored on", lambda made: made[0][1], is_text=True),
+    Column("The score is", lambda made: "held out" if made[0][0].held_out else "○ in-sample", is_text=True),
+    Column(
+        "Hands",
+        lambda made: (
+            f"{counted(len(made[1]), 'hand')} of {counted(len({who for who, _ in made[1]}), 'subject')}"
+        ),
+        is_text=True,
+    ),
+)
+_HELD_OUT_NOTE = (
+    "A held-out score judges a skeleton by recordings that it has not seen. An in-sample one tells how "
+    "well it describes what it was made from."
+)

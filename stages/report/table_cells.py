@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -55,13 +55,26 @@ def text_column(heading: str, name: str) -> Column:
 
 def table_of(caption: str, columns: Sequence[Column], rows: Iterable[Any], if_empty: str = "") -> DataTable:
     """A table of one block; a note says what `if_empty` says where there is no row."""
-    cells = tuple(tuple(column.cell(row) for column in columns) for row in rows)
-    return DataTable(
-        caption,
-        (Block(tuple(column.heading for column in columns), cells),),
-        (if_empty,) if if_empty and not cells else (),
-        frozenset(place for place, column in enumerate(columns) if column.is_text),
-    )
+    rows = list(rows)
+    notes = (if_empty,) if if_empty and not rows else ()
+    return DataTable(caption, (_block(columns[0].heading, columns, rows),), notes, _texts(columns))
+
+
+def table_of_blocks(
+    caption: str, columns: Sequence[Column], blocks: Mapping[str, Sequence[Any]], notes: Iterable[str] = ()
+) -> DataTable:
+    """A table of a block for each heading that has rows; the heading stands over the first column."""
+    made = (_block(heading, columns, rows) for heading, rows in blocks.items() if rows)
+    return DataTable(caption, tuple(made), tuple(notes), _texts(columns))
+
+
+def _block(heading: str, columns: Sequence[Column], rows: Iterable[Any]) -> Block:
+    header = (heading, *(column.heading for column in columns[1:]))
+    return Block(header, tuple(tuple(column.cell(row) for column in columns) for row in rows))
+
+
+def _texts(columns: Sequence[Column]) -> frozenset[int]:
+    return frozenset(place for place, column in enumerate(columns) if column.is_text)
 
 
 def number(value: float | None, decimals: int = 2) -> str:
@@ -77,6 +90,25 @@ def listed(words: Iterable[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
+def alike(values: Mapping[str, object]) -> list[list[str]]:
+    """Names in groups of equal values, in their order."""
+    groups: list[list[str]] = []
+    for name, value in values.items():
+        same = next((group for group in groups if values[group[0]] == value), None)
+        groups.append([name]) if same is None else same.append(name)
+    return groups
+
+
 def counted(count: int, word: str) -> str:
     """The count with its word: 1 joint, 2 joints."""
     return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def capital(text: str) -> str:
+    """The text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
+def title(name: str) -> str:
+    """The name of a digit or a hand as a heading."""
+    return capital(name.replace("_", " "))

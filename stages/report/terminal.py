@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from stages.report.headline import used_text
 from stages.report.paper_tables import own_table, table_title
 from stages.report.provenance import where
-from stages.report.score_tables import compact_score_table
+from stages.report.score_tables import score_table
 from stages.report.study_results import StudyResults, Trial
 from stages.report.table_cells import DataTable
 
@@ -38,7 +38,7 @@ def terminal_tables(results: StudyResults) -> str:
     if len(parts) == 1 + bool(results.problems):
         parts.append("No recording was evaluated with a model of one of the paper's tables.")
     scores = (
-        compact_score_table(results, t) for subject in results.subjects for t in results.trials(subject)
+        score_table(results, t, compact=True) for subject in results.subjects for t in results.trials(subject)
     )
     parts += [table_text(table) for table in scores if table is not None]
     return "\n\n".join(parts) + "\n"

@@ -3,56 +3,53 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from stages.report.score_tables import tasks_text
 from stages.report.study_results import Row, StudyResults
-from stages.report.table_cells import DASH, Block, DataTable, Folded, number
+from stages.report.table_cells import DASH, Block, Column, DataTable, Folded, number, table_of_blocks, title
 
 FAR_MM = 5.0
 """A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
 
 Made = tuple[str, str]
-
-_HEADER = (
-    "Made from",
-    "Joints",
-    "Median [mm]",
-    "p90 [mm]",
-    "Worst [mm]",
-    f"Over {FAR_MM:.0f} mm [%]",
-    "Along [mm]",
-    "Across [mm]",
-    "Axis [deg]",
-    "Bone length [%]",
-    "In the stated 95 % [%]",
-)
+"""A model or a reference, and what it was made from as the table names it."""
 
 
 def truth_table(results: StudyResults, subject: str) -> DataTable | None:
     """The joints of both of a subject's hands against the truth, a row a skeleton; None without a truth."""
     made = _by_skeleton(results, [row for row in results.joint_errors if row["subject"] == subject])
-    kinds: tuple[tuple[str, Callable[[str], bool]], ...] = (
-        ("Skeleton", lambda model: model in results.models),
-        ("Reference", lambda model: model not in results.models),
-    )
-    blocks = (
-        Block(
-            (kind, *_HEADER),
-            tuple((key[0], made_from(results, key), *_cells(made[key])) for key in made if wanted(key[0])),
-        )
-        for kind, wanted in kinds
-    )
     if not made:
         return None
-    return DataTable(
+    columns = (
+        Column("Skeleton", lambda own: own[0][0], is_text=True),
+        Column("Made from", lambda own: made_from(results, own[0]), is_text=True),
+        Column("Joints", _joint_count),
+        *(_quantile_column(*each) for each in (("Median", 0.5), ("p90", 0.9), ("Worst", 1.0))),
+        Column(
+            f"Over {FAR_MM:.0f} mm [%]",
+            lambda own: _percent([error > FAR_MM for error in known(own[1], "error_mm")]),
+        ),
+        _quantile_column("Along", 0.5, "along_mm"),
+        _quantile_column("Across", 0.5, "across_mm"),
+        _quantile_column("Axis", 0.5, "axis_deg", "deg"),
+        _quantile_column("Bone length", 0.5, "bone_error_percent", "%"),
+        Column(
+            "In the stated 95 % [%]",
+            lambda own: _percent([row["within_95"] for row in own[1] if row["within_95"] is not None]),
+        ),
+    )
+    blocks = {
+        kind: [own for own in made.items() if (own[0][0] in results.models) == is_model]
+        for kind, is_model in (("Skeleton", True), ("Reference", False))
+    }
+    return table_of_blocks(
         f"Distance of the joints from the true ones, both hands: subject {subject}. Along and across the "
         "axis, axis and bone length: medians.",
-        tuple(block for block in blocks if block.rows),
-        (),
-        frozenset({0, 1}),
+        columns,
+        blocks,
     )
 
 
@@ -71,7 +68,7 @@ def joint_error_tables(results: StudyResults, subject: str) -> list[Folded]:
             tuple((joint, *(number(errors[key].get(joint)) for key in made)) for joint in joints),
         )
         caption = f"Distance of each joint from the true one, in mm: subject {subject}, {hand.hand} hand."
-        folded.append(Folded(f"{hand.hand.capitalize()} hand, joint by joint", DataTable(caption, (block,))))
+        folded.append(Folded(f"{title(hand.hand)} hand, joint by joint", DataTable(caption, (block,))))
     return folded
 
 
@@ -96,32 +93,23 @@ def _by_skeleton(results: StudyResults, rows: Iterable[Row]) -> dict[Made, list[
     return {made: groups[made] for made in ordered}
 
 
-def _cells(rows: list[Row]) -> tuple[str, ...]:
-    errors = known(rows, "error_mm")
-    joints = str(len(rows)) if len(errors) == len(rows) else f"{len(errors)} of {len(rows)}"
-    within = [row["within_95"] for row in rows if row["within_95"] is not None]
-    return (
-        joints,
-        number(_quantile(errors, 0.5)),
-        number(_quantile(errors, 0.9)),
-        number(_quantile(errors, 1.0)),
-        number(_percent([error > FAR_MM for error in errors]), 0),
-        *(
-            number(_quantile(known(rows, name), 0.5))
-            for name in ("along_mm", "across_mm", "axis_deg", "bone_error_percent")
-        ),
-        number(_percent(within), 0),
-    )
+def _joint_count(own: tuple[Made, list[Row]]) -> str:
+    found, every = len(known(own[1], "error_mm")), len(own[1])
+    return str(every) if found == every else f"{found} of {every}"
+
+
+def _quantile_column(heading: str, share: float, name: str = "error_mm", unit: str = "mm") -> Column:
+    def cell(own: tuple[Made, list[Row]]) -> str:
+        values = known(own[1], name)
+        return number(float(np.quantile(values, share)) if values else None)
+
+    return Column(f"{heading} [{unit}]", cell)
+
+
+def _percent(answers: Sequence[bool]) -> str:
+    return number(100.0 * sum(answers) / len(answers) if answers else None, 0)
 
 
 def known(rows: Iterable[Row], name: str) -> list[float]:
     """Sizes of a column's numbers, those that are there."""
     return [abs(row[name]) for row in rows if row[name] is not None]
-
-
-def _quantile(values: Sequence[float], share: float) -> float | None:
-    return float(np.quantile(values, share)) if values else None
-
-
-def _percent(answers: Sequence[bool]) -> float | None:
-    return 100.0 * sum(answers) / len(answers) if answers else None

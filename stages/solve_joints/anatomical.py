@@ -26,7 +26,7 @@ from stages.solve_joints.evidence import (
 )
 from stages.solve_joints.hand_posterior import HandPosterior, HandPrior, Information, hand_posterior
 from stages.solve_joints.hand_prior import hand_prior
-from stages.solve_joints.joint_prior import average_bones, joint_prior, receiver_axes
+from stages.solve_joints.joint_prior import average_bones, joint_prior
 from stages.solve_joints.moments import JointMoments, RelativePoses
 from stages.solve_joints.posture_sample import SpreadFrames, SpreadSample
 
@@ -191,7 +191,7 @@ def _thumb_faces_nail(sample: HandSample, layout: Layout, hand: str) -> bool:
     ends = "thumb_metacarpal", "thumb_proximal"
     for index, joint in enumerate(sample.joints):
         if (joint.parent_receiver, joint.child) == ends:
-            above, below = (receiver_axes(layout.segments[segment]) for segment in ends)
+            above, below = (layout.segments[segment].axes for segment in ends)
             relative = above.T @ matrix(sample.frames(index).quaternion) @ below
             either = [average_bones(hand, thumb_faces_nail=nail) for nail in (True, False)]
             return faces_nail(relative, *(bones[ends[0]].frame.T @ bones[ends[1]].frame for bones in either))

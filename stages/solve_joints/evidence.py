@@ -9,16 +9,17 @@ from functools import cached_property
 import numpy as np
 
 from anatomy import average_hand
+from anatomy.skin import slide_covariance
 from schemas.layout import Joint, Layout
 from skeleton.rotations import Array, matrix
-from stages.solve_joints import skin
+from stages.solve_joints import skin_drift
 from stages.solve_joints.degrees_of_freedom import JointMotion, degrees_of_freedom, joint_motion, turns_from
 from stages.solve_joints.frame_weights import flattening, robust_scale, tukey
 from stages.solve_joints.hand_posterior import Information, information
 from stages.solve_joints.hand_prior import MeasuredAxis
-from stages.solve_joints.joint_prior import JointPrior, receiver_axes
+from stages.solve_joints.joint_prior import JointPrior
 from stages.solve_joints.posture_sample import SpreadFrames
-from stages.solve_joints.skin import Drift, drift, slide_covariance
+from stages.solve_joints.skin_drift import Drift, drift
 
 SMALLEST_SCATTER_MM = 0.3
 FIRST_SCATTER_MM = 1.0
@@ -102,7 +103,7 @@ def weigh(
     centre_mm : (6,) (p, q) as expected, for the levers of the skin and as the point on a hinge's axis.
     looseness : of the hand's skin, 1 for a typical one. n_effective : what all the frames together count.
     """
-    moving = skin.stacked(_drifts(own, own.rotation, centre_mm, layout, looseness))
+    moving = skin_drift.stacked(_drifts(own, own.rotation, centre_mm, layout, looseness))
     centre = np.concatenate([np.broadcast_to(np.eye(3), own.rotation.shape), -own.rotation], -1)
     right = own.frames.position_mm
     if own.dof == 1:  # a hinge says nothing about where on its axis the centre is
@@ -131,8 +132,8 @@ def _drifts(
     own: JointEvidence, rotation: Array, centre_mm: Array, layout: Layout, looseness: float
 ) -> list[Drift]:
     """Everything that moves the joint's centre as its receivers see it; q moves in the child's frame."""
-    parent = _slide(own.joint.parent_receiver, layout, centre_mm[:3], looseness, own.prior.knows_parent)
-    child = _slide(own.joint.child, layout, centre_mm[3:], looseness, own.prior.knows_child)
+    parent = slide_covariance(own.joint.parent_receiver, layout, centre_mm[:3], looseness)
+    child = slide_covariance(own.joint.child, layout, centre_mm[3:], looseness)
     own.remainder_mm2 = np.zeros((6, 6))
     own.remainder_mm2[:3, :3] = average_hand.JOINTWISE_SKIN_BENT**2 * parent
     own.remainder_mm2[3:, 3:] = average_hand.JOINTWISE_SKIN_BENT**2 * child
@@ -144,26 +145,18 @@ def _drifts(
         drift(angle * in_child, child, _under_reading(own, centre_mm[3:])),
     ]
     if own.joint.child == "thumb_metacarpal":
-        skew = skin.SKEW_SD_MM**2 * np.eye(3)
+        skew = skin_drift.SKEW_SD_MM**2 * np.eye(3)
         drifts[0] = drift(angle * in_parent, parent + skew)
         drifts.append(drift(own.motion.second_angle_rad[:, None, None] * in_parent, skew))
     before, after = own.neighbours.get("before"), own.neighbours.get("after")
     if before is not None:
         drifts.append(drift(before.angle_rad[:, None, None] * in_parent, parent))
         if own.joint.parent_receiver == "thumb_metacarpal":
-            axes = receiver_axes(layout.segments["thumb_metacarpal"])
+            axes = layout.segments["thumb_metacarpal"].axes
             drifts.append(_pivot(before.turn_rad, own.prior.p_mm, axes))
     if after is not None:
         drifts.append(drift(after.angle_rad[:, None, None] * in_child, child))
     return drifts
-
-
-def _slide(segment: str, layout: Layout, lever_mm: Array, looseness: float, known: bool) -> Array:
-    if layout.wrist is not None and segment == layout.wrist.segment:
-        return np.asarray((looseness * average_hand.PALM_SLIDE_SD_MM) ** 2 * np.eye(3))
-    if not known:
-        return np.asarray((looseness * average_hand.UNKNOWN_SLIDE_SD_MM) ** 2 * np.eye(3))
-    return slide_covariance(segment, receiver_axes(layout.segments[segment]), lever_mm, looseness)
 
 
 def _under_reading(own: JointEvidence, q_mm: Array) -> Array:

@@ -13,10 +13,9 @@ import numpy as np
 
 from anatomy import average_hand
 from schemas.layout import Joint, Layout
-from skeleton.rotations import Array
+from skeleton.rotations import Array, cross_matrix
 from stages.solve_joints.hand_posterior import HandPrior
-from stages.solve_joints.joint_prior import JointPrior, receiver_axes
-from stages.solve_joints.skin import cross_matrix
+from stages.solve_joints.joint_prior import JointPrior
 
 UNKNOWN_SD_MM = 500.0
 """Of a centre in a receiver's frame where anatomy says nothing of it."""
@@ -51,7 +50,7 @@ def hand_prior(
         for own in rows:
             loads[own, :3] = cross_matrix(place[own]) @ spread
             fixed[own] -= np.cross(turn, place[own])
-            loads[own, 3:6] = receiver_axes(layout.segments[segment]) * _place_sd_mm(segment, layout)
+            loads[own, 3:6] = layout.segments[segment].axes * _place_sd_mm(segment, layout)
             if not _is_hand(segment, layout):
                 loads[own, 6] = average_hand.LENGTH_SD * _along(place[own], layout, segment)
         loadings.append(loads)

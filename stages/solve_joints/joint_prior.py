@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anatomy.average_hand import BONE_KINDS, CMC_RANGE_DEG, DIGITS, HEIGHT_MM
-from schemas.layout import Joint, Layout, Segment
+from schemas.layout import Joint, Layout
 from skeleton.rotations import Array, unit
 
 
@@ -87,13 +87,13 @@ def joint_prior(joint: Joint, layout: Layout, bones: Mapping[str, Bone]) -> Join
     nominal_mm = np.array(layout.wrist.nominal_mm) if layout.wrist else np.zeros(3)
     on_hand = joint.parent_receiver == hand and below is not None
     if on_hand and below is not None:
-        p_fixed, p = nominal_mm, receiver_axes(parent) @ below.start_mm
-        sweep = receiver_axes(parent) @ _sweep_mm(joint, below, bones)
+        p_fixed, p = nominal_mm, parent.axes @ below.start_mm
+        sweep = parent.axes @ _sweep_mm(joint, below, bones)
     elif above is not None:
         end = np.array([above.length_mm, 0.0, 0.0])
-        p = receiver_axes(parent) @ (end - above.mount_mm)
+        p = parent.axes @ (end - above.mount_mm)
     if below is not None:
-        q = receiver_axes(child) @ -below.mount_mm
+        q = child.axes @ -below.mount_mm
     elif joint.child == hand:
         q_fixed = nominal_mm
     parent_frame = above.frame if above is not None else np.eye(3)
@@ -103,8 +103,8 @@ def joint_prior(joint: Joint, layout: Layout, bones: Mapping[str, Bone]) -> Join
         p,
         q_fixed,
         q,
-        receiver_axes(parent) @ parent_frame.T @ below.axis if knows_parent and below else None,
-        receiver_axes(child) @ below.frame.T @ below.axis if below else None,
+        parent.axes @ parent_frame.T @ below.axis if knows_parent and below else None,
+        child.axes @ below.frame.T @ below.axis if below else None,
         sweep,
         knows_parent,
         below is not None or joint.child == hand,
@@ -118,8 +118,3 @@ def _sweep_mm(joint: Joint, below: Bone, bones: Mapping[str, Bone]) -> Array:
         return np.zeros(3)
     turn = np.radians(CMC_RANGE_DEG[below.digit]) * between.axis
     return np.asarray(np.cross(turn, below.start_mm - between.start_mm))
-
-
-def receiver_axes(segment: Segment) -> Array:
-    """(3, 3) from the bone's axes (distal, lateral, dorsal) to the receiver's."""
-    return np.stack([segment.distal, segment.lateral, segment.dorsal], -1)

@@ -10,38 +10,44 @@ from anatomy import average_hand
 from anatomy.average_hand import AVERAGE_DIGITS, AVERAGE_LENGTH_MM, BONE_KINDS, DIGITS, HEIGHT_MM
 
 ROOT = Path(__file__).parents[2]
-SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND = "simulate", "solve_joints", "fit_hand"
-READERS = (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND)
+SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND, PLANES = "simulate", "solve_joints", "fit_hand", "project_planes"
+READERS = (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND, PLANES)
 
 READ_BY = {
-    (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND): "HEIGHT_MM SKEW_MM SCALE_SD LENGTH_SD MOUNT_SD_MM",
-    (JOINT_BY_JOINT, WHOLE_HAND): "DIGITS AVERAGE_LENGTH_MM SCALE_SD_BY_LENGTH AXIS_SD_RAD MOUNT_TURN_SD_RAD "
-    "DISTAL_TILT UNDER_READING UNDER_READING_SD",
-    (SIMULATOR, JOINT_BY_JOINT): "BONE_KINDS",
+    (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND, PLANES): "MOUNT_SD_MM",
+    (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND): "HEIGHT_MM SKEW_MM SCALE_SD LENGTH_SD",
+    (JOINT_BY_JOINT, WHOLE_HAND, PLANES): "DIGITS MOUNT_TURN_SD_RAD",
+    (JOINT_BY_JOINT, WHOLE_HAND): "AVERAGE_LENGTH_MM SCALE_SD_BY_LENGTH AXIS_SD_RAD DISTAL_TILT "
+    "UNDER_READING UNDER_READING_SD",
+    (JOINT_BY_JOINT, PLANES): "PALM_SLIDE_SD_MM UNKNOWN_SLIDE_SD_MM JOINTWISE_NAIL JOINTWISE_SLIDE_SD_MM "
+    "JOINTWISE_THENAR JOINTWISE_TILT_SD",
+    (SIMULATOR, JOINT_BY_JOINT, PLANES): "BONE_KINDS",
     (SIMULATOR, WHOLE_HAND): "SKEW_DEG PRO_SUPINATION",
     (SIMULATOR,): "AVERAGE_DIGITS",
-    (JOINT_BY_JOINT,): "CMC_RANGE_DEG HAND_MOUNT_SD_MM PALM_SLIDE_SD_MM UNKNOWN_SLIDE_SD_MM",
+    (JOINT_BY_JOINT,): "CMC_RANGE_DEG HAND_MOUNT_SD_MM",
     (WHOLE_HAND,): "AVERAGE_BREADTH_MM SKEW_SD_MM PRO_SUPINATION_SD SCALE_SD_BY_BREADTH BASE_SD_MM "
     "DIRECTION_SD_RAD JOINT_SLIDE_SD_MM SLIDE_SD_MM TILT_SD SKIN_BENT PHALANX_DEG METACARPAL_DEG PALM_DEG "
     "ABDUCTION_DEG AXIAL_DEG",
 }
-"""Stages with the numbers that just they read; of names, DRAWN means the simulator alone, JOINTWISE
-solve_joints alone."""
+"""Stages with the numbers that just they read, those of `anatomy.skin` by whoever imports it; of names, DRAWN
+means the simulator alone, JOINTWISE solve_joints alone where no other reader stands here."""
 
 
 def read_by(name: str) -> tuple[str, ...]:
     if name.startswith("DRAWN_"):
         return (SIMULATOR,)
-    if name.startswith("JOINTWISE_"):
-        return (JOINT_BY_JOINT,)
-    (stages,) = (stages for stages, names in READ_BY.items() if name in names.split())
+    listed = [stages for stages, names in READ_BY.items() if name in names.split()]
+    (stages,) = listed or [(JOINT_BY_JOINT,)] * name.startswith("JOINTWISE_")
     return stages
 
 
 def numbers_read(folder: Path) -> set[str]:
     """Names of numbers that a stage's modules import from the average hand, or look up in it."""
     names = set()
-    for path in sorted(folder.rglob("*.py")):
+    paths = sorted(folder.rglob("*.py"))
+    if any("from anatomy.skin import" in path.read_text("utf-8") for path in paths):
+        paths.append(ROOT / "anatomy" / "skin.py")
+    for path in paths:
         tree = ast.parse(path.read_text("utf-8"))
         modules = set()
         for node in ast.walk(tree):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -41,8 +42,8 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
 
 
 def _files(study: StudyRun, model: str, subject: str) -> set[str]:
-    folder = study.results.exports(subject)
-    return {path.name for path in folder.iterdir() if f"_model-{model}" in path.name}
+    names = {path.name for path in study.results.exports.iterdir()}
+    return {name for name in names if name.startswith(f"sub-{subject}_") and f"_model-{model}" in name}
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -71,13 +72,42 @@ def test_the_dataset_is_valid(study: StudyRun) -> None:
     """Both subjects, both models; the validator of BIDS finds no error."""
     folder = study.results.dataset
     assert {path.name for path in folder.glob("sub-*")} == {"sub-01", "sub-02"}
-    assert study.results.dataset_failures.read_text("utf-8") == ""
+    assert not list(study.results.exports.glob("*_bids.failed.txt"))
     program = Path(sys.executable).with_name("bids-validator-deno")
     done = subprocess.run(
         [program, str(folder), "--format", "json"], capture_output=True, text=True, check=False
     )
     assert '"severity":"error"' not in done.stdout.replace(" ", "")
     assert done.returncode == 0, done.stdout[-2000:]
+
+
+def test_all_subjects_are_in_one_folder_that_takes_no_room(study: StudyRun) -> None:
+    """Files of one folder, links to those that the subjects' jobs wrote."""
+    (dataset,) = (path for path in study.results.exports.iterdir() if path.is_dir())
+    assert dataset == study.results.dataset
+    for subject in ("01", "02"):
+        for file in study.results.subject_exports(subject).glob("sub-*"):
+            assert (study.results.exports / file.name).samefile(file)
+
+
+@pytest.mark.parametrize(
+    ("removed", "rules"),
+    [
+        ("exports", {"collect_exports", "report"}),
+        ("sub-01/exports", {"export", "collect_exports", "report"}),
+        ("dataset", {"export_dataset", "collect_exports", "report"}),
+    ],
+)
+def test_a_removed_folder_is_made_again(study: StudyRun, removed: str, rules: set[str]) -> None:
+    """By the job that makes it and those after it, each once."""
+    before = hashes(study.results.folder)
+    shutil.rmtree(study.results.folder / removed)
+    jobs = study.planned()
+    assert {job.rule for job in jobs} == rules
+    assert len(jobs) == len(rules)
+    study.run()
+    assert hashes(study.results.folder) == before
+    assert study.planned() == set()
 
 
 def test_nothing_is_left_to_do_and_other_settings_export_again(study: StudyRun) -> None:
@@ -96,7 +126,17 @@ def test_nothing_is_left_to_do_and_other_settings_export_again(study: StudyRun) 
 
 def test_the_same_files_again(study: StudyRun) -> None:
     """Exported again, every byte is the same."""
-    folder = study.results.folder / "exports"
-    before = hashes(folder)
+    before = hashes(study.results.exports)
     study.snakemake("--forcerun", "export", "export_dataset", cores=2)
-    assert hashes(folder) == before
+    assert hashes(study.results.exports) == before
+
+
+def test_a_format_less_leaves_nothing_of_it(study: StudyRun) -> None:
+    """The last test: the study is another one then."""
+    text = study.file.read_text("utf-8")
+    study.file.write_text(text.replace("[bvh, ", "[").replace(", bids", ""), "utf-8")
+    study.run()
+    names = {path.name for path in study.results.exports.iterdir()}
+    assert not [name for name in names if "bvh" in name or "bids" in name]
+    assert "sub-01_hand-right_task-rom_model-rigid.glb" in names
+    assert study.planned() == set()

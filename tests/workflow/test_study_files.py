@@ -72,7 +72,7 @@ def test_paths_of_a_subject(folder: Path) -> None:
 
 def test_files_of_the_whole_study(folder: Path) -> None:
     study = files(folder)
-    assert len(study.gathered()) == 3 * 2 + (len(GATHERED_TABLES) - 2) * 2
+    assert len(study.gathered()) == 3 * 2 + (len(GATHERED_TABLES) - 2) * 2 + 2  # of each, findings
     assert study.all_poses() == [path for path in study.tables if path.endswith("/poses.parquet")]
     assert set(study.gathered()) < set(study.tables)
     assert study.study_tables == [f"results/test/{name}.parquet" for name in STUDY_TABLES]
@@ -163,9 +163,10 @@ def test_what_is_exported(folder: Path) -> None:
     more = "exports: [bvh, bids]\nexport_settings: {models: [rigid]}\n"
     study = files(folder, more=more)
     assert study.export_formats == ["bvh"]
-    assert study.exports == [f"results/test/exports/{name}" for name in (SUBJECT, "sub-02", "bids")]
+    folders = [f"results/test/{name}" for name in (f"{SUBJECT}/exports", "sub-02/exports", "dataset")]
+    assert (study.exports, study.export_folders) == (["results/test/exports"], folders)
     assert "--models=rigid" in shlex.split(study.export_options)
-    assert files(folder, more="exports: [bids]\n").exports == ["results/test/exports/bids"]
+    assert files(folder, more="exports: [bids]\n").export_folders == ["results/test/dataset"]
 
 
 def test_a_run_is_of_one_study_as_its_file_says(folder: Path) -> None:

@@ -21,7 +21,7 @@ _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
 
 
-def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Iterator[Samples]:
+def read_capture(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
     """Read a raw capture part by part; the first part has what is to be said of the whole.
 
     A record whose station or frame cannot be believed is left out and counted. Raises InputError where the
@@ -35,11 +35,16 @@ def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Iterato
     named = {number for s in layout.measured if (number := layout.segments[s].receiver) is not None}
     notes = (*_left_out(path, set(survey.records), named, layout), *losses)
     missing_frames = survey.missing_frames
+    vectors = survey.settings.hemisphere
+    index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
+    hemispheres = {index_of[station]: vectors[station] for station in vectors if station in index_of}
     for part in flagged_records(archive, survey):
         known = np.isin(part.records.station, list(named)) & ~part.flagged(*UNUSABLE)
         if known.any():
-            samples = _samples(path, layout, part, np.flatnonzero(known), options)
-            yield replace(samples, notes=notes, losses=losses, missing_frames=missing_frames)
+            samples = _samples(path, layout, part, np.flatnonzero(known))
+            yield replace(
+                samples, notes=notes, losses=losses, missing_frames=missing_frames, hemispheres=hemispheres
+            )
             notes, losses, missing_frames = (), (), 0
 
 
@@ -53,29 +58,19 @@ def _left_out(path: Path, there: set[int], named: set[int], layout: Layout) -> l
     return [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
 
 
-def _samples(
-    path: Path, layout: Layout, part: FlaggedRecords, rows: npt.NDArray[np.int64], options: ReadingOptions
-) -> Samples:
+def _samples(path: Path, layout: Layout, part: FlaggedRecords, rows: npt.NDArray[np.int64]) -> Samples:
     """Those records of a part as samples."""
     records = part.records.take(rows)
 
     def place(_: int) -> str:
         return str(path)
 
-    flipped, wrong = (part.flagged(name)[rows] for name in ("hemisphere-flipped", "hemisphere-transit"))
-    position_mm = records.position_mm
-    if options.repair_hemisphere:
-        position_mm = np.where(flipped[:, None], -position_mm, position_mm)
-        repaired = flipped & ~wrong
-    else:
-        repaired, wrong = np.zeros(len(rows), bool), wrong | flipped
-    marks = {name: part.flagged(name)[rows] for name in _KEPT}
     return Samples(
         layout.measured,
         segments_of_stations(records.station, layout, place),
         records.frame,
         part.time_s[rows],
-        np.concatenate([position_mm, records.quaternion], -1),
+        np.concatenate([records.position_mm, records.quaternion], -1),
         place,
-        {**marks, "hemisphere-flip": wrong, "hemisphere-repaired": repaired},
+        {name: part.flagged(name)[rows] for name in _KEPT},
     )

@@ -1,1 +1,1 @@
-"""Pictures of the pages and the print figures, all drawn with matplotlib in one style and one palette."""
+"""Still pictures of the pages, written as SVG in one style and one palette."""

@@ -1,4 +1,4 @@
-"""A posed hand drawn twice, from its back and from its thumb's side, in one scale: for pages and for print.
+"""A posed hand seen from its back and, beside that, from its thumb's side: the views, and a page's picture.
 
 Positions are in the view's axes: right, up (distal) and towards the viewer (dorsal), mm, as `hand_motion`
 gives them.
@@ -6,18 +6,16 @@ gives them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
 
 from stages.report.hand_motion import Chain, Point
 from stages.report.palette import AMBER, INK, PAPER, RULE, SOFT, WEAK_LINE, Look, digit_looks
-from stages.report.pictures.page_picture import inline_svg, marked, page_figure, page_style
+from stages.report.pictures.picture import Picture
 
 Array = npt.NDArray[np.float64]
 
@@ -59,20 +57,49 @@ class Window:
 
 
 @dataclass(frozen=True)
-class Strokes:
-    """Widths and sizes in the figure's unit (pt in print, px in a page).
+class View:
+    """One projection: from the back (right and up), or beside it from the side (dorsal and up).
 
-    markers : whether each digit has a marker of its own. unit_mm : the figure's unit in mm of the hand; 0
-    leaves out the names of tips, of doubtful joints and of joints outside the window.
+    Its places are (x, y) from the lower left corner of both views, y upward, mm.
     """
 
-    bone: float
-    joint: float
-    tip: float
-    weak: float
-    edge: float
-    markers: bool
-    unit_mm: float = 0.0
+    window: Window
+    kind: str
+    hand: str
+
+    @property
+    def left(self) -> float:
+        """Where the view begins, mm."""
+        return 0.0 if self.kind == "back" else float(self.window.size_mm[0]) + GUTTER_MM
+
+    @property
+    def width(self) -> float:
+        """Of the view, mm."""
+        return float(self.window.size_mm[0 if self.kind == "back" else 2])
+
+    @property
+    def height(self) -> float:
+        """Of both views, mm."""
+        return float(self.window.size_mm[1])
+
+    def places(self, position_mm: Array) -> Array:
+        """Places (..., 2) of positions (..., 3)."""
+        low, high = self.window.low_mm, self.window.high_mm
+        up = position_mm[..., 1] - low[1]
+        if self.kind == "back":
+            return np.stack([position_mm[..., 0] - low[0], up], axis=-1)
+        dorsal = position_mm[..., 2] - low[2] if self.hand == "right" else high[2] - position_mm[..., 2]
+        return np.stack([self.left + dorsal, up], axis=-1)
+
+    def chain(self, chain: Chain) -> Array:
+        """Places (n, 2) of a digit's points, NaN where one has none."""
+        nowhere = np.full(3, np.nan)
+        return self.places(np.array([nowhere if p is None else p.position_mm for p in chain.points]))
+
+
+def views_of(window: Window, hand: str) -> tuple[View, View]:
+    """The view from the back and that from the side."""
+    return View(window, "back", hand), View(window, "side", hand)
 
 
 def window_of(receivers_mm: Array, chains: Sequence[Chain]) -> Window:
@@ -84,144 +111,124 @@ def window_of(receivers_mm: Array, chains: Sequence[Chain]) -> Window:
     return Window(everything.min(axis=0) - _PAD_MM, everything.max(axis=0) + _PAD_MM)
 
 
+def looks_of_points(chains: Sequence[Chain]) -> list[tuple[Point, Look | None]]:
+    """Every point that has a place, once, with the look of its digit; None where several digits share it."""
+    looks = digit_looks([chain.digit for chain in chains])
+    points: dict[str, tuple[Point, Look | None]] = {}
+    for chain in chains:
+        for point in filter(None, chain.points):
+            points[point.name] = (point, None if point.name in points else looks[chain.digit])
+    return list(points.values())
+
+
 def hand_picture(
     title: str, hand: str, chains: Sequence[Chain], receivers_mm: Array, window: Window, scale: float
 ) -> Markup:
     """A hand's chains for a page. scale : pixels per mm, `window.scale` at most."""
-    height = float(window.size_mm[1]) * scale + _FOOT_PX
-    with page_style():
-        figure = page_figure(_WIDTH_PX, height)
-        axes = figure.add_axes((0, 0, 1, 1))
-        axes.set_axis_off()
-        strokes = Strokes(3.0, 8.0, 5.0, 8.0, 2.0, markers=False, unit_mm=1 / scale)
-        draw_hand(axes, hand, chains, receivers_mm, window, strokes)
-        _captions(axes, hand, window, strokes.unit_mm)
-        spare = (_WIDTH_PX / scale - window.width_mm) / 2
-        axes.set_xlim(-spare, window.width_mm + spare)
-        axes.set_ylim(-_FOOT_PX / scale, float(window.size_mm[1]))
-        return inline_svg(figure, title)
-
-
-def draw_hand(
-    axes: Axes, hand: str, chains: Sequence[Chain], receivers_mm: Array, window: Window, strokes: Strokes
-) -> None:
-    """Draw both views in mm of the hand from (0, 0), the side view to the right; limits are the caller's."""
-    looks = digit_looks([chain.digit for chain in chains])
-    for view in (_View(axes, window, "back", hand), _View(axes, window, "side", hand)):
-        box = Rectangle((view.left, 0.0), view.width, view.height, fill=False, edgecolor=RULE, linewidth=1.0)
-        axes.add_patch(box)
-        axes.plot(
-            *view.places(receivers_mm).T, "o" if strokes.unit_mm else "+", color=SOFT,
-            alpha=0.6, markersize=3.0, markeredgewidth=0.5,
-        )  # fmt: skip
-        for chain in chains:
-            (bones,) = axes.plot(
-                *view.places(np.array([_place(p) for p in chain.points])).T,
-                color=looks[chain.digit].colour,
-                linewidth=strokes.bone,
-                solid_capstyle="round",
-            )
-            bones.set_clip_path(box)
-        points = {p.name: p for chain in chains for p in chain.points if p is not None}
-        digits = _digits_of(chains)
-        marks: dict[tuple[str, str, str, float], list[Point]] = {}
-        for point in points.values():
-            if window.holds(point):
-                mark = _mark(point, looks.get(digits[point.name]), strokes)
-                marks.setdefault(mark, []).append(point)
-        for (shape, edge, face, size), of_mark in marks.items():
-            axes.plot(
-                *view.places(np.array([point.position_mm for point in of_mark])).T, shape, color=edge,
-                markerfacecolor=face, markersize=size, markeredgewidth=strokes.edge, zorder=3,
-            )  # fmt: skip
-        if strokes.unit_mm:
-            _labels(axes, view, chains, strokes.unit_mm)
-
-
-def _mark(point: Point, look: Look | None, strokes: Strokes) -> tuple[str, str, str, float]:
-    """Shape, edge, face and size: a diamond where doubtful, ink where several digits share it."""
-    if point.status == "weak":
-        return "D", WEAK_LINE, AMBER, strokes.weak
-    shape = look.marker if look and strokes.markers else "o"
-    size = strokes.tip if point.name.endswith("_tip") else strokes.joint
-    return shape, look.colour if look else INK, PAPER, size
+    height = float(window.size_mm[1]) * scale
+    page = _Page(Picture(title, _WIDTH_PX, height + _FOOT_PX), window, scale, height)
+    for view in views_of(window, hand):
+        page.draw(view, chains, receivers_mm)
+    page.captions(hand)
+    return page.picture.markup()
 
 
 @dataclass(frozen=True)
-class _View:
-    """One projection into the axes: from the back (right and up), or from the side (dorsal and up)."""
+class _Page:
+    """A page picture of both views: scale in pixels per mm, height of the views in px."""
 
-    axes: Axes
+    picture: Picture
     window: Window
-    kind: str
-    hand: str
+    scale: float
+    height: float
 
-    @property
-    def left(self) -> float:
-        return 0.0 if self.kind == "back" else float(self.window.size_mm[0]) + GUTTER_MM
+    def px(self, places_mm: Array) -> Array:
+        """Pixels (..., 2) of the views' places (..., 2)."""
+        spare = (_WIDTH_PX - self.window.width_mm * self.scale) / 2
+        return np.asarray(places_mm * (self.scale, -self.scale) + (spare, self.height))
 
-    @property
-    def width(self) -> float:
-        return float(self.window.size_mm[0 if self.kind == "back" else 2])
+    def draw(self, view: View, chains: Sequence[Chain], receivers_mm: Array) -> None:
+        """One view with its names."""
+        left, width = float(self.px(np.array([view.left, 0.0]))[0]), view.width * self.scale
+        corners = np.array(
+            [(left, 0.0), (left + width, 0.0), (left + width, self.height), (left, self.height)]
+        )
+        self.picture.outline(corners, "none", RULE)
+        with self.picture.group("receivers"):
+            self.picture.marks(self.px(view.places(receivers_mm)), "o", 3.5, SOFT)
+        looks = digit_looks([chain.digit for chain in chains])
+        with self.picture.window(left, 0.0, width, self.height):
+            for chain in chains:
+                colour = looks[chain.digit].colour
+                self.picture.line(self.px(view.chain(chain)), colour, 3.0, "stroke-linecap:round")
+        for point, look in looks_of_points(chains):
+            if self.window.holds(point):
+                place = self.px(view.places(point.position_mm))[None]
+                if point.status == "weak":
+                    self.picture.marks(place, "D", 8.0, AMBER, WEAK_LINE, 2.0)
+                else:
+                    size = 5.0 if point.name.endswith("_tip") else 8.0
+                    self.picture.marks(place, "o", size, PAPER, look.colour if look else INK, 2.0)
+        self._names(view, chains, left, left + width)
 
-    @property
-    def height(self) -> float:
-        return float(self.window.size_mm[1])
+    def _names(self, view: View, chains: Sequence[Chain], left: float, right: float) -> None:
+        """Digits at their tips and names of doubtful joints, from the back; of joints outside, in both."""
+        taken: list[float] = []
+        inside = [
+            (chain, p) for chain in chains for p in chain.points if p is not None and self.window.holds(p)
+        ]
+        if view.kind == "back":
+            for chain, point in inside:
+                if point is chain.points[-1]:
+                    x, y = self.px(view.places(point.position_mm)).tolist()
+                    taken.append(max(y - 6, 10.0))
+                    self.picture.text(x, taken[-1], chain.digit, "middle", css_class="label")
+            for chain, point in inside:
+                if point.status == "weak":
+                    x, y = self.px(view.places(point.position_mm)).tolist()
+                    name = point.name.removeprefix(f"{chain.digit}_")
+                    width, left_half = 6.5 * len(name) + 9, x < (left + right) / 2
+                    fits = x - width > left if left_half else x + width < right
+                    self._aside(name, x, y, rightwards=left_half != fits)
+        for point, _ in looks_of_points(chains):
+            if not self.window.holds(point):
+                self._outside(view, point, taken, left, right)
 
-    def places(self, position_mm: Array) -> Array:
-        """Axes coordinates (..., 2) of positions (..., 3)."""
-        low, high = self.window.low_mm, self.window.high_mm
-        up = position_mm[..., 1] - low[1]
-        if self.kind == "back":
-            return np.stack([position_mm[..., 0] - low[0], up], axis=-1)
-        dorsal = position_mm[..., 2] - low[2] if self.hand == "right" else high[2] - position_mm[..., 2]
-        return np.stack([self.left + dorsal, up], axis=-1)
+    def _outside(self, view: View, point: Point, taken: list[float], left: float, right: float) -> None:
+        """An arrow at the edge, with the joint's name and its distance from its receiver."""
+        x, y = self.px(view.places(point.position_mm)).tolist()
+        at_x = min(max(x, left + 5), right - 5)
+        at_y = free_place(min(max(y, 5.0), self.height - 5), taken, _LINE_PX, self.height)
+        taken.append(at_y)
+        way = np.array([x - at_x, y - at_y]) / max(np.hypot(x - at_x, y - at_y), 1e-9)
+        across = np.array([-way[1], way[0]])
+        corners = np.array([at_x, at_y]) + 5 * np.array(
+            [way, across * 0.87 - way / 2, -across * 0.87 - way / 2]
+        )
+        self.picture.outline(corners, AMBER, WEAK_LINE)
+        self._aside(f"{point.name} {point.reach_mm:.0f} mm", at_x, at_y, rightwards=at_x < (left + right) / 2)
 
+    def _aside(self, words: str, x: float, y: float, *, rightwards: bool) -> None:
+        """Words beside a place, with a halo in the paper's colour (page.css)."""
+        anchor = "start" if rightwards else "end"
+        self.picture.text(x + (9 if rightwards else -9), y, words, anchor, middle=True, css_class="label")
 
-def _labels(axes: Axes, view: _View, chains: Sequence[Chain], unit_mm: float) -> None:
-    """Digits at their tips and names of doubtful joints, from the back; of joints outside, in both views."""
-    taken: list[float] = []
-    if view.kind == "back":
-        for chain in chains:
-            if (tip := chain.points[-1]) is not None and view.window.holds(tip):
-                x, y = view.places(tip.position_mm)
-                y = min(float(y) + 6 * unit_mm, view.height - 10 * unit_mm)
-                _text(axes, chain.digit, x, y, "center", "bottom")
-                taken.append(y)
-        for chain in chains:
-            for point in chain.points:
-                if point is not None and point.status == "weak" and view.window.holds(point):
-                    _beside(axes, view, point.name.removeprefix(f"{chain.digit}_"), point, unit_mm)
-    outside = {
-        p.name: p for chain in chains for p in chain.points if p is not None and not view.window.holds(p)
-    }
-    for point in outside.values():
-        _outside(axes, view, point, taken, unit_mm)
-
-
-def _beside(axes: Axes, view: _View, text: str, point: Point, unit_mm: float) -> None:
-    """A name beside a point, outward if there is room."""
-    x, y = (float(value) for value in view.places(point.position_mm))
-    width = (6.5 * len(text) + 9) * unit_mm
-    left_half = x < view.left + view.width / 2
-    fits = x - width > view.left if left_half else x + width < view.left + view.width
-    _text_aside(axes, text, x, y, unit_mm, rightwards=left_half != fits)
-
-
-def _outside(axes: Axes, view: _View, point: Point, taken: list[float], unit_mm: float) -> None:
-    """An arrow at the edge, with the joint's name and its distance from its receiver."""
-    x, y = (float(value) for value in view.places(point.position_mm))
-    inset = 5 * unit_mm
-    edge_x = min(max(x, view.left + inset), view.left + view.width - inset)
-    edge_y = free_place(min(max(y, inset), view.height - inset), taken, _LINE_PX * unit_mm, view.height)
-    taken.append(edge_y)
-    turn = float(np.degrees(np.arctan2(y - edge_y, x - edge_x)))
-    axes.plot(
-        [edge_x], [edge_y], marker=(3, 0, turn - 90), color=WEAK_LINE, markerfacecolor=AMBER, markersize=10,
-        markeredgewidth=1.0, zorder=3,
-    )  # fmt: skip
-    rightwards = edge_x < view.left + view.width / 2
-    _text_aside(axes, f"{point.name} {point.reach_mm:.0f} mm", edge_x, edge_y, unit_mm, rightwards=rightwards)
+    def captions(self, hand: str) -> None:
+        """Under each view from where it is seen, and a bar that says how long 20 mm are."""
+        wide, _, deep = self.window.size_mm
+        for middle, lines in (
+            (wide / 2, ["seen from the back"]),
+            (wide + GUTTER_MM + deep / 2, ["seen from the side,", f"back of the hand to the {hand}"]),
+        ):
+            x, y = self.px(np.array([middle, 0.0])).tolist()
+            for index, line in enumerate(lines):
+                self.picture.text(x, y + 14 + 13 * index, line, "middle", SOFT)
+        left, y = self.px(np.zeros(2)).tolist()
+        start, end, y = left + 8, left + 8 + BAR_MM * self.scale, y - 6
+        self.picture.line([(start, y), (end, y)], SOFT)
+        for x in (start, end):
+            self.picture.line([(x, y - 3), (x, y + 3)], SOFT)
+        self.picture.text((start + end) / 2, y - 5, f"{BAR_MM:g} mm", "middle", SOFT)
 
 
 def free_place(wanted: float, taken: Sequence[float], gap: float, highest: float) -> float:
@@ -232,45 +239,3 @@ def free_place(wanted: float, taken: Sequence[float], gap: float, highest: float
     places = [wanted + step for step in steps if gap <= wanted + step <= highest - gap]
     free = (place for place in places if all(abs(place - other) >= gap for other in taken))
     return next(free, min(max(wanted, gap), highest - gap))
-
-
-def _text_aside(axes: Axes, text: str, x: float, y: float, unit_mm: float, *, rightwards: bool) -> None:
-    _text(axes, text, x + (9 if rightwards else -9) * unit_mm, y, "left" if rightwards else "right", "center")
-
-
-def _text(axes: Axes, text: str, x: float, y: float, across: str, up: str) -> None:
-    """Words with a halo in the paper's colour (page.css)."""
-    marked(axes.text(x, y, text, ha=across, va=up, zorder=4), "label")
-
-
-def _captions(axes: Axes, hand: str, window: Window, unit_mm: float) -> None:
-    """Under each view from where it is seen, and a bar that says how long 20 mm are."""
-    wide, _, deep = window.size_mm
-    side = "back of the hand to the right" if hand == "right" else "back of the hand to the left"
-    for x, lines in (
-        (wide / 2, ["seen from the back"]),
-        (wide + GUTTER_MM + deep / 2, ["seen from the side,", side]),
-    ):
-        for index, line in enumerate(lines):
-            axes.text(x, -(14 + 13 * index) * unit_mm, line, ha="center", va="baseline", color=SOFT)
-    x, y, tick = 8 * unit_mm, 6 * unit_mm, 3 * unit_mm
-    for xs, ys in (
-        ((x, x + BAR_MM), (y, y)),
-        ((x, x), (y - tick, y + tick)),
-        ((x + BAR_MM, x + BAR_MM), (y - tick, y + tick)),
-    ):
-        axes.plot(xs, ys, color=SOFT, linewidth=1.0)
-    axes.text(x + BAR_MM / 2, y + 5 * unit_mm, f"{BAR_MM:g} mm", ha="center", va="bottom", color=SOFT)
-
-
-def _digits_of(chains: Sequence[Chain]) -> Mapping[str, str]:
-    """The digit of every point; empty where several share it."""
-    digits: dict[str, str] = {}
-    for chain in chains:
-        for name in chain.names:
-            digits[name] = "" if name in digits else chain.digit
-    return digits
-
-
-def _place(point: Point | None) -> Array:
-    return np.full(3, np.nan) if point is None else point.position_mm

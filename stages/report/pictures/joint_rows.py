@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 from markupsafe import Markup
-from matplotlib.axes import Axes
 
 from stages.report.palette import AMBER, HUES, INK, PAPER, SOFT, WEAK_LINE
-from stages.report.pictures.marks import logarithmic, plain_numbers
-from stages.report.pictures.page_picture import inline_svg, page_figure, page_style
+from stages.report.pictures.picture import Array, Picture
+from stages.report.pictures.scale import Scale
 
-_WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM, _ROW = 400.0, 88.0, 14.0, 6.0, 36.0, 17.0
+_WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM, _ROW = 400.0, 88.0, 386.0, 6.0, 36.0, 17.0
 _LEAST_SPAN_DEG = 20.0
 _LEAST_SINGULAR_VALUE, _LARGEST_SINGULAR_VALUE = 1e-4, 2.0
 """Below the least a singular value is the solver's own rounding, far below what any receiver resolves."""
@@ -22,58 +22,56 @@ Range = tuple[float, float, float, float, float]
 """Of an angle, degrees: the least, 5th percentile, median, 95th percentile and greatest."""
 
 
-def range_picture(title: str, joints: Sequence[str], ranges: dict[str, Range]) -> Markup:
+def range_picture(title: str, joints: Sequence[str], ranges: Mapping[str, Range]) -> Markup:
     """One angle's range by joint, least to most and 5th to 95th percentile, with the median.
 
     `title` is the text alternative.
     """
-    with page_style():
-        axes = _row_axes(joints, "deg")
-        rows = [joints.index(joint) for joint in ranges]
-        if ranges:
-            least, first, median, last, most = np.array(list(ranges.values())).T
-            axes.hlines(rows, least, most, color=SOFT, linewidth=1.2)
-            axes.hlines(rows, first, last, color=_BLUE, linewidth=7)
-            axes.vlines(median, np.array(rows) - 0.35, np.array(rows) + 0.35, color=INK, linewidth=2)
-        low = min((own[0] for own in ranges.values()), default=0.0)
-        high = max((own[-1] for own in ranges.values()), default=0.0)
-        pad = max(0.0, _LEAST_SPAN_DEG - (high - low)) / 2 + 0.02 * (high - low)
-        axes.set_xlim(low - pad, high + pad)
-        axes.axvline(0.0, color=SOFT, linewidth=1.0, zorder=0.5)
-        plain_numbers(axes.xaxis)
-        return inline_svg(axes.figure, title)
+    low = min((own[0] for own in ranges.values()), default=0.0)
+    high = max((own[-1] for own in ranges.values()), default=0.0)
+    pad = max(0.0, _LEAST_SPAN_DEG - (high - low)) / 2 + 0.02 * (high - low)
+    scale = Scale(low - pad, high + pad)
+    picture = _rows(title, joints, scale, "deg")
+    if scale.low <= 0.0 <= scale.high:
+        zero = float(_across(scale, 0.0))
+        picture.line([(zero, _TOP), (zero, _TOP + _ROW * len(joints))], SOFT)
+    for joint, values in ranges.items():
+        least, first, median, last, most = _across(scale, values).tolist()
+        y = _middle(joints.index(joint))
+        picture.line([(least, y), (most, y)], SOFT, 1.2)
+        picture.line([(first, y), (last, y)], _BLUE, 7.0)
+        picture.line([(median, y - 0.35 * _ROW), (median, y + 0.35 * _ROW)], INK, 2.0)
+    return picture.markup()
 
 
 def singular_value_picture(title: str, joints: Sequence[str], values: Sequence[Sequence[float]]) -> Markup:
     """Each joint's six singular values, largest first, on a logarithmic scale; the sixth is a diamond."""
-    with page_style():
-        axes = _row_axes(joints, "singular value")
-        known = np.maximum(np.array(values, float).reshape(len(joints), 6), _LEAST_SINGULAR_VALUE)
-        rows = np.arange(len(joints))
-        for place in range(6):
-            marker, face, edge = "o", "none", SOFT
-            if place == 5:
-                marker, face, edge = "D", AMBER, WEAK_LINE
-            elif place > 2:
-                face, edge = _BLUE, PAPER
-            axes.plot(
-                known[:, place], rows, marker, markersize=7, markerfacecolor=face, markeredgecolor=edge,
-                clip_on=False,
-            )  # fmt: skip
-        low = 10.0 ** np.floor(np.log10(known.min(initial=0.1)))
-        logarithmic(axes.xaxis, float(low), _LARGEST_SINGULAR_VALUE)
-        return inline_svg(axes.figure, title)
+    known = np.maximum(np.array(values, float).reshape(len(joints), 6), _LEAST_SINGULAR_VALUE)
+    scale = Scale(10.0 ** np.floor(np.log10(known.min(initial=0.1))), _LARGEST_SINGULAR_VALUE, "log")
+    picture = _rows(title, joints, scale, "singular value")
+    y = [_middle(row) for row in range(len(joints))]
+    for place in range(6):
+        shape, face, edge = "o", "none" if place < 3 else _BLUE, SOFT if place < 3 else PAPER
+        if place == 5:
+            shape, face, edge = "D", AMBER, WEAK_LINE
+        picture.marks(np.column_stack([_across(scale, known[:, place]), y]), shape, 7.0, face, edge)
+    return picture.markup()
 
 
-def _row_axes(joints: Sequence[str], unit: str) -> Axes:
-    """Axes with a row a joint, the first on top."""
-    height = _TOP + _ROW * len(joints) + _BOTTOM
-    figure = page_figure(_WIDTH, height)
-    box = (_LEFT, _BOTTOM, _WIDTH - _LEFT - _RIGHT, _ROW * len(joints))
-    axes = figure.add_axes(tuple(np.array(box) / (_WIDTH, height, _WIDTH, height)))
-    axes.set_ylim(len(joints) - 0.5, -0.5)
-    axes.set_yticks(range(len(joints)), list(joints))
-    axes.spines["left"].set_visible(False)
-    axes.grid(axis="x", clip_on=False)
-    axes.set_xlabel(unit, color=SOFT)
-    return axes
+def _rows(title: str, joints: Sequence[str], scale: Scale, unit: str) -> Picture:
+    """A picture with a named row a joint, the first on top, above an axis."""
+    foot = _TOP + _ROW * len(joints)
+    picture = Picture(title, _WIDTH, foot + _BOTTOM)
+    picture.number_axis(scale, (_LEFT, _RIGHT), _TOP, foot, unit)
+    picture.line([(_LEFT, foot), (_RIGHT, foot)], SOFT)
+    for row, joint in enumerate(joints):
+        picture.text(_LEFT - 5, _middle(row), joint, "end", middle=True)
+    return picture
+
+
+def _middle(row: int) -> float:
+    return _TOP + (row + 0.5) * _ROW
+
+
+def _across(scale: Scale, values: npt.ArrayLike) -> Array:
+    return np.asarray(_LEFT + scale.share(values) * (_RIGHT - _LEFT))

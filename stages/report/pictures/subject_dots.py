@@ -10,17 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.ticker import AsinhLocator, MaxNLocator
 
 from stages.report.palette import INK, SOFT
-from stages.report.pictures.marks import dots, logarithmic, plain_numbers
-from stages.report.pictures.page_picture import inline_svg, marked, page_figure, page_style
+from stages.report.pictures.picture import Picture
+from stages.report.pictures.scale import Scale
 from stages.report.table_cells import number
 
 Array = npt.NDArray[np.float64]
@@ -38,34 +36,6 @@ _DECADES = 4.0
 """The most powers of ten that a logarithmic axis spans; what is smaller stands at its foot."""
 _MARGIN = 0.06
 """The share of an axis of differences that is kept free at either end."""
-
-
-@dataclass(frozen=True)
-class Scale:
-    """A horizontal scale from `low` to `high`; `kind` is linear, log or asinh (even within +-`even`)."""
-
-    low: float
-    high: float
-    kind: str
-    even: float = 1.0
-
-    def below(self, values: Array) -> int:
-        """How many values are below a logarithmic axis."""
-        return int((np.asarray(values) < self.low).sum()) if self.kind == "log" else 0
-
-    def set_on(self, axes: Axes) -> None:
-        """Give the axes this scale, with its ticks."""
-        if self.kind == "log":
-            logarithmic(axes.xaxis, self.low, self.high)
-            return
-        if self.kind == "asinh":
-            axes.set_xscale("asinh", linear_width=self.even)
-            ticks = AsinhLocator(self.even, numticks=5).tick_values(self.low, self.high)
-            axes.set_xticks([tick for tick in ticks if tick == 0.0 or abs(tick) >= self.even / 2])
-        else:
-            axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
-        axes.set_xlim(self.low, self.high)
-        plain_numbers(axes.xaxis)
 
 
 def value_scale(values: Array) -> Scale:
@@ -144,16 +114,15 @@ class _Rows:
 
     @property
     def foot(self) -> float:
-        return sum(self.heights.values())
+        return _TOP + sum(self.heights.values())
 
-    def axes(self) -> Axes:
-        """New axes in a figure of their own; y is in px from the top of the first row."""
-        height = _TOP + self.foot + _FOOT
-        box = (self.left, _FOOT, _WIDTH - _RIGHT - self.left, self.foot)
-        axes = page_figure(_WIDTH, height).add_axes(tuple(np.array(box) / (_WIDTH, height, _WIDTH, height)))
-        axes.set_ylim(self.foot, 0.0)
-        self.scale.set_on(axes)
-        return axes
+    def middle(self, model: str) -> float:
+        return self.tops[model] + self.heights[model] / 2
+
+    def across(self, values: npt.ArrayLike) -> Array:
+        """Pixels of values (n,), those off the scale at its end."""
+        share = np.clip(self.scale.share(values), 0.0, 1.0)
+        return np.asarray(self.left + share * (_WIDTH - _RIGHT - self.left))
 
 
 def draw_panels(panels: Sequence[Panel], scale: Scale, unit: str, n_subjects: int) -> Drawn:
@@ -161,17 +130,19 @@ def draw_panels(panels: Sequence[Panel], scale: Scale, unit: str, n_subjects: in
     models = list(dict.fromkeys(strip.model for panel in panels for strip in panel.strips))
     left = min(max(_LETTER * max(map(len, models)) + 8, _LEFT_LEAST), _LEFT_MOST)
     diameter = 6.0 if n_subjects <= 12 else 4.0 if n_subjects <= 40 else 2.8
-    rows = _Rows(scale, unit, n_subjects, diameter, left, {}, dict.fromkeys(models, _ROW_LEAST))
-    with page_style():
-        axes = rows.axes()
-        swarms = [[_swarm(axes, strip, diameter) for strip in panel.strips] for panel in panels]
-    heights = dict(rows.heights)
+    heights = dict.fromkeys(models, _ROW_LEAST)
+    rows = _Rows(scale, unit, n_subjects, diameter, left, {}, heights)
+    lanes = int((_ROW_MOST - _ROW_PAD) / diameter) // 2 * 2 + 1
+    swarms = [
+        [spread(rows.across(list(strip.numbers.values())), diameter, lanes) for strip in panel.strips]
+        for panel in panels
+    ]
     for panel, own in zip(panels, swarms, strict=True):
         for strip, (offsets, _) in zip(panel.strips, own, strict=True):
             wide = 2 * float(np.abs(offsets).max(initial=0.0)) + diameter + _ROW_PAD
             heights[strip.model] = max(heights[strip.model], wide)
-    ends = np.cumsum([0.0, *heights.values()])
-    rows = _Rows(scale, unit, n_subjects, diameter, left, dict(zip(models, ends, strict=False)), heights)
+    tops = _TOP + np.cumsum([0.0, *heights.values()])
+    rows = replace(rows, tops=dict(zip(models, tops.tolist(), strict=False)))
     pictures = tuple(
         _picture(panel, [offsets for offsets, _ in own], rows)
         for panel, own in zip(panels, swarms, strict=True)
@@ -201,110 +172,77 @@ def spread(x: Array, diameter: float, most_lanes: int) -> tuple[Array, int]:
     return (steps - middle) * diameter, overlapping
 
 
-def _swarm(axes: Axes, strip: Strip, diameter: float) -> tuple[Array, int]:
-    x = _on_axis(axes, list(strip.numbers.values()))
-    pixels = axes.transData.transform(np.column_stack([x, np.zeros(len(x))]))[:, 0]
-    return spread(pixels, diameter, int((_ROW_MOST - _ROW_PAD) / diameter) // 2 * 2 + 1)
-
-
-def _on_axis(axes: Axes, values: Sequence[float]) -> Array:
-    """Values (n,), those off the axis at its end."""
-    return np.asarray(np.clip(np.array(values, float), *axes.get_xlim()))
-
-
 def _picture(panel: Panel, offsets: Sequence[Array], rows: _Rows) -> Markup:
-    with page_style():
-        axes = rows.axes()
-        axes.spines[:].set_visible(False)
-        axes.set_yticks([])
-        axes.grid(axis="x", clip_on=False)
-        axes.set_xlabel(rows.unit, color=SOFT)
-        _zero(axes)
-        _dots(axes, panel, offsets, rows)
-        for strip in panel.strips:
-            _label(axes, strip, rows)
-            _marks(axes, strip, rows)
-        heading = "mean" if any(strip.mean is not None for strip in panel.strips) else "median"
-        axes.annotate(heading, (1, 1), (_RIGHT, 5), "axes fraction", "offset pixels", color=SOFT, ha="right")
-        return inline_svg(axes.figure, panel.title)
+    picture = Picture(panel.title, _WIDTH, rows.foot + _FOOT)
+    picture.number_axis(rows.scale, (rows.left, _WIDTH - _RIGHT), _TOP, rows.foot, rows.unit)
+    _zero(picture, rows)
+    _dots(picture, panel, offsets, rows)
+    for strip in panel.strips:
+        _label(picture, strip, rows)
+        _marks(picture, strip, rows)
+    heading = "mean" if any(strip.mean is not None for strip in panel.strips) else "median"
+    picture.text(_WIDTH, _TOP - 5, heading, "end", SOFT)
+    return picture.markup()
 
 
-def _zero(axes: Axes) -> None:
+def _zero(picture: Picture, rows: _Rows) -> None:
     """The zero of differences, and which side is the better one."""
-    low, high = axes.get_xlim()
-    if not low < 0 < high:
+    if not rows.scale.low < 0 < rows.scale.high:
         return
-    axes.axvline(0.0, color=SOFT, linewidth=1.0, zorder=0.6, clip_on=False)
-    share = float(axes.transAxes.inverted().transform(axes.transData.transform((0.0, 0.0)))[0])
-    for text, fits, shift, align in (
-        ("better ←", share > 0.25, -5, "right"),
-        ("→ worse", share < 0.75, 5, "left"),
-    ):
-        if fits:
-            axes.annotate(
-                text, (0, 1), (shift, 5), ("data", "axes fraction"), "offset pixels", color=SOFT, ha=align
-            )
+    zero, share = float(rows.across(0.0)), float(rows.scale.share(0.0))
+    picture.line([(zero, _TOP), (zero, rows.foot)], SOFT)
+    if share > 0.25:
+        picture.text(zero - 5, _TOP - 5, "better ←", "end", SOFT)
+    if share < 0.75:
+        picture.text(zero + 5, _TOP - 5, "→ worse", "start", SOFT)
 
 
-def _label(axes: Axes, strip: Strip, rows: _Rows) -> None:
+def _label(picture: Picture, strip: Strip, rows: _Rows) -> None:
     """The model's name, how many subjects it has where not all, and its mean or median."""
     most = int((rows.left - 8) / _LETTER)
     name = strip.model if len(strip.model) <= most else strip.model[: most - 1] + "…"
-    middle = rows.tops[strip.model] + rows.heights[strip.model] / 2
-    missing = len(strip.numbers) < rows.n_subjects
-    beside = axes.get_yaxis_transform()
-    text = axes.annotate(
-        name, (0, middle - (5 if missing else 0)), (-rows.left, 0), beside, "offset pixels", va="center",
-        fontweight="bold" if strip.baseline else "normal", color=SOFT if strip.reference else INK,
-    )  # fmt: skip
-    marked(text, "model", strip.model)
-    if missing:
-        count = f"{len(strip.numbers)} of {rows.n_subjects}"
-        axes.annotate(
-            count, (0, middle + 7), (-rows.left, 0), beside, "offset pixels", va="center", color=SOFT
+    middle, missing = rows.middle(strip.model), len(strip.numbers) < rows.n_subjects
+    colour = SOFT if strip.reference else INK
+    with picture.group("model", strip.model):
+        picture.text(
+            0, middle - (5 if missing else 0), name, "start", colour, middle=True, bold=strip.baseline
         )
+    if missing:
+        picture.text(0, middle + 7, f"{len(strip.numbers)} of {rows.n_subjects}", "start", SOFT, middle=True)
     values = list(strip.numbers.values())
     shown = strip.mean if strip.mean is not None else float(np.median(values)) if values else None
-    axes.annotate(
-        number(shown).replace("-", "−"),
-        (1, middle),
-        (_RIGHT, 0),
-        beside,
-        "offset pixels",
-        ha="right",
-        va="center",
-    )
+    picture.text(_WIDTH, middle, number(shown).replace("-", "−"), "end", middle=True)
 
 
-def _dots(axes: Axes, panel: Panel, offsets: Sequence[Array], rows: _Rows) -> None:
+def _dots(picture: Picture, panel: Panel, offsets: Sequence[Array], rows: _Rows) -> None:
     """The dots, those of a subject in all rows together where subjects are named."""
     groups: dict[tuple[str, bool], list[tuple[float, float]]] = {}
     for strip, aside in zip(panel.strips, offsets, strict=True):
-        middle = rows.tops[strip.model] + rows.heights[strip.model] / 2
-        x = _on_axis(axes, list(strip.numbers.values()))
-        for name, place, step in zip(strip.numbers, x, aside, strict=True):
+        across = rows.across(list(strip.numbers.values()))
+        for name, x, step in zip(strip.numbers, across.tolist(), aside.tolist(), strict=True):
             owner = name if rows.n_subjects <= MOST_NAMED else ""
-            groups.setdefault((owner, strip.reference), []).append((float(place), middle + float(step)))
+            groups.setdefault((owner, strip.reference), []).append((x, rows.middle(strip.model) + step))
     for (name, reference), places in groups.items():
-        x, y = np.array(sorted(places)).T
-        patch = dots(axes, x, y, SOFT if reference else panel.colour, rows.diameter)
-        marked(patch, "dots", name)
+        with picture.group("dots", name):
+            x, y = np.array(sorted(places)).T
+            picture.dots(x, y, SOFT if reference else panel.colour, rows.diameter)
 
 
-def _marks(axes: Axes, strip: Strip, rows: _Rows) -> None:
+def _marks(picture: Picture, strip: Strip, rows: _Rows) -> None:
     """Mean and interval of differences; else median and quartiles, where there are enough subjects."""
-    height = rows.heights[strip.model]
-    y, reach = rows.tops[strip.model] + height / 2, min(height / 2 - 3, 9.0)
+    y, reach = rows.middle(strip.model), min(rows.heights[strip.model] / 2 - 3, 9.0)
     values = np.array(list(strip.numbers.values()))
     if strip.mean is not None:
-        middle, ends = strip.mean, strip.interval
-        if ends is not None:
-            axes.plot(ends, (y, y), color=INK, linewidth=1.5)
-            axes.vlines(ends, y - 4, y + 4, color=INK, linewidth=1.5)
+        middle = float(rows.across(strip.mean))
+        if strip.interval is not None:
+            low, high = rows.across(strip.interval).tolist()
+            picture.line([(low, y), (high, y)], INK, 1.5)
+            for end in (low, high):
+                picture.line([(end, y - 4), (end, y + 4)], INK, 1.5)
     elif len(values) >= FEWEST_FOR_QUARTILES:
-        low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
-        box = ((low, high, high, low, low), np.array((-1, -1, 1, 1, -1)) * (reach - 2) + y)
-        axes.plot(*box, color=INK, linewidth=1.0)
+        low, middle, high = rows.across(np.quantile(values, [0.25, 0.5, 0.75])).tolist()
+        top, foot = y - reach + 2, y + reach - 2
+        picture.outline([(low, top), (high, top), (high, foot), (low, foot)], "none", INK)
     else:
         return
-    axes.plot((middle, middle), (y - reach, y + reach), color=INK, linewidth=2.5)
+    picture.line([(middle, y - reach), (middle, y + reach)], INK, 2.5)

@@ -1,28 +1,34 @@
-"""Tip errors over time: a strip a digit above a common time axis, a line a model; for pages and for print."""
+"""Tip errors over time: a strip a digit above a common time axis, a line a model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
-from stages.report.palette import Look
-from stages.report.pictures.marks import logarithmic, plain_numbers, trace_band
-from stages.report.pictures.page_picture import inline_svg, page_figure, page_style
-from stages.report.pictures.style import label
-from stages.report.pictures.traces import Trace, error_scale, thin
-from stages.report.table_cells import listed
+from stages.report.palette import RULE, SOFT, Look
+from stages.report.pictures.picture import Picture
+from stages.report.pictures.scale import Scale, plain
+from stages.report.pictures.traces import Trace, error_scale, thin, trace_band
+from stages.report.table_cells import alike, listed
 
 Array = npt.NDArray[np.float64]
 Traces = Mapping[str, Mapping[str, Trace]]
 """By digit, then by model."""
 
-_WIDTH, _LEFT, _RIGHT, _STRIP, _GAP, _FOOT, _LEGEND_ROW = 480.0, 36.0, 52.0, 46.0, 8.0, 36.0, 16.0
+_WIDTH, _LEFT, _RIGHT, _STRIP, _GAP, _FOOT, _LEGEND_ROW, _ACROSS = (
+    480.0,
+    36.0,
+    428.0,
+    46.0,
+    8.0,
+    36.0,
+    16.0,
+    3,
+)
 _PAGE_COLUMNS = 150
 
 
@@ -43,90 +49,80 @@ def thinned_traces(
     }
 
 
-def draw_strips(strips: Sequence[Axes], traces: Traces, looks: Mapping[str, Look], *, shaded: bool) -> None:
-    """Draw every digit's traces into its own axes, which share one scale; shaded : down to the smallest
-    value.
-    """
-    everything = [trace for of in traces.values() for trace in of.values()]
-    scale = error_scale(everything)
-    for of, axes in zip(traces.values(), strips, strict=True):
-        for index, (model, trace) in enumerate(of.items()):
-            _draw_trace(axes, trace, looks[model], index / len(of), index, shaded=shaded)
-        if not of:
-            axes.text(0.02, 0.5, "no tip error", transform=axes.transAxes, va="center")
-        axes.margins(x=0.01)
-        axes.grid(axis="y", clip_on=False)
-        if scale.logarithmic:
-            logarithmic(axes.yaxis, scale.low_mm, scale.high_mm)
-        else:
-            axes.set_ylim(0.0, scale.high_mm)
-            axes.yaxis.set_major_locator(MaxNLocator(3))
-            plain_numbers(axes.yaxis)
-
-
-def _draw_trace(axes: Axes, trace: Trace, look: Look, phase: float, order: int, *, shaded: bool) -> None:
-    x, low, high = trace_band(trace)
-    if shaded:
-        axes.fill_between(x, low, high, color=look.colour, alpha=0.12, linewidth=0)
-    step = max(1, len(x) // 8)
-    axes.plot(
-        x, high, color=look.colour, linewidth=0.6 if shaded else 1.1, marker=look.marker,
-        markersize=3.0 if shaded else 4.5, markevery=(int(phase * step), step), markeredgecolor="white",
-        markeredgewidth=0.3, zorder=2.5 + order / 100,
-    )  # fmt: skip
-
-
 def time_label(traces: Traces) -> str:
     """What stands under the time axis."""
     trace = next(trace for of in traces.values() for trace in of.values())
     return "device time [s]" if trace.in_seconds else "frame"
 
 
-def model_lines(looks: Mapping[str, Look], models: Sequence[str]) -> list[Line2D]:
-    """Entries of a legend: a line with its mark a model."""
-    return [
-        Line2D([], [], color=looks[name].colour, marker=looks[name].marker, markersize=4.0, label=label(name))
-        for name in models
-    ]
-
-
 def hidden_lines(traces: Traces, models: Sequence[str]) -> str:
     """Models whose lines are the same in every digit, so that the last hides the others."""
-    groups: dict[tuple[bytes, ...], list[str]] = {}
-    for model in models:
-        lines = tuple(of[model].high_mm.tobytes() if model in of else b"" for of in traces.values())
-        groups.setdefault(lines, []).append(model)
-    hidden = [listed(group) for group in groups.values() if len(group) > 1]
+    lines = {
+        model: [of[model].high_mm.tobytes() if model in of else b"" for of in traces.values()]
+        for model in models
+    }
+    hidden = [listed(group) for group in alike(lines) if len(group) > 1]
     return f"Equal, so that the last hides the others: {'; '.join(hidden)}." if hidden else ""
 
 
 def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> Markup:
     """The strips for a page; every strip's span is the recording's. `title` is the text alternative."""
     models = [model for model in looks if any(model in of for of in traces.values())]
-    top = 18 + _LEGEND_ROW * -(-max(1, len(models)) // 3)
-    height = top + len(traces) * (_STRIP + _GAP) + _FOOT
-    spans = [trace.span for of in traces.values() for trace in of.values()]
-    with page_style():
-        figure = page_figure(_WIDTH, height)
-        strips: list[Axes] = []
-        for index, digit in enumerate(traces):
-            foot = height - top - index * (_STRIP + _GAP) - _STRIP
-            box = np.array((_LEFT, foot, _WIDTH - _LEFT - _RIGHT, _STRIP)) / (_WIDTH, height, _WIDTH, height)
-            strips.append(figure.add_axes(tuple(box)))
-            strips[-1].spines[:].set_visible(False)
-            strips[-1].tick_params(axis="x", labelbottom=False)
-            strips[-1].text(1.02, 0.5, digit, transform=strips[-1].transAxes, va="center")
-        draw_strips(strips, traces, looks, shaded=False)
-        logarithmic_note = ", log scale" if strips and strips[0].get_yscale() == "log" else ""
-        figure.text(0, 1 - 12 / height, f"tip error [mm]{logarithmic_note}")
-        for axes in strips:
-            axes.set_xlim(min(span[0] for span in spans), max(span[1] for span in spans)) if spans else None
-        if spans:
-            strips[-1].tick_params(axis="x", labelbottom=True)
-            strips[-1].spines["bottom"].set_visible(True)
-            strips[-1].set_xlabel(time_label(traces))
-            figure.legend(
-                handles=model_lines(looks, models), loc="upper left", ncols=3, borderaxespad=0,
-                bbox_to_anchor=(0, 1 - 18 / height),
-            )  # fmt: skip
-        return inline_svg(figure, title)
+    top = 18 + _LEGEND_ROW * -(-max(1, len(models)) // _ACROSS)
+    foot = top + len(traces) * (_STRIP + _GAP)
+    picture = Picture(title, _WIDTH, foot + _FOOT)
+    everything = [trace for of in traces.values() for trace in of.values()]
+    errors = error_scale(everything)
+    picture.text(0, 12, f"tip error [mm]{', log scale' if errors.kind == 'log' else ''}")
+    _legend(picture, models, looks)
+    first = min((trace.span[0] for trace in everything), default=0.0)
+    last = max((trace.span[1] for trace in everything), default=0.0)
+    time = Scale(first, last if last > first else first + 1.0)
+    for index, (digit, of) in enumerate(traces.items()):
+        strip = _Strip(picture, time, errors, top + index * (_STRIP + _GAP))
+        strip.frame(digit)
+        for place, (model, trace) in enumerate(of.items()):
+            strip.draw(trace, looks[model], place / len(of))
+        if not of:
+            picture.text(_LEFT + 6, strip.top + _STRIP / 2, "no tip error", middle=True)
+    if everything:
+        picture.line([(_LEFT, foot - _GAP), (_RIGHT, foot - _GAP)], SOFT)
+        picture.number_axis(time, (_LEFT, _RIGHT), foot - _GAP, foot - _GAP, time_label(traces))
+    return picture.markup()
+
+
+def _legend(picture: Picture, models: Sequence[str], looks: Mapping[str, Look]) -> None:
+    for index, model in enumerate(models):
+        x, y = (index % _ACROSS) * _WIDTH / _ACROSS, 24 + _LEGEND_ROW * (index // _ACROSS)
+        picture.line([(x, y), (x + 20, y)], looks[model].colour, 1.5)
+        picture.marks(np.array([[x + 10, y]]), looks[model].marker, 6.0, looks[model].colour)
+        picture.text(x + 26, y, model, middle=True)
+
+
+@dataclass(frozen=True)
+class _Strip:
+    """A digit's place in the picture, from `top` down."""
+
+    picture: Picture
+    time: Scale
+    errors: Scale
+    top: float
+
+    def frame(self, digit: str) -> None:
+        """The digit's name, and the numbers of the errors with their grid."""
+        self.picture.text(_RIGHT + 6, self.top + _STRIP / 2, digit, middle=True)
+        for tick in self.errors.ticks(2, 0.28):
+            y = float(self._down(tick))
+            self.picture.line([(_LEFT, y), (_RIGHT, y)], RULE)
+            self.picture.text(_LEFT - 4, y, plain(tick), "end", middle=True)
+
+    def draw(self, trace: Trace, look: Look, phase: float) -> None:
+        """A line through the largest errors, with marks that tell it from others and are no samples."""
+        x, _, high = trace_band(trace)
+        points = np.column_stack([_LEFT + self.time.share(x) * (_RIGHT - _LEFT), self._down(high)])
+        self.picture.line(points, look.colour, 1.1)
+        step = max(1, len(x) // 8)
+        self.picture.marks(points[int(phase * step) :: step], look.marker, 4.5, look.colour)
+
+    def _down(self, values: npt.ArrayLike) -> Array:
+        return np.asarray(self.top + _STRIP * (1 - self.errors.share(values)))

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from stages.report.pictures.scale import Scale
+
 Array = npt.NDArray[np.float64]
 
 COLUMNS = 240
@@ -38,24 +40,17 @@ class Trace:
     median_mm: float
 
 
-@dataclass(frozen=True)
-class ErrorScale:
-    """The vertical scale that all strips of one picture share, mm."""
-
-    low_mm: float
-    high_mm: float
-    logarithmic: bool
-
-
-def error_scale(traces: Iterable[Trace]) -> ErrorScale:
-    """A scale for all these traces: from zero, or logarithmic where a gross failure dwarfs the others."""
+def error_scale(traces: Iterable[Trace]) -> Scale:
+    """The vertical scale that all strips of one picture share, mm: from zero, or logarithmic
+    where a gross failure dwarfs the others.
+    """
     traces = list(traces)
     highest = max((float(trace.high_mm.max()) for trace in traces), default=1.0)
     medians = [max(trace.median_mm, _LOG_FLOOR_MM) for trace in traces] or [1.0]
     if highest / min(medians) > _LOG_RATIO:
         low = max(min(float(np.quantile(trace.low_mm, 0.02)) for trace in traces), _LOG_FLOOR_MM)
-        return ErrorScale(low, highest * 1.1, True)
-    return ErrorScale(0.0, max(highest, 0.1) * 1.02, False)
+        return Scale(low, highest * 1.1, "log")
+    return Scale(0.0, max(highest, 0.1) * 1.02)
 
 
 def thin(frame: Array, time_s: Array, error_mm: Array, columns: int = COLUMNS) -> Trace | None:
@@ -83,3 +78,33 @@ def thin(frame: Array, time_s: Array, error_mm: Array, columns: int = COLUMNS) -
         in_seconds=in_seconds,
         median_mm=float(np.median(kept)),
     )
+
+
+def trace_line(trace: Trace) -> tuple[Array, Array]:
+    """The line through every column's two extremes: x, y (3 C,), NaN where a gap breaks it.
+
+    The second extreme stands half a column after the first, so that a slope stays one.
+    """
+    ends = np.column_stack([trace.low_mm, trace.high_mm])
+    ends = np.where(trace.rises[:, None], ends, ends[:, ::-1])
+    half = half_column(trace)
+    x = np.column_stack([trace.x, trace.x, trace.x + half])
+    y = np.column_stack([np.where(trace.broken, np.nan, ends[:, 0]), ends])
+    return x.ravel(), y.ravel()
+
+
+def half_column(trace: Trace) -> Array:
+    """Half of every column's width (C,), in the unit of x."""
+    if len(trace.x) < 2:
+        return np.zeros(len(trace.x))
+    return np.full(len(trace.x), float(np.diff(trace.x).min()) / 2)
+
+
+def trace_band(trace: Trace) -> tuple[Array, Array, Array]:
+    """Every column's middle, smallest and largest value, NaN where a gap breaks them: x, low, high."""
+    broken = np.flatnonzero(trace.broken)
+    x = trace.x + half_column(trace)
+    return tuple(
+        np.insert(part, broken, fill)
+        for part, fill in ((x, x[broken]), (trace.low_mm, np.nan), (trace.high_mm, np.nan))
+    )  # type: ignore[return-value]

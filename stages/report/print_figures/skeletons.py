@@ -3,29 +3,35 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Hashable
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 
 from schemas.errors import InputError
 from schemas.study import Recording
-from stages.report.hand_motion import Chain, chains_at, chains_key, receivers_at
-from stages.report.palette import AMBER, PAPER, SOFT, WEAK_LINE, digit_looks
-from stages.report.pictures.hand_views import BAR_MM, GUTTER_MM, Strokes, Window, draw_hand, window_of
-from stages.report.pictures.style import SMALL_PT, TWO_COLUMNS_MM, headings, label, lettered, new_figure
-from stages.report.print_figures.caption_text import capital, recording_text
-from stages.report.print_figures.drawing import NoDataError
+from stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
+from stages.report.palette import AMBER, INK, PAPER, RULE, SOFT, WEAK_LINE, digit_looks
+from stages.report.pictures.hand_views import (
+    BAR_MM,
+    GUTTER_MM,
+    View,
+    Window,
+    looks_of_points,
+    views_of,
+    window_of,
+)
+from stages.report.print_figures.drawing import NoDataError, recording_text
+from stages.report.print_figures.style import SMALL_PT, TWO_COLUMNS_MM, headings, label, lettered, new_figure
 from stages.report.recording_results import read_still
 from stages.report.study_results import StudyResults
-from stages.report.table_cells import listed
+from stages.report.table_cells import alike, listed, title
 
 _ACROSS = 3
 _FOOT_MM = 20.0
 _HEAD_MM, _LEGEND_MM, _LINE_MM = 5.0, 8.0, 3.4
 _TITLE_LETTERS = 34
-_STROKES = Strokes(bone=1.0, joint=3.0, tip=2.2, weak=3.4, edge=0.7, markers=True)
 
 
 def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]:
@@ -35,21 +41,19 @@ def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     except InputError as error:
         raise NoDataError(str(error)) from error
     chains = {own.model: chains_at(motion, own, 0) for own in motion.skeletons}
-    alike: dict[Hashable, list[str]] = {}
-    for model, own in chains.items():
-        alike.setdefault(chains_key(own), []).append(model)
-    groups = list(alike.values())
+    groups = alike({model: chains_key(own) for model, own in chains.items()})
     receivers = receivers_at(motion, 0)
     window = window_of(receivers, [chain for of in chains.values() for chain in of])
     figure, panels = _panels(groups, window)
     for models, axes in zip(groups, panels, strict=True):
-        draw_hand(axes, recording.hand.hand, chains[models[0]], receivers, window, _STROKES)
+        for view in views_of(window, recording.hand.hand):
+            _draw_view(axes, view, chains[models[0]], receivers)
         _captions(axes, window)
     headings(panels, [_title(models) for models in groups])
     handles = [
         Line2D(
             [], [], color=own.colour, marker=own.marker, markersize=3, markerfacecolor=PAPER,
-            label=label(capital(digit)),
+            label=label(title(digit)),
         )
         for digit, own in digit_looks(motion.digits).items()
     ]  # fmt: skip
@@ -75,6 +79,31 @@ def _panels(groups: list[list[str]], window: Window) -> tuple[Figure, list[Axes]
     for axes in grid:
         axes.set_axis_off()
     return figure, list(grid[: len(groups)])
+
+
+def _draw_view(axes: Axes, view: View, chains: list[Chain], receivers_mm: Array) -> None:
+    """One view in mm of the hand from (0, 0); a diamond where doubtful, ink where several digits share it."""
+    box = Rectangle((view.left, 0.0), view.width, view.height, fill=False, edgecolor=RULE, linewidth=1.0)
+    axes.add_patch(box)
+    receivers = view.places(receivers_mm).T
+    axes.plot(*receivers, "+", color=SOFT, alpha=0.6, markersize=3.0, markeredgewidth=0.5)
+    looks = digit_looks([chain.digit for chain in chains])
+    for chain in chains:
+        (bones,) = axes.plot(
+            *view.chain(chain).T, color=looks[chain.digit].colour, linewidth=1.0, solid_capstyle="round"
+        )
+        bones.set_clip_path(box)
+    for point, look in looks_of_points(chains):
+        shape, edge, face, size = look.marker if look else "o", look.colour if look else INK, PAPER, 3.0
+        if point.status == "weak":
+            shape, edge, face, size = "D", WEAK_LINE, AMBER, 3.4
+        elif point.name.endswith("_tip"):
+            size = 2.2
+        if view.window.holds(point):
+            axes.plot(
+                *view.places(point.position_mm), shape, color=edge, markerfacecolor=face, markersize=size,
+                markeredgewidth=0.7, zorder=3,
+            )  # fmt: skip
 
 
 def _title(models: list[str]) -> str:

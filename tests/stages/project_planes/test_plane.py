@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chains import chain_layout, moments_of, random_chain
 from chains import gap_rms_mm as gap_by_hand
-from chains import moments_of, random_chain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,6 +24,7 @@ from stages.solve_joints.closed import JointSolution, solve_closed
 from stages.solve_joints.solution_rows import solution_row
 
 SEEDS = st.integers(0, 2**32 - 1)
+LAYOUT = chain_layout(random_chain(0, 2))
 SAGITTAL = np.array([0.0, 1.0, 0.0])
 
 
@@ -103,14 +104,14 @@ def solved_row(seed: int, **options: float) -> tuple[Joint, dict[str, object], o
 def test_gap_of_the_placed_centre(seed: int, shift: np.ndarray | None) -> None:
     """gap_rms_mm after plane and correction is the gap measured frame by frame."""
     joint, row, chain = solved_row(seed, off_axis_rad=0.1, noise_mm=0.2)
-    placed = place_joint(joint, row, read_model("paper-fig4-corrected"), shift)
+    placed = place_joint(joint, LAYOUT, row, read_model("paper-fig4-corrected"), shift)
     p = np.array([placed[f"parent_{axis}_mm"] for axis in "xyz"])
     q = np.array([placed[f"child_{axis}_mm"] for axis in "xyz"])
     assert placed["gap_rms_mm"] == pytest.approx(gap_by_hand(chain.poses, 0, p, q), rel=1e-6)
     assert placed["gap_rms_free_mm"] <= placed["gap_rms_mm"] + 1e-9
     if shift is not None:
         assert placed["correction_mm"] == pytest.approx(np.linalg.norm(shift))
-        plain = place_joint(joint, row, read_model("paper-fig4"), None)
+        plain = place_joint(joint, LAYOUT, row, read_model("paper-fig4"), None)
         moved = q - [plain[f"child_{axis}_mm"] for axis in "xyz"]
         np.testing.assert_allclose(moved, shift, atol=1e-12)
 
@@ -119,16 +120,16 @@ def test_doubts_are_told() -> None:
     """Little motion, an axis near the plane and an uncertain axis are each named; a good joint is ok."""
     model = read_model("paper-fig4")
     joint, row, _ = solved_row(1)
-    assert place_joint(joint, row, model, None)["status"] == "ok"
+    assert place_joint(joint, LAYOUT, row, model, None)["status"] == "ok"
     joint, row, _ = solved_row(1, range_rad=0.02, off_axis_rad=0.01)
-    weak = place_joint(joint, row, model, None)
+    weak = place_joint(joint, LAYOUT, row, model, None)
     assert weak["status"] == "weak"
     assert "moved only" in weak["message"]
     assert "axis uncertain" in weak["message"]
     joint, row, _ = solved_row(1)
     axis = np.array([row[f"null_child_{k}"] for k in "xyz"])
     slanted = Plane("child", (0.0, 0.0, 0.0), tuple(np.cross(axis, [1, 2, 3]) + 0.3 * axis))
-    near = place_joint(replace(joint, plane=slanted), row, model, None)
+    near = place_joint(replace(joint, plane=slanted), LAYOUT, row, model, None)
     assert near["status"] == "weak"
     assert "from the plane" in near["message"]
 
@@ -136,7 +137,7 @@ def test_doubts_are_told() -> None:
 def test_a_failed_joint_stays_failed() -> None:
     joint, _, _ = solved_row(1)
     failed = solution_row(joint, "the joint did not move")
-    placed = place_joint(joint, failed, read_model("paper-fig4"), None)
+    placed = place_joint(joint, LAYOUT, failed, read_model("paper-fig4"), None)
     assert placed["status"] == "failed"
     assert placed["message"] == "the joint did not move"
     assert "child_x_mm" not in placed
@@ -164,7 +165,7 @@ def test_a_joint_without_a_plane_is_the_six_unknown_fit(seed: int) -> None:
     moments = moments_of(chain)
     joint = replace(chain.joints[0], plane=Plane("none", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     placed = place_joint(
-        joint, solution_row(joint, solve_closed(moments, 0, 5)), read_model("paper-fig4"), None
+        joint, LAYOUT, solution_row(joint, solve_closed(moments, 0, 5)), read_model("paper-fig4"), None
     )
     six = solve_closed(moments, 0, 6)
     np.testing.assert_allclose([placed[f"child_{k}_mm"] for k in "xyz"], six.q_mm, atol=1e-8)
@@ -181,7 +182,7 @@ def test_receivers_that_disagree_are_told() -> None:
     swapped = replace(chain.poses, quaternion=np.roll(chain.poses.quaternion, -1, -1))
     joint = chain.joints[0]
     found = solve_closed(moments_of(chain, swapped), 0, 5)
-    placed = place_joint(joint, solution_row(joint, found), read_model("paper-fig4"), None)
+    placed = place_joint(joint, LAYOUT, solution_row(joint, found), read_model("paper-fig4"), None)
     assert placed["status"] == "weak"
     assert "quaternion order" in placed["message"]
 
@@ -204,7 +205,7 @@ def test_joints_of_another_layout_are_refused(tmp_path: Path, capsys: pytest.Cap
 def test_a_final_centre_is_kept(message: str) -> None:
     chain = random_chain(3, 2, off_axis_rad=0.2, noise_mm=0.3, in_plane=False)
     row = solution_row(chain.joints[0], solve_closed(moments_of(chain), 0, 6)) | {"message": message}
-    placed = place_joint(chain.joints[0], row, read_model("anatomical"), None)
+    placed = place_joint(chain.joints[0], LAYOUT, row, read_model("anatomical"), None)
     for half in ("parent", "child"):
         for axis in "xyz":
             assert placed[f"{half}_{axis}_mm"] == row[f"{half}_{axis}_mm"]

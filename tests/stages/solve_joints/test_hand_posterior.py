@@ -6,7 +6,7 @@ from chains import moments_of, random_chain
 from skeleton.rotations import Array, conjugate, matrix, multiply, rotate
 from stages.solve_joints.closed import solve_closed
 from stages.solve_joints.hand_posterior import HandPrior, Information, hand_posterior, information
-from stages.solve_joints.skin import drift, stacked
+from stages.solve_joints.skin_drift import drift, stacked
 
 NOTHING = np.zeros(0), np.zeros((0, 0))
 

@@ -4,9 +4,9 @@ import struct
 
 import numpy as np
 import pytest
+from fuzzing.decoding import check_tiles, decode
+from fuzzing.tracker_streams import fastrak_binary, fastrak_text, pose, settings
 
-from benchmarks.fuzz_decoding import check_tiles, decode
-from benchmarks.tracker_streams import fastrak_binary, fastrak_text, pose, settings
 from trackers.fastrak.binary_decoder import BinaryDecoder
 from trackers.fastrak.items import OUTPUT_ITEMS
 from trackers.fastrak.text_decoder import TextDecoder

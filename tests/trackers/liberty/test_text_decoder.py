@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from fuzzing.decoding import check_tiles, decode
+from fuzzing.tracker_streams import liberty_text, pose, settings
 
-from benchmarks.fuzz_decoding import check_tiles, decode
-from benchmarks.tracker_streams import liberty_text, pose, settings
 from trackers.liberty.text_decoder import TextDecoder
 from trackers.protocols.records import Decoded, Records
 

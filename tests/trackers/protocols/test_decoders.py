@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from fuzzing.decoding import check_tiles, decode, skipped_bytes
+from fuzzing.tracker_streams import streams
 
-from benchmarks.fuzz_decoding import check_tiles, decode, skipped_bytes
-from benchmarks.tracker_streams import streams
 from trackers.families import decoder_of
 from trackers.protocols.records import Records
 

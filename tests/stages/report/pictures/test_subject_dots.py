@@ -10,11 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stages.report.palette import DIGITS
-from stages.report.pictures.page_picture import page_figure
 from stages.report.pictures.subject_dots import (
     MOST_NAMED,
     Panel,
-    Scale,
     Strip,
     difference_scale,
     draw_panels,
@@ -28,20 +26,6 @@ NUMBERS = st.lists(st.floats(-500.0, 500.0).map(lambda value: round(value, 3)), 
 def places(picture: str) -> np.ndarray:
     """Where the dots of a picture are, (n, 2), px."""
     return np.array(re.findall(r"M([\d.]+)[ ]?([\d.]+)h0", picture), float).reshape(-1, 2)
-
-
-def shares(scale: Scale, values: np.ndarray) -> np.ndarray:
-    """Where values are on an axis of that scale, 0 to 1."""
-    axes = page_figure(400, 100).add_axes((0, 0, 1, 1))
-    scale.set_on(axes)
-    points = axes.transData.transform(np.column_stack([values, np.zeros(len(values))]))
-    return axes.transAxes.inverted().transform(points)[:, 0]
-
-
-def ticks(scale: Scale) -> np.ndarray:
-    axes = page_figure(400, 100).add_axes((0, 0, 1, 1))
-    scale.set_on(axes)
-    return np.array([tick for tick in axes.get_xticks() if scale.low <= tick <= scale.high])
 
 
 @given(st.lists(st.floats(0, 250), max_size=60), st.sampled_from([2.8, 6.0]), st.sampled_from([3, 19]))
@@ -75,18 +59,18 @@ def test_gross_failures_flatten_nothing(gross: float) -> None:
     usual = np.linspace(1.0, 3.0, 30)
     errors, differences = value_scale(np.append(usual, gross)), difference_scale(np.append(usual - 2, -gross))
     assert (errors.kind, differences.kind) == (("linear",) * 2 if gross < 10 else ("log", "asinh"))
-    assert np.ptp(shares(errors, usual)) > 0.1
-    assert np.ptp(shares(differences, usual - 2)) > 0.1
-    assert 0.0 in ticks(differences)
+    assert np.ptp(errors.share(usual)) > 0.1
+    assert np.ptp(differences.share(usual - 2)) > 0.1
+    assert 0.0 in differences.ticks()
     for scale in (errors, differences):
-        assert len(ticks(scale)) >= 2
-        assert np.diff(shares(scale, ticks(scale))).min() > 0.06
+        assert len(scale.ticks()) >= 2
+        assert np.diff(scale.share(scale.ticks())).min() > 0.06
 
 
 def test_a_scale_of_nothing() -> None:
     """Only zeros, which a model may well have against itself."""
-    assert shares(value_scale(np.zeros(3)), np.zeros(1)).tolist() == [0.0]
-    assert shares(difference_scale(np.zeros(3)), np.zeros(1)).tolist() == [0.5]
+    assert value_scale(np.zeros(3)).share(np.zeros(1)).tolist() == [0.0]
+    assert difference_scale(np.zeros(3)).share(np.zeros(1)).tolist() == [0.5]
     assert value_scale(np.array([0.0, 0.0, 3.0])).below(np.array([0.0, 0.0, 3.0])) == 2
 
 
@@ -104,7 +88,7 @@ def test_every_subject_is_drawn(n: int) -> None:
     assert len(found) == n + 1
     assert picture.count("<title>S") == (n if n <= MOST_NAMED else 0)
     row = np.sort(found[found[:, 1] < found[:, 1].max() - 8][:, 0])
-    along = shares(scale, np.arange(1.0, n + 1))
+    along = scale.share(np.arange(1.0, n + 1))
     np.testing.assert_allclose(row, np.polyval(np.polyfit(along, row, 1), along), atol=0.1)
     assert f">1 of {n}<" in picture
     assert f">0 of {n}<" in picture
@@ -114,12 +98,12 @@ def test_every_subject_is_drawn(n: int) -> None:
 
 def test_dots_stand_over_their_numbers() -> None:
     """Where the grid has its line for the number, and the number is written below that."""
-    panel = Panel("Thumb", "Thumb", DIGITS[0], [Strip("one", {"S0": 5.0})])
+    panel = Panel("Thumb", "Thumb", DIGITS[0], [Strip("one", {"S0": 4.0})])
     (picture,) = draw_panels([panel], value_scale(np.array([0.0, 10.0])), "mm", 1).pictures
     written = {
         text: float(x) for x, text in re.findall(r'<text[^>]* x="([\d.]+)"[^>]*>(\d+)</text>', picture)
     }
-    assert places(picture)[0, 0] == pytest.approx(written["5"], abs=0.11)
+    assert places(picture)[0, 0] == pytest.approx(written["4"], abs=0.11)
 
 
 def test_rows_have_room_for_the_most_crowded_panel() -> None:

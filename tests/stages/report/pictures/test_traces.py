@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from stages.report.palette import model_looks
-from stages.report.pictures.marks import trace_band, trace_line
 from stages.report.pictures.tip_error_strips import hidden_lines, thinned_traces, tip_error_picture
-from stages.report.pictures.traces import Trace, error_scale, thin
+from stages.report.pictures.traces import Trace, error_scale, thin, trace_band, trace_line
 
 
 def _trace(error: np.ndarray, columns: int = 240) -> Trace:
@@ -47,9 +46,9 @@ def test_series_without_an_error_has_no_trace() -> None:
 def test_gross_failure_makes_the_scale_logarithmic() -> None:
     """Digits that differ little share a scale from zero."""
     small, large = _trace(np.full(10, 2.0)), _trace(np.full(10, 80.0))
-    assert error_scale([small, large]).logarithmic
-    assert not error_scale([small, _trace(np.full(10, 3.0))]).logarithmic
-    assert error_scale([]).high_mm > 0
+    assert error_scale([small, large]).kind == "log"
+    assert error_scale([small, _trace(np.full(10, 3.0))]).kind == "linear"
+    assert error_scale([]).high > 0
 
 
 def test_a_peak_and_a_gap_survive_thinning() -> None:
@@ -86,5 +85,7 @@ def test_the_picture_has_a_strip_a_digit_and_a_line_a_model() -> None:
     ]
     assert [path.count("M") for path in lines] == [2]
     assert hidden_lines(traces, ["a", "b", "c"]) == "Equal, so that the last hides the others: a and b."
+    one = thinned_traces(np.arange(1), np.zeros(1), {"thumb": {"a": np.ones(1)}})
+    assert "nan" not in tip_error_picture("t", one, model_looks(["a"]))
     frames = thinned_traces(np.arange(3), np.full(3, np.nan), {"thumb": {"a": np.ones(3)}})
     assert ">frame<" in tip_error_picture("t", frames, model_looks(["a"]))

@@ -1,0 +1,180 @@
+"""A small valid recording of every file format, as bytes: what the fuzzer spoils."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fuzzing.tracker_streams import cosines, liberty_binary, pose, settings
+
+FRAMES = 6
+SEGMENTS = {1: "hand", 2: "index_proximal"}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """files : name -> content; path : the name that is read; mapping : None where the format says enough."""
+
+    path: str
+    files: Mapping[str, bytes]
+    mapping: Mapping[str, Any] | None = None
+
+
+def _tidy_csv() -> Recording:
+    lines = ["frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz"]
+    for frame in range(FRAMES):
+        for station, segment in SEGMENTS.items():
+            position, q = pose(frame, station)
+            lines.append(",".join(map(str, (frame, frame / 240, segment, *position, *q))))
+    return Recording("a.csv", {"a.csv": "\n".join(lines).encode()})
+
+
+def _tidy_parquet() -> Recording:
+    import pyarrow.parquet as pq
+    from pyarrow import csv
+
+    out = io.BytesIO()
+    pq.write_table(csv.read_csv(io.BytesIO(_tidy_csv().files["a.csv"])), out)
+    return Recording("a.parquet", {"a.parquet": out.getvalue()})
+
+
+def _numbers(frame: int) -> list[float]:
+    """Poses of all segments in a frame, one after the other."""
+    return [number for station in SEGMENTS for part in pose(frame, station) for number in part]
+
+
+def capture_bytes() -> bytes:
+    """A raw capture of a LIBERTY with two stations."""
+    from trackers.archive import ArchiveWriter
+
+    items = (8, 9, 11, 10, 12, 3, 7)
+    with tempfile.TemporaryDirectory() as name:
+        writer = ArchiveWriter(Path(name, "a.arrows"), {"note": "made up"}, lambda: 0)
+        writer.settings(settings("liberty", "binary", items, (1, 2)).to_json(), 0)
+        for frame in range(1, 3 * FRAMES):
+            pieces = [liberty_binary(frame, station, items) for station in (1, 2)]
+            writer.received(b"".join(pieces), frame * 4_166_667)
+            if frame % 5 == 0:
+                writer.flush()
+        writer.close({"records": 2 * FRAMES}, FRAMES * 4_166_667)
+        return Path(name, "a.arrows").read_bytes()
+
+
+def _mapped_csv() -> Recording:
+    receiver = {
+        segment: {"position": [f"{a}{n}" for a in "xyz"], "orientation": [f"{a}{n}" for a in "wijk"]}
+        for n, segment in SEGMENTS.items()
+    }
+    mapping = {
+        "format": "csv",
+        "position_unit": "cm",
+        "orientation": {"kind": "quaternion", "order": "wxyz"},
+        "receivers": receiver,
+        "csv": {"time": "t", "time_unit": "ms"},
+    }
+    lines = [",".join(["t", *(f"{a}{n}" for n in SEGMENTS for a in "xyzwijk")])]
+    lines += [",".join(map(str, [4.2 * frame, *_numbers(frame)])) for frame in range(FRAMES)]
+    return Recording("a.txt", {"a.txt": "\r\n".join(lines).encode()}, mapping)
+
+
+def _matrices() -> Recording:
+    lines = []
+    for position, q in (pose(frame, station) for frame in range(FRAMES) for station in SEGMENTS):
+        matrix = cosines(q)
+        lines += [" ".join(map(str, (*matrix[3 * row : 3 * row + 3], position[row]))) for row in range(3)]
+        lines.append("0 0 0 1\n")
+    receivers: dict[str, Any] = {segment: {} for segment in SEGMENTS.values()}
+    mapping = {"format": "matrices", "position_unit": "mm", "receivers": receivers}
+    return Recording("a.traj", {"a.traj": "\n".join(lines).encode()}, mapping)
+
+
+def _c3d() -> Recording:
+    import ezc3d
+
+    shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["parameters"]["POINT"]["LABELS"]["value"] = ["H1", "H2", "H3"]
+    points = np.array([shape + pose(frame, 1)[0] for frame in range(FRAMES)])
+    file["data"]["points"] = np.concatenate([points, np.ones((FRAMES, 3, 1))], -1).transpose(2, 1, 0)
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name, "a.c3d")
+        file.write(str(path))
+        data = path.read_bytes()
+    mapping = {
+        "format": "c3d",
+        "position_unit": "mm",
+        "receivers": {"hand": {"markers": ["H1", "H2", "H3"]}},
+    }
+    return Recording("a.c3d", {"a.c3d": data}, mapping)
+
+
+def _motion_bids() -> Recording:
+    stem = "sub-01_task-rom_tracksys-right"
+    parts = dict.fromkeys("xyz", "POS") | {f"quat_{axis}": "ORNT" for axis in "wxyz"}
+    channels = ["name\tcomponent\ttype\ttracked_point\tunits\treference_frame"]
+    for segment in SEGMENTS.values():
+        channels += [
+            f"{segment}_{part}\t{part}\t{kind}\t{segment}\t{'m' if kind == 'POS' else 'n/a'}\tlab"
+            for part, kind in parts.items()
+        ]
+    motion = ["\t".join(map(str, _numbers(frame))) for frame in range(FRAMES)]
+    files = {
+        f"{stem}_motion.tsv": "\n".join(motion) + "\n",
+        f"{stem}_channels.tsv": "\n".join(channels) + "\n",
+        f"{stem}_motion.json": json.dumps({"TaskName": "rom", "SamplingFrequency": 240}),
+        f"{stem}_channels.json": json.dumps({"reference_frame": {"Levels": {"lab": {"SpatialAxes": "ARI"}}}}),
+    }
+    return Recording(f"{stem}_motion.tsv", {name: text.encode() for name, text in files.items()})
+
+
+def _xdf_chunk(tag: int, content: bytes) -> bytes:
+    return struct.pack("<BIH", 4, 2 + len(content), tag) + content
+
+
+def _xdf() -> Recording:
+    kinds = [f"Position{axis}" for axis in "XYZ"] + [f"Orientation{part}" for part in "ABCD"]
+    channels = "".join(
+        f"<channel><label>{segment}_{kind}</label><marker>{segment}</marker><type>{kind}</type>"
+        f"<unit>{'meters' if kind.startswith('P') else ''}</unit></channel>"
+        for segment in SEGMENTS.values()
+        for kind in kinds
+    )
+    head = (
+        f"<info><name>t</name><type>MoCap</type><channel_count>{len(SEGMENTS) * 7}</channel_count>"
+        "<nominal_srate>240</nominal_srate><channel_format>double64</channel_format>"
+        f"<desc><channels>{channels}</channels></desc></info>"
+    )
+    number = struct.pack("<I", 1)
+    data = (
+        b"XDF:"
+        + _xdf_chunk(1, b"<info><version>1.0</version></info>")
+        + _xdf_chunk(2, number + head.encode())
+    )
+    for frame in range(FRAMES):
+        poses = _numbers(frame)
+        sample = struct.pack("<BBBd", 1, 1, 8, frame / 240) + struct.pack(f"<{len(poses)}d", *poses)
+        data += _xdf_chunk(3, number + sample)
+    data += _xdf_chunk(6, number + f"<info><sample_count>{FRAMES}</sample_count></info>".encode())
+    return Recording("a.xdf", {"a.xdf": data})
+
+
+RECORDINGS: Mapping[str, Callable[[], Recording]] = {
+    "csv": _tidy_csv,
+    "parquet": _tidy_parquet,
+    "capture": lambda: Recording("a.arrows", {"a.arrows": capture_bytes()}),
+    "mapped csv": _mapped_csv,
+    "matrices": _matrices,
+    "c3d": _c3d,
+    "motion-bids": _motion_bids,
+    "xdf": _xdf,
+}

@@ -1,0 +1,30 @@
+"""Exports of all subjects in one folder."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from stages.export.collect import main
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_files_of_all_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool) -> None:
+    """Hidden files stay; where the disk has no links files are copied; what is there is replaced."""
+    for name in ("one/a.bvh", "one/.hidden", "two/b.bvh", "two/bids/sub-01/b.tsv", "out/a.bvh"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    if not links:
+        monkeypatch.setattr(os, "link", _refuse)
+    folders, out = [str(tmp_path / "one"), str(tmp_path / "two")], tmp_path / "out"
+    assert main(["--folders", *folders, "--out", str(out)]) == 0
+    texts = {path.relative_to(out).as_posix(): path.read_text() for path in out.rglob("*") if path.is_file()}
+    expected = {"a.bvh": "one/a.bvh", "b.bvh": "two/b.bvh", "bids/sub-01/b.tsv": "two/bids/sub-01/b.tsv"}
+    assert texts == expected
+    assert (out / "a.bvh").samefile(tmp_path / "one" / "a.bvh") == links
+
+
+def _refuse(*_: object) -> None:
+    raise OSError("no links")
