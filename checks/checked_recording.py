@@ -11,7 +11,7 @@ import numpy as np
 from checks.expected_body import ExpectedBody, expected_body
 from checks.explaining import Explanation
 from checks.hypotheses import Recorded, hypotheses
-from checks.mistakes import Mistake, Search, find_mistakes
+from checks.mistake_search import Mistake, Search, find_mistakes
 from checks.sampled_motion import motion_of, receiver_axes
 from checks.timeline import (
     Timeline,
@@ -32,6 +32,8 @@ SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
 OPEN_GAP_MM = 15.0
 MANY_STUCK, MANY_REPEATED = 0.02, 0.4
 SPEED_LIMIT_RAD_S = 60.0
+UNEXPLAINED = -25.0
+"""Log likelihood a joint; of loose receivers it is about -8."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +71,14 @@ def check_recording(
     short = _too_short(line, timed=clock is None)
     if (short and short.severity == REFUSED) or not body.names:
         return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
+    if angles := _angles(line, declared):
+        return CheckedRecording(tuple(angles), poses_digest(poses), None, None)
     findings, search = _explained(line, body, layout, segments, hand, euler)
     late = [
         *_left_out(flipped or {}),
         *_frozen(poses),
         *_stays(line, segments),
         *_clock(line, clock),
-        *_angles(line, declared),
         *([short] if short else []),
     ]
     return CheckedRecording((*findings, *late), poses_digest(poses), body, search.explanation)
@@ -107,8 +110,16 @@ def _explained(
     if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
         return [_jumping()], search
     flips = _flips(line, sign, segments)
-    named = [_finding(one) for one in search.mistakes if not (flips and one.hypothesis.kind == "hemisphere")]
+    mistakes = search.mistakes
+    if mistakes and _unexplained(body, search.explanation):  # guesses on guesses: the likeliest alone
+        mistakes = mistakes[:1]
+    named = [_finding(one) for one in mistakes if not (flips and one.hypothesis.kind == "hemisphere")]
     return [*flips, *named, *_spikes(line, odd, segments)], search
+
+
+def _unexplained(body: ExpectedBody, explanation: Explanation) -> bool:
+    """Whether even with all mistakes undone this is no hand."""
+    return bool(body.known.all() and explanation.total[0] < UNEXPLAINED * len(body.names))
 
 
 def _finding(mistake: Mistake) -> Finding:

@@ -24,6 +24,8 @@ ROOM = 1.6
 """That hands and receivers on them may differ more than healthy ones put on by experts do."""
 PHALANX_SD_MM, THUMB_SD_MM = (4.5, 2.5, 2.5), (6.0, 4.0, 4.0)
 """Of a joint's centre in the frame of a receiver on the bone before or after it."""
+HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
+"""Of receivers from the wrist, where the layout does not say where the wrist is (ours)."""
 ON_HAND_SD_MM = 4.0
 """Of a knuckle in the hand's frame, what is shared apart."""
 
@@ -79,7 +81,7 @@ def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
     if layout.wrist is not None and body.known.any():
         for place, joint in enumerate(joints):
             if joint.name == layout.wrist.joint and joint.child == root_of(layout):
-                _expect_wrist(body, place)
+                _expect_wrist(body, place, _hand_mount_mm(layout))
     return body
 
 
@@ -97,7 +99,7 @@ def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: 
     if on_root:
         body.sd_mm[place, 0] = ON_HAND_SD_MM * (1.5 if thumb else 1.0)
         parent = anatomy.joints_mm()[bone]
-        body.centre_mm[place, 0] = parent - average.DRAWN_HAND_MOUNT_MM
+        body.centre_mm[place, 0] = parent - _hand_mount_mm(layout)
         _share_root(body, place, 0)
     else:
         parent = np.array([anatomy.lengths_mm[bone - 1] / 2, 0.0, -_height_mm(joint.parent_receiver)])
@@ -112,10 +114,19 @@ def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: 
     body.gap_mm[place] = 3.0 if thumb or layout.joints[joint.name].compound else 2.0
 
 
-def _expect_wrist(body: ExpectedBody, place: int) -> None:
-    mounts = average.DRAWN_FOREARM_MOUNT_MM, average.DRAWN_HAND_MOUNT_MM
+def _hand_mount_mm(layout: Layout) -> Array:
+    """Where the hand's receiver sits from the wrist: distally, sideways, dorsally."""
+    if layout.wrist is None:
+        return np.array(HAND_MOUNT_MM)
+    worn = layout.segments[layout.wrist.segment]
+    distal, dorsal = np.array(worn.distal), np.array(worn.dorsal)
+    axes = np.stack([distal, np.cross(dorsal, distal), dorsal])
+    return np.asarray(-axes @ np.array(layout.wrist.nominal_mm))
+
+
+def _expect_wrist(body: ExpectedBody, place: int, hand_mount_mm: Array) -> None:
     body.known[place] = True
-    body.centre_mm[place] = -np.array(mounts)
+    body.centre_mm[place] = -np.array([FOREARM_MOUNT_MM, hand_mount_mm])
     body.sd_mm[place] = [[40.0, 12.0, 12.0], [4.0, 4.0, 4.0]]
     body.flexion_deg[place] = (-95.0, 95.0)
     body.sideways_sd_deg[place] = (20.0, 25.0)

@@ -18,7 +18,7 @@ from typing import Any
 from schemas.catalogue import FINDINGS
 from schemas.config_files import CONFIG_FOLDER, read_config
 from schemas.errors import InputError
-from schemas.findings import REFUSED
+from schemas.findings import REFUSED, SUSPECT
 from schemas.layout import Layout, layout_from_config
 from schemas.model import SkeletonModel, model_from_config
 from schemas.parts import Part
@@ -41,7 +41,7 @@ class SubjectPlan:
     messages. poses_files : every recording's poses table. truth_folders : of simulated recordings, where the
     truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks are left
     out in turn; else every recording is used as a command line names it. refused : the sentence of each
-    recording that a finding refuses; such a one is excluded.
+    recording that a finding refuses; such a one is excluded. suspect : that of each that a finding suspects.
     """
 
     study: str
@@ -60,6 +60,7 @@ class SubjectPlan:
     truth_folders: Mapping[Recording, Path]
     is_study: bool = True
     refused: Mapping[Recording, str] = field(default_factory=dict)
+    suspect: Mapping[Recording, str] = field(default_factory=dict)
 
     @property
     def hands(self) -> tuple[str, ...]:
@@ -128,13 +129,20 @@ class SubjectPlan:
         tasks = dict.fromkeys(recording.task for recording in self.evaluated(hand))
         return [task for task in tasks if task in used and self.calibrating(hand, model, task)]
 
-    def without_refused(self) -> SubjectPlan:
-        """The plan without the recordings that the subject's findings table refuses, if there is one."""
+    def with_findings(self) -> SubjectPlan:
+        """The plan with what the subject's findings table, if there is one, refuses and suspects."""
         path = self.table(FINDINGS.name)
         if not path.is_file():
             return self
-        rows = [row for row in rows_of(read_table(path, FINDINGS)) if row["severity"] == REFUSED]
-        reasons = {(row["hand"], row["task"], row["trial"]): row["message"] for row in reversed(rows)}
+        rows = list(rows_of(read_table(path, FINDINGS)))
+        reasons, suspicions = (
+            {
+                (row["hand"], row["task"], row["trial"]): row["message"]
+                for row in reversed(rows)
+                if row["severity"] == severity
+            }
+            for severity in (REFUSED, SUSPECT)
+        )
         by_recording = {
             recording: replace(recording, exclude=reasons[key])
             for recording in self.recordings
@@ -147,6 +155,11 @@ class SubjectPlan:
             poses_files={by_recording.get(own, own): path for own, path in self.poses_files.items()},
             truth_folders={by_recording.get(own, own): path for own, path in self.truth_folders.items()},
             refused={own: own.exclude for own in by_recording.values()},
+            suspect={
+                own: suspicions[key]
+                for own in self.recordings
+                if (key := (own.hand.hand, own.task, own.trial)) in suspicions
+            },
         )
 
     def check_calibration_left(self, hand: str) -> None:
@@ -318,7 +331,7 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
         raise InputError(
             f"{path}: a damaged plan ({type(error).__name__}: {error}); remove it and run the study again"
         ) from error
-    return plan.without_refused() if checked else plan
+    return plan.with_findings() if checked else plan
 
 
 def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:

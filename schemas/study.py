@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from schemas.config_files import check_config, config_path, read_config
-from schemas.errors import InputError
+from schemas.errors import InputError, guess
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.sheets import HAND_SHEETS, RECORDINGS, SHEETS, Row, read_sheet
@@ -178,9 +177,8 @@ def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], 
         if hand not in known_hands:
             reason = f"column subject: the study has no {hand.hand} hand of {hand.subject!r}"
         elif row["joint"] not in joints:
-            close = difflib.get_close_matches(row["joint"], joints, 1)
-            guess = f"; did you mean {close[0]!r}?" if close else f"; expected one of {', '.join(joints)}"
-            reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}{guess}"
+            meant = guess(row["joint"], joints)
+            reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}; {meant}"
         else:
             continue
         problems.append(f"{path.name}: row {row.line}, {reason}; the row was not applied")

@@ -94,9 +94,10 @@ def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
             name = "/".join((plan.subject, recording.hand.hand, recording.task, recording.trial))
             if name not in digests:
                 continue
-            subject, first = first_of.setdefault(digests[name], (plan.subject, name))
+            task = ", ".join(filter(None, (recording.task, recording.trial)))
+            own = (plan.subject, f"subject {plan.subject}, {recording.hand.hand} hand, {task}")
+            subject, first = first_of.setdefault(digests[name], own)
             if subject != plan.subject:
-                task = ", ".join(filter(None, (recording.task, recording.trial)))
                 where = {"subject": plan.subject, "hand": recording.hand.hand, "task": task}
                 one = same_file(first).accepted(recording.accept)
                 yield _problem(STAGE, one.kind, one.severity, one.message, **where)

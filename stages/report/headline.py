@@ -26,10 +26,17 @@ def used_text(results: StudyResults) -> str:
 
 
 def headline(results: StudyResults) -> str:
-    """One paragraph: of a model that fits the whole hand where there is one, else of all."""
+    """One paragraph: of a model that fits the whole hand where there is one, else of all.
+
+    Hands with a suspect finding are counted out, and that is said.
+    """
     used = used_text(results)
     if results.simulated:
         used = used.rstrip(".") + "; they are simulated, so no person's hand is behind these numbers."
+    if results.suspect:
+        hands = sorted(f"subject {hand.subject}'s {hand.hand} hand" for hand in results.suspect)
+        used += f" Left out of these numbers, for what was found in their recordings: {listed(hands)}."
+    results = results.judging
     for model in results.fitted[:1]:
         rows, scored_on = _judging(results, model)
         if known(rows, "left_out_mean_mm"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -103,17 +102,12 @@ class OutputItems:
 
     def record_type(self, items: Sequence[int]) -> np.dtype[np.void]:
         """NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
-        return _record_type(self.header, tuple(self.items[item] for item in items))
-
-
-@cache
-def _record_type(header: tuple[tuple[str, str], ...], items: tuple[Item, ...]) -> np.dtype[np.void]:
-    fields, names = list(header), {name for name, _ in header}
-    for place, item in enumerate(items):
-        for name in item.fields:
-            fields.append((f"{name}_{place}" if name in names else name, f"<{item.kind}"))
-            names.add(name)
-    return np.dtype(fields)
+        fields, names = list(self.header), {name for name, _ in self.header}
+        for place, item in enumerate(items):
+            for name in self.items[item].fields:
+                fields.append((f"{name}_{place}" if name in names else name, f"<{self.items[item].kind}"))
+                names.add(name)
+        return np.dtype(fields)
 
 
 def read_binary_records(

@@ -75,8 +75,9 @@ def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> 
     errors = error_scale(everything)
     picture.text(0, 12, f"tip error [mm]{', log scale' if errors.kind == 'log' else ''}")
     _legend(picture, models, looks)
-    spans = np.array([trace.span for trace in everything]).reshape(-1, 2)
-    time = Scale(spans[:, 0].min(initial=np.inf), spans[:, 1].max(initial=-np.inf))
+    first = min((trace.span[0] for trace in everything), default=0.0)
+    last = max((trace.span[1] for trace in everything), default=0.0)
+    time = Scale(first, last if last > first else first + 1.0)
     for index, (digit, of) in enumerate(traces.items()):
         strip = _Strip(picture, time, errors, top + index * (_STRIP + _GAP))
         strip.frame(digit)
@@ -85,9 +86,8 @@ def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> 
         if not of:
             picture.text(_LEFT + 6, strip.top + _STRIP / 2, "no tip error", middle=True)
     if everything:
-        last = foot - _GAP
-        picture.line([(_LEFT, last), (_RIGHT, last)], SOFT)
-        picture.number_axis(time, (_LEFT, _RIGHT), last, last, time_label(traces))
+        picture.line([(_LEFT, foot - _GAP), (_RIGHT, foot - _GAP)], SOFT)
+        picture.number_axis(time, (_LEFT, _RIGHT), foot - _GAP, foot - _GAP, time_label(traces))
     return picture.markup()
 
 

@@ -9,11 +9,6 @@ const GAP_STEPS = 1.9; // as in pictures/traces.py: a longer step between frames
 const LOG_RATIO = 8, LOG_FLOOR_MM = .1; // as in pictures/traces.py, but the mouse can look into the noise
 const LEAST_SPAN_DEG = 10;
 const MARK_EVERY = 120; // CSS pixels between the marks of a line
-const MARKS = [
-  "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z", "M-2.9-2.9h5.8v5.8h-5.8z", "M0-3.8 3.6 2.8h-7.2z",
-  "M0-4.2 4.2 0 0 4.2-4.2 0z", "M0 3.8 3.6-2.8h-7.2z", "M-4-1h3v-3h2v3h3v2h-3v3h-2v-3h-3z",
-  "M-3.6 0 0-1.6 3.6 0 0 1.6z",
-];
 const ANGLES = ["flexion", "abduction", "rotation"];
 const SENSES = ["flexion +, extension −", "ulnar +, radial −", "pronation +, supination −"];
 const TELL_MS = 150; // between two new texts while the hand plays
@@ -249,9 +244,6 @@ class Plots {
     }
     this.all = Object.values(this.plots);
     this.known = this.rows.map((_, m) => viewer.digits.map((_, d) => summary(this.error(m, d), viewer.last + 1)));
-    this.rows.forEach((row, m) => {
-      row.querySelector("[data-mark]").setAttribute("d", this.mark(m));
-    });
     this.choose(viewer.shown);
     this.listJoints();
     this.listen();
@@ -264,7 +256,7 @@ class Plots {
   /* A model's place in the study: its colour and its mark go by it. */
   place(model) { return this.viewer.header.skeletons[model].place; }
 
-  mark(model) { return MARKS[this.place(model) % MARKS.length]; }
+  mark(model) { return this.rows[model].querySelector("[data-mark]").getAttribute("d"); }
 
   error(model, digit) { return series(this.viewer.blocks[`errors${model}`], digit); }
 
@@ -317,7 +309,7 @@ class Plots {
     return this.viewer.digits.map((digit, d) => ({
       ...scale, logarithmic, title: d ? digit : `${digit}: tip error [mm]`,
       lines: chosen.map((m, n) => ({
-        at: this.error(m, d), known: this.known[m][d], colour: read(`--model${this.place(m) % MARKS.length}`),
+        at: this.error(m, d), known: this.known[m][d], colour: read(`--model${this.place(m) % 7}`),
         mark: this.mark(m), phase: n / chosen.length,
       })),
     }));

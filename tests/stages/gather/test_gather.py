@@ -113,6 +113,25 @@ def whose(row: dict[str, Any]) -> tuple[str, str, str]:
     return row["subject"], row["hand"], row["model"]
 
 
+def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
+    plans: list[SubjectPlan], tmp_path: Path
+) -> None:
+    finding = {"hand": "right", "task": "pinch", "trial": "1", "kind": "spikes", "message": "It jumps."}
+    write_findings(plans[0], finding | {"severity": "refused"}, digests={"01/right/rom/": "a"})
+    write_findings(plans[1], digests={"02/right/pinch/": "a"})
+    found = gathered(tmp_path)
+    rows = [row for row in found["problems"] if row["stage"] == "check_recordings"]
+    keys = ("subject", "hand", "task", "kind", "severity")
+    assert [tuple(row[key] for key in keys) for row in rows] == [
+        ("01", "right", "pinch, 1", "spikes", "refused"),
+        ("02", "right", "pinch", "same-file", "suspect"),
+    ]
+    assert "those of subject 01, right hand, rom:" in rows[1]["message"]
+    statuses = {(row["subject"], row["task"], row["hand"]): row["status"] for row in found["recordings"]}
+    assert statuses["01", "pinch", "right"] == "refused"
+    assert statuses["02", "pinch", "right"] == "used"
+
+
 @pytest.mark.usefixtures("plans")
 def test_rows_of_every_whole_skeleton_in_order(tmp_path: Path) -> None:
     found = gathered(tmp_path)

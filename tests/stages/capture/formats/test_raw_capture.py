@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.capture_decoding import write_capture
+from benchmarks.captures import write_capture
 from benchmarks.processes import run_python
 from schemas.layout import read_layout
 
