@@ -126,10 +126,27 @@ rule capture:  # section 2: a recording -> its poses
         " > /dev/null 2> {log:q}"
 
 
+rule check_recordings:  # not in the paper: what was declared, against what the poses say
+    input:
+        study.poses,
+        plan=f"{subject}/plan.json",
+    output:
+        f"{subject}/findings.parquet",
+    log:
+        f"{logs}/check_recordings/sub-{{subject}}.log",
+    params:
+        code=code_digest("stages.check_recordings"),
+    message:
+        "check_recordings: subject {wildcards.subject}"
+    shell:
+        f"{run} stages.check_recordings --plan {{input.plan:q}} --out {{output:q}} > /dev/null 2> {{log:q}}"
+
+
 rule check_calibration:  # not in the paper: which joints should have moved more
     input:
         study.poses,
         plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
     output:
         f"{subject}/calibration_advice.parquet",
     log:
@@ -147,6 +164,7 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     input:
         study.poses,
         plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
     output:
         f"{subject}/joint_solutions.parquet",
     log:
@@ -162,6 +180,7 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
 rule project_planes:  # end of section 4: the plane that cuts each axis; manual corrections
     input:
         plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
         joints=f"{subject}/joint_solutions.parquet",
     output:
         f"{subject}/projected_joints.parquet",
@@ -200,6 +219,7 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
     input:
         study.poses_of_fit,
         plan=f"{fit}/plan.json",
+        findings=f"{subject}/findings.parquet",
     output:
         [f"{fit}/{table}.parquet" for table in FIT_TABLES],
     log:
@@ -219,6 +239,7 @@ rule fit_prior:  # not in the paper: the hand that anatomy expects, for comparis
     input:
         study.poses,
         plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
     output:
         [f"{subject}/{table}.parquet" for table in PRIOR_TABLES],
     log:
@@ -237,6 +258,7 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
         study.poses,
         study.fits,
         plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
         joints=f"{subject}/projected_joints.parquet",
     output:
         joints=f"{subject}/joint_centres.parquet",
@@ -258,6 +280,7 @@ rule evaluate_tips:  # section 6: replay and tip errors
     input:
         study.poses,
         plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
         joints=f"{subject}/joint_centres.parquet",
         bones=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
@@ -283,6 +306,7 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
         study.truth,
         [f"{subject}/{table}.parquet" for table in PRIOR_TABLES],
         plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
         joints=f"{subject}/joint_centres.parquet",
         bones=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
@@ -328,6 +352,7 @@ rule export:  # skeletons and their motion for other programs
         study.poses,
         study.fits,
         plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
         joints=f"{subject}/joint_centres.parquet",
         bones=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
@@ -356,14 +381,14 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
     log:
         f"{logs}/export_dataset.log",
     params:
-        code=code_digest("stages.export.dataset"),
+        code=code_digest("stages.export"),
         options=study.export_options,
         participants=study.participants,
     message:
         "export_dataset: the study as a Motion-BIDS dataset"
     shell:
-        f"{run} stages.export.dataset --record-failure --plans {{input.plans:q}} {{params.options}}"
-        " {params.participants} --out {output:q}/bids > /dev/null 2> {log:q}"
+        f"{run} stages.export --record-failure --plan {{input.plans:q}} --formats bids {{params.options}}"
+        " {params.participants} --out {output:q} > /dev/null 2> {log:q}"
 
 
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice

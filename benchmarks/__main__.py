@@ -15,6 +15,7 @@ BENCHMARKS = {
     "captures": "an hour of a tracker's bytes to Parquet; recording live: loss, load, delay",
     "accuracy": "every estimator, and published software, on simulated hands against their truth",
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
+    "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
     "cluster_plan": "a study of thousands on a cluster: jobs, hours, files, and what ends first",
     "report_pages": "the report: bytes of its pages, how a browser shows them",
     "opensim_figure": "the guide's picture of an export in OpenSim, and its inverse kinematics",

@@ -106,6 +106,22 @@ CAPTURE_RECORDS = Table(
     ("host_ns", "offset"),
 )
 
+FINDINGS = Table(
+    "findings",
+    1,
+    "what was declared of a recording and its poses contradict, likeliest first",
+    (
+        SUBJECT,
+        HAND,
+        TASK,
+        TRIAL,
+        Column("kind", TEXT, "", "what it is, a kind of docs/mistakes.md"),
+        Column("severity", TEXT, "", "refused (not used), suspect (judges nothing) or note"),
+        Column("message", TEXT, "", "what is seen, what it probably is, what to write"),
+    ),
+    ("subject", "hand", "task", "trial", "kind", "message"),
+)
+
 JOINT_SOLUTIONS = Table(
     "joint_solutions",
     2,
@@ -477,7 +493,7 @@ RECORDINGS = Table(
         *OF_RECORDING,
         Column("role", TEXT, "", "calibration, evaluation or both"),
         Column("file", TEXT, "", "the recording's file, as in the sheet"),
-        Column("status", TEXT, "", "used, excluded (by the sheet) or failed"),
+        Column("status", TEXT, "", "used, excluded (by the sheet), refused (by a finding) or failed"),
         Column("n_frames", WHOLE, "", "frames of the recording"),
         _real("duration_s", "from the first device time to the last"),
         _real(
@@ -499,7 +515,9 @@ PROBLEMS = Table(
         Column("task", TEXT, "", "task, and trial, of the recording; empty: of no single one"),
         Column("model", TEXT, "", "the skeleton model; empty: of no single one"),
         Column("stage", TEXT, "", "the stage that met it"),
-        Column("kind", TEXT, "", "what it is about: recording, hand, skeleton, receiver or correction"),
+        Column(
+            "kind", TEXT, "", "recording, hand, skeleton, receiver, correction or a kind of docs/mistakes.md"
+        ),
         Column("severity", TEXT, "", "refused (no result), suspect or note"),
         MESSAGE,
     ),
@@ -511,6 +529,7 @@ TABLES = {
     for table in (
         POSES,
         CAPTURE_RECORDS,
+        FINDINGS,
         JOINT_SOLUTIONS,
         JOINT_CENTRES,
         METACARPALS,

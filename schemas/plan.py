@@ -11,12 +11,14 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from schemas.catalogue import FINDINGS
 from schemas.config_files import CONFIG_FOLDER, read_config
 from schemas.errors import InputError
+from schemas.findings import REFUSED, SUSPECT
 from schemas.layout import Layout, layout_from_config
 from schemas.model import SkeletonModel, model_from_config
 from schemas.parts import Part
@@ -24,6 +26,7 @@ from schemas.poses import one_hand, recording_name
 from schemas.results import FIT_TABLES
 from schemas.sheets import HAND_SHEETS, SHEETS, Row, read_sheet
 from schemas.study import Hand, Recording, Study, path_token
+from schemas.tables import read_table, rows_of
 
 VERSION = 1
 SIZES = ("hand_length_mm", "hand_breadth_mm")
@@ -37,7 +40,8 @@ class SubjectPlan:
     order. corrections, measurements, touches : the subject's rows of these sheets. sheets : their paths, for
     messages. poses_files : every recording's poses table. truth_folders : of simulated recordings, where the
     truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks are left
-    out in turn; else every recording is used as a command line names it.
+    out in turn; else every recording is used as a command line names it. refused : the sentence of each
+    recording that a finding refuses; such a one is excluded. suspect : that of each that a finding suspects.
     """
 
     study: str
@@ -55,6 +59,8 @@ class SubjectPlan:
     poses_files: Mapping[Recording, Path]
     truth_folders: Mapping[Recording, Path]
     is_study: bool = True
+    refused: Mapping[Recording, str] = field(default_factory=dict)
+    suspect: Mapping[Recording, str] = field(default_factory=dict)
 
     @property
     def hands(self) -> tuple[str, ...]:
@@ -122,6 +128,45 @@ class SubjectPlan:
         used = {recording.task for recording in self.calibrating(hand, model)}
         tasks = dict.fromkeys(recording.task for recording in self.evaluated(hand))
         return [task for task in tasks if task in used and self.calibrating(hand, model, task)]
+
+    def with_findings(self) -> SubjectPlan:
+        """The plan with what the subject's findings table, if there is one, refuses and suspects."""
+        path = self.table(FINDINGS.name)
+        if not path.is_file():
+            return self
+        rows = list(rows_of(read_table(path, FINDINGS)))
+        reasons, suspicions = (
+            {
+                (row["hand"], row["task"], row["trial"]): row["message"]
+                for row in reversed(rows)
+                if row["severity"] == severity
+            }
+            for severity in (REFUSED, SUSPECT)
+        )
+        by_recording = {
+            recording: replace(recording, exclude=reasons[key])
+            for recording in self.recordings
+            if (key := (recording.hand.hand, recording.task, recording.trial)) in reasons
+            and not recording.exclude
+        }
+        return replace(
+            self,
+            recordings=tuple(by_recording.get(own, own) for own in self.recordings),
+            poses_files={by_recording.get(own, own): path for own, path in self.poses_files.items()},
+            truth_folders={by_recording.get(own, own): path for own, path in self.truth_folders.items()},
+            refused={own: own.exclude for own in by_recording.values()},
+            suspect={
+                own: suspicions[key]
+                for own in self.recordings
+                if (key := (own.hand.hand, own.task, own.trial)) in suspicions
+            },
+        )
+
+    def check_calibration_left(self, hand: str) -> None:
+        """Raise InputError, with the finding, where a hand has only refused recordings to calibrate on."""
+        sentences = [text for own, text in self.refused.items() if own.hand.hand == hand]
+        if sentences and not self.all_calibrating(hand):
+            raise InputError(f"no calibration recording is left: {sentences[0]}")
 
     def part(self, hand: str, model: str = "", made_without: str = "") -> Part:
         """Give a part of the subject's tables."""
@@ -193,6 +238,7 @@ def _recording(recording: Recording, study: Study, results: Path) -> dict[str, A
         "mapping": None if recording.mapping is None else _relative(recording.mapping),
         "hemisphere": recording.hemisphere,
         "exclude": recording.exclude,
+        "accept": recording.accept,
         "poses": (results / recording.hand.folder / recording.name / "poses.parquet").as_posix(),
         "truth": _relative(truth_folder(recording.file)) if simulated else None,
     }
@@ -236,7 +282,7 @@ def plan_of_poses(
         given = (path, str(path), Path(layout.name), "auto", None, "keep", "")
         files[Recording(Hand(subject, hand), name.task, name.trial, role, *given)] = path
     named = {name: path for name, path in (sheets or {}).items() if path is not None}
-    rows = {
+    rows: dict[str, Any] = {
         name: tuple(
             row
             for row in read_sheet(named.get(name), SHEETS[name])
@@ -262,8 +308,11 @@ def plan_digest(*contents: Any) -> str:
     return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def read_plan(path: Path) -> SubjectPlan:
-    """Read a subject's plan. Raises InputError where the file is absent or is no plan of this version."""
+def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
+    """Read a subject's plan. Raises InputError where the file is absent or is no plan of this version.
+
+    checked : leave out the recordings that the findings beside it refuse, as all stages do that come after.
+    """
     try:
         content = json.loads(path.read_text("utf-8"))
     except FileNotFoundError as error:
@@ -277,11 +326,12 @@ def read_plan(path: Path) -> SubjectPlan:
             f"{path}: not a subject's plan of version {VERSION}; remove it and run the study again"
         )
     try:
-        return plan_from_content(content, str(path))
+        plan = plan_from_content(content, str(path))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"{path}: a damaged plan ({type(error).__name__}: {error}); remove it and run the study again"
         ) from error
+    return plan.with_findings() if checked else plan
 
 
 def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:

@@ -44,7 +44,6 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
     absent = parameters.get("absent", [])
     dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
     problems = [f"no usable pose of {', '.join(dead)}; check that receiver"] if dead else []
-    problems += [parameters["doubt"]] if parameters.get("doubt") else []
     problems += parameters.get("losses", [])
     row["message"] = "; ".join(dict.fromkeys([*problems, *parameters.get("notes", [])]))
     n_frames = table.num_rows // max(len(n_valid), 1)

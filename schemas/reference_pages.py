@@ -1,4 +1,6 @@
-"""The reference pages of the guide, made from the schemas: docs/tables.md and docs/configuration.md."""
+"""The reference pages of the guide, made from the schemas: docs/tables.md,
+docs/configuration.md and docs/mistakes.md.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from typing import Any
 
 from schemas.catalogue import TABLES
 from schemas.config_files import json_schema, shipped
+from schemas.findings import mistakes_page
 from schemas.sheets import SHEETS
 from schemas.tables import Table
 
@@ -18,7 +21,11 @@ NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. 
 
 def pages() -> dict[str, str]:
     """Give the pages by file name."""
-    return {"tables.md": tables_page(), "configuration.md": configuration_page()}
+    return {
+        "tables.md": tables_page(),
+        "configuration.md": configuration_page(),
+        "mistakes.md": f"{NOTE}\n{mistakes_page()}",
+    }
 
 
 def tables_page() -> str:

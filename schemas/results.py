@@ -8,6 +8,7 @@ from pathlib import Path
 from schemas.study import Recording, path_token
 
 SUBJECT_TABLES = {
+    "findings": "check_recordings",
     "calibration_advice": "check_calibration",
     "joint_solutions": "solve_joints",
     "projected_joints": "project_planes",
@@ -105,8 +106,8 @@ class Results:
 
     @property
     def new_dataset(self) -> Path:
-        """Folder that the Motion-BIDS dataset is made in."""
-        return self.folder / "dataset" / "bids"
+        """Folder that the Motion-BIDS dataset is made in, as `bids`."""
+        return self.folder / "dataset"
 
     @property
     def dataset(self) -> Path:

@@ -112,6 +112,7 @@ RECORDINGS = Sheet(
             "keep",
         ),
         Cell("exclude", _text, "a reason to leave the recording out; empty to use it", False, ""),
+        Cell("accept", _text, "a reason to let it count though a finding calls it suspect", False, ""),
     ),
     ("subject", "hand", "task", "trial"),
 )

@@ -43,6 +43,7 @@ class Recording:
     mapping: Path | None
     hemisphere: str
     exclude: str
+    accept: str = ""
 
     @property
     def name(self) -> str:
@@ -213,6 +214,7 @@ def _recordings(sheet: Path, folder: Path, layout: Path) -> tuple[Recording, ...
             folder / row["mapping"] if row["mapping"] else None,
             row["hemisphere"],
             row["exclude"],
+            row["accept"],
         )
         first, line = layouts.setdefault(recording.hand, (own, row.line))
         if first != own:

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 from schemas.errors import InputError, TableError
 
 if TYPE_CHECKING:
+    from checks.checked_recording import CheckedRecording
+    from schemas.layout import Layout
     from schemas.parts import Part, PartsWriter
     from schemas.plan import SubjectPlan
     from schemas.tables import Table
@@ -194,6 +196,28 @@ def poses_files(plan: SubjectPlan) -> list[Path]:
             )
         files.append(path)
     return files
+
+
+def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> CheckedRecording:
+    """Check what was declared about the recording of a poses file; hand : in place of the file's own.
+
+    Raises InputError as reading does.
+    """
+    from collections import Counter
+
+    import pyarrow.compute as pc
+
+    from checks.checked_recording import check_recording
+    from schemas.catalogue import POSES
+    from schemas.poses import read_poses, recording_name
+    from schemas.tables import read_metadata, read_table
+
+    orientation = read_metadata(path)["parameters"].get("orientation")
+    flags = read_table(path, POSES, ["segment", "flags"])
+    rows = flags.filter(pc.match_substring(flags["flags"], "hemisphere-flip"))
+    flipped = Counter(rows["segment"].to_pylist())
+    poses, side = read_poses(path, layout.measured), hand or recording_name(path).hand
+    return check_recording(poses, layout, side, orientation, flipped)
 
 
 def config_files(arguments: argparse.Namespace) -> list[Path]:

@@ -15,10 +15,11 @@ BELOW: Mapping[str, Sequence[str]] = {
     "schemas": (),
     "skeleton": ("schemas",),
     "anatomy": ("skeleton", "schemas"),
+    "checks": ("anatomy", "skeleton", "schemas"),
     "trackers": ("anatomy", "skeleton", "schemas"),
-    "stages": ("trackers", "anatomy", "skeleton", "schemas"),
-    "workflow": ("stages", "trackers", "anatomy", "skeleton", "schemas"),
-    "benchmarks": ("workflow", "stages", "trackers", "anatomy", "skeleton", "schemas"),
+    "stages": ("checks", "trackers", "anatomy", "skeleton", "schemas"),
+    "workflow": ("stages", "checks", "trackers", "anatomy", "skeleton", "schemas"),
+    "benchmarks": ("workflow", "stages", "checks", "trackers", "anatomy", "skeleton", "schemas"),
 }
 """Each room with the rooms that it may import."""
 
@@ -29,7 +30,7 @@ SHARED_BY_STAGES = ("stages.command_line",)
 OF_A_FAMILY = {"binary_decoder", "decoder", "driver", "emulated_device", "items", "text_decoder"}
 """What each family of trackers has of its own, by the same names (`trackers.families`)."""
 
-REPEATED_NAMES = {"__init__", "__main__", *OF_A_FAMILY}
+REPEATED_NAMES = {"__init__", "__main__", "findings", *OF_A_FAMILY}
 """Names that modules of several packages may have."""
 
 EMPTY_NAMES = re.compile(r"(utils?|helpers?|common|misc|tools?|stuff)")

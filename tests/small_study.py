@@ -15,7 +15,7 @@ from stages.simulate.realism import Realism
 from stages.simulate.recording import write_recording
 from stages.simulate.simulation import simulate
 
-HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude"
+HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude\taccept"
 
 
 def write_study(

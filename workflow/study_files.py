@@ -186,7 +186,7 @@ class StudyFiles:
         return [
             str(path)
             for plan in self._plans.values()
-            for table in GATHERED_TABLES
+            for table in ("findings", *GATHERED_TABLES)
             for path in plan.files_of(table)
         ]
 
@@ -201,7 +201,7 @@ class StudyFiles:
 
     def exported(self, _: Wildcards = None) -> list[str]:
         """Tables of all subjects that exports are made of."""
-        names = ("joint_centres", "bone_lengths", "metacarpals")
+        names = ("findings", "joint_centres", "bone_lengths", "metacarpals")
         tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
         return [*self.all_poses(), *tables, *self._of_all(self.fits)]
 
@@ -247,7 +247,7 @@ class StudyFiles:
     def export_folders(self) -> list[str]:
         """Folders that exports are made in: of each subject, and of the dataset of all."""
         folders = [str(self.results.subject_exports(subject)) for subject in self.study.subjects]
-        dataset = [str(self.results.new_dataset.parent)] if "bids" in self.study.exports else []
+        dataset = [str(self.results.new_dataset)] if "bids" in self.study.exports else []
         return (folders if self.export_formats else []) + dataset
 
     figure_names = STUDY_FIGURES

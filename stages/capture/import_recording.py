@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,42 +82,50 @@ def import_recording(arguments: argparse.Namespace) -> None:
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
-    with poses_table(parts, parents, folder, repair_hemisphere=arguments.repair_hemisphere) as poses:
-        _write(arguments, layout, poses, remarks)
+    table = poses_table(parts(), parents, folder, repair_hemisphere=arguments.repair_hemisphere)
+    with closing(table) as poses:
+        _write(arguments, layout, poses, remarks, None if mapping is None else mapping.orientation)
+    if not arguments.record_failure:  # in a study, a stage of its own says so
+        _print_findings(arguments, layout)
 
 
-def _write(arguments: argparse.Namespace, layout: Layout, poses: PosesTable, remarks: _Remarks) -> None:
+def _write(
+    arguments: argparse.Namespace,
+    layout: Layout,
+    poses: PosesTable,
+    remarks: _Remarks,
+    orientation: Mapping[str, Any] | None,
+) -> None:
     from schemas.catalogue import POSES
     from schemas.config_files import config_path
     from schemas.tables import Provenance, write_table_in_parts
 
-    absent, doubt = _absent(layout, poses), unit_doubt(poses)
+    absent = _absent(layout, poses)
     notes = list(remarks.notes)
     if absent:
         notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
     notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
-    notes += [doubt] if doubt else []
     for note in notes:
         print(f"note: {arguments.file}: {note}", file=sys.stderr)
     inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
     inputs += [] if arguments.mapping is None else [arguments.mapping]
-    parameters = {**_parameters(arguments, layout.name, absent), "doubt": doubt, "notes": remarks.notes}
+    parameters = {**_parameters(arguments, layout.name, absent), "notes": remarks.notes}
+    parameters |= {} if orientation is None else {"orientation": dict(orientation)}
     parameters |= {"losses": remarks.losses, "missing_frames": remarks.missing_frames}
     write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 
-def unit_doubt(poses: PosesTable) -> str:
-    """Say that the positions do not look like mm; nothing where they do.
+def _print_findings(arguments: argparse.Namespace, layout: Layout) -> None:
+    """Say what was declared and cannot be; an hour is left to the stage, which may hold it in memory."""
+    from schemas.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
 
-    Three receivers worn on a body lie more than 5 mm apart, ten on a hand more than 50 mm.
-    """
-    if poses.span_mm < 5:
-        unit = "metres"
-    elif poses.span_mm < 50 and len(poses.segments) >= 10:
-        unit = "centimetres or inches"
-    else:
-        return ""
-    return f"the receivers lie within {poses.span_mm:.2g} mm of each other; are the positions in {unit}?"
+    if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
+        print(
+            f"note: {arguments.file}: long; check it with python -m stages.check_recordings", file=sys.stderr
+        )
+        return
+    for finding in command_line.checked_poses(arguments.out, layout).findings:
+        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {finding.message}", file=sys.stderr)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

@@ -28,6 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--write-mapping", type=Path, help="write a mapping to edit; what is unknown says CHECK"
     )
+    parser.add_argument("--hand", choices=("right", "left"), help="whose it is (default: as the poses look)")
     parser.add_argument("--layout", default="liberty16", help="a layout that ships, or a path: its segments")
     return parser
 
@@ -45,6 +46,8 @@ def inspect(arguments: argparse.Namespace) -> None:
     layout = read_layout(arguments.layout)
     description = describe(arguments.file, layout)
     print("\n".join(description.lines))
+    if not description.draft and (description.recording or _is_poses_table(arguments.file)):
+        print("".join(f"{line}\n" for line in finding_lines(arguments, layout)), end="")
     target = arguments.write_mapping
     if target is not None:
         if not description.draft:
@@ -54,6 +57,46 @@ def inspect(arguments: argparse.Namespace) -> None:
         write_text(target, description.draft)
         print(f"wrote {target}: put the truth where it says CHECK; import refuses it until then")
     print(f"next: {_next_command(arguments, description.recording, bool(description.draft))}")
+
+
+def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
+    """Say what was declared of the file and cannot be, or why it cannot be imported; a sentence a line.
+
+    The file is a recording that needs no mapping, or a poses table. Without --hand it is of the hand that it
+    looks like.
+    """
+    import io
+    from contextlib import redirect_stderr
+    from tempfile import TemporaryDirectory
+
+    from stages.capture.import_recording import build_parser, import_recording
+
+    path, hand = arguments.file, arguments.hand or "right"
+    with TemporaryDirectory() as folder:
+        if not _is_poses_table(path):
+            options = {"in": path, "layout": arguments.layout, "hand": hand, "out": Path(folder, "poses")}
+            given = [f"--{name}={value}" for name, value in (options | {"subject": "-", "task": "-"}).items()]
+            path = options["out"]
+            try:
+                with redirect_stderr(io.StringIO()):
+                    import_recording(build_parser().parse_args(["--record-failure", *given]))
+            except InputError as error:
+                return [f"import refuses it: {error}"]
+        findings = command_line.checked_poses(path, layout).findings
+        if arguments.hand is None and any(one.kind == "wrong-hand" for one in findings):
+            findings = command_line.checked_poses(path, layout, "left").findings
+            print("it looks like a left hand")
+    return [f"{one.severity}: {one.kind}: {one.message}" for one in findings]
+
+
+def _is_poses_table(path: Path) -> bool:
+    from schemas.catalogue import POSES
+    from schemas.tables import read_metadata
+
+    try:
+        return bool(read_metadata(path)["schema"] == POSES.name)
+    except InputError:
+        return False
 
 
 def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) -> str:

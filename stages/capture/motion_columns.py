@@ -157,7 +157,7 @@ def motion_json(
 ) -> dict[str, Any]:
     """The content of motion.json; what nobody knows is "n/a". inputs : file name -> SHA-256."""
     counts = channel_counts(columns)
-    notes = [*grid.parameters.get("notes", []), grid.parameters.get("doubt", "")]
+    notes = grid.parameters.get("notes", [])
     name = grid.name
     return {
         "TaskName": name.task,

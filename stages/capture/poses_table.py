@@ -13,7 +13,6 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -88,7 +87,6 @@ class PosesTable:
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
     frozen : segments whose rows are flagged so. span_mm : how far apart the receivers are, NaN where unknown.
     frame : (T,) every frame that occurs with any segment, ascending.
-    A context manager, which gives the temporary files back to the disk.
     """
 
     segments: tuple[str, ...]
@@ -98,12 +96,8 @@ class PosesTable:
     frame: Integers
     _files: tuple[_RowFile, ...]
 
-    def __enter__(self) -> PosesTable:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Give the temporary files back to the disk."""
         for file in self._files:
             file.close()
 
@@ -169,7 +163,7 @@ class _Segment:
 
 
 def poses_table(
-    read: Callable[[], Iterable[Samples]],
+    parts: Iterable[Samples],
     parents: Mapping[str, str],
     folder: Path | None = None,
     *,
@@ -177,9 +171,8 @@ def poses_table(
 ) -> PosesTable:
     """Check the samples of a recording and lay them out on the full grid.
 
-    read : gives the parts of the recording in order, from the start each time that it is called.
-    parents : of a segment the one towards the body that carries a receiver, where there is one.
-    folder : where temporary files may be; the system's own folder where none is given.
+    parts : of the recording, in order. parents : of a segment the one towards the body that carries a
+    receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
     repair_hemisphere : whether positions on the wrong side of the transmitter are put back, or are gaps.
 
     Raises InputError at the first pose that has all its numbers but no unit quaternion.
@@ -188,10 +181,12 @@ def poses_table(
     files: dict[int, _RowFile] = {}
     frames: list[Integers] = []
     hemispheres: dict[int, tuple[float, float, float]] = {}
+    places: list[tuple[int, Callable[[int], str]]] = []
     start = 0
-    for samples in read():
+    for samples in parts:
         names = samples.segments
         hemispheres.update(samples.hemispheres)
+        places.append((start, samples.place))
         for index, rows in _rows_of_segments(samples, start):
             files.setdefault(index, _RowFile(folder)).append(rows)
         frames.append(np.unique(samples.frame))
@@ -201,7 +196,7 @@ def poses_table(
     segments = {
         names[index]: _checked(files[index], sampled, hemispheres.get(index)) for index in sorted(files)
     }
-    _refuse_bad_quaternions(segments, read)
+    _refuse_bad_quaternions(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, repair=repair_hemisphere)
     frozen = _frozen_segments(segments, parents)
@@ -380,12 +375,19 @@ def _unusable(rows: Rows) -> Bools:
     return np.asarray((rows["flags"] & _INVALIDATING) != 0)
 
 
-def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[], Iterable[Samples]]) -> None:
+def _refuse_bad_quaternions(
+    segments: Mapping[str, _Segment], places: Sequence[tuple[int, Callable[[int], str]]]
+) -> None:
+    """Raise InputError at the first in the recording's order.
+
+    places : of each part its first sample and its place.
+    """
     bad = [(*segment.bad, name) for name, segment in segments.items() if segment.bad is not None]
     if not bad:
         return
     sample, frame, norm, name = min(bad)
-    where = f"{_place(sample, read)}, segment {name}, frame {frame}"
+    start, place = [one for one in places if one[0] <= sample][-1]
+    where = f"{place(sample - start)}, segment {name}, frame {frame}"
     count = sum(segment.bad_count for segment in segments.values())
     more = f" (and {count - 1} more rows like it)" if count > 1 else ""
     if norm == 0:
@@ -398,15 +400,6 @@ def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[],
         f"{NORM_TOLERANCE}; check the column order (qw, qx, qy, qz), or leave the row's seven numbers empty "
         "to keep it as a gap"
     )
-
-
-def _place(sample: int, read: Callable[[], Iterable[Samples]]) -> str:
-    """File and line of a sample; parts are read again, as none was kept."""
-    for samples in read():
-        if sample < len(samples.segment):
-            return samples.place(sample)
-        sample -= len(samples.segment)
-    raise AssertionError("the sample is in no part")
 
 
 def _frozen_segments(segments: Mapping[str, _Segment], parents: Mapping[str, str]) -> tuple[str, ...]:

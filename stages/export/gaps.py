@@ -13,9 +13,9 @@ import numpy as np
 
 from schemas.errors import InputError
 from skeleton.rotations import Array, conjugate, multiply, rotate
-from stages.export.interpolation import blended, bracketed, slerped
 from stages.export.long_arrays import by_point
 from stages.export.motion import Bools, SkeletonMotion, Whole, continuous
+from stages.export.resampling import blended, bracketed, slerped
 
 POLICIES = ("refuse", "hold", "cut", "interpolate")
 _TOLD = 10

@@ -56,11 +56,12 @@ class OnDisk:
 
 def empty(frames: int, points: int, width: int) -> Array:
     """An array (frames, points, width) to be filled; where it is `OnDisk`, an index is all that it takes."""
-    if _kept + 8 * frames * points * width > KEPT_BYTES:
+    size = 8 * frames * points * width
+    if size and _kept + size > KEPT_BYTES:  # a file without a byte cannot be mapped
         return cast(Array, OnDisk((frames, points, width)))
     array = np.empty((frames, points, width))
-    _count(array.nbytes)
-    weakref.finalize(array, _count, -array.nbytes)
+    _count(size)
+    weakref.finalize(array, _count, -size)
     return array
 
 

@@ -25,7 +25,7 @@ from stages.export.file_facts import facts_text
 from stages.export.motion import SkeletonMotion
 from stages.export.opensim_joints import JointForm, joint_forms
 from stages.export.opensim_markers import Triad, triads
-from stages.export.opensim_model import VERSION, as_text, model_xml
+from stages.export.opensim_model import VERSION, add, as_text, model_xml
 from stages.export.opensim_motion import seconds, seen_frames, write_mot, write_trc
 from stages.export.requirements import require_whole
 from stages.export.rig_names import plain_names
@@ -84,23 +84,22 @@ def _beside(path: Path, ending: str) -> Path:
 def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad]) -> ET.Element:
     """What OpenSim's InverseKinematicsTool is to do; its files are beside it."""
     document = ET.Element("OpenSimDocument", Version=VERSION)
-    tool = ET.SubElement(document, "InverseKinematicsTool", name=title)
+    tool = add(
+        document,
+        "InverseKinematicsTool",
+        title,
+        model_file=_beside(path, "_ik.osim").name,
+        marker_file=path.with_suffix(".trc").name,
+        time_range=f"0 {time_s[-1]:.9f}",
+        report_errors="true",
+        output_motion_file=_beside(path, "_ik.mot").name,
+        results_directory=".",
+        constraint_weight="Inf",
+        accuracy=f"{_ACCURACY:g}",
+    )
     tasks = ET.SubElement(ET.SubElement(tool, "IKTaskSet"), "objects")
     for name in (marker for triad in receivers for marker in triad.markers):
-        task = ET.SubElement(tasks, "IKMarkerTask", name=name)
-        ET.SubElement(task, "apply").text = "true"
-        ET.SubElement(task, "weight").text = "1"
-    for tag, text in (
-        ("model_file", _beside(path, "_ik.osim").name),
-        ("marker_file", path.with_suffix(".trc").name),
-        ("time_range", f"0 {time_s[-1]:.9f}"),
-        ("report_errors", "true"),
-        ("output_motion_file", _beside(path, "_ik.mot").name),
-        ("results_directory", "."),
-        ("constraint_weight", "Inf"),
-        ("accuracy", f"{_ACCURACY:g}"),
-    ):
-        ET.SubElement(tool, tag).text = text
+        add(tasks, "IKMarkerTask", name, apply="true", weight="1")
     return document
 
 

@@ -92,6 +92,7 @@ def _fit_part(
     from stages.fit_hand.hand_tables import bone_rows, gain_rows, joint_rows, receiver_rows
     from stages.fit_hand.posed_tables import posed_blocks
 
+    plan.check_calibration_left(part.hand)
     tips, loose = calibrated_hand(plan, part, other_poses)
     tables["fitted_joints"].rows(part, joint_rows(tips.fit))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit))

@@ -91,6 +91,7 @@ def _write_prior(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter
     from stages.fit_hand.posed_tables import bone_columns, bone_tips_mm, tip_columns
     from stages.fit_hand.replaying import pose_hand
 
+    plan.check_calibration_left(part.hand)
     layout, calibrating = plan.layouts[part.hand], plan.all_calibrating(part.hand)
     fit = fit_prior([plan.poses(r) for r in calibrating], layout, part.hand, plan.hand_length_mm)
     anatomy_alone = {"source": "anatomy alone", "status": "ok", "message": ""}

@@ -11,9 +11,10 @@ import pyarrow.compute as pc
 import yaml
 
 from schemas import PROGRAM, VERSION
-from schemas.catalogue import PROBLEMS, RECEIVERS, RECORDINGS, TABLES
+from schemas.catalogue import FINDINGS, PROBLEMS, RECEIVERS, RECORDINGS, TABLES
 from schemas.config_files import read_config
 from schemas.files import write_text
+from schemas.findings import REFUSED, STAGE, same_file
 from schemas.layout import read_layout
 from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan, read_plan
@@ -21,16 +22,26 @@ from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
 from schemas.sheets import CORRECTIONS, read_sheet
 from schemas.study import Study, correction_problems
-from schemas.tables import Provenance, Table, columns_from_rows, read_table, rows_of, write_table
+from schemas.tables import (
+    Provenance,
+    Table,
+    columns_from_rows,
+    read_metadata,
+    read_table,
+    rows_of,
+    write_table,
+)
 
 Row = dict[str, Any]
 
 
 def gather_study(study: Study, results: Results) -> None:
     """Write the study-wide tables into its results folder. Raises TableError where a subject's is damaged."""
-    plans = [read_plan(results.plan(subject)) for subject in study.subjects]
+    plans = [read_plan(results.plan(subject), checked=False) for subject in study.subjects]
     problems: list[Row] = []
     recordings = [row for plan in plans for row in _recording_rows(plan, problems)]
+    problems += [row for plan in plans for row in _finding_rows(plan, recordings)]
+    problems += _same_files(plans)
     for name in GATHERED_TABLES:
         problems += _gather_table(results, name, plans)
     problems += [row for plan in plans for row in _uncalibrated(plan)]
@@ -60,6 +71,36 @@ def _recording_rows(plan: SubjectPlan, problems: list[Row]) -> Iterator[Row]:
             where = {"subject": plan.subject, "hand": recording.hand.hand, "task": task}
             problems.append(_problem("capture", "recording", severity, sentence, **where))
         yield row
+
+
+def _finding_rows(plan: SubjectPlan, recordings: Sequence[Row]) -> Iterator[Row]:
+    """Give a subject's findings; a recording that one refuses is no longer called used."""
+    by_name = {tuple(row[key] for key in RECORDINGS.key): row for row in recordings}
+    for row in rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)):
+        recording = by_name[tuple(row[key] for key in RECORDINGS.key)]
+        if row["severity"] == REFUSED and recording["status"] == "used":
+            recording |= {"status": REFUSED, "message": row["message"]}
+        task = ", ".join(filter(None, (row["task"], row["trial"])))
+        where = {"subject": row["subject"], "hand": row["hand"], "task": task}
+        yield _problem(STAGE, row["kind"], row["severity"], row["message"], **where)
+
+
+def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
+    """Name recordings whose poses are, number by number, those of another subject's."""
+    first_of: dict[str, tuple[str, str]] = {}
+    for plan in plans:
+        digests = read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"]
+        for recording in plan.recordings:
+            name = "/".join((plan.subject, recording.hand.hand, recording.task, recording.trial))
+            if name not in digests:
+                continue
+            task = ", ".join(filter(None, (recording.task, recording.trial)))
+            own = (plan.subject, f"subject {plan.subject}, {recording.hand.hand} hand, {task}")
+            subject, first = first_of.setdefault(digests[name], own)
+            if subject != plan.subject:
+                where = {"subject": plan.subject, "hand": recording.hand.hand, "task": task}
+                one = same_file(first).accepted(recording.accept)
+                yield _problem(STAGE, one.kind, one.severity, one.message, **where)
 
 
 def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> list[Row]:

@@ -43,6 +43,7 @@ def solve(arguments: argparse.Namespace) -> None:
     with parts_writer(arguments.out, JOINT_SOLUTIONS, provenance) as write:
         for part, outcome in outcomes.items():
             with command_line.recording_failure(arguments, part, write):
+                plan.check_calibration_left(part.hand)
                 if isinstance(outcome, Exception):
                     raise outcome
                 write.rows(part, [{"subject": plan.subject, **row} for row in outcome])

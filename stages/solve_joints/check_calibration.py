@@ -70,6 +70,8 @@ def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advic
 
     Raises InputError where no recording holds poses, unless `allow_none`: then there is no advice.
     """
+    from dataclasses import replace
+
     from schemas.errors import InputError
     from schemas.poses import usable_poses
     from stages.solve_joints.calibration_advice import advise
@@ -82,7 +84,30 @@ def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advic
     if not usable:
         raise InputError(f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
     recordings = stream_recordings(usable, layout, sample_frames=True)
-    return advise(recordings.fit(HandDescription(hand, plan.hand_length_mm)), layout)
+    advice = advise(recordings.fit(HandDescription(hand, plan.hand_length_mm)), layout)
+    stands = _suspicion(plan, hand, usable)
+    return [replace(row, advice=f"nothing can be said before this is settled: {stands}") if stands else row
+            for row in advice]  # fmt: skip
+
+
+def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> str:
+    """Give the first finding that stands against a hand's calibration recordings; empty where none does.
+
+    It is that of the subject's findings table, or of a hand alone what its poses say now.
+    """
+    from schemas.catalogue import FINDINGS
+    from schemas.findings import NOTE
+    from schemas.tables import read_table, rows_of
+
+    if not plan.is_study:
+        layout = plan.layouts[hand]
+        found = [one for path in usable for one in command_line.checked_poses(path, layout).findings]
+        return next((one.message for one in found if one.severity != NOTE), "")
+    names = {(hand, own.task, own.trial) for own in plan.all_calibrating(hand)}
+    rows = rows_of(read_table(plan.table(FINDINGS.name), FINDINGS))
+    standing = (row["message"] for row in rows
+                if row["severity"] != NOTE and (row["hand"], row["task"], row["trial"]) in names)  # fmt: skip
+    return next(standing, "")
 
 
 def as_text(advice: Sequence[Advice]) -> str:

@@ -78,10 +78,10 @@ def test_the_duration_is_that_of_the_device(tmp_path: Path, known: slice, durati
 
 def test_notes_are_in_the_row_and_losses_are_problems(tmp_path: Path) -> None:
     notes, losses = ["times were missing", "lost 3 frames"], ["lost 3 frames"]
-    parameters = {"notes": notes, "losses": losses, "doubt": "metres?"}
+    parameters = {"notes": notes, "losses": losses}
     never = np.repeat([True, False, True], N_FRAMES)
     row, problems = recording_row(RECORDING, poses(tmp_path / "p.parquet", parameters, never))
-    assert problems == ["no usable pose of thumb; check that receiver", "metres?", "lost 3 frames"]
+    assert problems == ["no usable pose of thumb; check that receiver", "lost 3 frames"]
     assert row["message"] == "; ".join([*problems, "times were missing"])
     assert row["status"] == "used"
 

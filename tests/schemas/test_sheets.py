@@ -34,6 +34,7 @@ def test_the_same_sheet_however_it_is_saved(tmp_path: Path, end: str, encoding: 
         "mapping": "",
         "hemisphere": "keep",
         "exclude": "",
+        "accept": "",
     }
     assert row.values == given_values | defaults
 

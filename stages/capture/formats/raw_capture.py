@@ -62,8 +62,8 @@ def _samples(path: Path, layout: Layout, part: FlaggedRecords, rows: npt.NDArray
     """Those records of a part as samples."""
     records = part.records.take(rows)
 
-    def place(sample: int) -> str:
-        return f"{path}: byte {records.offset[sample]} of the stream"
+    def place(_: int) -> str:
+        return str(path)
 
     return Samples(
         layout.measured,

@@ -155,6 +155,16 @@ class Answer:
         return tuple(name for name in self.names if name not in self.question.references)
 
     @property
+    def kind(self) -> str:
+        """Which data the skeletons were made from."""
+        if self.held_out:
+            return "Held out: skeletons made without the recordings that they are scored on."
+        return (
+            "In-sample: nothing is held out, so a skeleton may have learnt the recording that it is scored "
+            "on and not the hand."
+        )
+
+    @property
     def judges(self) -> bool:
         """Whether the answer judges a skeleton: by a truth, or by a hand that did not see the recording."""
         return bool(self.question.judged_by) and (self.held_out or not self.question.fitted_only)

@@ -190,7 +190,7 @@ def _section(own: Answer, headline: str) -> Section:
         key=own.question.metric,
         choice=own.question.choice,
         says=own.question.says,
-        kind=_kind(own),
+        kind=own.kind,
         sentences=tuple(text for text in summarised if text and text not in headline),
         missing=tuple(missing_sentences(own.overall)),
         values=value_panels(own),
@@ -207,15 +207,6 @@ def _summary(own: Answer) -> list[str]:
 
 def _held_out(own: Answer) -> str:
     return "held out" if own.held_out else "in-sample"
-
-
-def _kind(own: Answer) -> str:
-    if own.held_out:
-        return "Held out: skeletons made without the recordings that they are scored on."
-    return (
-        "In-sample: nothing is held out, so a skeleton may have learnt the recording that it is scored on "
-        "and not the hand."
-    )
 
 
 def _comparison_table(own: Answer, comparisons: Sequence[Comparison]) -> DataTable | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from stages.report.comparison.answers import Answer, answer, observations
 from stages.report.comparison.questions import JOINT_ERROR, PRIOR
 from stages.report.palette import HUES, SOFT, Look, model_looks
 from stages.report.print_figures.drawing import NoDataError, count_range, study_text
-from stages.report.print_figures.models import gap_text, kind_text
+from stages.report.print_figures.models import missing_text_of
 from stages.report.print_figures.style import (
     FEWEST_FOR_QUARTILES,
     MANY,
@@ -34,7 +34,7 @@ from stages.report.print_figures.style import (
     summary,
 )
 from stages.report.study_results import StudyResults
-from stages.report.table_cells import listed
+from stages.report.table_cells import alike, listed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,15 +47,6 @@ def joints_in_order(results: StudyResults, joints: Collection[str]) -> list[str]
     others = [joint for layout in layouts for joint in layout.joints]
     known = dict.fromkeys([*of_digits, *others, *sorted(joints)])
     return [joint for joint in known if joint in joints]
-
-
-def alike(found: Mapping[str, object]) -> list[list[str]]:
-    """Names in groups of equal values, in their order."""
-    groups: list[list[str]] = []
-    for name, own in found.items():
-        same = next((group for group in groups if found[group[0]] == own), None)
-        groups.append([name]) if same is None else same.append(name)
-    return groups
 
 
 def draw_joint_axis(axes: Axes, joints: Sequence[str]) -> None:
@@ -149,8 +140,7 @@ def _error_caption(results: StudyResults, own: Answer) -> str:
         f"{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in three "
         "dimensions (outside the scale where it is larger than every error); dotted line: median of "
         f"prior-only, the hand that anatomy expects. Models with equal joints share a panel. "
-        f"{kind_text(own.held_out)} "
-        f"{gap_text(own.seen, own.models)}"
+        f"{own.kind} {missing_text_of(own)}"
     ).rstrip()
 
 

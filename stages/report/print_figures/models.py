@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +12,8 @@ from matplotlib.lines import Line2D
 
 from schemas.errors import InputError
 from stages.report.comparison.answers import Answer, answer
-from stages.report.comparison.comparison_text import Tested, p_text, with_statistics
-from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, Missing, missing_text
+from stages.report.comparison.comparison_text import Tested, missing_sentences, p_text, with_statistics
+from stages.report.comparison.comparisons import ALL_DIGITS, Comparison
 from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, Paired
 from stages.report.comparison.questions import JOINT_ERROR, LEFT_OUT, REPLAY, TRUE, TRUE_TIP, Question
 from stages.report.palette import SOFT, model_looks
@@ -37,71 +35,34 @@ from stages.report.print_figures.style import (
     summary,
 )
 from stages.report.study_results import StudyResults
-from stages.report.table_cells import counted, listed, number, title
+from stages.report.table_cells import listed, number, title
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 
-MOST_NAMED = 4
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """One answer that judges skeletons in print: its axis, and what the number is, in a sentence's words."""
-
-    answer: Answer
-    axis: str
-    text: str
-
-    @property
-    def references(self) -> tuple[str, ...]:
-        """References to draw; a true skeleton is no reference to beat."""
-        names = self.answer.names
-        return tuple(name for name in self.answer.question.references if name in names and name != TRUE)
-
-    @property
-    def kind(self) -> str:
-        """Which data the skeletons were made from."""
-        return kind_text(self.answer.held_out)
-
-    @property
-    def gaps(self) -> str:
-        """Which numbers of the models are not there and why; empty where all are."""
-        return gap_text(self.answer.seen, self.answer.models)
-
-
-def judgements(results: StudyResults, baseline: str = "") -> list[Judgement]:
+def judgements(results: StudyResults, baseline: str = "") -> list[Answer]:
     """What this study's skeletons are judged by; empty where no model has a score."""
-    known = _answered(results, (TRUE_TIP, JOINT_ERROR), baseline)
-    return known or _answered(results, (LEFT_OUT, REPLAY), baseline)
+    for questions in ((TRUE_TIP, JOINT_ERROR), (LEFT_OUT, REPLAY)):
+        found = [own for each in questions if (own := answer(results, each, baseline)) is not None]
+        if found:
+            return found
+    return []
 
 
-def _answered(results: StudyResults, questions: Iterable[Question], baseline: str) -> list[Judgement]:
-    answers = [own for question in questions if (own := answer(results, question, baseline)) is not None]
-    return [Judgement(own, own.question.axis, _text(results, own.question)) for own in answers]
+def missing_text_of(own: Answer) -> str:
+    """Which numbers of the models are not there and why; empty where all are."""
+    sentences = missing_sentences(own.overall)
+    return f"Without a number: {' '.join(sentences)}" if sentences else ""
 
 
-def kind_text(held_out: bool) -> str:
-    """Which data skeletons were made from."""
-    if held_out:
-        return "Held out: the skeletons were made without the task that they are judged on."
-    return "In-sample: the skeletons were made with the task that they are judged on, none without it."
-
-
-def gap_text(seen: pd.DataFrame, models: Iterable[str]) -> str:
-    """Which numbers of these models are not there and why; empty where all are."""
-    rows = seen[seen["value"].isna() & seen["model"].isin(list(models))]
-    missing: dict[str, list[Missing]] = defaultdict(list)
-    for row in rows.itertuples():
-        missing[row.subject].append(Missing(row.model, row.digit, row.place, row.reason))
-    parts = [f"{subject} ({missing_text(own)})" for subject, own in missing.items()]
-    if len(parts) > MOST_NAMED:
-        parts = [*parts[:MOST_NAMED], counted(len(parts) - MOST_NAMED, "more subject")]
-    return f"Without a number: {listed(parts)}." if parts else ""
+def references_of(own: Answer) -> tuple[str, ...]:
+    """References to draw; a true skeleton is no reference to beat."""
+    return tuple(name for name in own.question.references if name in own.names and name != TRUE)
 
 
 def _text(results: StudyResults, question: Question) -> str:
+    """What the number is, in a sentence's words."""
     blind = [model for model in results.models if model not in results.fitted]
     if question is not TRUE_TIP or not blind:
         return question.caption
@@ -125,11 +86,12 @@ def models_by_digit(results: StudyResults) -> tuple[Figure, str]:
     counts: list[str] = []
     for each, axes in zip(judged, panels, strict=True):
         counts.append(_digit_panel(axes, results, each))
-        sentences.append(f"{title(each.text)} [mm]; n = {counts[-1]} subjects. {each.gaps}".strip())
+        text = f"{title(_text(results, each.question))} [mm]; n = {counts[-1]} subjects."
+        sentences.append(f"{text} {missing_text_of(each)}".strip())
     headings(panels, [f"n = {n} subjects" for n in counts])
-    models = [name for name in results.models if any(name in each.answer.models for each in judged)]
+    models = [name for name in results.models if any(name in each.models for each in judged)]
     handles = model_handles(model_looks(list(results.models)), models)
-    references = dict.fromkeys(name for each in judged for name in each.references)
+    references = dict.fromkeys(name for each in judged for name in references_of(each))
     handles += [
         Line2D([], [], color=SOFT, linestyle=style, label=name)
         for name, style in zip(references, _REFERENCE_LINES, strict=False)
@@ -145,10 +107,10 @@ def models_by_digit(results: StudyResults) -> tuple[Figure, str]:
     return figure, caption
 
 
-def _digit_panel(axes: Axes, results: StudyResults, judgement: Judgement) -> str:
+def _digit_panel(axes: Axes, results: StudyResults, own: Answer) -> str:
     """One panel; gives the number of subjects as text."""
-    models = judgement.answer.models
-    means = {digit: own for digit, own in judgement.answer.by_digit.items() if digit != ALL_DIGITS}
+    models = own.models
+    means = {digit: of for digit, of in own.by_digit.items() if digit != ALL_DIGITS}
     look, order = model_looks(list(results.models)), {name: i for i, name in enumerate(results.subjects)}
     aside = scattered(len(order), min(0.6 * _GROUP / len(models), _WIDEST))
     drawn, counts = [], []
@@ -163,10 +125,10 @@ def _digit_panel(axes: Axes, results: StudyResults, judgement: Judgement) -> str
             summary(axes, x, values, look[model], look[model].size)
             drawn.append(values)
             counts.append(len(values))
-        drawn += _references(axes, judgement.references, of_model, place)
+        drawn += _references(axes, references_of(own), of_model, place)
     _digit_axis(axes, list(means))
     error_axis(axes, drawn)
-    axes.set_ylabel(judgement.axis)
+    axes.set_ylabel(own.question.axis)
     return count_range(counts)
 
 
@@ -196,7 +158,7 @@ def _digit_axis(axes: Axes, digits: Sequence[str]) -> None:
 _ROW_MM, _FOOT_MM = 6.0, 17.0
 
 
-_Panel = tuple[Judgement, list[Tested]]
+_Panel = tuple[Answer, list[Tested]]
 """One axis of differences: what is judged, and the comparisons that have a number."""
 
 
@@ -209,7 +171,7 @@ def paired_differences(results: StudyResults, base: str = "") -> tuple[Figure, s
     """
     if base and base not in results.models:
         raise InputError(f"--against {base}: no such model; expected one of {', '.join(results.models)}")
-    judged = [(each, with_statistics(each.answer.overall)) for each in judgements(results, base)]
+    judged = [(each, with_statistics(each.overall)) for each in judgements(results, base)]
     panels = [(each, compared) for each, compared in judged if compared]
     if not panels:
         raise NoDataError("no subject has numbers of two models that can be compared")
@@ -225,7 +187,7 @@ def paired_differences(results: StudyResults, base: str = "") -> tuple[Figure, s
 
 def _draw_differences(axes: Axes, results: StudyResults, panel: _Panel) -> None:
     """A row a model, the first on top."""
-    judgement, compared = panel
+    judge, compared = panel
     look, order = model_looks(list(results.models)), {name: i for i, name in enumerate(results.subjects)}
     aside = scattered(len(order), 0.5)
     for row, (comparison, statistics) in enumerate(compared):
@@ -250,9 +212,7 @@ def _draw_differences(axes: Axes, results: StudyResults, panel: _Panel) -> None:
     axes.set_yticks(range(len(compared)), [label(comparison.model) for comparison, _ in compared])
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="x")
-    axes.set_xlabel(
-        f"{judgement.axis.removesuffix(' [mm]')} less that of\n{label(judgement.answer.baseline)} [mm]"
-    )
+    axes.set_xlabel(f"{judge.question.axis.removesuffix(' [mm]')} less that of\n{label(judge.baseline)} [mm]")
 
 
 def _differences(comparison: Comparison) -> Array:
@@ -270,15 +230,15 @@ def _differences_caption(results: StudyResults, panels: list[_Panel]) -> str:
     )
     parts.append("p: two-sided sign-flip test, corrected by Holm within a panel.")
     parts.append(panels[0][0].kind)
-    parts.append(lettered([_panel_text(panel) for panel in panels]))
+    parts.append(lettered([_panel_text(results, panel) for panel in panels]))
     return " ".join(parts)
 
 
-def _panel_text(panel: _Panel) -> str:
-    judgement, compared = panel
+def _panel_text(results: StudyResults, panel: _Panel) -> str:
+    judge, compared = panel
     parts = "; ".join(_difference(comparison, statistics) for comparison, statistics in compared)
-    text = f"{title(judgement.text)}; less that of {judgement.answer.baseline}: {parts}."
-    return " ".join(filter(None, [text, _not_compared(compared)]))
+    text = f"{title(_text(results, judge.question))}; less that of {judge.baseline}: {parts}."
+    return " ".join(filter(None, [text, missing_text_of(judge)]))
 
 
 def _difference(comparison: Comparison, statistics: Paired) -> str:
@@ -288,15 +248,3 @@ def _difference(comparison: Comparison, statistics: Paired) -> str:
     low, high = statistics.interval
     p = "" if comparison.p_holm is None else f", {p_text(comparison.p_holm)}"
     return f"{amount} ({number(low)} to {number(high)}, n = {statistics.n}{p})"
-
-
-def _not_compared(compared: list[Tested]) -> str:
-    """Who is not in it and why, once for all models; empty where all are."""
-    left_out: dict[str, str] = {}
-    for comparison, _ in compared:
-        for pair in comparison.subjects:
-            if pair.difference is None:
-                left_out.setdefault(pair.subject, missing_text(pair.missing))
-    named = [f"{subject} ({reason})" for subject, reason in left_out.items()]
-    more = [f"{len(named) - MOST_NAMED} more"] if len(named) > MOST_NAMED else []
-    return f"Not compared: {', '.join([*named[:MOST_NAMED], *more])}." if named else ""

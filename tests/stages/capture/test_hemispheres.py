@@ -43,7 +43,7 @@ def recorded(
 
 def table(samples: Samples, parents: dict[str, str], *, repair: bool) -> tuple[np.ndarray, ...]:
     """Positions (T, S, 3), validity (T, S) and flags (T, S) of the poses table."""
-    columns = columns_of(poses_table(lambda: [samples], parents, repair_hemisphere=repair))
+    columns = columns_of(poses_table([samples], parents, repair_hemisphere=repair))
     shape = len(samples.segments), -1
     numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
     flags = np.array(columns["flags"].to_pylist())

@@ -9,7 +9,6 @@ import pytest
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError
-from schemas.layout import read_layout
 from schemas.poses import read_poses, recording_name
 from schemas.tables import read_metadata, read_table
 from stages.capture.__main__ import COMMANDS, main
@@ -140,30 +139,3 @@ def test_the_guides_example_is_a_recording(tmp_path: Path) -> None:
         ("index_proximal", 1017, ""),
         ("index_proximal", 1018, "missing"),
     ]
-
-
-def hand_rows(unit_mm: float, n_receivers: int) -> str:
-    """Rows of a hand whose receivers are 12 mm apart, its positions in a unit of so many mm."""
-    segments = read_layout("liberty16").measured[:n_receivers]
-    return "".join(
-        f"{frame},{frame / 240},{segment},{12 * i / unit_mm:.9f},{(20 + frame) / unit_mm:.9f},0,1,0,0,0\n"
-        for frame in range(3)
-        for i, segment in enumerate(segments)
-    )
-
-
-@pytest.mark.parametrize(
-    ("unit_mm", "n_receivers", "unit"),
-    [(1.0, 16, ""), (1000.0, 16, "metres"), (10.0, 16, "centimetres"), (10.0, 4, "metres"), (1.0, 3, "")],
-)
-def test_positions_that_are_not_in_mm_are_doubted(
-    recording: Path, capsys: pytest.CaptureFixture[str], unit_mm: float, n_receivers: int, unit: str
-) -> None:
-    """A hand the size of a grain of rice is told on stderr and in the file; a hand is not."""
-    recording.write_text(HEADER + hand_rows(unit_mm, n_receivers))
-    out = recording.with_name("poses.parquet")
-    assert run(recording, out) == 0
-    doubt = read_metadata(out)["parameters"]["doubt"]
-    assert unit in doubt
-    assert bool(unit) == bool(doubt)
-    assert bool(unit) == ("of each other" in capsys.readouterr().err)

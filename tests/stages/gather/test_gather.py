@@ -9,13 +9,22 @@ import pytest
 import yaml
 from small_study import write_plans, write_study
 
-from schemas.catalogue import POSES, RECEIVERS, TABLES
+from schemas.catalogue import FINDINGS, POSES, RECEIVERS, TABLES
 from schemas.errors import TableError
 from schemas.parts import Part, parts_writer
 from schemas.plan import SubjectPlan, read_plan
 from schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
 from schemas.study import read_study
-from schemas.tables import Provenance, Table, read_metadata, read_table, rows_of, write_failure, write_table
+from schemas.tables import (
+    Provenance,
+    Table,
+    columns_from_rows,
+    read_metadata,
+    read_table,
+    rows_of,
+    write_failure,
+    write_table,
+)
 from stages.gather.__main__ import main
 from stages.gather.study_tables import gather_study
 
@@ -38,6 +47,12 @@ def row_of(table: Table, **values: Any) -> dict[str, Any]:
     return filled | {name: value for name, value in values.items() if name in {c.name for c in table.columns}}
 
 
+def write_findings(plan: SubjectPlan, *rows: dict[str, Any], **parameters: Any) -> None:
+    """Write a subject's findings."""
+    columns = columns_from_rows(FINDINGS, [{"subject": plan.subject, "trial": "", **row} for row in rows])
+    write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}, **parameters}))
+
+
 def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | None = None) -> None:
     """Write everything that is gathered: two rows of every part, and poses that stand still.
 
@@ -56,6 +71,7 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
             }
             columns["time_s"] = np.arange(4) / 240
             write_table(plan.poses(recording), POSES, columns, Provenance((), parameters))
+    write_findings(plan)
     for name in GATHERED_TABLES:
         for path in plan.files_of(name):
             parts = plan.parts()
@@ -95,6 +111,25 @@ def gathered(folder: Path) -> dict[str, list[dict[str, Any]]]:
 
 def whose(row: dict[str, Any]) -> tuple[str, str, str]:
     return row["subject"], row["hand"], row["model"]
+
+
+def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
+    plans: list[SubjectPlan], tmp_path: Path
+) -> None:
+    finding = {"hand": "right", "task": "pinch", "trial": "1", "kind": "spikes", "message": "It jumps."}
+    write_findings(plans[0], finding | {"severity": "refused"}, digests={"01/right/rom/": "a"})
+    write_findings(plans[1], digests={"02/right/pinch/": "a"})
+    found = gathered(tmp_path)
+    rows = [row for row in found["problems"] if row["stage"] == "check_recordings"]
+    keys = ("subject", "hand", "task", "kind", "severity")
+    assert [tuple(row[key] for key in keys) for row in rows] == [
+        ("01", "right", "pinch, 1", "spikes", "refused"),
+        ("02", "right", "pinch", "same-file", "suspect"),
+    ]
+    assert "those of subject 01, right hand, rom:" in rows[1]["message"]
+    statuses = {(row["subject"], row["task"], row["hand"]): row["status"] for row in found["recordings"]}
+    assert statuses["01", "pinch", "right"] == "refused"
+    assert statuses["02", "pinch", "right"] == "used"
 
 
 @pytest.mark.usefixtures("plans")

@@ -20,7 +20,7 @@ from stages.report.comparison.answers import Observation, answer
 from stages.report.comparison.comparison_text import missing_sentences, summary, untestable
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, compare
 from stages.report.comparison.questions import JOINT_ERROR, QUESTIONS, TRUE_TIP
-from stages.report.models_compared import panels
+from stages.report.models_compared import sections
 from stages.report.models_compared.sections import ModelsCompared, models_compared
 from stages.report.pictures.subject_dots import Drawn
 from stages.report.study_results import StudyResults, read_results
@@ -55,7 +55,7 @@ def twelve_compared(twelve: StudyResults) -> ModelsCompared:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """For tests of words: no picture is drawn."""
-    monkeypatch.setattr(panels, "draw_panels", lambda drawn, *_: Drawn(("",) * len(drawn), 0))
+    monkeypatch.setattr(sections, "draw_panels", lambda drawn, *_: Drawn(("",) * len(drawn), 0))
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from report_samples.rendered import whole_report
 from schemas.catalogue import JOINT_CENTRES, POSES, PROBLEMS, TIP_ERRORS
 from schemas.study import Study, read_study
 from schemas.tables import Provenance, write_failure
-from stages.report.models_compared import panels
+from stages.report.models_compared import sections
 from stages.report.pictures.subject_dots import draw_panels
 from stages.report.study_results import StudyResults, read_results
 
@@ -95,7 +95,7 @@ def test_same_input_same_bytes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Rendered twice the page is the same, pictures too, and it knows no path of this machine."""
-    monkeypatch.setattr(panels, "draw_panels", draw_panels)
+    monkeypatch.setattr(sections, "draw_panels", draw_panels)
     assert whole_report(results, study) == page
     assert str(made[1].parent) not in page
     assert str(Path.cwd()) not in page

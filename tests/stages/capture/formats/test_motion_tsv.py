@@ -258,10 +258,6 @@ def test_files_that_are_refused(tmp_path: Path, files: dict[str, Any], message: 
     refuse(write(tmp_path, **files), message)
 
 
-def test_a_right_handed_frame_is_read(tmp_path: Path) -> None:
-    assert len(read(write(tmp_path, frame={"SpatialAxes": "ALS", "RotationRule": "right-hand"})).frame) == 4
-
-
 def test_files_that_are_not_there_or_not_named_so(tmp_path: Path) -> None:
     refuse(tmp_path / f"{STEM}_motion.tsv", "no such file")
     refuse(tmp_path / "rom.tsv", "expected a name that ends in _motion.tsv", MAPPING)

@@ -9,18 +9,9 @@ import pytest
 
 from benchmarks.captures import write_capture
 from benchmarks.processes import run_python
-from schemas.errors import InputError
 from schemas.layout import read_layout
-from stages.capture.formats.raw_capture import read_capture
-from stages.capture.samples import ReadingOptions
 
 LIBERTY = read_layout("liberty16")
-
-
-def test_a_layout_that_names_none_of_its_receivers_is_refused(tmp_path: Path) -> None:
-    write_capture(tmp_path / "rom.arrows", 0.5)
-    with pytest.raises(InputError, match=r"has the receivers 1, 2, .*; layout arm names none"):
-        list(read_capture(tmp_path / "rom.arrows", read_layout("arm"), ReadingOptions()))
 
 
 @pytest.mark.slow

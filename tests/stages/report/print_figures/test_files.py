@@ -136,9 +136,9 @@ def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
 
 
 def test_a_failure_is_a_sentence_or_is_drawn(
-    measured_files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = words_of((measured_files[0], tmp_path), tmp_path / "figures")
+    words = words_of((made[0], tmp_path), tmp_path / "figures")
     expected = f"{tmp_path}/recordings.parquet: no such file; expected a recordings table"
     assert run(*words) == 2
     assert capsys.readouterr().err == f"error: {expected}\n"
@@ -149,28 +149,14 @@ def test_a_failure_is_a_sentence_or_is_drawn(
         assert texts(tmp_path / "figures" / f"{name}.svg")[0].startswith("Not drawn: ")
 
 
-@pytest.mark.parametrize(
-    ("more", "error"),
-    [
-        (
-            ("--recording", "S01", "right", "walk"),
-            "--recording S01 right walk: no such recording; this hand has opposition",
-        ),
-        (
-            ("--recording", "S01", "right", "opposition", "--against", "rigid"),
-            "--against: differences are of a study; leave out --recording",
-        ),
-    ],
-)
 def test_words_that_do_not_fit_are_refused(
-    measured_files: tuple[Path, Path],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    more: tuple[str, ...],
-    error: str,
+    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(*words_of(measured_files, tmp_path), *more) == 2
-    assert capsys.readouterr().err == f"error: {error}\n"
+    more = ("--recording", "S01", "right", "opposition", "--against", "rigid")
+    assert run(*words_of(made, tmp_path), *more) == 2
+    assert capsys.readouterr().err == (
+        "error: --against: differences are of a study; leave out --recording\n"
+    )
 
 
 def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:

@@ -129,10 +129,10 @@ def test_joint_errors_and_stated_ones_are_the_tables(
     assert [list(line.get_ydata()) for line in stated] == [[1.0, 1.0]] * len(joints)
 
 
-def test_trust_counts_every_hand_of_the_study(measured: StudyResults) -> None:
+def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
     """Of four hands one failed wholly, and on another the ring DIP joint failed, the little one is weak."""
     with applied():
-        figure, _ = joint_trust(measured)
+        figure, _ = joint_trust(results)
     joints = [label.get_text() for label in figure.axes[-1].get_xticklabels()]
     shares = {
         str(bars.get_label()): dict(zip(joints, (bar.get_height() for bar in bars), strict=False))
@@ -164,7 +164,8 @@ def test_captions_state_n_units_what_is_missing_and_the_program(drawings: dict[s
         assert "simulated recordings of 8 subjects, 16 hands" in caption
         assert "Held out" in caption
         assert "Drawn by shukotsu" in caption
-    assert "S7 (paper-fig4 and whole-hand: failed: S7-left.csv" in drawings["models-by-digit"].caption
+    caption = drawings["models-by-digit"].caption
+    assert "Without a number: S7: whole-hand and paper-fig4: failed: S7-left.csv" in caption
     assert "n = 8" in drawings["paired-differences"].caption
 
 

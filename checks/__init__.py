@@ -1,0 +1,1 @@
+"""What was declared about a recording against what its poses say; findings, each one sentence."""

@@ -1,0 +1,148 @@
+"""What is known of a body before it is seen: joints' places on the receivers' bones, and how joints turn.
+
+Of a hand it is the average one of the `anatomy` room, with room for hands that differ much; of any other
+layout no more than that joints lie within some tens of centimetres of their receivers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from anatomy import average_hand as average
+from anatomy.known_digits import known_digits, root_of
+from schemas.layout import Digit, Joint, Layout
+from skeleton.rotations import Array
+
+SHARED = 7
+"""What all joints of a hand share: its scale, and where the hand's receiver sits and how it is turned."""
+SCALE_SD, FREE_SCALE_SD = 0.13, 0.6
+"""Of the hand's scale: as hands differ, and as it is solved, so that a wrong unit is seen as one."""
+ROOM = 1.6
+"""That hands and receivers on them may differ more than healthy ones put on by experts do."""
+PHALANX_SD_MM, THUMB_SD_MM = (4.5, 2.5, 2.5), (6.0, 4.0, 4.0)
+"""Of a joint's centre in the frame of a receiver on the bone before or after it."""
+HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
+"""Of receivers from the wrist, where the layout does not say where the wrist is (ours)."""
+ON_HAND_SD_MM = 4.0
+"""Of a knuckle in the hand's frame, what is shared apart."""
+
+FLEXION_DEG = {"mcp": (-45.0, 100.0), "pip": (-25.0, 120.0), "dip": (-30.0, 100.0), "ip": (-35.0, 100.0)}
+THUMB_FLEXION_DEG = {"cmc": (-45.0, 70.0), "mcp": (-35.0, 80.0), "ip": (-40.0, 100.0)}
+"""What joints reach, given that the receivers are turned against the bones by some degrees."""
+HINGE_SD_DEG, MCP_SD_DEG, THUMB_SD_DEG = (10.0, 10.0), (14.0, 12.0), (18.0, 20.0)
+"""Of the middle of abduction and of axial rotation."""
+SWING_DEG = {"mcp": (45.0, 30.0), "cmc": (60.0, 50.0)}
+HINGE_SWING_DEG = (14.0, 14.0)
+"""Of abduction and axial rotation, the range that needs no explanation."""
+
+
+@dataclass(frozen=True)
+class ExpectedBody:
+    """J joints between receivers.
+
+    names : of the joints. ends : (J, 2) indices of the parent's and the child's receiver. centre_mm, sd_mm :
+    (J, 2, 3) the joint in the parent's and the child's frame. gain : (J, 2, 3, 7) how much it changes with
+    what is SHARED, of sd 1 each. rest : (J, 3, 3) child to parent when the hand is flat. flexion_deg : (J, 2)
+    least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial rotation. known : (J,)
+    whether anatomy says all this. gap_mm : (J,) that skin explains.
+    """
+
+    names: tuple[str, ...]
+    ends: npt.NDArray[np.int64]
+    centre_mm: Array
+    sd_mm: Array
+    gain: Array
+    rest: Array
+    flexion_deg: Array
+    sideways_sd_deg: Array
+    swing_deg: Array
+    known: npt.NDArray[np.bool_]
+    gap_mm: Array
+
+
+def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
+    """Give what is expected of the layout's joints of which both receivers are among the segments."""
+    joints = [j for j in layout.solvable if j.parent_receiver in segments and j.child in segments]
+    ends = np.array([[segments.index(j.parent_receiver), segments.index(j.child)] for j in joints])
+    n = len(joints)
+    body = ExpectedBody(
+        tuple(joint.name for joint in joints), ends.reshape(n, 2), np.zeros((n, 2, 3)),
+        np.full((n, 2, 3), 250.0), np.zeros((n, 2, 3, SHARED)), np.tile(np.eye(3), (n, 1, 1)),
+        np.tile([-180.0, 180.0], (n, 1)), np.full((n, 2), 90.0), np.full((n, 2), 180.0), np.zeros(n, bool),
+        np.full(n, 3.0),
+    )  # fmt: skip
+    for digit in known_digits(layout):
+        for place, joint in enumerate(joints):
+            if joint.child in digit.segments:
+                _expect(body, place, joint, digit, layout)
+    if layout.wrist is not None and body.known.any():
+        for place, joint in enumerate(joints):
+            if joint.name == layout.wrist.joint and joint.child == root_of(layout):
+                _expect_wrist(body, place, _hand_mount_mm(layout))
+    return body
+
+
+def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: Layout) -> None:
+    """Fill in a joint of a digit."""
+    anatomy = average.DIGITS[digit.name]
+    bone = digit.segments.index(joint.child)
+    thumb = digit.name == "thumb"
+    on_root = joint.parent_receiver == digit.base
+    frames = anatomy.frames()
+    body.known[place] = True
+    body.rest[place] = frames[bone] if on_root else frames[bone - 1].T @ frames[bone]
+    body.sd_mm[place] = THUMB_SD_MM if thumb else PHALANX_SD_MM
+    child = np.array([-anatomy.lengths_mm[bone] / 2, 0.0, -_height_mm(joint.child)])
+    if on_root:
+        body.sd_mm[place, 0] = ON_HAND_SD_MM * (1.5 if thumb else 1.0)
+        parent = anatomy.joints_mm()[bone]
+        body.centre_mm[place, 0] = parent - _hand_mount_mm(layout)
+        _share_root(body, place, 0)
+    else:
+        parent = np.array([anatomy.lengths_mm[bone - 1] / 2, 0.0, -_height_mm(joint.parent_receiver)])
+        body.centre_mm[place, 0] = parent
+    body.centre_mm[place, 1] = child
+    body.gain[place, :, :, 0] = FREE_SCALE_SD * body.centre_mm[place]
+    kind = joint.name.rsplit("_", 1)[-1]
+    body.flexion_deg[place] = (THUMB_FLEXION_DEG if thumb else FLEXION_DEG).get(kind, (-90.0, 120.0))
+    sideways = MCP_SD_DEG if kind in ("mcp", "cmc") else HINGE_SD_DEG
+    body.sideways_sd_deg[place] = THUMB_SD_DEG if thumb else sideways
+    body.swing_deg[place] = SWING_DEG.get(kind, HINGE_SWING_DEG)
+    body.gap_mm[place] = 3.0 if thumb or layout.joints[joint.name].compound else 2.0
+
+
+def _hand_mount_mm(layout: Layout) -> Array:
+    """Where the hand's receiver sits from the wrist: distally, sideways, dorsally."""
+    if layout.wrist is None:
+        return np.array(HAND_MOUNT_MM)
+    worn = layout.segments[layout.wrist.segment]
+    distal, dorsal = np.array(worn.distal), np.array(worn.dorsal)
+    axes = np.stack([distal, np.cross(dorsal, distal), dorsal])
+    return np.asarray(-axes @ np.array(layout.wrist.nominal_mm))
+
+
+def _expect_wrist(body: ExpectedBody, place: int, hand_mount_mm: Array) -> None:
+    body.known[place] = True
+    body.centre_mm[place] = -np.array([FOREARM_MOUNT_MM, hand_mount_mm])
+    body.sd_mm[place] = [[40.0, 12.0, 12.0], [4.0, 4.0, 4.0]]
+    body.flexion_deg[place] = (-95.0, 95.0)
+    body.sideways_sd_deg[place] = (20.0, 25.0)
+    body.swing_deg[place] = (70.0, 40.0)
+    _share_root(body, place, 1)
+
+
+def _share_root(body: ExpectedBody, place: int, end: int) -> None:
+    """A joint in the frame of the hand's receiver moves as that one is shifted and turned."""
+    x, y, z = body.centre_mm[place, end]
+    turned = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # its columns: centre x axis
+    body.gain[place, end, :, 1:4] = ROOM * np.diag(average.HAND_MOUNT_SD_MM)
+    body.gain[place, end, :, 4:7] = ROOM * average.MOUNT_TURN_SD_RAD * turned
+
+
+def _height_mm(segment: str) -> float:
+    kind = segment.rsplit("_", 1)[-1]
+    known = kind in average.BONE_KINDS
+    return average.HEIGHT_MM[average.BONE_KINDS.index(kind)] if known else average.HEIGHT_MM[1]

@@ -1,0 +1,166 @@
+"""What a recording does in time: flips to the other side, spikes, poses that stay, its clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skeleton.rotations import Array
+
+Bools = npt.NDArray[np.bool_]
+
+FLIP_MM = 80.0
+"""Least jump that is a flip; nearer to the transmitter nobody can tell."""
+SPIKE_MM, SPIKE_DEG, SPIKE_TIMES = 60.0, 60.0, 8.0
+STUCK_S, STUCK_FRAMES = 0.25, 20
+MOVED_MM, ALL_ALONG = 5.0, 0.99
+RATE_HZ, RATE_LOG_SD = 100.0, 1.1
+SPEED_RAD_S, SPEED_LOG_SD = 1.5, 1.3
+CLOCKS = ((1e-3, "ms"), (1e-6, "us"), (1e3, "s"), (1e6, "s"))
+CLOCK_MARGIN = 8.0
+JUMP_MM, JUMP_DEG = 5.0, 30.0
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """time_s (T,), NaN where unknown; position_mm (T, S, 3); quaternion (T, S, 4); valid (T, S)."""
+
+    time_s: Array
+    position_mm: Array
+    quaternion: Array
+    valid: Bools
+
+    @property
+    def interval_s(self) -> float:
+        """Median time between frames; NaN where times are not known."""
+        steps = np.diff(self.time_s)
+        steps = steps[np.isfinite(steps) & (steps > 0)]
+        return float(np.median(steps)) if len(steps) else float("nan")
+
+
+def sides(line: Timeline) -> Array:
+    """Give +1 or -1 (T, S): on which side of the transmitter each position is, by its jumps through it."""
+    sign = np.ones(line.valid.shape)
+    for place in range(line.valid.shape[1]):
+        rows = np.flatnonzero(line.valid[:, place])
+        here = line.position_mm[rows, place]
+        jump = np.linalg.norm(np.diff(here, axis=0), axis=-1)
+        back = np.linalg.norm(here[1:] + here[:-1], axis=-1)
+        flips = (jump > FLIP_MM) & (back < 0.3 * jump)
+        if flips.any():
+            own = np.cumprod(np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]))
+            sign[rows, place] = own if own.sum() >= 0 else -own  # most of it on the right side
+    return sign
+
+
+def spikes(line: Timeline) -> Bools:
+    """Poses (T, S) that are far off while those one or two rows before and after agree with each other."""
+    odd = np.zeros(line.valid.shape, bool)
+    for place in range(line.valid.shape[1]):
+        rows = np.flatnonzero(line.valid[:, place])
+        for far in (1, 2):
+            rows = rows[~odd[rows, place]]
+            if len(rows) <= 2 * far:
+                continue
+            here = line.position_mm[rows, place]
+            before, middle, after = here[: -2 * far], here[far:-far], here[2 * far :]
+            off = np.linalg.norm(middle - (before + after) / 2, axis=-1)
+            apart = np.linalg.norm(after - before, axis=-1)
+            least = max(SPIKE_MM, SPIKE_TIMES * float(np.quantile(off, 0.9)))
+            turn = line.quaternion[rows, place]
+            away = _between_deg(turn[far:-far], turn[: -2 * far])
+            around = _between_deg(turn[: -2 * far], turn[2 * far :])
+            most = max(SPIKE_DEG, SPIKE_TIMES * float(np.quantile(away, 0.9)))
+            found = ((off > least) & (apart < 0.5 * off)) | ((away > most) & (around < 0.3 * away))
+            odd[rows[far:-far][found], place] = True
+    return odd
+
+
+def _between_deg(first: Array, second: Array) -> Array:
+    cosine = np.abs((first * second).sum(-1))
+    return np.asarray(np.degrees(2 * np.arccos(np.clip(cosine, 0, 1))))
+
+
+def stuck(line: Timeline) -> Bools:
+    """Poses (T, S) that stay the same to the last bit for long while another receiver moves.
+
+    A receiver that never moves at all is none of these: it may be fixed to a bench.
+    """
+    interval = line.interval_s
+    least = max(STUCK_FRAMES, int(STUCK_S / interval)) if interval > 0 else STUCK_FRAMES
+    still = np.zeros(line.valid.shape, bool)
+    same = _same_as_before(line) & line.valid[1:] & line.valid[:-1]
+    for place in range(line.valid.shape[1]):
+        if not same[:, place].any() or same[line.valid[1:, place], place].mean() > ALL_ALONG:
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], same[:, place], [False]]).astype(int)))
+        for start, end in zip(edges[::2], edges[1::2], strict=True):
+            if end - start >= least and _others_move(line, place, start, end):
+                still[start : end + 1, place] = True
+    return still
+
+
+def _same_as_before(line: Timeline) -> Bools:
+    """Whether a pose (T - 1, S) is to the last bit that of the frame before."""
+    arrays = (line.position_mm, line.quaternion)
+    places, turns = ((array[1:] == array[:-1]).all(-1) for array in arrays)
+    return np.asarray(places & turns)
+
+
+def _others_move(line: Timeline, place: int, start: int, end: int) -> bool:
+    rows = np.linspace(start, end, 8).astype(int)
+    seen = line.valid[rows].all(0)
+    seen[place] = False
+    moved = np.ptp(line.position_mm[rows][:, seen], axis=0)
+    return bool(seen.any() and moved.max() > MOVED_MM)
+
+
+def repeated_share(line: Timeline) -> float:
+    """Share of frames in which every receiver stands as in the frame before."""
+    same = (_same_as_before(line) | ~line.valid[1:]).all(-1) & line.valid[1:].any(-1)
+    return float(same.mean()) if same.size else 0.0
+
+
+def true_clock(line: Timeline) -> tuple[float, str] | None:
+    """Give the factor and the unit by which times are better seconds; None where they are right."""
+    interval, speed = line.interval_s, turning_speed(line)
+    if not (np.isfinite(interval) and speed > 0):
+        return None
+
+    def log_likelihood(factor: float) -> float:
+        rate = np.log(1 / (factor * interval) / RATE_HZ) / RATE_LOG_SD
+        turning = np.log(speed / factor / SPEED_RAD_S) / SPEED_LOG_SD
+        return float(-0.5 * (rate**2 + turning**2))
+
+    best = max(CLOCKS, key=lambda clock: log_likelihood(clock[0]))
+    return best if log_likelihood(best[0]) - log_likelihood(1.0) > CLOCK_MARGIN else None
+
+
+def turning_speed(line: Timeline) -> float:
+    """How fast receivers turn when they are fast, rad/s: the 90th percentile, median over them."""
+    interval = line.interval_s
+    stride = max(1, min(12, len(line.valid) // 10))
+    both = line.valid[stride:] & line.valid[:-stride]
+    turned = np.radians(_between_deg(line.quaternion[stride:], line.quaternion[:-stride]))
+    speeds = [np.quantile(turned[own, place], 0.9) for place, own in enumerate(both.T) if own.any()]
+    return float(np.median(speeds) / (stride * interval)) if speeds else 0.0
+
+
+def jumping_share(line: Timeline) -> float:
+    """Share of receivers whose poses jump about in most frames, as no body moves."""
+    jumping: Sequence[bool] = [_jumps(line, place) for place in range(line.valid.shape[1])]
+    return float(np.mean(jumping)) if len(jumping) else 0.0
+
+
+def _jumps(line: Timeline, place: int) -> bool:
+    rows = np.flatnonzero(line.valid[:, place])
+    if len(rows) < 5:
+        return False
+    here = line.position_mm[rows, place]
+    bent = np.median(np.linalg.norm(here[2:] - 2 * here[1:-1] + here[:-2], axis=-1))
+    spread = np.median(np.linalg.norm(here - np.median(here, axis=0), axis=-1))
+    turned = np.median(_between_deg(line.quaternion[rows[1:], place], line.quaternion[rows[:-1], place]))
+    return bool((bent > JUMP_MM and bent > spread) or turned > JUMP_DEG)

@@ -1,0 +1,171 @@
+"""Findings: what was declared of a recording and cannot be. docs/mistakes.md is made of this module."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
+STAGE = "check_recordings"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One sentence on one recording. severity : refused (not used), suspect (judges nothing) or note."""
+
+    kind: str
+    severity: str
+    message: str
+
+    def accepted(self, reason: str) -> Finding:
+        """Give the finding as a study that gives a reason has it: a suspect one becomes a note."""
+        if not reason or self.severity != SUSPECT:
+            return self
+        return replace(self, severity=NOTE, message=f"{self.message} Accepted: {reason}")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a kind of finding means, what usually causes it, and what cures it."""
+
+    meaning: str
+    cause: str
+    cure: str
+
+
+KINDS: Mapping[str, Kind] = {
+    "quaternion-order": Kind(
+        "The four numbers of the quaternions stand in another order than was declared.",
+        "Half of all programs write x, y, z, w, the others w, x, y, z.",
+        "`order: xyzw` (or `wxyz`) under `orientation` in the mapping; in a tidy table, the columns' names.",
+    ),
+    "quaternion-inverse": Kind(
+        "The rotations take the transmitter's coordinates to the receiver's, not the other way round.",
+        "Some systems write the inverse rotation; trakSTAR does.",
+        "`rotates: transmitter-to-receiver` under `orientation` in the mapping; in a tidy table, negate qx, "
+        "qy and qz.",
+    ),
+    "euler-order": Kind(
+        "The three angles turn about other axes, or in another order, than the mapping says.",
+        "Azimuth, elevation and roll are ZYX; motion-capture programs let one choose among many orders.",
+        "`axes` under `orientation` in the mapping.",
+    ),
+    "units": Kind(
+        "Positions or angles are in another unit than was declared.",
+        "Metres, centimetres or inches given as millimetres; radians given as degrees.",
+        "`position_unit`, or `unit` under `orientation`, in the mapping.",
+    ),
+    "time-unit": Kind(
+        "Times are in another unit than was declared.",
+        "Milliseconds or microseconds given as seconds, or the other way round.",
+        "`time_unit` under `csv` in the mapping; in a tidy table, give `time_s` in seconds.",
+    ),
+    "hemisphere": Kind(
+        "A receiver's position jumps to the other side of the transmitter, or is there all along.",
+        "A magnetic tracker cannot tell a place from the one opposite; it was started with, or crossed into, "
+        "the other hemisphere.",
+        "`repair` in the column `hemisphere` of the recordings sheet, or `--repair-hemisphere`.",
+    ),
+    "receiver-stuck": Kind(
+        "A receiver gives one and the same pose while the others move.",
+        "A cable or a channel that hung; a program that repeats the last value.",
+        "Cut the recording or leave the rows out (empty numbers are gaps); `csv.in_step: false` in the "
+        "mapping where a program repeats values.",
+    ),
+    "spikes": Kind(
+        "Single poses are where nothing can be, or all of them jump about.",
+        "Metal or a motor near the transmitter, bytes lost on the line, a column that is no position.",
+        "Leave the seven numbers of these rows empty; where all poses jump, look for the right columns.",
+    ),
+    "receivers-swapped": Kind(
+        "Two receivers stand for each other's segments.",
+        "Two plugs or two lines of a layout exchanged.",
+        "Exchange the two in the layout (`receiver`) or the mapping (`receivers`).",
+    ),
+    "digits-swapped": Kind(
+        "All receivers of two digits stand for each other's segments.",
+        "Two bundles of cables exchanged, or digits counted from the other side.",
+        "Exchange the digits' receivers in the layout or the mapping.",
+    ),
+    "wrong-hand": Kind(
+        "The hand is the other one than was declared, or the recording is mirrored.",
+        "A wrong word in the recordings sheet; an export with a left-handed frame.",
+        "The column `hand` of the recordings sheet (or `--hand`); mirror positions and rotations back.",
+    ),
+    "axes-mirrored": Kind(
+        "Axes of the positions are negated or exchanged while those of the rotations are not.",
+        "Columns in another order; one of two frames with z up, the other with y up; a left-handed frame.",
+        "Name the position's columns in the right order, and negate what is negated, before importing.",
+    ),
+    "receiver-turned": Kind(
+        "A receiver is turned on its bone by quarter turns against what the layout says, or sits on another.",
+        "A receiver strapped on sideways or back to front.",
+        "`receiver_axes` in the layout, for all receivers or under one segment.",
+    ),
+    "other-person": Kind(
+        "Bones are of other lengths than in the subject's other recordings.",
+        "A file of somebody else, or a wrong subject in the sheet.",
+        "The column `subject` or `file` of the recordings sheet.",
+    ),
+    "same-file": Kind(
+        "The poses are, number by number, those of another recording of the sheet.",
+        "One file named twice, or copied under another name.",
+        "The column `file` of the recordings sheet; or leave one row out with `exclude`.",
+    ),
+    "too-short": Kind(
+        "The recording is too short to say anything of a joint.",
+        "A recording stopped at once, or a file cut off.",
+        "Record it again; or leave it out with `exclude`.",
+    ),
+}  # fmt: skip
+
+
+def same_file(first: str) -> Finding:
+    """Say that the poses are those of another recording, `first`."""
+    message = (
+        f"All poses are, number by number, those of {first}: probably one file is named twice; correct the "
+        "column file of the recordings sheet, or give a reason under `exclude` for one of the two."
+    )
+    return Finding("same-file", SUSPECT, message)
+
+
+def mistakes_page() -> str:
+    """Give the guide's page of mistakes: every kind with its cause and cure."""
+    lines = [
+        "# Mistakes that are named",
+        "",
+        "Before any joint is solved, the stage `check_recordings` tests what was declared about a recording",
+        "against what its poses say: it undoes every mistake of this page on the poses, one after the",
+        "other, and asks each time how well joints close, whether lengths and places are a hand's, and",
+        "whether joints turn as joints do. Where a mistake explains the poses decisively better than what",
+        "was declared, it is named, in one sentence with what to write; then the next is looked for with",
+        "the first one undone. `import`, `inspect` and `check_calibration` say the same. How often it is",
+        "right: [accuracy](accuracy.md).",
+        "",
+        "A finding is `refused` (the recording is not used), `suspect` (it is solved and shown, and is in",
+        "no headline and no statistic) or a `note`. A reason in the column `accept` of the recordings sheet",
+        "makes a recording's suspect findings notes. All findings of a study stand in `problems.parquet`, a",
+        "subject's in `sub-S/findings.parquet`.",
+        "",
+        "Of layouts that are no hand only what rigid bodies and joints can do is known: digits, the other",
+        "hand, turned receivers and small errors of the unit are not named there.",
+        "",
+        "| kind | what it means | usual cause | cure |",
+        "|---|---|---|---|",
+    ]
+    lines += [f"| `{name}` | {kind.meaning} | {kind.cause} | {kind.cure} |" for name, kind in KINDS.items()]
+    return "\n".join(lines) + "\n"
+
+
+def suspect_hands(problems: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], str]:
+    """Give the hands that judge nothing, (subject, hand) with the first suspect finding's sentence as reason.
+
+    problems : rows of the problems table.
+    """
+    reasons: dict[tuple[str, str], str] = {}
+    for row in problems:
+        if row["stage"] == STAGE and row["severity"] in (SUSPECT, REFUSED):
+            where = f"{row['task']}: " if row["task"] else ""
+            reasons.setdefault((row["subject"], row["hand"]), where + row["message"])
+    return reasons

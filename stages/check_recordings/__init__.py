@@ -1,0 +1,1 @@
+"""Not in the paper: what was declared about recordings, against what their poses say."""

@@ -1,0 +1,89 @@
+"""Command line: poses of a subject's recordings -> findings table, each finding printed."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stages import command_line
+
+if TYPE_CHECKING:
+    from checks.checked_recording import CheckedRecording
+    from schemas.plan import SubjectPlan
+    from schemas.study import Recording
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the stage's argument parser."""
+    parser = command_line.parser(
+        "stages.check_recordings",
+        "Test what was declared about recordings against what their poses say: units, orders, sides, swaps.",
+        "python -m stages.check_recordings --poses results/demo/sub-01/right/rom/poses.parquet "
+        "--layout liberty16",
+        records_failure=False,
+    )
+    command_line.add_plan_options(parser, calibration="--poses")
+    parser.add_argument("--out", type=Path, help="the findings table to write")
+    return parser
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Check every recording of the subject that holds poses; print the findings, write them if asked to."""
+    from schemas.catalogue import FINDINGS
+    from schemas.plan import read_plan
+    from schemas.tables import Provenance, columns_from_rows, write_table
+
+    if arguments.plan is not None:
+        plan = read_plan(arguments.plan, checked=False)
+    else:
+        plan = command_line.plan_of(arguments)
+    checked = check_subject(plan)
+    rows = [row for recording, own in checked for row in _rows(plan, recording, own)]
+    for row in rows:
+        name = " ".join(filter(None, (row["hand"], row["task"], row["trial"])))
+        print(f"{name}: {row['severity']}: {row['kind']}: {row['message']}")
+    if not rows:
+        print("no finding")
+    if arguments.out is not None:
+        digests = {"/".join(_key(plan, recording).values()): own.digest for recording, own in checked}
+        provenance = Provenance.of(command_line.poses_files(plan), plan.folder, digests=digests)
+        write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), provenance)
+
+
+def check_subject(plan: SubjectPlan) -> list[tuple[Recording, CheckedRecording]]:
+    """Check a subject's recordings, each alone and all against each other."""
+    from checks.compared_recordings import compared
+    from schemas.poses import usable_poses
+
+    recordings = [own for own in plan.recordings if not own.exclude and usable_poses([plan.poses(own)])[0]]
+    checked = [command_line.checked_poses(plan.poses(own), plan.layouts[own.hand.hand]) for own in recordings]
+    named = [
+        (f"the {own.hand.hand} hand's {' '.join(filter(None, (own.task, own.trial)))}", own.hand.hand, one)
+        for own, one in zip(recordings, checked, strict=True)
+    ]
+    return list(zip(recordings, compared(named), strict=True))
+
+
+def _key(plan: SubjectPlan, recording: Recording) -> dict[str, str]:
+    return {
+        "subject": plan.subject,
+        "hand": recording.hand.hand,
+        "task": recording.task,
+        "trial": recording.trial,
+    }
+
+
+def _rows(plan: SubjectPlan, recording: Recording, checked: CheckedRecording) -> list[dict[str, Any]]:
+    findings = [finding.accepted(recording.accept) for finding in checked.findings]
+    return [{**_key(plan, recording), **vars(finding)} for finding in findings]
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), check)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,12 @@
+"""Hands for the checks' tests, simulated once."""
+
+import pytest
+from checked_hands import hand_of
+
+from benchmarks.mistakes import Planted
+
+
+@pytest.fixture(scope="session")
+def planted() -> Planted:
+    """A right hand without a fault."""
+    return hand_of(7)

@@ -1,0 +1,171 @@
+"""Every mistake that is planted in a hand is named, with what to write; a hand without one is left alone."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from checked_hands import hand_of
+
+from benchmarks.mistakes import MISTAKES, Planted, faultless
+from checks.checked_recording import check_recording, poses_digest
+from schemas.config_files import config_path, read_config
+from schemas.findings import KINDS, NOTE, REFUSED, SUSPECT
+from schemas.layout import layout_from_config, read_layout
+from schemas.poses import Poses
+from skeleton.rotations import from_matrix, matrix, multiply
+from stages.capture.formats.readers import find_parts_reader
+from stages.capture.samples import ReadingOptions, joined
+
+LAYOUT = read_layout("liberty16")
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_planted_mistake_is_named_alone(planted: Planted, name: str) -> None:
+    kind, mistake = MISTAKES[name]
+    findings = mistake(planted, np.random.default_rng(3)).findings()
+    assert [finding.kind for finding in findings] == [kind]
+    assert findings[0].message.endswith(".")
+    assert "; " in findings[0].message
+
+
+@pytest.mark.parametrize(("hand", "task"), [("right", "opposition"), ("left", "rom")])
+def test_odd_hands_are_no_mistakes(hand: str, task: str) -> None:
+    for name, own in faultless(8, hand, task, np.random.default_rng(8)):
+        assert own.findings() == [], name
+
+
+def exchanged(planted: Planted, one: str, other: str) -> Planted:
+    poses = planted.poses
+    order = list(range(len(poses.segments)))
+    i, j = poses.index(one), poses.index(other)
+    order[i], order[j] = j, i
+    position, quaternion = poses.position_mm[:, order], poses.quaternion[:, order]
+    return replace(planted, poses=replace(poses, position_mm=position, quaternion=quaternion))
+
+
+def test_a_sentence_says_what_is_seen_and_what_to_write(planted: Planted) -> None:
+    (swapped,) = exchanged(planted, "index_proximal", "index_middle").findings()
+    assert swapped.message.startswith("The receivers index_proximal and index_middle seem to be swapped: ")
+    assert "put right" in swapped.message
+    assert swapped.message.endswith("; exchange them in the layout or the mapping.")
+    small = replace(planted.poses, position_mm=planted.poses.position_mm / 1000)
+    (metres,) = replace(planted, poses=small).findings()
+    assert "1000 times too small, in m and read as mm: the hand comes out 0.01 times" in metres.message
+    assert "`position_unit: m`" in metres.message
+
+
+def test_two_mistakes_are_named_and_nothing_else(planted: Planted) -> None:
+    rng = np.random.default_rng(1)
+    both = MISTAKES["metres read as mm"][1](exchanged(planted, "ring_middle", "ring_distal"), rng)
+    assert {finding.kind for finding in both.findings()} == {"units", "receivers-swapped"}
+    assert "ring_middle and ring_distal" in " ".join(finding.message for finding in both.findings())
+
+
+def test_receivers_that_the_layout_has_turned_are_right(planted: Planted) -> None:
+    """The hand's receiver sits with x to the side, and the layout says so; then swapped with another."""
+    config = read_config(config_path("liberty16", "layout", Path()), "layout")
+    config["segments"]["hand"]["receiver_axes"] = {"distal": [0, 1, 0], "lateral": [-1, 0, 0]}
+    layout = layout_from_config(config, "turned")
+    axes = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], float)  # columns: distal, lateral, dorsal
+    quaternion = planted.poses.quaternion.copy()
+    quaternion[:, 0] = multiply(quaternion[:, 0], from_matrix(axes.T))
+    poses = replace(planted.poses, quaternion=quaternion)
+    assert check_recording(poses, layout, "right").findings == ()
+    (finding,) = check_recording(poses, LAYOUT, "right").findings
+    assert finding.kind == "receiver-turned"
+    assert "under the segment hand in the layout" in finding.message
+    assert "distal: [0, 1, 0]" in finding.message
+    assert "dorsal: [0, 0, 1]" in finding.message
+
+
+def test_the_hand_is_mirrored_whichever_it_is() -> None:
+    for hand, other in (("right", "left"), ("left", "right")):
+        (finding,) = replace(hand_of(9, hand), hand=other).findings()
+        assert finding.kind == "wrong-hand"
+        assert f"--hand {hand}" in finding.message
+
+
+def test_severities(planted: Planted) -> None:
+    """Nothing can be made of random poses or ten frames; a receiver that hung shortly is a note."""
+    rng = np.random.default_rng(2)
+    assert MISTAKES["random poses"][1](planted, rng).findings()[0].severity == REFUSED
+    few = replace(planted, poses=planted.poses.take(slice(0, 5)))
+    assert few.findings()[0].severity == REFUSED
+    position, quaternion = planted.poses.position_mm.copy(), planted.poses.quaternion.copy()
+    place = planted.poses.index("ring_distal")
+    dead = planted.poses.valid.copy()
+    dead[:, place] = False
+    position[:, place], quaternion[:, place] = position[0, place], quaternion[0, place]
+    poses = replace(planted.poses, position_mm=position, quaternion=quaternion, valid=dead)
+    (finding,) = check_recording(poses, LAYOUT, "right").findings
+    assert (finding.kind, finding.severity) == ("receiver-stuck", NOTE)
+    left_out = check_recording(planted.poses, LAYOUT, "right", flipped={"hand": 3}).findings
+    assert [(one.kind, one.severity) for one in left_out] == [("hemisphere", NOTE)]
+
+
+def test_a_digest_is_of_the_numbers_alone(planted: Planted) -> None:
+    poses = planted.poses
+    assert poses_digest(replace(poses, frame=poses.frame + 7, time_s=poses.time_s * 2)) == poses_digest(poses)
+    assert poses_digest(replace(poses, position_mm=poses.position_mm + 1e-9)) != poses_digest(poses)
+
+
+def test_nothing_is_said_of_nothing(planted: Planted) -> None:
+    """No pose, one receiver, two receivers without a joint between them."""
+    none = replace(planted.poses, valid=np.zeros_like(planted.poses.valid))
+    assert [one.kind for one in check_recording(none, LAYOUT, "right").findings] == ["too-short"]
+    for segments in (["hand"], ["hand", "index_distal"]):
+        seen = np.isin(planted.poses.segments, segments) & planted.poses.valid
+        assert check_recording(replace(planted.poses, valid=seen), LAYOUT, "right").findings == ()
+
+
+# --- layouts that are no hand -----------------------------------------------------------------------------
+
+
+def arm_poses(real_data: Path, side: str) -> Poses:
+    path = real_data / "upper_limb_poses" / f"racing_{side}.csv"
+    layout = read_layout("arm")
+    samples = joined(find_parts_reader(path, "auto", None)(path, layout, ReadingOptions()))
+    shape = (-1, len(layout.measured))
+    order = np.lexsort((samples.segment, samples.frame))
+    numbers = samples.numbers[order].reshape(*shape, 7)
+    valid = np.isfinite(numbers).all(-1)
+    frame, time_s = (array[order].reshape(shape)[:, 0] for array in (samples.frame, samples.time_s))
+    return Poses(layout.measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_real_arm(real_data: Path, side: str) -> None:
+    arm = Planted(arm_poses(real_data, side), side)
+    layout = read_layout("arm")
+    assert check_recording(arm.poses, layout, side).findings == ()
+    for name in (
+        "x, y, z, w read as w, x, y, z",
+        "inverse rotations",
+        "metres read as mm",
+        "one axis negated",
+        "axes in another order",
+    ):
+        kind, mistake = MISTAKES[name]
+        wrong = mistake(arm, np.random.default_rng(4)).poses
+        findings = check_recording(wrong, layout, side).findings
+        assert [(one.kind, one.severity) for one in findings] == [(kind, SUSPECT)], name
+
+
+def test_every_kind_is_planted_somewhere() -> None:
+    assert {kind for kind, _ in MISTAKES.values()} | {"other-person", "same-file"} == {*KINDS}
+
+
+def test_the_world_has_no_preferred_direction(planted: Planted) -> None:
+    turn = np.array([0.5, -0.5, 0.5, 0.5])
+    poses = planted.poses
+    turned = replace(
+        poses,
+        position_mm=poses.position_mm @ matrix(turn).T,
+        quaternion=multiply(turn, poses.quaternion),
+    )
+    here, there = (check_recording(own, LAYOUT, "right").explanation for own in (poses, turned))
+    assert here is not None
+    assert there is not None
+    np.testing.assert_allclose(there.total[0], here.total[0], atol=1e-6)
+    np.testing.assert_allclose(there.centre_mm[0], here.centre_mm[0], atol=1e-6)

@@ -1,0 +1,84 @@
+"""What a recording does in time is seen where it is, to the frame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from checks.timeline import Timeline, repeated_share, sides, spikes, stuck, true_clock
+from skeleton.rotations import about_axis
+
+FRAMES = 600
+T = np.arange(FRAMES) / 100
+
+
+def moving(receivers: int = 3) -> Timeline:
+    """Receivers that swing some 100 mm and 40 deg, 300 mm from the transmitter, at 100 Hz."""
+    phase = 2 * np.pi * (0.5 * T[:, None] + np.arange(receivers) / 7)
+    offset = np.array([300.0, 50.0, -80.0])
+    position = offset + 50 * np.stack([np.sin(phase), np.cos(phase), np.sin(2 * phase)], -1)
+    quaternion = about_axis(np.array([0.0, 1.0, 0.0]), 0.35 * np.sin(phase))
+    return Timeline(T, position, quaternion, np.ones((FRAMES, receivers), bool))
+
+
+def test_a_quiet_recording_has_nothing() -> None:
+    line = moving()
+    assert (sides(line) == 1).all()
+    assert not spikes(line).any()
+    assert not stuck(line).any()
+    assert repeated_share(line) == 0
+    assert true_clock(line) is None
+
+
+def test_flips_are_undone_to_the_frame_also_across_a_gap() -> None:
+    line = moving()
+    sign = np.ones((FRAMES, 3))
+    sign[100:250, 1] = sign[:40, 2] = -1
+    line.valid[245:255, 1] = False
+    flipped = replace(line, position_mm=line.position_mm * sign[..., None])
+    assert (sides(flipped) == sign)[line.valid].all()
+
+
+@pytest.mark.parametrize("rows", [[300], [300, 301]])
+def test_single_absurd_rows_are_spikes_and_no_others(rows: list[int]) -> None:
+    line = moving()
+    line.position_mm[rows, 2] += 10_000
+    assert np.argwhere(spikes(line)).tolist() == [[row, 2] for row in rows]
+    line = moving()
+    line.quaternion[rows, 0] = [0, 1, 0, 0]
+    assert np.argwhere(spikes(line)).tolist() == [[row, 0] for row in rows]
+
+
+def test_a_receiver_hangs_only_while_another_moves() -> None:
+    line = moving()
+    line.position_mm[200:300, 1], line.quaternion[200:300, 1] = (
+        line.position_mm[200, 1],
+        line.quaternion[200, 1],
+    )
+    expected = np.zeros((FRAMES, 3), bool)
+    expected[200:300, 1] = True
+    assert (stuck(line) == expected).all()
+    still = replace(line, position_mm=line.position_mm * 0, quaternion=line.quaternion[:1].repeat(FRAMES, 0))
+    assert not stuck(still).any()
+
+
+def test_poses_that_are_written_twice() -> None:
+    line = moving()
+    rows = np.arange(FRAMES) // 2
+    twice = replace(line, position_mm=line.position_mm[rows], quaternion=line.quaternion[rows])
+    assert repeated_share(twice) == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1e-3, "s"), (1e-6, "s")])
+def test_a_clock_in_another_unit(factor: float, unit: str) -> None:
+    found = true_clock(replace(moving(), time_s=T * factor))
+    assert found is not None
+    assert found == (pytest.approx(1 / factor), unit)
+
+
+def test_slow_recordings_and_those_without_times_are_left_alone() -> None:
+    """Single postures, one a second; no clock at all."""
+    line = moving()
+    slow = Timeline(T[:60] * 100, *(array[::10] for array in (line.position_mm, line.quaternion, line.valid)))
+    assert true_clock(slow) is None
+    assert true_clock(replace(line, time_s=np.full(FRAMES, np.nan))) is None

@@ -1,0 +1,34 @@
+"""Findings: what accepting one does, which hands judge nothing, and the kinds that users rely on."""
+
+from schemas.findings import KINDS, NOTE, REFUSED, SUSPECT, Finding, mistakes_page, suspect_hands
+
+ROW = {"subject": "01", "hand": "right", "task": "", "stage": "check_recordings", "severity": SUSPECT}
+
+
+def test_kinds_are_those_of_the_contract() -> None:
+    expected = (
+        "quaternion-order, quaternion-inverse, euler-order, units, time-unit, hemisphere, receiver-stuck, "
+        "spikes, receivers-swapped, digits-swapped, wrong-hand, axes-mirrored, receiver-turned, "
+        "other-person, same-file, too-short"
+    )
+    assert ", ".join(KINDS) == expected
+    assert all(f"| `{kind}` |" in mistakes_page() for kind in KINDS)
+
+
+def test_accepting_makes_a_suspect_finding_a_note_with_the_reason() -> None:
+    accepted = Finding("units", SUSPECT, "Seen.").accepted("a child of two")
+    assert accepted == Finding("units", NOTE, "Seen. Accepted: a child of two")
+    for severity in (REFUSED, NOTE):
+        assert Finding("units", severity, "Seen.").accepted("why").severity == severity
+    assert Finding("units", SUSPECT, "Seen.").accepted("").severity == SUSPECT
+
+
+def test_suspect_hands_are_named_with_their_first_reason() -> None:
+    rows = [
+        ROW | {"hand": "left", "severity": NOTE, "message": "a note"},
+        ROW | {"task": "rom, 2", "message": "swapped"},
+        ROW | {"task": "grip", "message": "later"},
+        ROW | {"subject": "02", "severity": REFUSED, "message": "jumps"},
+        ROW | {"subject": "03", "stage": "capture", "severity": REFUSED, "message": "no such file"},
+    ]
+    assert suspect_hands(rows) == {("01", "right"): "rom, 2: swapped", ("02", "right"): "jumps"}
