@@ -381,14 +381,14 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
     log:
         f"{logs}/export_dataset.log",
     params:
-        code=code_digest("stages.export.dataset"),
+        code=code_digest("stages.export"),
         options=study.export_options,
         participants=study.participants,
     message:
         "export_dataset: the study as a Motion-BIDS dataset"
     shell:
-        f"{run} stages.export.dataset --record-failure --plans {{input.plans:q}} {{params.options}}"
-        " {params.participants} --out {output:q}/bids > /dev/null 2> {log:q}"
+        f"{run} stages.export --record-failure --plan {{input.plans:q}} --formats bids {{params.options}}"
+        " {params.participants} --out {output:q} > /dev/null 2> {log:q}"
 
 
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice

@@ -12,14 +12,12 @@ BENCHMARKS = {
     "studies": "whole studies of 1, 10 and 100 subjects: seconds, where they go, what a change costs",
     "long_recordings": "recordings of a minute and an hour through the stages: seconds and memory",
     "joint_solve": "one joint and a hand's: closed form, stacked SVD, biobuddy and qmt on the same data",
-    "capture_decoding": "an hour of a tracker's bytes to Parquet, beside copying them",
-    "capture_live": "recording live through a terminal and a network port: loss, load, delay",
+    "captures": "an hour of a tracker's bytes to Parquet; recording live: loss, load, delay",
     "accuracy": "every estimator, and published software, on simulated hands against their truth",
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
     "cluster_plan": "a study of thousands on a cluster: jobs, hours, files, and what ends first",
     "report_pages": "the report: bytes of its pages, how a browser shows them",
-    "fuzz": "damaged byte streams and files: every decoder and reader must take them",
     "opensim_figure": "the guide's picture of an export in OpenSim, and its inverse kinematics",
 }
 

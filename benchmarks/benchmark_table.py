@@ -22,27 +22,29 @@ _WIDTH = 110
 
 @dataclass(frozen=True)
 class TextTable:
-    """columns : name and format (as in an f-string) of each; a cell of None prints as a dash.
+    """columns : of each "name", or "name:format" as in an f-string; a cell of None prints as a dash.
 
     meaning : what the numbers are and what they say.
     """
 
     title: str
-    columns: tuple[tuple[str, str], ...]
+    columns: Sequence[str]
     rows: Sequence[tuple[Cell, ...]]
     meaning: str
 
+    @property
+    def heads(self) -> list[str]:
+        """Names of the columns."""
+        return [column.rpartition(":")[0] or column for column in self.columns]
+
     def __str__(self) -> str:
-        head = [name for name, _ in self.columns]
-        body = [
-            [_text(cell, form) for cell, (_, form) in zip(row, self.columns, strict=True)]
-            for row in self.rows
-        ]
-        widths = [max(map(len, column)) for column in zip(head, *body, strict=True)]
-        aligns = ["<" if form == "" else ">" for _, form in self.columns]
+        forms = [column.rpartition(":")[2] if ":" in column else "" for column in self.columns]
+        body = [[_text(cell, form) for cell, form in zip(row, forms, strict=True)] for row in self.rows]
+        widths = [max(map(len, column)) for column in zip(self.heads, *body, strict=True)]
+        aligns = [">" if form else "<" for form in forms]
         lines = [
             "  ".join(f"{c:{a}{w}}" for c, a, w in zip(cells, aligns, widths, strict=True)).rstrip()
-            for cells in [head, ["-" * width for width in widths], *body]
+            for cells in [self.heads, ["-" * width for width in widths], *body]
         ]
         return "\n".join([self.title, *lines, *textwrap.wrap(self.meaning, _WIDTH)])
 

@@ -71,7 +71,7 @@ def run(subjects: int, cores: int) -> Iterator[TextTable]:
     )
     yield TextTable(
         "cluster_plan: what grows with the subjects",
-        (("what", ""), ("for none", ".1f"), ("for each", ".4f")),
+        ("what", "for none:.1f", "for each:.4f"),
         [(LABELS[name], line.none, line.each) for name, line in lines.items()],
         f"Snakemake's: lines through dry runs of {', '.join(map(str, PLANNED))} subjects, inside a job "
         f"{', '.join(map(str, PLANNED_INSIDE))}. The others: through studies of "
@@ -81,7 +81,7 @@ def run(subjects: int, cores: int) -> Iterator[TextTable]:
     ends = sorted((lines[name].reaches(limit), what) for what, (name, limit) in LIMITS.items())
     yield TextTable(
         "cluster_plan: what ends first, as one study grows",
-        (("what", ""), ("subjects", ".0f")),
+        ("what", "subjects:.0f"),
         [(what, limit) for limit, what in ends],
         "Beyond the first, split the study: several study files, each with its own report.",
     )
@@ -170,13 +170,13 @@ def _ways(rules: Mapping[str, RuleCost], lines: dict[str, Line], subjects: int, 
         f"{subjects * work_s / 3600:.0f} processor hours, {grown['files']:.1f} million files, "
         f"{grown['megabytes']:.2f} TB",
         (
-            ("a Slurm job is", ""),
-            ("Slurm jobs", "d"),
-            ("s each", ".0f"),
-            ("h planning", ".2f"),
-            ("h running", ".1f"),
-            ("core hours", ".0f"),
-            ("submissions/s", ".2f"),
+            "a Slurm job is",
+            "Slurm jobs:d",
+            "s each:.0f",
+            "h planning:.2f",
+            "h running:.1f",
+            "core hours:.0f",
+            "submissions/s:.2f",
         ),
         rows,
         "A model, not a run: planning, then full waves of equal jobs, without gather, report and figures. "

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.benchmark_table import Cell, TextTable
 from benchmarks.peers import QMT, SARA, SCORE, Biobuddy, biobuddy, hinge_axis, missing_peers, receiver_pair
-from benchmarks.solvers import as_poses, closed, moments, solved_joints, stacked
+from benchmarks.solvers import closed, moments, solved_joints, stacked
 from schemas.layout import Joint, Plane, read_layout
 from schemas.poses import Poses
 from skeleton.rotations import Array, about_axis, multiply, rotate, unit
@@ -61,7 +61,7 @@ def joint_times(n_frames: int, rounds: int) -> TextTable:
     missing = dict.fromkeys((SCORE, SARA), peer) if isinstance(peer, str) else {}
     return TextTable(
         f"joint_solve: one joint, {n_frames} frames, {rounds} rounds in turns",
-        (("solver", ""), ("median ms", ".2f"), ("x closed form", ".2f"), ("", "")),
+        ("solver", "median ms:.2f", "x closed form:.2f", ""),
         _timed(rivals, missing, rounds),
         "Timed is computing only, from arrays (biobuddy: from its own series of matrices, built before). The "
         "closed form also gives the centre's sd, range, gap and independent samples, which is most of its "
@@ -72,7 +72,7 @@ def joint_times(n_frames: int, rounds: int) -> TextTable:
 def hand_times(n_frames: int, rounds: int) -> TextTable:
     """Time a hand's joints from the same arrays of poses, each solver's inputs included."""
     layout = read_layout("liberty16")
-    poses = as_poses(simulate("01", "right", "opposition", 0, Realism.full(), n_frames))
+    poses = simulate("01", "right", "opposition", 0, Realism.full(), n_frames).poses()
     joints = solved_joints(layout, poses)
     peer, missing = biobuddy(), missing_peers()
     rivals = _ours(poses, joints)
@@ -85,7 +85,7 @@ def hand_times(n_frames: int, rounds: int) -> TextTable:
     return TextTable(
         f"joint_solve: {len(joints)} joints of {len(poses.segments)} receivers, {n_frames} frames, "
         f"{rounds} rounds in turns",
-        (("solver", ""), ("median ms", ".1f"), ("x closed form", ".2f"), ("", "")),
+        ("solver", "median ms:.1f", "x closed form:.2f", ""),
         _timed(rivals, absent, rounds),
         "From arrays of quaternions and positions (frames, receivers, numbers) to every joint's centre. The "
         "closed form: the pass over the data, the solution, its sd, range, gap and independent samples, all "
@@ -142,12 +142,7 @@ def agreement(n_frames: int, seeds: int) -> TextTable:
     return TextTable(
         f"joint_solve: do they agree? an exact hinge, white noise of {NOISE_MM} mm and {NOISE_DEG} deg, "
         f"{n_frames} frames, {seeds} seeds",
-        (
-            ("solver", ""),
-            ("mm from closed form (worst)", ".1e"),
-            ("mm off true axis (median)", ".3f"),
-            ("", ""),
-        ),
+        ("solver", "mm from closed form (worst):.1e", "mm off true axis (median):.3f", ""),
         rows,
         "The centre's worse half, six singular values inverted as biobuddy does. Without its outlier pass "
         "SCoRE is the same least squares; with it biobuddy leaves out frames, which white noise does not ask "

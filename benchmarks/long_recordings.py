@@ -53,14 +53,7 @@ def run(minutes: Sequence[float] = (1, 60)) -> Iterator[TextTable]:
                 rows.append((job.rule, length, cpu_s, cpu_s / length, usage.memory_mb, copied))
     yield TextTable(
         f"long_recordings: 16 receivers at {RATE_HZ} Hz, models {OWN_MODEL} and whole-hand, a job a process",
-        (
-            ("rule", ""),
-            ("minutes", "g"),
-            ("CPU s", ".2f"),
-            ("CPU s a minute", ".3f"),
-            ("most memory MB", ".0f"),
-            ("x copying", ".1f"),
-        ),
+        ("rule", "minutes:g", "CPU s:.2f", "CPU s a minute:.3f", "most memory MB:.0f", "x copying:.1f"),
         rows,
         "A simulated hand's half minute over and over. CPU seconds of all threads and the most memory that "
         "was resident, start-up counted. Copying is a process that reads the job's tables with pyarrow, "

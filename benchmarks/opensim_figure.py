@@ -48,7 +48,7 @@ def run(stem: Path, python: Path, picture: Path) -> Iterator[TextTable]:
     rms_mm = result["ik_rms_m"] * 1000
     yield TextTable(
         f"opensim_figure: {picture}",
-        (("frames", "d"), ("markers' rms mm, median", ".2f"), ("worst", ".2f")),
+        ("frames:d", "markers' rms mm, median:.2f", "worst:.2f"),
         [(len(rms_mm), float(np.median(rms_mm)), float(rms_mm.max()))],
         "Errors of the markers in OpenSim's inverse kinematics.",
     )

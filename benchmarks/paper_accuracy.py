@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from benchmarks.accuracy.score import JOINT_TYPES, RADIUS_SD, Centre, joint_error
+from benchmarks.accuracy.score import JOINT_TYPES
 from benchmarks.benchmark_table import Cell, TextTable
 from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS
 from schemas.parts import Part, parts_writer
 from schemas.tables import Provenance, read_table, rows_of
+from stages.evaluate_skeletons.truth_errors import RADIUS_SD, centre_errors
 from stages.simulate.realism import Realism
 from stages.simulate.recording import write_recording
-from stages.simulate.simulated_truth import TrueJoint, write_truth
 from stages.simulate.simulation import LAYOUT, Simulated, simulate
+from stages.simulate.written_truth import write_truth
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +31,8 @@ ESTIMATED, TRUE = "estimated", "true"
 COMPOUND = "MCP 4-5"
 ALL = "all"
 BINDINGS = ("first-frame", "least-squares")
+
+SPREAD = ("median mm:.1f", "p90 mm:.1f", "> 5 mm %:.0f", "worst mm:.1f")
 
 NO_CRIME = (
     "Simulator and estimator share no model of the skin: the paper's method has none, and the simulated skin "
@@ -59,8 +60,8 @@ def run(seeds: int = 20, n_frames: int | None = None, processes: int = 2) -> Ite
 def paper_hand(seed: int, hand: str, n_frames: int | None = None) -> tuple[list[Row], list[Row]]:
     """Simulate a hand doing every task, solve it from each, replay all of them with each.
 
-    Gives a row a joint and calibration (see `_joint_row`), and a row a digit, calibration, skeleton, binding
-    and replayed recording: its mean tip error in mm.
+    Gives a row a joint and calibration: its error in mm, without numbers where it failed; and a row a digit,
+    calibration, skeleton, binding and replayed recording: its mean tip error in mm.
     """
     simulated = {task: simulate("01", hand, task, seed, Realism.full(), n_frames) for task in TASKS}
     joints: list[Row] = []
@@ -71,13 +72,14 @@ def paper_hand(seed: int, hand: str, n_frames: int | None = None) -> tuple[list[
         for task in TASKS:
             folders = {skeleton: folder / f"{task}-{skeleton}" for skeleton in (ESTIMATED, TRUE)}
             _solve_joints(folders[ESTIMATED], poses[task])
-            _write_true_centres(folders[TRUE], simulated[task])
+            true = _write_true_centres(folders[TRUE], simulated[task])
             for skeleton, place in folders.items():
                 _replay(place, poses[task], list(poses.values()))
                 rows = rows_of(read_table(place / "tip_errors.parquet", TIP_ERRORS))
                 tips += [{**row, "calibration": task, "skeleton": skeleton} for row in rows]
-            rows = rows_of(read_table(folders[ESTIMATED] / "projected_joints.parquet", JOINT_CENTRES))
-            joints += [_joint_row(task, row, simulated[task].truth.joints[row["joint"]]) for row in rows]
+            for row in rows_of(read_table(folders[ESTIMATED] / "projected_joints.parquet", JOINT_CENTRES)):
+                off = {} if row["status"] == "failed" else centre_errors(row, true[row["joint"]])
+                joints.append({"calibration": task, "joint": row["joint"], "status": row["status"], **off})
     return joints, tips
 
 
@@ -104,13 +106,14 @@ def _solve_joints(folder: Path, poses: Path) -> None:
     _stage("project_planes", **CONFIG, joints=solutions, out=folder / "projected_joints.parquet")
 
 
-def _write_true_centres(folder: Path, simulated: Simulated) -> None:
-    """Write the true centres as if the model had solved them: the folder's projected_joints."""
-    write_truth(folder / "truth", simulated.truth, simulated.written(), Provenance())
-    rows = rows_of(read_table(folder / "truth" / "joint_centres.parquet", JOINT_CENTRES))
+def _write_true_centres(folder: Path, simulated: Simulated) -> dict[str, Row]:
+    """Write the true centres as if the model had solved them: the folder's projected_joints; give them."""
+    write_truth(folder / "truth", simulated, Provenance())
+    rows = list(rows_of(read_table(folder / "truth" / "joint_centres.parquet", JOINT_CENTRES)))
     with parts_writer(folder / "projected_joints.parquet", JOINT_CENTRES, Provenance()) as table:
         part = Part(simulated.hand, MODEL, subject=simulated.subject)
         table.rows(part, [{**row, "model": MODEL} for row in rows])
+    return {row["joint"]: row for row in rows}
 
 
 def _replay(folder: Path, calibration: Path, evaluated: Sequence[Path]) -> None:
@@ -126,37 +129,14 @@ def _replay(folder: Path, calibration: Path, evaluated: Sequence[Path]) -> None:
     _stage("evaluate_tips", *poses, **config, **built, **files(out="tips", out_errors="tip_errors"))
 
 
-def _joint_row(calibration: str, row: Mapping[str, Any], true: TrueJoint) -> Row:
-    """One joint against the truth in mm, as JointError has it.
-
-    worse_mm : of the worse half, whose sd the table states as sd_mm. Without numbers where it failed.
-    """
-    key = {"calibration": calibration, "joint": row["joint"], "status": row["status"]}
-    if row["status"] == "failed":
-        return key
-    parent, child = (np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"]) for side in ("parent", "child"))
-    off = joint_error(true, Centre(parent, child), hinge=False)
-    worse_mm = max(off.child_mm, float(np.linalg.norm(parent - true.parent_mm)))
-    sizes = {"child_mm": off.child_mm, "along_mm": off.along_mm, "across_mm": off.across_mm}
-    return {**key, **sizes, "worse_mm": worse_mm, "sd_mm": row["sd_mm"]}
-
-
 def centre_table(joints: pd.DataFrame, of: str) -> TextTable:
     """Errors of the joint centres by joint type."""
     rows = [_centre_row(kind, joints[joints["joint"].isin(own)]) for kind, own in JOINT_TYPES.items()]
+    sizes = [f"{name} mm:.1f" for name in ("median", "p90", "along axis", "across axis")]
+    shares = ("> 5 mm %:.0f", "> 50 mm %:.1f", "worse half mm:.1f", "sd mm:.1f", "within 95 % radius %:.0f")
     return TextTable(
         f"paper_accuracy: joint centres solved from {of}",
-        (
-            ("joints", ""),
-            ("n", "d"),
-            ("failed", "d"),
-            *((f"{name} mm", ".1f") for name in ("median", "p90", "along axis", "across axis")),
-            ("> 5 mm %", ".0f"),
-            ("> 50 mm %", ".1f"),
-            ("worse half mm", ".1f"),
-            ("sd mm", ".1f"),
-            ("within 95 % radius %", ".0f"),
-        ),
+        ("joints", "n:d", "failed:d", *sizes, *shares),
         [*rows, _centre_row(ALL, joints)],
         "Distance to the true centre in the child's receiver frame, its parts along and across the true axis "
         "(medians), and shares of it; then the worse of both halves (median) beside the sd stated for it "
@@ -169,11 +149,12 @@ def _centre_row(kind: str, joints: pd.DataFrame) -> tuple[Cell, ...]:
     counts = (kind, len(joints), len(joints) - len(solved))
     if solved.empty:
         return (*counts, *[None] * 9)
-    child, median = solved["child_mm"], solved.median(numeric_only=True)
+    child, median = solved["error_mm"], solved.median(numeric_only=True)
     numbers = (child.quantile(0.5), child.quantile(0.9), median["along_mm"], median["across_mm"])
     shares = (100 * (child > 5).mean(), 100 * (child > 50).mean())
-    covered = 100 * (solved["worse_mm"] <= RADIUS_SD * solved["sd_mm"]).mean()
-    return (*counts, *map(float, (*numbers, *shares, median["worse_mm"], median["sd_mm"], covered)))
+    worse = solved[["error_mm", "parent_error_mm"]].max(axis=1)
+    covered = 100 * (worse <= RADIUS_SD * solved["sd_mm"]).mean()
+    return (*counts, *map(float, (*numbers, *shares, worse.median(), median["sd_mm"], covered)))
 
 
 def status_table(joints: pd.DataFrame, of: str) -> TextTable:
@@ -184,20 +165,13 @@ def status_table(joints: pd.DataFrame, of: str) -> TextTable:
         for kind, apart in ((f"all but {COMPOUND}", ~compound), (COMPOUND, compound)):
             for status in ("ok", "weak"):
                 some = joints[(joints["calibration"] == task) & apart & (joints["status"] == status)]
-                child = some["child_mm"]
+                child = some["error_mm"]
                 numbers = (child.quantile(0.5), child.quantile(0.9), 100 * (child > 5).mean(), child.max())
                 known: list[Cell] = [float(number) for number in numbers] if len(child) else [None] * 4
                 rows.append((task, kind, status, len(child), *known))
     return TextTable(
         f"paper_accuracy: what the status of a joint is worth, {of}",
-        (
-            *((name, "") for name in ("solved from", "joints", "status")),
-            ("n", "d"),
-            ("median mm", ".1f"),
-            ("p90 mm", ".1f"),
-            ("> 5 mm %", ".0f"),
-            ("worst mm", ".1f"),
-        ),
+        ("solved from", "joints", "status", "n:d", *SPREAD),
         rows,
         "Distance to the true centre in the child's receiver frame. ok says that the data fix the fit, not "
         f"that the joint is a hinge: {COMPOUND}, seen from the hand, have a palm that moves between, which "
@@ -217,10 +191,10 @@ def tip_table(tips: pd.DataFrame, of: str) -> TextTable:
                 row = quantiles.loc[task, skeleton, held_out]
                 numbers = [float(row[binding, share]) for binding in BINDINGS for share in (0.5, 0.9)]
                 rows.append((task, replayed, "yes" if held_out else "no", skeleton, *numbers))
-    heads = [(f"{binding} {what}", ".1f") for binding in BINDINGS for what in ("median mm", "p90 mm")]
+    heads = [f"{binding} {what}:.1f" for binding in BINDINGS for what in ("median mm", "p90 mm")]
     return TextTable(
         f"paper_accuracy: tip error, {of}",
-        (*((name, "") for name in ("solved from", "replayed in", "held out", "skeleton")), *heads),
+        ("solved from", "replayed in", "held out", "skeleton", *heads),
         rows,
         "Mean distance over a recording of the replayed tip to the distal receiver, median and p90 over "
         "digits and hands; the true skeleton has the truth's centres and is replayed alike. The tip error is "

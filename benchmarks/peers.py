@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.solvers import some_frames
 from schemas.layout import Joint
 from schemas.poses import Poses
 from skeleton.rotations import Array, conjugate, matrix, multiply, rotate
@@ -98,7 +97,7 @@ def receiver_pair(poses: Poses, joint: Joint) -> Poses:
     rows = np.flatnonzero(poses.valid[:, both].all(1))
     at = rows[:, None], np.array(both)
     return replace(
-        some_frames(poses, rows),
+        poses.take(rows),
         segments=(joint.parent_receiver, joint.child),
         position_mm=poses.position_mm[at],
         quaternion=poses.quaternion[at],

@@ -45,7 +45,7 @@ def run(results: Path = DEMO) -> Iterator[TextTable]:
     """Give the tables: how large the pages are, then how a browser shows them."""
     report = results / "report.html"
     if not report.is_file():
-        yield TextTable("report_pages", (("needs", ""),), [(f"{report}: run the study first",)], "")
+        yield TextTable("report_pages", ("needs",), [(f"{report}: run the study first",)], "")
         return
     pages = sorted((results / "report").rglob("*.html"), key=lambda page: page.stat().st_size)
     rows: list[tuple[Cell, ...]] = [
@@ -58,7 +58,7 @@ def run(results: Path = DEMO) -> Iterator[TextTable]:
     ]
     yield TextTable(
         "report_pages: size",
-        (("page", ""), ("file", ""), ("kB", ".0f")),
+        ("page", "file", "kB:.0f"),
         rows,
         "What it takes to write them is in studies (rules report and subject_pages).",
     )
@@ -69,7 +69,7 @@ def _looking(report: Path, recording: Path) -> TextTable:
     """Open pages in Chromium, which draws with the processor alone."""
     program = shutil.which("chromium")
     if program is None:
-        return TextTable("report_pages: looking at them", (("needs", ""),), [("chromium on the path",)], "")
+        return TextTable("report_pages: looking at them", ("needs",), [("chromium on the path",)], "")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
@@ -90,7 +90,7 @@ def _looking(report: Path, recording: Path) -> TextTable:
     ]
     return TextTable(
         "report_pages: looking at them",
-        (("what", ""), ("measured", ".1f")),
+        ("what", "measured:.1f"),
         rows,
         "Chromium without a graphics card, 1280 x 800.",
     )

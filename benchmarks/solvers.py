@@ -3,42 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
-import numpy.typing as npt
 
 from schemas.layout import Joint, Layout
 from schemas.poses import Poses
-from stages.simulate.simulation import Simulated
 from stages.solve_joints.closed import JointSolution, solve_closed
 from stages.solve_joints.moments import BLOCK_FRAMES, JointMoments
 from stages.solve_joints.solve import add_block
 from stages.solve_joints.stacked import StackedSolution, solve_stacked
-
-
-def as_poses(simulated: Simulated) -> Poses:
-    """A simulated recording as the stages hold it."""
-    return Poses(
-        simulated.segments,
-        simulated.frame,
-        simulated.time_s,
-        simulated.position_mm,
-        simulated.quaternion,
-        np.ones(simulated.position_mm.shape[:2], bool),
-    )
-
-
-def some_frames(poses: Poses, frames: slice | npt.NDArray[np.int64]) -> Poses:
-    """Some frames of a recording."""
-    return replace(
-        poses,
-        frame=poses.frame[frames],
-        time_s=poses.time_s[frames],
-        position_mm=poses.position_mm[frames],
-        quaternion=poses.quaternion[frames],
-        valid=poses.valid[frames],
-    )
 
 
 def solved_joints(layout: Layout, poses: Poses) -> list[Joint]:
@@ -51,7 +22,7 @@ def moments(poses: Poses, joints: Sequence[Joint]) -> JointMoments:
     """The pass over the data, all joints at once, in blocks of frames as the stage does."""
     total = JointMoments(len(joints))
     for start in range(0, len(poses.frame), BLOCK_FRAMES):
-        add_block(total, some_frames(poses, slice(start, start + BLOCK_FRAMES)), joints)
+        add_block(total, poses.take(slice(start, start + BLOCK_FRAMES)), joints)
     return total
 
 

@@ -128,14 +128,7 @@ def _whole(rows: list[tuple[Cell, ...]]) -> TextTable:
     return TextTable(
         f"studies: {len(PAPER_MODELS)} models, {len(HANDS)} hands x {len(ROLES)} recordings a subject, "
         f"{CORES} cores",
-        (
-            ("study", ""),
-            ("jobs", "d"),
-            ("s", ".1f"),
-            ("s a recording", ".2f"),
-            ("processor s", ".0f"),
-            ("largest process, MB", ".0f"),
-        ),
+        ("study", "jobs:d", "s:.1f", "s a recording:.2f", "processor s:.0f", "largest process, MB:.0f"),
         rows,
         "The whole workflow, report and figures included; Snakemake's own start and planning too. A change "
         "reruns what depends on it and nothing else; changes are to the largest study, one after the other. "
@@ -146,11 +139,11 @@ def _whole(rows: list[tuple[Cell, ...]]) -> TextTable:
 
 def rule_table(costs: Mapping[str, RuleCost], title: str, meaning: str) -> TextTable:
     """What the rules of a study cost."""
-    heads = (("jobs", "d"), ("processor s a job", ".2f"), ("of all jobs", ".0f"), ("largest MB", ".0f"))
+    heads = ("jobs:d", "processor s a job:.2f", "of all jobs:.0f", "largest MB:.0f")
     rows: list[tuple[Cell, ...]] = [
         (rule, cost.jobs, cost.processor_s, cost.total_s, cost.memory_mb) for rule, cost in costs.items()
     ]
-    return TextTable(title, (("rule", ""), *heads), rows, meaning)
+    return TextTable(title, ("rule", *heads), rows, meaning)
 
 
 def _fitted_row(study: Study, simulated: Path, subjects: int) -> tuple[Cell, ...]:
@@ -166,13 +159,13 @@ def _fitted(rows: list[tuple[Cell, ...]]) -> TextTable:
     return TextTable(
         f"studies: all {len(ALL_MODELS)} models",
         (
-            ("subjects", "d"),
-            ("s", ".0f"),
-            ("processor s", ".0f"),
-            ("fits", "d"),
-            ("s a fit", ".1f"),
-            ("fits' % of all", ".0f"),
-            ("largest fit, MB", ".0f"),
+            "subjects:d",
+            "s:.0f",
+            "processor s:.0f",
+            "fits:d",
+            "s a fit:.1f",
+            "fits' % of all:.0f",
+            "largest fit, MB:.0f",
         ),
         rows,
         "Processor seconds but for the second column. A fit is a hand under whole-hand, posed in its "

@@ -22,15 +22,30 @@ MADE_WITHOUT = Column(
     "made_without", TEXT, "", "task whose recordings the skeleton was made without; empty: of all"
 )
 DIGIT = Column("digit", TEXT, "", "the digit, as the layout names it")
+JOINT = Column("joint", TEXT, "", "the joint, as the layout names it")
 FRAME = Column("frame", WHOLE, "", "the tracker's own frame number, kept as it came")
 MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing")
 STATUS = Column("status", TEXT, "", "ok, weak (read the message) or failed (no usable number)")
 
 
-def _xyz(prefix: str, unit: str, description: str, *, nullable: bool = True) -> tuple[Column, ...]:
+OF_RECORDING = (SUBJECT, HAND, TASK, TRIAL)
+OF_SKELETON = (SUBJECT, HAND, MODEL, MADE_WITHOUT)
+OF_SKELETON_IN_RECORDING = (*OF_RECORDING, MODEL, MADE_WITHOUT)
+"""Columns that say what a row is of."""
+
+_UNITS = {"mm": "mm", "deg": "deg", "s": "s", "percent": "%"}
+
+
+def _real(name: str, description: str) -> Column:
+    """A number, or null, in the unit that its name ends with."""
+    return Column(name, REAL, _UNITS.get(name.rsplit("_", 1)[-1], ""), description, nullable=True)
+
+
+def _xyz(prefix: str, unit: str, description: str) -> tuple[Column, ...]:
     suffix = f"_{unit}" if unit else ""
     return tuple(
-        Column(f"{prefix}{axis}{suffix}", REAL, unit, f"{description}, {axis}", nullable) for axis in "xyz"
+        Column(f"{prefix}{axis}{suffix}", REAL, unit, f"{description}, {axis}", nullable=True)
+        for axis in "xyz"
     )
 
 
@@ -45,7 +60,7 @@ POSES = Table(
     (
         Column("segment", TEXT, "", "the bone's rigid body that the receiver rides on"),
         FRAME,
-        Column("time_s", REAL, "s", "device time as recorded; null where the recording has none", True),
+        _real("time_s", "device time as recorded; null where the recording has none"),
         *_xyz("", "mm", "receiver origin in the transmitter frame"),
         *_quaternion("receiver to transmitter frame, unit"),
         Column("valid", YES_NO, "", "whether this pose may be used"),
@@ -112,11 +127,8 @@ JOINT_SOLUTIONS = Table(
     2,
     "the joint as Eq. 1-7 give it, before the plane",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
-        Column("joint", TEXT, "", "the joint, as the layout names it"),
+        *OF_SKELETON,
+        JOINT,
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
         *_xyz("parent_", "mm", "joint centre in the parent receiver's frame"),
@@ -144,16 +156,14 @@ JOINT_SOLUTIONS = Table(
             "covariance of (parent, child) centre, 6 x 6 by rows, the axis direction left out",
             True,
         ),
-        Column("gap_rms_mm", REAL, "mm", "rms gap of the centre given here", True),
-        Column("gap_rms_free_mm", REAL, "mm", "rms gap of the unconstrained six-unknown fit", True),
-        Column("slide_to_free_mm", REAL, "mm", "from this centre along the axis to that fit's", True),
-        Column("range_deg", REAL, "deg", "range of motion about the axis", True),
-        Column("spread_deg", REAL, "deg", "standard deviation of the angle about the axis", True),
-        Column("axis_sd_deg", REAL, "deg", "1-sigma direction error of the axis", True),
+        _real("gap_rms_mm", "rms gap of the centre given here"),
+        _real("gap_rms_free_mm", "rms gap of the unconstrained six-unknown fit"),
+        _real("slide_to_free_mm", "from this centre along the axis to that fit's"),
+        _real("range_deg", "range of motion about the axis"),
+        _real("spread_deg", "standard deviation of the angle about the axis"),
+        _real("axis_sd_deg", "1-sigma direction error of the axis"),
         Column("n_frames", WHOLE, "", "frames in which both receivers were valid"),
-        Column(
-            "n_effective", REAL, "", "independent samples among them, from the gap's autocorrelation", True
-        ),
+        _real("n_effective", "independent samples among them, from the gap's autocorrelation"),
         STATUS,
         MESSAGE,
     ),
@@ -165,11 +175,8 @@ JOINT_CENTRES = Table(
     2,
     "the skeleton's joints, the wrist point in use among them",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
-        Column("joint", TEXT, "", "the joint, as the layout names it"),
+        *OF_SKELETON,
+        JOINT,
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
         Column("dof", pa.int8(), "", "degrees of freedom that the model gave the joint"),
@@ -177,19 +184,13 @@ JOINT_CENTRES = Table(
         *_xyz("child_", "mm", "joint centre in the child receiver's frame"),
         *_xyz("axis_parent_", "", "unit rotation axis in the parent receiver's frame"),
         *_xyz("axis_child_", "", "unit rotation axis in the child receiver's frame"),
-        Column(
+        _real(
             "sd_mm",
-            REAL,
-            "mm",
             "1-sigma error of the centre in 3-D, with what skin and the receivers' places leave open",
-            True,
         ),
-        Column(
+        _real(
             "scatter_sd_mm",
-            REAL,
-            "mm",
             "of that what the scatter of the frames alone says; null where anatomy was weighed in",
-            True,
         ),
         Column(
             "covariance_mm2",
@@ -198,17 +199,15 @@ JOINT_CENTRES = Table(
             "covariance of (parent, child) centre, 6 x 6 by rows",
             True,
         ),
-        Column("gap_rms_mm", REAL, "mm", "rms gap of this centre over the calibration frames", True),
-        Column("gap_rms_free_mm", REAL, "mm", "rms gap of the unconstrained six-unknown fit", True),
-        Column("range_deg", REAL, "deg", "range of motion about the axis", True),
-        Column("axis_sd_deg", REAL, "deg", "1-sigma direction error of the axis", True),
-        Column("axis_plane_deg", REAL, "deg", "angle between the axis and the plane that cuts it", True),
-        Column("slide_mm", REAL, "mm", "how far the plane moved the centre along the axis", True),
-        Column(
-            "correction_mm", REAL, "mm", "length of the manual correction; null where there is none", True
-        ),
+        _real("gap_rms_mm", "rms gap of this centre over the calibration frames"),
+        _real("gap_rms_free_mm", "rms gap of the unconstrained six-unknown fit"),
+        _real("range_deg", "range of motion about the axis"),
+        _real("axis_sd_deg", "1-sigma direction error of the axis"),
+        _real("axis_plane_deg", "angle between the axis and the plane that cuts it"),
+        _real("slide_mm", "how far the plane moved the centre along the axis"),
+        _real("correction_mm", "length of the manual correction; null where there is none"),
         Column("n_frames", WHOLE, "", "calibration frames in which both receivers were valid"),
-        Column("n_effective", REAL, "", "independent samples among them", True),
+        _real("n_effective", "independent samples among them"),
         Column("source", TEXT, "", "where the centre comes from (fit, configured point, estimated point)"),
         STATUS,
         MESSAGE,
@@ -221,18 +220,13 @@ METACARPALS = Table(
     2,
     "posture of the digit's metacarpal",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
         *_quaternion("metacarpal (x distal, z dorsal) to transmitter frame"),
-        Column("swing_deg", REAL, "deg", "swing since the reference frame (Eq. 9), in the hand", True),
-        Column("twist_deg", REAL, "deg", "twist about the bone since the reference frame (Eq. 11)", True),
-        Column("length_mm", REAL, "mm", "distance from the bone's base to the MCP joint, |v(k)|", True),
+        _real("swing_deg", "swing since the reference frame (Eq. 9), in the hand"),
+        _real("twist_deg", "twist about the bone since the reference frame (Eq. 11)"),
+        _real("length_mm", "distance from the bone's base to the MCP joint, |v(k)|"),
         Column("flags", TEXT, "", "words joined by ';': gap, twist-near-singular, swing-near-singular"),
     ),
     ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
@@ -243,18 +237,13 @@ TIPS = Table(
     2,
     "the replayed fingertip, least-squares binding",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
-        Column("time_s", REAL, "s", "device time as recorded", True),
+        _real("time_s", "device time as recorded"),
         *_xyz("tip_", "mm", "replayed fingertip in the transmitter frame, least-squares binding"),
-        Column("error_mm", REAL, "mm", "its distance to the distal receiver", True),
-        Column("error_first_frame_mm", REAL, "mm", "the same with the paper's first-frame binding", True),
+        _real("error_mm", "its distance to the distal receiver"),
+        _real("error_first_frame_mm", "the same with the paper's first-frame binding"),
     ),
     ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
 )
@@ -264,20 +253,15 @@ TIP_ERRORS = Table(
     2,
     "the paper's table, one cell group a row",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         DIGIT,
         Column("binding", TEXT, "", "first-frame (the paper's) or least-squares"),
-        Column("max_mm", REAL, "mm", "largest tip error over the frames", True),
-        Column("min_mm", REAL, "mm", "smallest", True),
-        Column("mean_mm", REAL, "mm", "mean", True),
-        Column("sd_mm", REAL, "mm", "standard deviation over the frames (divided by n)", True),
-        Column("median_mm", REAL, "mm", "median", True),
-        Column("p95_mm", REAL, "mm", "95th percentile", True),
+        _real("max_mm", "largest tip error over the frames"),
+        _real("min_mm", "smallest"),
+        _real("mean_mm", "mean"),
+        _real("sd_mm", "standard deviation over the frames (divided by n)"),
+        _real("median_mm", "median"),
+        _real("p95_mm", "95th percentile"),
         Column("n_frames", WHOLE, "", "frames with an error: every receiver of the digit valid"),
         Column("n_frames_total", WHOLE, "", "frames of the recording"),
         Column("held_out", YES_NO, "", "whether the joints were solved without this recording"),
@@ -294,10 +278,7 @@ BONE_LENGTHS = Table(
     2,
     "a bone is named after its segment",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON,
         DIGIT,
         Column("bone", TEXT, "", "the segment"),
         Column(
@@ -310,17 +291,11 @@ BONE_LENGTHS = Table(
             f"joint at whose centre it ends; of a digit's last bone {FINGERTIP!r} where the whole hand was "
             f"fitted, else {DISTAL_RECEIVER!r}, which the paper takes for the tip",
         ),
-        Column("length_mm", REAL, "mm", "distance between the two", True),
-        Column("sd_mm", REAL, "mm", "1-sigma error of the length", True),
+        _real("length_mm", "distance between the two"),
+        _real("sd_mm", "1-sigma error of the length"),
         *_xyz("", "mm", "the bone as the replay has it, to the next joint or receiver, in driven_by's frame"),
         Column("driven_by", TEXT, "", "the segment whose receiver turns the bone; empty where none does"),
-        Column(
-            "sd_over_frames_mm",
-            REAL,
-            "mm",
-            "metacarpals: SD of |v(k)|, which a true skeleton keeps at 0",
-            True,
-        ),
+        _real("sd_over_frames_mm", "metacarpals: SD of |v(k)|, which a true skeleton keeps at 0"),
         MESSAGE,
     ),
     ("subject", "hand", "model", "made_without", "digit", "bone"),
@@ -333,10 +308,10 @@ CALIBRATION_ADVICE = Table(
     (
         SUBJECT,
         HAND,
-        Column("joint", TEXT, "", "the joint, as the layout names it"),
-        Column("range_deg", REAL, "deg", "range of motion that it has there", True),
-        Column("sd_now_mm", REAL, "mm", "1-sigma error of its centre, joint by joint with anatomy", True),
-        Column("sd_moved_mm", REAL, "mm", "the same if it moved as the advice says", True),
+        JOINT,
+        _real("range_deg", "range of motion that it has there"),
+        _real("sd_now_mm", "1-sigma error of its centre, joint by joint with anatomy"),
+        _real("sd_moved_mm", "the same if it moved as the advice says"),
         Column("advice", TEXT, "", "in words, what to move"),
     ),
     ("subject", "hand", "joint"),
@@ -347,10 +322,7 @@ RECEIVERS = Table(
     2,
     "where the receiver sits on its bone and how it behaves, as fitted",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON,
         Column("segment", TEXT, "", "the segment that wears the receiver"),
         *(
             column
@@ -365,15 +337,15 @@ RECEIVERS = Table(
             )
         ),
         *_xyz("bone_tip_", "mm", "a digit's last: end of the bone in the receiver's own frame"),
-        Column("bone_tip_sd_mm", REAL, "mm", "1-sigma error of that in 3-D", True),
+        _real("bone_tip_sd_mm", "1-sigma error of that in 3-D"),
         *_xyz("soft_tip_", "mm", "a digit's last: end of the digit, skin and all, likewise"),
-        Column("soft_tip_sd_mm", REAL, "mm", "1-sigma error of that in 3-D", True),
-        Column("residual_mm", REAL, "mm", "rms per component of its position about the fitted hand", True),
-        Column("residual_deg", REAL, "deg", "rms per component of its rotation about the fitted hand", True),
+        _real("soft_tip_sd_mm", "1-sigma error of that in 3-D"),
+        _real("residual_mm", "rms per component of its position about the fitted hand"),
+        _real("residual_deg", "rms per component of its rotation about the fitted hand"),
         Column("loose_from_frame", WHOLE, "", "frame from which it sits elsewhere; null: it stayed", True),
         Column("loose_task", TEXT, "", "task and trial in which that happened; empty: it stayed"),
-        Column("loose_shift_mm", REAL, "mm", "how far it moved then", True),
-        Column("loose_turn_deg", REAL, "deg", "how far it turned then", True),
+        _real("loose_shift_mm", "how far it moved then"),
+        _real("loose_turn_deg", "how far it turned then"),
         STATUS,
         MESSAGE,
     ),
@@ -385,10 +357,7 @@ GAINS = Table(
     2,
     "what measuring one more thing on the hand would gain, best first",
     (
-        SUBJECT,
-        HAND,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON,
         Column("quantity", TEXT, "", "what could be measured, as measurements.tsv calls it"),
         Column("sd_mm", REAL, "mm", "1-sigma error that the measurement is assumed to have"),
         Column("mean_sd_before_mm", REAL, "mm", "mean sd_mm of the hand's joint centres now"),
@@ -405,21 +374,12 @@ JOINT_ANGLES = Table(
     2,
     "the joint's angles with the fitted hand",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
-        Column("joint", TEXT, "", "the joint, as the layout names it"),
+        *OF_SKELETON_IN_RECORDING,
+        JOINT,
         FRAME,
-        Column(
-            "flexion_deg", REAL, "deg", "flexion positive, extension negative (docs/joint-angles.md)", True
-        ),
-        Column(
-            "abduction_deg", REAL, "deg", "abduction or deviation, signed as docs/joint-angles.md says", True
-        ),
-        Column("rotation_deg", REAL, "deg", "axial rotation, signed as docs/joint-angles.md says", True),
+        _real("flexion_deg", "flexion positive, extension negative (docs/joint-angles.md)"),
+        _real("abduction_deg", "abduction or deviation, signed as docs/joint-angles.md says"),
+        _real("rotation_deg", "axial rotation, signed as docs/joint-angles.md says"),
     ),
     ("subject", "hand", "task", "trial", "model", "made_without", "joint", "frame"),
 )
@@ -429,12 +389,7 @@ BONE_POSES = Table(
     2,
     "a bone of the fitted hand, posed with all receivers",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         Column("segment", TEXT, "", "the bone; those that carry no receiver among them"),
         FRAME,
         *_xyz(
@@ -450,32 +405,18 @@ POSED_TIPS = Table(
     2,
     "a tip of the fitted hand, posed with all receivers",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
-        MODEL,
-        MADE_WITHOUT,
+        *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
-        Column("time_s", REAL, "s", "device time as recorded", True),
+        _real("time_s", "device time as recorded"),
         *_xyz("tip_", "mm", "end of the distal bone in the transmitter frame"),
-        Column(
-            "error_mm",
-            REAL,
-            "mm",
-            "from where the hand says that the distal receiver is to where it is",
-            True,
-        ),
-        Column(
+        _real("error_mm", "from where the hand says that the distal receiver is to where it is"),
+        _real(
             "error_left_out_mm",
-            REAL,
-            "mm",
             "the same with the positions of all distal receivers left out of the pose; null in frames that "
             "were not tried",
-            True,
         ),
-        Column("residual_mm", REAL, "mm", "rms distance of all receivers of the hand in this frame", True),
+        _real("residual_mm", "rms distance of all receivers of the hand in this frame"),
     ),
     ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
 )
@@ -492,10 +433,7 @@ SKELETON_SCORES = Table(
     1,
     "how well a skeleton does in one recording",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
+        *OF_RECORDING,
         Column(
             "model",
             TEXT,
@@ -506,39 +444,17 @@ SKELETON_SCORES = Table(
         Column("held_out", YES_NO, "", "whether the skeleton was made without this recording's task"),
         Column("reference", YES_NO, "", "whether this is a reference and no model of the study"),
         DIGIT,
-        Column(
-            "replay_mean_mm", REAL, "mm", "tip error of the receiver-driven replay, mean over frames", True
+        _real("replay_mean_mm", "tip error of the receiver-driven replay, mean over frames"),
+        _real("replay_p95_mm", "the same, 95th percentile"),
+        _real("posed_mean_mm", "tip error of the fitted hand posed with all receivers, mean"),
+        _real("left_out_mean_mm", "the same with the distal receivers' positions left out, mean"),
+        _real("left_out_p95_mm", "the same, 95th percentile"),
+        _real(
+            "wrist_mcp_sd_mm", "SD over the frames of the distance from the wrist to the digit's MCP joint"
         ),
-        Column("replay_p95_mm", REAL, "mm", "the same, 95th percentile", True),
-        Column(
-            "posed_mean_mm", REAL, "mm", "tip error of the fitted hand posed with all receivers, mean", True
-        ),
-        Column(
-            "left_out_mean_mm",
-            REAL,
-            "mm",
-            "the same with the distal receivers' positions left out, mean",
-            True,
-        ),
-        Column("left_out_p95_mm", REAL, "mm", "the same, 95th percentile", True),
-        Column(
-            "wrist_mcp_sd_mm",
-            REAL,
-            "mm",
-            "SD over the frames of the distance from the wrist to the digit's MCP joint",
-            True,
-        ),
-        Column(
-            "metacarpal_deg", REAL, "deg", "simulated: mean angle to the metacarpal's true direction", True
-        ),
-        Column(
-            "true_tip_mean_mm",
-            REAL,
-            "mm",
-            "simulated: mean distance to the true end of the distal bone",
-            True,
-        ),
-        Column("true_tip_p95_mm", REAL, "mm", "the same, 95th percentile", True),
+        _real("metacarpal_deg", "simulated: mean angle to the metacarpal's true direction"),
+        _real("true_tip_mean_mm", "simulated: mean distance to the true end of the distal bone"),
+        _real("true_tip_p95_mm", "the same, 95th percentile"),
         Column("n_frames", WHOLE, "", "frames scored"),
         MESSAGE,
     ),
@@ -554,23 +470,17 @@ JOINT_ERRORS = Table(
         HAND,
         Column("model", TEXT, "", "the skeleton model, or the reference prior-only"),
         CALIBRATED_ON,
-        Column("joint", TEXT, "", "the joint, as the layout names it"),
-        Column(
-            "error_mm",
-            REAL,
-            "mm",
-            "distance of the centre to the true one, in the child receiver's frame",
-            True,
-        ),
-        Column("along_mm", REAL, "mm", "its part along the true axis", True),
-        Column("across_mm", REAL, "mm", "its part across the true axis", True),
-        Column("parent_error_mm", REAL, "mm", "the distance in the parent receiver's frame", True),
-        Column("axis_deg", REAL, "deg", "angle between the axis and the true one (hinges)", True),
-        Column("sd_mm", REAL, "mm", "the stated 1-sigma error of the centre", True),
+        JOINT,
+        _real("error_mm", "distance of the centre to the true one, in the child receiver's frame"),
+        _real("along_mm", "its part along the true axis"),
+        _real("across_mm", "its part across the true axis"),
+        _real("parent_error_mm", "the distance in the parent receiver's frame"),
+        _real("axis_deg", "angle between the axis and the true one (hinges)"),
+        _real("sd_mm", "the stated 1-sigma error of the centre"),
         Column("within_95", YES_NO, "", "whether the worse half is within the stated 95 % radius", True),
         Column("bone", TEXT, "", "the bone that starts at the joint; empty where its length is not stated"),
-        Column("bone_error_mm", REAL, "mm", "its stated length minus the true one", True),
-        Column("bone_error_percent", REAL, "%", "the same, of the true one", True),
+        _real("bone_error_mm", "its stated length minus the true one"),
+        _real("bone_error_percent", "the same, of the true one"),
     ),
     ("subject", "hand", "model", "calibrated_on", "joint"),
 )
@@ -580,21 +490,15 @@ RECORDINGS = Table(
     1,
     "recording of the study: what became of it",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
+        *OF_RECORDING,
         Column("role", TEXT, "", "calibration, evaluation or both"),
         Column("file", TEXT, "", "the recording's file, as in the sheet"),
         Column("status", TEXT, "", "used, excluded (by the sheet), refused (by a finding) or failed"),
         Column("n_frames", WHOLE, "", "frames of the recording"),
-        Column("duration_s", REAL, "s", "from the first device time to the last", True),
-        Column(
+        _real("duration_s", "from the first device time to the last"),
+        _real(
             "valid_percent",
-            REAL,
-            "%",
             "poses that may be used, of those that the layout expects in all frames, missing ones too",
-            True,
         ),
         MESSAGE,
     ),

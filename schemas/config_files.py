@@ -121,6 +121,10 @@ def _sentence(error: Any) -> str:
     if error.validator == "required":
         absent = [key for key in error.validator_value if key not in error.instance]
         return f"{prefix}the key {', '.join(map(repr, absent))} is missing"
+    if error.validator in ("minItems", "maxItems") and error.instance:
+        bound = "at least" if error.validator == "minItems" else "at most"
+        meaning = error.schema.get("description", "a list of that length")
+        return f"{prefix}has {len(error.instance)}; expected {bound} {error.validator_value}: {meaning}"
     return f"{prefix}{_one_line(error.message)}"
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Sequence
+
 
 class InputError(Exception):
     """Bad input or configuration, told in one sentence that names the place and says what to do.
@@ -19,3 +22,9 @@ class TableError(InputError):
 
     No result of a subject's own data, so a stage that meets it fails and does not record it as one.
     """
+
+
+def guess(word: str, known: Sequence[str]) -> str:
+    """Say what a word that is not known may stand for: the nearest known one, or else all of them."""
+    close = difflib.get_close_matches(word, known, 1)
+    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(known)}"

@@ -54,7 +54,7 @@ def mapping_from_config(loaded: Any, where: str) -> FileMapping:
     if isinstance(loaded, dict):
         # Before the schema does, and in words, what a draft or a first mapping most often gets wrong.
         _check_edited(loaded, where)
-        _check_shapes(loaded, where)
+        _check_names(loaded, where)
     config = check_config(loaded, "mapping", where)
     odd = sorted({"csv", "matrices", "c3d", "xdf"} & loaded.keys() - {config["format"]})
     if odd:
@@ -103,11 +103,10 @@ def _unedited(value: object, place: str) -> Iterator[str]:
             yield from _unedited(part, inner)
 
 
-def _check_shapes(loaded: Mapping[str, Any], where: str) -> None:
-    """Refuse names that no segment has, and lists of a wrong length."""
+def _check_names(loaded: Mapping[str, Any], where: str) -> None:
+    """Refuse names that no segment has."""
     receivers = loaded.get("receivers")
-    groups = dict(receivers) if isinstance(receivers, Mapping) else {}
-    for name in groups:
+    for name in receivers if isinstance(receivers, Mapping) else ():
         if not _SEGMENT_NAME.fullmatch(str(name)):
             bare = re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_")
             guess = f"; did you mean {bare!r}?" if _SEGMENT_NAME.fullmatch(bare) else ""
@@ -115,26 +114,6 @@ def _check_shapes(loaded: Mapping[str, Any], where: str) -> None:
                 f"{where}: receivers: {name!r} is no segment's name; names are lower case letters, digits "
                 f"and underscores{guess}"
             )
-    places = {f"receivers.{name}": group for name, group in groups.items()} | {"csv": loaded.get("csv")}
-    for place, group in places.items():
-        if isinstance(group, Mapping):
-            _check_lengths(group, f"{where}: {place}")
-
-
-def _check_lengths(group: Mapping[str, Any], place: str) -> None:
-    markers, position, turned = (group.get(key) for key in ("markers", "position", "orientation"))
-    if isinstance(markers, list) and len(markers) < 3:
-        raise InputError(
-            f"{place}.markers: has {len(markers)}; a rigid cluster needs three or more markers "
-            "that are not on a line"
-        )
-    if isinstance(position, list) and len(position) != 3:
-        raise InputError(f"{place}.position: has {len(position)} columns; needs three, for x, y and z")
-    if isinstance(turned, list) and not 3 <= len(turned) <= 9:
-        raise InputError(
-            f"{place}.orientation: has {len(turned)} columns; needs three angles, four numbers of a "
-            "quaternion or nine of a matrix"
-        )
 
 
 _NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}

@@ -25,6 +25,7 @@ from schemas.tables import (
     Table,
     arrow_table,
     columns_from_rows,
+    naming_damage,
     open_table,
     table_writer,
 )
@@ -64,7 +65,8 @@ class PartsWriter:
     def rows(self, part: Part, rows: Iterable[Mapping[str, Any]], **parameters: Any) -> None:
         """Add a part's rows; a nullable column that a row does not name is null there."""
         self._parts.setdefault(part, {}).update(parameters)
-        columns = columns_from_rows(self._table, [{**self._keys(part), **row} for row in rows])
+        keys = _named_keys(self._table, part)
+        columns = columns_from_rows(self._table, [{**keys, **row} for row in rows])
         self._waiting.append((part, arrow_table(self._table, columns, self._schema)))
 
     def columns(self, part: Part, columns: Mapping[str, Any], **parameters: Any) -> None:
@@ -76,7 +78,7 @@ class PartsWriter:
         count = next(len(values) for values in columns.values() if not isinstance(values, str))
         whole = {
             name: pa.repeat(pa.scalar(values), count) if isinstance(values, str) else values
-            for name, values in {**self._keys(part), **columns}.items()
+            for name, values in {**_named_keys(self._table, part), **columns}.items()
         }
         rows = arrow_table(self._table, whole, self._schema)
         self._writer.write_table(rows, row_group_size=max(1, rows.num_rows))
@@ -93,10 +95,6 @@ class PartsWriter:
         listed = [{**asdict(part), **parameters} for part, parameters in self._parts.items()]
         text = json.dumps(listed, ensure_ascii=False, sort_keys=True)
         self._writer.add_key_value_metadata({PARTS_KEY: text})
-
-    def _keys(self, part: Part) -> dict[str, str]:
-        names = {column.name for column in self._table.columns}
-        return {name: value for name, value in asdict(part).items() if name in names}
 
 
 @contextmanager
@@ -152,19 +150,24 @@ def read_recording(
     by: str,
     columns: Sequence[str],
     n_frames: int | None = None,
+    between: tuple[int, int] | None = None,
 ) -> dict[str, Array]:
     """Read numbers of one recording from a frame-by-frame table.
 
     by : the column that names what there are rows of (segment, digit or joint). Gives (T, len(columns)) by
-    that name, in the order of the file, null as NaN. Raises InputError as `read_part`, and where n_frames is
-    given and rows are missing.
+    that name, in the order of the file, null as NaN. between : the first and the last frame to read, all
+    unless told. Raises InputError as `read_part`, and where n_frames is given and rows are missing.
     """
     with open_table(path, table) as file:
         _check_part(_parts_of(file, path), part, path)
         keys = _named_keys(table, part) | {"task": task, "trial": trial}
         pieces: dict[str, list[Array]] = {}
-        for group in _groups_with(file, keys):  # one at a time: together they take several times the result
-            rows = _filtered(path, file, [group], keys, [by, *columns])
+        # one group at a time: together they take several times the result
+        for group in _groups_with(file, keys, {} if between is None else {"frame": between}):
+            rows = _filtered(path, file, [group], keys, [*dict.fromkeys([by, "frame", *columns])])
+            if between is not None:
+                frame = rows.column("frame").to_numpy()
+                rows = rows.filter(pa.array((frame >= between[0]) & (frame <= between[1])))
             for name, numbers in _by_name(rows, by, columns).items():
                 pieces.setdefault(name, []).append(numbers)
     found = {name: np.concatenate(pieces.pop(name)) for name in list(pieces)}
@@ -219,10 +222,8 @@ def _filtered(
 ) -> pa.Table:
     """Rows with those keys of those row groups."""
     wanted = None if columns is None else [*dict.fromkeys([*keys, *columns])]
-    try:
+    with naming_damage(path):
         rows = file.read_row_groups(groups, wanted, use_threads=False)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
     matches = np.ones(rows.num_rows, bool)
     for name, value in keys.items():
         matches &= pc.equal(rows.column(name), value).to_numpy()
@@ -230,18 +231,23 @@ def _filtered(
     return rows if columns is None else rows.select(list(columns))
 
 
-def _groups_with(file: pq.ParquetFile, keys: Mapping[str, str]) -> list[int]:
-    """Row groups that may hold rows with those keys."""
-    return [group for group in range(file.num_row_groups) if _may_hold(file.metadata.row_group(group), keys)]
+def _groups_with(
+    file: pq.ParquetFile, keys: Mapping[str, str], between: Mapping[str, tuple[int, int]] | None = None
+) -> list[int]:
+    """Row groups that may hold rows with those keys, and with a number between those two."""
+    wanted = {name: (value, value) for name, value in keys.items()} | dict(between or {})
+    groups = range(file.num_row_groups)
+    return [group for group in groups if _may_hold(file.metadata.row_group(group), wanted)]
 
 
-def _may_hold(group: pq.RowGroupMetaData, keys: Mapping[str, str]) -> bool:
-    """Whether the least and the largest values of a row group leave room for the keys."""
+def _may_hold(group: pq.RowGroupMetaData, wanted: Mapping[str, tuple[Any, Any]]) -> bool:
+    """Whether the least and the largest values of a row group leave room for what is wanted."""
     for index in range(group.num_columns):
         column = group.column(index)
-        value = keys.get(column.path_in_schema)
+        ends = wanted.get(column.path_in_schema)
         known = column.statistics
-        bounded = value is not None and known is not None and known.has_min_max
-        if bounded and not known.min <= value <= known.max:
+        if ends is None or known is None or not known.has_min_max:
+            continue
+        if known.min > ends[1] or known.max < ends[0]:
             return False
     return True

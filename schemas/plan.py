@@ -18,23 +18,14 @@ from typing import Any
 from schemas.catalogue import FINDINGS
 from schemas.config_files import CONFIG_FOLDER, read_config
 from schemas.errors import InputError
-from schemas.findings import REFUSED
+from schemas.findings import REFUSED, SUSPECT
 from schemas.layout import Layout, layout_from_config
 from schemas.model import SkeletonModel, model_from_config
 from schemas.parts import Part
 from schemas.poses import one_hand, recording_name
 from schemas.results import FIT_TABLES
-from schemas.sheets import Row
-from schemas.study import (
-    Hand,
-    Recording,
-    Study,
-    path_token,
-    read_corrections,
-    read_measurements,
-    read_participants,
-    read_touches,
-)
+from schemas.sheets import HAND_SHEETS, SHEETS, Row, read_sheet
+from schemas.study import Hand, Recording, Study, path_token
 from schemas.tables import read_table, rows_of
 
 VERSION = 1
@@ -50,7 +41,7 @@ class SubjectPlan:
     messages. poses_files : every recording's poses table. truth_folders : of simulated recordings, where the
     truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks are left
     out in turn; else every recording is used as a command line names it. refused : the sentence of each
-    recording that a finding refuses; such a one is excluded.
+    recording that a finding refuses; such a one is excluded. suspect : that of each that a finding suspects.
     """
 
     study: str
@@ -69,6 +60,7 @@ class SubjectPlan:
     truth_folders: Mapping[Recording, Path]
     is_study: bool = True
     refused: Mapping[Recording, str] = field(default_factory=dict)
+    suspect: Mapping[Recording, str] = field(default_factory=dict)
 
     @property
     def hands(self) -> tuple[str, ...]:
@@ -137,13 +129,20 @@ class SubjectPlan:
         tasks = dict.fromkeys(recording.task for recording in self.evaluated(hand))
         return [task for task in tasks if task in used and self.calibrating(hand, model, task)]
 
-    def without_refused(self) -> SubjectPlan:
-        """The plan without the recordings that the subject's findings table refuses, if there is one."""
+    def with_findings(self) -> SubjectPlan:
+        """The plan with what the subject's findings table, if there is one, refuses and suspects."""
         path = self.table(FINDINGS.name)
         if not path.is_file():
             return self
-        rows = [row for row in rows_of(read_table(path, FINDINGS)) if row["severity"] == REFUSED]
-        reasons = {(row["hand"], row["task"], row["trial"]): row["message"] for row in reversed(rows)}
+        rows = list(rows_of(read_table(path, FINDINGS)))
+        reasons, suspicions = (
+            {
+                (row["hand"], row["task"], row["trial"]): row["message"]
+                for row in reversed(rows)
+                if row["severity"] == severity
+            }
+            for severity in (REFUSED, SUSPECT)
+        )
         by_recording = {
             recording: replace(recording, exclude=reasons[key])
             for recording in self.recordings
@@ -156,6 +155,11 @@ class SubjectPlan:
             poses_files={by_recording.get(own, own): path for own, path in self.poses_files.items()},
             truth_folders={by_recording.get(own, own): path for own, path in self.truth_folders.items()},
             refused={own: own.exclude for own in by_recording.values()},
+            suspect={
+                own: suspicions[key]
+                for own in self.recordings
+                if (key := (own.hand.hand, own.task, own.trial)) in suspicions
+            },
         )
 
     def check_calibration_left(self, hand: str) -> None:
@@ -186,22 +190,16 @@ class StudyPlans:
         self._models = [read_config(path, "model") for path in study.models.values()]
         layouts = {study.layout_of(hand) for hand in study.hands}
         self._layouts = {path: read_config(path, "layout") for path in layouts}
-        readers = {
-            "participants": read_participants,
-            "corrections": read_corrections,
-            "measurements": read_measurements,
-            "touches": read_touches,
-        }
-        self._rows: dict[str, dict[str, list[dict[str, Any]]]] = {name: {} for name in readers}
-        for name, read in readers.items():
-            for row in read(study.sheets.get(name)):
+        names = ("participants", *HAND_SHEETS)
+        self._rows: dict[str, dict[str, list[dict[str, Any]]]] = {name: {} for name in names}
+        for name in names:
+            for row in read_sheet(study.sheets.get(name), SHEETS[name]):
                 self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
 
     def content(self, subject: str) -> dict[str, Any]:
         """Give a subject's plan as JSON types."""
         study = self._study.of_subject(subject)
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
-        sheets = ("corrections", "measurements", "touches")
         return {
             "plan": VERSION,
             "study": study.name,
@@ -211,8 +209,8 @@ class StudyPlans:
             "recordings": [_recording(recording, study, self._results) for recording in study.recordings],
             "layouts": {hand.hand: self._layouts[study.layout_of(hand)] for hand in study.hands},
             "models": self._models,
-            **{name: self._rows[name].get(subject, []) for name in sheets},
-            "sheets": {name: _relative(study.sheets[name]) for name in sheets if name in study.sheets},
+            **{name: self._rows[name].get(subject, []) for name in HAND_SHEETS},
+            "sheets": {name: _relative(study.sheets[name]) for name in HAND_SHEETS if name in study.sheets},
         }
 
     def fit_content(self, subject: str, hand: str, model: str) -> dict[str, Any]:
@@ -284,10 +282,13 @@ def plan_of_poses(
         given = (path, str(path), Path(layout.name), "auto", None, "keep", "")
         files[Recording(Hand(subject, hand), name.task, name.trial, role, *given)] = path
     named = {name: path for name, path in (sheets or {}).items() if path is not None}
-    readers = {"corrections": read_corrections, "measurements": read_measurements, "touches": read_touches}
     rows: dict[str, Any] = {
-        name: tuple(row for row in read(named.get(name)) if (row["subject"], row["hand"]) == (subject, hand))
-        for name, read in readers.items()
+        name: tuple(
+            row
+            for row in read_sheet(named.get(name), SHEETS[name])
+            if (row["subject"], row["hand"]) == (subject, hand)
+        )
+        for name in HAND_SHEETS
     }
     sizes = sizes_mm or {}
     return SubjectPlan(
@@ -330,7 +331,7 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
         raise InputError(
             f"{path}: a damaged plan ({type(error).__name__}: {error}); remove it and run the study again"
         ) from error
-    return plan.without_refused() if checked else plan
+    return plan.with_findings() if checked else plan
 
 
 def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:

@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
-from schemas.tables import column_array, open_table, read_metadata
+from schemas.tables import column_array, naming_damage, open_table, read_metadata
 
 Array = npt.NDArray[np.float64]
 
@@ -213,10 +212,8 @@ class _SegmentRows:
             done += more
 
     def _read(self, group: int) -> dict[str, npt.NDArray[Any]]:
-        try:
+        with naming_damage(self._path):
             table = self._file.read_row_group(group, columns=self._columns, use_threads=False)
-        except (OSError, ValueError, pa.ArrowException) as error:
-            raise TableError(f"{self._path}: damaged Parquet file ({error}); make it again") from error
         return {name: column_array(table, name) for name in self._columns}
 
 

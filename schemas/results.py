@@ -106,18 +106,13 @@ class Results:
 
     @property
     def new_dataset(self) -> Path:
-        """Folder that the Motion-BIDS dataset is made in."""
-        return self.folder / "dataset" / "bids"
+        """Folder that the Motion-BIDS dataset is made in, as `bids`."""
+        return self.folder / "dataset"
 
     @property
     def dataset(self) -> Path:
         """Folder of the Motion-BIDS dataset of all exported recordings."""
         return self.exports / "bids"
-
-    @property
-    def dataset_failures(self) -> Path:
-        """What is not in that dataset, a line each; beside it, for it may hold its own files alone."""
-        return self.dataset.with_name("bids.failed.txt")
 
     def subject_pages(self, subject: str) -> Path:
         """Folder of the report's pages of one subject."""

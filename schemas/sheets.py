@@ -174,13 +174,17 @@ TOUCHES = Sheet(
 )
 
 SHEETS = {sheet.name: sheet for sheet in (RECORDINGS, PARTICIPANTS, CORRECTIONS, MEASUREMENTS, TOUCHES)}
+HAND_SHEETS = ("corrections", "measurements", "touches")
+"""Those whose rows say something of one hand each."""
 
 
-def read_sheet(path: Path, sheet: Sheet) -> list[Row]:
-    """Read a sheet (UTF-8, tab-separated, a header line; empty lines are skipped).
+def read_sheet(path: Path | None, sheet: Sheet) -> list[Row]:
+    """Read a sheet (UTF-8, tab-separated, a header line; empty lines are skipped); no path, no rows.
 
     Raises InputError that names every bad cell (the first ten) by file, row and column.
     """
+    if path is None:
+        return []
     try:
         text = path.read_text("utf-8-sig")
     except FileNotFoundError as error:

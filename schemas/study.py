@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,19 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from schemas.config_files import check_config, config_path, read_config
-from schemas.errors import InputError
+from schemas.errors import InputError, guess
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
-from schemas.sheets import (
-    CORRECTIONS,
-    MEASUREMENTS,
-    PARTICIPANTS,
-    RECORDINGS,
-    TOUCHES,
-    Row,
-    Sheet,
-    read_sheet,
-)
+from schemas.sheets import HAND_SHEETS, RECORDINGS, SHEETS, Row, read_sheet
 
 
 @dataclass(frozen=True)
@@ -112,19 +102,10 @@ class Study:
             )
         return replace(self, recordings=recordings)
 
-    def of(self, hand: Hand, roles: Iterable[str]) -> list[Recording]:
-        """The hand's recordings in those roles that are not excluded."""
-        wanted = set(roles)
-        return [r for r in self._by_hand.get(hand, ()) if r.role in wanted and not r.exclude]
-
     @property
     def shown(self) -> tuple[Recording, ...]:
         """Every recording that tips are evaluated on, and so has a page in the report."""
         return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
-
-    def evaluated(self, hand: Hand) -> list[Recording]:
-        """The recordings that the hand's tips are evaluated on."""
-        return self.of(hand, ("evaluation", "both"))
 
     def layout_of(self, hand: Hand) -> Path:
         """The one layout of the hand's recordings."""
@@ -151,18 +132,12 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     config = check_config(config, "study", where)
     layout = config_path(config["layout"], "layout", folder)
     models = _models(config["models"], folder, where)
-    sheets: dict[str, Path] = {
-        name: folder / config[name]
-        for name in ("recordings", "participants", "corrections", "measurements", "touches")
-        if name in config
-    }
+    sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
     recordings = _recordings(sheets["recordings"], folder, layout)
     for path in {r.layout for r in recordings} | {layout}:
         read_layout(path.absolute())
-    read_participants(sheets.get("participants"))
-    read_corrections(sheets.get("corrections"))
-    read_measurements(sheets.get("measurements"))
-    read_touches(sheets.get("touches"))
+    for name in ("participants", *HAND_SHEETS):
+        read_sheet(sheets.get(name), SHEETS[name])
     simulation = None
     if "simulation" in config:
         part = config["simulation"]
@@ -192,26 +167,6 @@ def _export_settings(config: dict[str, Any], models: dict[str, Path], where: str
     return settings | {"models": settings["models"] or list(models)}
 
 
-def read_participants(path: Path | None) -> list[Row]:
-    """Read the participants sheet; empty where the study has none."""
-    return _read(path, PARTICIPANTS)
-
-
-def read_corrections(path: Path | None) -> list[Row]:
-    """Read the sheet of manual corrections; empty where the study has none."""
-    return _read(path, CORRECTIONS)
-
-
-def read_measurements(path: Path | None) -> list[Row]:
-    """Read the sheet of measurements on the hands; empty where the study has none."""
-    return _read(path, MEASUREMENTS)
-
-
-def read_touches(path: Path | None) -> list[Row]:
-    """Read the sheet of touches of known points; empty where the study has none."""
-    return _read(path, TOUCHES)
-
-
 def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
     """Say, a sentence a row, which corrections cannot be applied: no such hand or no such joint."""
     known_hands = set(hands)
@@ -222,17 +177,12 @@ def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], 
         if hand not in known_hands:
             reason = f"column subject: the study has no {hand.hand} hand of {hand.subject!r}"
         elif row["joint"] not in joints:
-            close = difflib.get_close_matches(row["joint"], joints, 1)
-            guess = f"; did you mean {close[0]!r}?" if close else f"; expected one of {', '.join(joints)}"
-            reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}{guess}"
+            meant = guess(row["joint"], joints)
+            reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}; {meant}"
         else:
             continue
         problems.append(f"{path.name}: row {row.line}, {reason}; the row was not applied")
     return problems
-
-
-def _read(path: Path | None, sheet: Sheet) -> list[Row]:
-    return [] if path is None else read_sheet(path, sheet)
 
 
 def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:

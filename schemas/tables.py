@@ -114,29 +114,19 @@ def write_table(
     columns: Mapping[str, Any],
     provenance: Provenance,
     *,
-    row_group_rows: int | Sequence[int] = ROW_GROUP_ROWS,
+    row_group_rows: int = ROW_GROUP_ROWS,
 ) -> None:
     """Write the columns as one typed Parquet file, atomically.
 
     columns: name -> values, all of one length (arrays, lists or Arrow arrays); NaN becomes null.
-    row_group_rows: the most rows of a row group, or the rows of every row group in turn.
+    row_group_rows: the most rows of a row group.
     Raises ValueError (a bug, not a user's error) where columns are missing, left over or null against
     the declaration.
     """
     data = arrow_table(table, columns, table.arrow_schema(provenance.metadata()))
-    if isinstance(row_group_rows, int):
-        row_group_rows = [
-            min(row_group_rows, data.num_rows - start) for start in range(0, data.num_rows, row_group_rows)
-        ]
-    if sum(row_group_rows) != data.num_rows:
-        raise ValueError(
-            f"{table.name}: row groups of {sum(row_group_rows)} rows, but there are {data.num_rows}"
-        )
     with table_writer(path, table, data.schema) as writer:
-        start = 0
-        for rows in row_group_rows:
-            writer.write_table(data.slice(start, rows), row_group_size=rows)
-            start += rows
+        if data.num_rows:
+            writer.write_table(data, row_group_size=row_group_rows)
 
 
 def write_table_in_parts(
@@ -177,12 +167,18 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
     Raises InputError where the file is absent, is no Parquet file, is another table or another version,
     lacks a column or has one of another type, or records that its own making failed.
     """
-    with open_table(path, table) as file:
-        try:
-            threads = file.metadata.num_rows > ROW_GROUP_ROWS // 2  # a few rows are read before they start
-            return file.read(columns=None if columns is None else list(columns), use_threads=threads)
-        except (OSError, ValueError, pa.ArrowException) as error:
-            raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
+    with open_table(path, table) as file, naming_damage(path):
+        threads = file.metadata.num_rows > ROW_GROUP_ROWS // 2  # a few rows are read before they start
+        return file.read(columns=None if columns is None else list(columns), use_threads=threads)
+
+
+@contextmanager
+def naming_damage(path: Path) -> Iterator[None]:
+    """Turn the error of a Parquet file that cannot be read to its end into a TableError that names it."""
+    try:
+        yield
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
 
 
 def open_table(path: Path, table: Table) -> pq.ParquetFile:
@@ -224,6 +220,16 @@ def rows_of(table: pa.Table) -> Iterator[dict[str, Any]]:
 def column_array(table: pa.Table, name: str) -> npt.NDArray[Any]:
     """Give a numeric column as a NumPy array; null as NaN."""
     return np.asarray(table.column(name).to_numpy())
+
+
+def vector_columns(prefix: str, vector: npt.NDArray[np.float64], suffix: str = "") -> dict[str, float]:
+    """Give a vector (3,) as the columns of a row that are named by its axes."""
+    return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}
+
+
+def vector_of(row: Mapping[str, Any], prefix: str, suffix: str = "") -> npt.NDArray[np.float64]:
+    """Give the columns of a row that are named by the axes of a vector as (3,); null as NaN."""
+    return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"], float)
 
 
 def columns_from_rows(table: Table, rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:

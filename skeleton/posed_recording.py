@@ -62,9 +62,11 @@ def read_motion(
     """
     hand = recording.hand.hand
     part = plan.part(hand, model_name, made_without)
+    ends = (int(frame.min()), int(frame.max())) if len(frame) else None
 
     def series(path: Path, table: Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
-        found = read_recording(path, table, part, recording.task, recording.trial, by, ["frame", *columns])
+        named = (recording.task, recording.trial, by, ["frame", *columns])
+        found = read_recording(path, table, part, *named, between=ends)
         if len(frame) and not found:
             raise InputError(
                 f"{path}: has no row of {recording.name}; only recordings of role evaluation or both are "

@@ -185,8 +185,7 @@ def fitted_bones(
         lengths_mm = [_number(row.get("length_mm")) for row in rows]
         build.add_digit(skeleton, digit, [*placed, _Placed(end, placed[-1].quaternion)], lengths_mm)
     bones = build.bones("")
-    axis = [_axis_turned_about(bones, index) for index in range(len(bones.joints))]
-    return replace(bones, axis=np.stack(axis))
+    return replace(bones, axis=axes_turned_about(bones))
 
 
 def rigid_positions(
@@ -362,6 +361,11 @@ def _turned(poses: Poses, segment: str, align: Array) -> Array:
     index = poses.index(segment)
     turn = multiply(poses.quaternion[:, index], align)
     return np.where(poses.valid[:, index, None], turn, np.nan)
+
+
+def axes_turned_about(bones: PosedBones) -> Array:
+    """Axes (J, 3), each in its bone's frame, of the joints of one degree of freedom; NaN of the others."""
+    return np.stack([_axis_turned_about(bones, index) for index in range(len(bones.joints))])
 
 
 def _axis_turned_about(bones: PosedBones, index: int) -> Array:

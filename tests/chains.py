@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from benchmarks.solvers import some_frames
 from schemas.layout import Digit, Joint, Layout, Plane, Segment
 from schemas.model import read_model
 from schemas.poses import Poses, PosesReader
@@ -170,7 +169,7 @@ def moments_of(chain: Chain, poses: Poses | None = None, block: int = 10**6) -> 
     poses = poses or chain.poses
     moments = JointMoments(len(chain.joints))
     for start in range(0, len(poses.frame), block):
-        add_block(moments, some_frames(poses, slice(start, start + block)), chain.joints)
+        add_block(moments, poses.take(slice(start, start + block)), chain.joints)
     return moments
 
 

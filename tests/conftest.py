@@ -8,7 +8,8 @@ from hypothesis import settings
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # as in the workflow; small matrices gain nothing from threads
 
-settings.register_profile("steady", deadline=None)  # a slow machine is no failure
+# A slow machine is no failure; what takes many examples to break has a slow test with more of them.
+settings.register_profile("steady", deadline=None, max_examples=30)
 settings.load_profile("steady")
 
 REPOSITORY = Path(__file__).resolve().parent.parent

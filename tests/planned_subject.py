@@ -18,13 +18,13 @@ from schemas.plan import SubjectPlan, read_plan
 from schemas.tables import Provenance, rows_of
 from stages.fit_hand.__main__ import main as fit_hand
 from stages.fit_hand.prior import main as fit_prior
-from stages.simulate.simulated_truth import write_truth
+from stages.simulate.written_truth import write_truth
 
 QUICK = """model: quick
 description: a whole hand, fitted in few frames
 joints: {solver: anatomical, calibration: all}
 planes: {cut: false}
-fit: {whole_hand: true, frames: 30}
+fit: {whole_hand: true, frames: 30, steps: 10}
 own_cmc: [thumb_cmc, index_cmc, middle_cmc, ring_cmc, little_cmc]
 metacarpals: {unmeasured: fitted, measured: fitted}
 """
@@ -111,7 +111,7 @@ def planned_subject(
     for hand, task, role in recordings:
         made = recorded(hand, task, seed=seed, n_frames=n_frames)[0]
         write_poses(subject.poses(task, hand), made, hand, task)
-        write_truth(subject.truth(task, hand), made.truth, made.written(), Provenance())
+        write_truth(subject.truth(task, hand), made, Provenance())
         rows.append(f"01 {hand} {task} {role} raw/{hand}-{task}.parquet")
     (folder / "quick.yaml").write_text(QUICK)
     study = write_study(

@@ -16,7 +16,7 @@ from stages.solve_joints.moments import JointMoments, relative_poses
 
 def poses_columns(samples: Samples, parents: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Make the table and give its columns, all segments after each other."""
-    return columns_of(poses_table(lambda: [samples], parents or {}))
+    return columns_of(poses_table([samples], parents or {}))
 
 
 def columns_of(table: PosesTable, row_group_frames: int = 1000) -> dict[str, Any]:

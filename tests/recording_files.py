@@ -37,11 +37,3 @@ def refuse(path: Path, message: str, layout: Layout = ARM, mapping: dict[str, An
 def of(samples: Samples, segment: str) -> np.ndarray:
     """Which samples are that segment's, (N,)."""
     return samples.segment == samples.segments.index(segment)
-
-
-def damaged(data: bytes, random: np.random.Generator) -> bytes:
-    """The bytes with one to three of them changed."""
-    changed = bytearray(data)
-    for at in random.integers(len(data), size=random.integers(1, 4)):
-        changed[at] = random.choice([random.integers(256), 0, 9, 10, 48, 255, data[at] ^ 1])
-    return bytes(changed)

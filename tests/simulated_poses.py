@@ -13,12 +13,6 @@ from stages.simulate.realism import Realism
 from stages.simulate.simulation import Simulated, simulate
 
 
-def poses_of(made: Simulated) -> Poses:
-    """Every receiver valid in every frame."""
-    valid = np.ones(made.position_mm.shape[:2], bool)
-    return Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
-
-
 @cache
 def recorded(
     side: str = "right",
@@ -32,7 +26,7 @@ def recorded(
     """One hand's recording, with everything that disturbs one but for what `realism` names."""
     disturbed = replace(Realism.full(), **realism)  # type: ignore[arg-type]
     made = simulate("01", side, task, seed, disturbed, n_frames, forearm=forearm)
-    return made, poses_of(made)
+    return made, made.poses()
 
 
 def write_poses(path: Path, made: Simulated, hand: str, task: str) -> Path:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fuzzing.sample_files import RECORDINGS
+from fuzzing.tracker_streams import streams
 
-from benchmarks.fuzz_files import RECORDINGS
-from benchmarks.tracker_streams import streams
 from schemas.config_files import json_schema
 from schemas.model import HandFitting, SkeletonModel
 from stages.capture.formats.readers import FORMATS as READ_ALONE
@@ -63,7 +63,12 @@ def test_what_a_model_holds_is_read_by_a_stage_or_the_skeleton() -> None:
 @pytest.mark.parametrize("name", FAMILIES)
 def test_the_code_of_a_family_is_where_its_record_says(name: str) -> None:
     family = FAMILIES[name]
-    for place in (*family.decoders.values(), family.driver, family.emulated_device, family.items):
+    for place in (
+        *map(":".join, family.decoders.values()),
+        family.driver,
+        family.emulated_device,
+        family.items,
+    ):
         assert place is None or loaded(place) is not None
 
 

@@ -197,11 +197,6 @@ class Archive:
     _first: int
     _schema: pa.Schema
 
-    @property
-    def size_bytes(self) -> int:
-        """How long the file is."""
-        return len(self._mapped)
-
     def pieces(self) -> Iterator[Piece]:
         """Give the batches in turn; a last empty piece may tell of bytes at the end that were none."""
         at, lost, forgotten = self._first, 0, 0

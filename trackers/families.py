@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 class Family:
     """What there is for one family; code is named `module:object`, so that only what is used is imported.
 
-    title : its name for people. decoders : mode ("binary", "ascii") -> class, made of the StreamSettings.
+    title : its name for people. decoders : mode ("binary", "ascii") -> module and class, made of the
+    StreamSettings; the module in a text of its own, so that the workflow sees that results depend on its
+    code, as they do not on the code of drivers and emulated devices.
     driver : class, made of the Conversation and the RecordingRequest. rates_hz : frames a second that a user
     can choose, the usual one first; one where there is no choice, none where it is measured. items : its
     OutputItems; None where records are always the same. record_bytes : bytes of a record of a station, and of
@@ -32,7 +34,7 @@ class Family:
     """
 
     title: str
-    decoders: Mapping[str, str]
+    decoders: Mapping[str, tuple[str, str]]
     driver: str
     rates_hz: tuple[int, ...] = ()
     items: str | None = None
@@ -46,18 +48,10 @@ class Family:
     """Option of a recorder that the family cannot do -> the sentence that says so."""
 
 
-def _decoder(module: str, name: str) -> str:
-    """Name a decoder's module in a text of its own: so the workflow sees that results depend on its code.
-
-    They do not depend on drivers and emulated devices, which are named together with their class.
-    """
-    return f"{module}:{name}"
-
-
 _BINARY_ONLY = "sends binary only; leave it out"
 _LIBERTY_DECODERS = {
-    "binary": _decoder("trackers.liberty.binary_decoder", "BinaryDecoder"),
-    "ascii": _decoder("trackers.liberty.text_decoder", "TextDecoder"),
+    "binary": ("trackers.liberty.binary_decoder", "BinaryDecoder"),
+    "ascii": ("trackers.liberty.text_decoder", "TextDecoder"),
 }
 
 FAMILIES = {
@@ -84,8 +78,8 @@ FAMILIES = {
     "fastrak": Family(
         title="FASTRAK",
         decoders={
-            "binary": _decoder("trackers.fastrak.binary_decoder", "BinaryDecoder"),
-            "ascii": _decoder("trackers.fastrak.text_decoder", "TextDecoder"),
+            "binary": ("trackers.fastrak.binary_decoder", "BinaryDecoder"),
+            "ascii": ("trackers.fastrak.text_decoder", "TextDecoder"),
         },
         driver="trackers.fastrak.driver:FastrakDriver",
         rates_hz=(120,),
@@ -96,7 +90,7 @@ FAMILIES = {
     ),
     "viper": Family(
         title="VIPER",
-        decoders={"binary": _decoder("trackers.viper.decoder", "ViperDecoder")},
+        decoders={"binary": ("trackers.viper.decoder", "ViperDecoder")},
         driver="trackers.viper.driver:ViperDriver",
         rates_hz=(240, 120),
         record_bytes=32,
@@ -109,7 +103,7 @@ FAMILIES = {
     ),
     "trakstar": Family(
         title="trakSTAR",
-        decoders={"binary": _decoder("trackers.trakstar.decoder", "FlockDecoder")},
+        decoders={"binary": ("trackers.trakstar.decoder", "FlockDecoder")},
         driver="trackers.trakstar.driver:TrakstarDriver",
         record_bytes=14,
         unsupported={
@@ -127,7 +121,7 @@ def decoder_of(settings: StreamSettings) -> PiecewiseDecoder:
     if family is None or settings.mode not in family.decoders:
         known = ", ".join(f"{name} in {mode}" for name, known in FAMILIES.items() for mode in known.decoders)
         raise InputError(f"{settings.family} in {settings.mode} cannot be decoded; known are {known}")
-    decoder: PiecewiseDecoder = loaded(family.decoders[settings.mode])(settings)
+    decoder: PiecewiseDecoder = loaded(":".join(family.decoders[settings.mode]))(settings)
     return decoder
 
 

@@ -247,7 +247,7 @@ class StudyFiles:
     def export_folders(self) -> list[str]:
         """Folders that exports are made in: of each subject, and of the dataset of all."""
         folders = [str(self.results.subject_exports(subject)) for subject in self.study.subjects]
-        dataset = [str(self.results.new_dataset.parent)] if "bids" in self.study.exports else []
+        dataset = [str(self.results.new_dataset)] if "bids" in self.study.exports else []
         return (folders if self.export_formats else []) + dataset
 
     figure_names = STUDY_FIGURES

@@ -9,8 +9,7 @@ from typing import Any
 from benchmarks import peers
 from benchmarks.accuracy import estimators
 from benchmarks.accuracy.scenarios import FULL, POLYNOMIAL, SKIN, STIFF
-from benchmarks.accuracy.score import HandScore
-from benchmarks.accuracy.score_summary import Summary, summary
+from benchmarks.accuracy.score import HandScore, Summary, summary
 from benchmarks.benchmark_table import DOCS
 from schemas.files import write_text
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,10 +10,10 @@ from benchmarks import peers
 from benchmarks.accuracy import estimators
 from benchmarks.accuracy.literature import N_FRAMES, NOISE_MM, PUBLISHED, ProtocolRow
 from benchmarks.accuracy.scenarios import FULL, STIFF
-from benchmarks.accuracy.score import JOINT_TYPES, RADIUS_SD, HandScore
-from benchmarks.accuracy.score_summary import METRICS, Summary, summary
+from benchmarks.accuracy.score import JOINT_TYPES, METRICS, HandScore, Summary, summary
 from benchmarks.accuracy.tip_scores import CONTACTS, RECEIVER, SKIN, TOUCHED, TRUE, TipError
 from benchmarks.benchmark_table import Cell, TextTable
+from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.simulate.random_hand import DIGITS
 
 Scores = Mapping[str, Mapping[str, Sequence[HandScore]]]
@@ -29,8 +28,8 @@ OF_SWEEP = {
 }
 
 
-def _columns(names: Iterable[str], before: str = "") -> list[tuple[str, str]]:
-    return [(before + METRICS[name].head, METRICS[name].form) for name in names]
+def _columns(names: Iterable[str], before: str = "") -> list[str]:
+    return [f"{before}{METRICS[name].head}:{METRICS[name].form}" for name in names]
 
 
 def _cells(one: Summary, names: Iterable[str]) -> list[Cell]:
@@ -53,7 +52,7 @@ def estimator_table(
     absent = "".join(f" {name}: {reason}." for name, reason in missing.items())
     return TextTable(
         f"accuracy: {scenario}, {people}",
-        (("estimator", ""), *_columns(OF_ESTIMATOR), ("x best peer", ".2f")),
+        ("estimator", *_columns(OF_ESTIMATOR), "x best peer:.2f"),
         rows,
         "Distance of all 15 centres from the truth in the child's receiver frame; medians of its parts "
         "along and across the true axis; axis of the hinges and length of nine phalanges (medians); mean "
@@ -79,10 +78,10 @@ def joint_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> TextT
             off = [j.child_mm for hand in scores[name] for j in hand.joints if j.joint in members]
             numbers += [float(value) for value in np.percentile(off, [50, 90])]
         rows.append((kind, *numbers))
-    heads = [(f"{name}: {what}", ".2f") for name in shown for what in ("median", "p90")]
+    heads = [f"{name}: {what}:.2f" for name in shown for what in ("median", "p90")]
     return TextTable(
         f"accuracy: {FULL.name} by type of joint, {people}",
-        (("joints", ""), *heads),
+        ("joints", *heads),
         rows,
         "Distance from the true centre in mm, as above.",
     )
@@ -94,7 +93,7 @@ def ablation_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> Te
     fits = (estimators.WHOLE, *estimators.ABLATIONS)
     return TextTable(
         f"accuracy: parts of the whole-hand fit left out, {FULL.name}, {people}",
-        (("fit", ""), *_columns(names)),
+        ("fit", *_columns(names)),
         [(fit, *_cells(summary(scores[fit]), names)) for fit in fits],
         "As above. Scales as published: those of priors and residuals are not found from the hand itself.",
     )
@@ -102,7 +101,7 @@ def ablation_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> Te
 
 def sweep_table(order: Sequence[str], scores: Scores, people: str) -> TextTable:
     """One scenario a row."""
-    columns = [("scenario", "")]
+    columns = ["scenario"]
     for name, metrics in OF_SWEEP.items():
         columns += _columns(metrics, f"{name}: ")
     rows: list[tuple[Cell, ...]] = []
@@ -134,7 +133,7 @@ def tip_table(tips: Sequence[TipError], people: str) -> TextTable:
     heads = (*DIGITS, "all", "p90", "constant", "moving")
     return TextTable(
         f"accuracy: the end of the last bone in opposition, calibrated on range of motion, {people}",
-        (("skeleton", ""), *((f"{head} mm", ".2f") for head in heads)),
+        ("skeleton", *(f"{head} mm:.2f" for head in heads)),
         rows,
         "Mean over the frames of the second half of opposition of the distance to the true end of the last "
         "bone (or, where the row says so, of the digit, skin and all), mean over hands (p90 over digits "
@@ -158,12 +157,12 @@ def literature_table(rows: Sequence[ProtocolRow], runs: int, peer_runs: int) -> 
         peer = [mm if np.isfinite(mm) else None for mm in (row.peer_centre_mm, row.peer_axis_mm)]
         centres, axes = (row.centre_mm, peer[0], centre), (row.axis_mm, peer[1], axis)
         cells.append((row.noise, row.range_deg, *centres, *axes))
-    centre_heads = (("centre mm", ".2f"), ("biobuddy SCoRE", ".2f"), ("published", ""))
-    axis_heads = (("axis mm", ".2f"), ("biobuddy SARA", ".2f"), ("published", ""))
+    centre_heads = ("centre mm:.2f", "biobuddy SCoRE:.2f", "published")
+    axis_heads = ("axis mm:.2f", "biobuddy SARA:.2f", "published")
     return TextTable(
         f"accuracy: two segments, four markers each, {NOISE_MM:g} mm white noise, {N_FRAMES} frames, "
         f"{runs} runs",
-        (("noise on", ""), ("range deg", ".0f"), *centre_heads, *axis_heads),
+        ("noise on", "range deg:.0f", *centre_heads, *axis_heads),
         cells,
         "Root mean square error in the child's cluster of the centre of a ball joint, and of a hinge's axis "
         f"where it passes the true centre, by the closed form; biobuddy on the first {peer_runs} runs, with "
@@ -172,21 +171,15 @@ def literature_table(rows: Sequence[ProtocolRow], runs: int, peer_runs: int) -> 
     )
 
 
-@dataclass(frozen=True)
-class Target:
-    """A number that is aimed at: `most` at most, or between `least` and `most`."""
-
-    what: str
-    measured: float | None
-    most: float
-    least: float | None = None
-
-    @property
-    def kept(self) -> bool | None:
-        """Whether it is kept; None where it was not measured."""
-        if self.measured is None:
-            return None
-        return self.measured <= self.most and (self.least is None or self.measured >= self.least)
+def target_row(
+    what: str, measured: float | None, most: float, least: float | None = None
+) -> tuple[Cell, ...]:
+    """What is aimed at (`most` at most, or from `least` on), what is measured, and whether it is kept."""
+    aim = f"<= {most:g}" if least is None else f"{least:g} to {most:g}"
+    kept = None
+    if measured is not None:
+        kept = "yes" if measured <= most and (least is None or measured >= least) else "NO"
+    return what, aim, measured, kept
 
 
 TARGETS = (
@@ -208,44 +201,39 @@ TIP_TARGETS_MM = {estimators.WHOLE: 2.4, TOUCHED: 0.7, TOUCHED + SKIN: 0.7, CONT
 """How large the mean error of the worst digit's tip may be, by skeleton."""
 
 
-def tip_targets(tips: Sequence[TipError]) -> list[Target]:
+def tip_targets(tips: Sequence[TipError]) -> list[tuple[Cell, ...]]:
     """The targets of fingertips: the worst digit's mean."""
-    targets = []
+    rows = []
     for name, limit_mm in TIP_TARGETS_MM.items():
         own = [tip for tip in tips if tip.skeleton == name]
         worst_mm = max(_digit_means_mm(own)) if own else None
-        targets.append(Target(f"fingertip, {name}: worst digit mm", worst_mm, limit_mm))
-    return targets
+        rows.append(target_row(f"fingertip, {name}: worst digit mm", worst_mm, limit_mm))
+    return rows
 
 
-def targets(scores: Scores, skin: Sequence[str]) -> list[Target]:
+def targets(scores: Scores, skin: Sequence[str]) -> list[tuple[Cell, ...]]:
     """Every target of joints beside its measure; skin : scenarios in which coverage is held to 93 to 98 %."""
-    aims = [
-        Target(what, summary(scores[scenario.name][estimator])[metric], most)
+    rows = [
+        target_row(what, summary(scores[scenario.name][estimator])[metric], most)
         for what, scenario, estimator, metric, most in TARGETS
     ]
     full = {name: summary(hands) for name, hands in scores[FULL.name].items()}
     peer_mm, whole_mm = _best_peer_mm(full), full[estimators.WHOLE]["median_mm"]
     ratio = whole_mm / peer_mm if peer_mm and whole_mm else None
-    aims.append(Target("whole-hand over the best peer's median", ratio, 0.5))
+    rows.append(target_row("whole-hand over the best peer's median", ratio, 0.5))
     for scenario in skin:
         whole = summary(scores[scenario][estimators.WHOLE])
         for metric in ("radius_percent", "ellipsoid_percent"):
             what = f"whole-hand, {scenario}: {METRICS[metric].head}"
-            aims.append(Target(what, whole[metric], 98.0, 93.0))
-    return aims
+            rows.append(target_row(what, whole[metric], 98.0, 93.0))
+    return rows
 
 
-def target_table(aims: Sequence[Target], people: str) -> TextTable:
+def target_table(rows: Sequence[tuple[Cell, ...]], people: str) -> TextTable:
     """What is aimed at, what is measured."""
-    rows: list[tuple[Cell, ...]] = []
-    for target in aims:
-        aim = f"<= {target.most:g}" if target.least is None else f"{target.least:g} to {target.most:g}"
-        kept = {True: "yes", False: "NO", None: None}[target.kept]
-        rows.append((target.what, aim, target.measured, kept))
     return TextTable(
         f"accuracy: targets, {people}",
-        (("what", ""), ("target", ""), ("measured", ".2f"), ("kept", "")),
+        ("what", "target", "measured:.2f", "kept"),
         rows,
         "Set before the seeds of the documented run were looked at; nothing is tuned on them.",
     )

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks import peers
 from benchmarks.accuracy.score import PHALANGES, Centre, Estimate, phalanges_mm
 from benchmarks.accuracy.trials import Trial
-from benchmarks.solvers import closed, solved_joints, some_frames
+from benchmarks.solvers import closed, solved_joints
 from schemas.layout import Joint, read_layout
 from schemas.poses import Poses
 from skeleton.rotations import Array, rotate
@@ -70,7 +70,7 @@ def published(trial: Trial, name: str, step: int = 1) -> Estimate:
 
     It gets every frame in which both receivers of a joint are valid, and has its own defaults.
     """
-    poses = some_frames(trial.poses, slice(None, None, step))
+    poses = trial.poses.take(slice(None, None, step))
     pairs = {
         joint.name: peers.receiver_pair(poses, joint)
         for joint in solved_joints(read_layout(LAYOUT), poses)
@@ -180,7 +180,7 @@ def of_fit(name: str, trial: Trial, fit: HandFit, seconds: float) -> Estimate:
 
 def palm_deg(trial: Trial, fit: HandFit) -> dict[str, float]:
     """Mean angle over the recording between the true and the fitted direction of the palm's bones."""
-    posed = pose_hand(fit, some_frames(trial.poses, slice(None, None, POSED_EVERY)))
+    posed = pose_hand(fit, trial.poses.take(slice(None, None, POSED_EVERY)))
     distal = np.array([1.0, 0.0, 0.0])
     angles = {}
     for bone in PALM:

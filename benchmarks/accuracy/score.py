@@ -1,15 +1,21 @@
-"""How far an estimate of a hand is from the truth: centres, axes, bones, palm, and what it said of itself."""
+"""How far an estimate of a hand is from the truth: centres, axes, bones, palm, and what it said of itself.
+
+Errors of many hands are summed up by the metrics of a row of the tables.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.accuracy.trials import Trial
 from schemas.layout import read_layout
 from skeleton.rotations import Array
+from stages.evaluate_skeletons.truth_errors import RADIUS_SD, line_angle_deg
 from stages.simulate.random_hand import BONES, DIGITS, FINGERS
 from stages.simulate.simulated_truth import TrueJoint
 from stages.simulate.simulation import LAYOUT
@@ -17,8 +23,7 @@ from stages.simulate.simulation import LAYOUT
 COVERED_95 = 7.815
 """95 % of squared Mahalanobis distances in three dimensions are below this."""
 
-RADIUS_SD = 1.614
-"""95 % of a three-dimensional error lie within this many sd, if it is as large in every direction."""
+GROSS_MM = 5.0
 
 JOINT_TYPES = {
     "thumb CMC": ("thumb_cmc",),
@@ -114,7 +119,7 @@ def joint_error(true: TrueJoint, centre: Centre, *, hinge: bool) -> JointError:
     along = float(child @ true.axis_child)
     axis_deg = float("nan")
     if hinge and centre.axis_child is not None:
-        axis_deg = axis_angle_deg(centre.axis_child, true.axis_child)
+        axis_deg = line_angle_deg(centre.axis_child, true.axis_child)
     in_radius = in_ellipsoid = None
     if centre.covariance_mm2 is not None:
         in_radius, in_ellipsoid = coverage(parent, child, centre.covariance_mm2)
@@ -127,11 +132,6 @@ def joint_error(true: TrueJoint, centre: Centre, *, hinge: bool) -> JointError:
         in_radius,
         in_ellipsoid,
     )
-
-
-def axis_angle_deg(one: Array, other: Array) -> float:
-    """Angle between two lines (3,), 0 to 90 deg, whichever way their vectors point."""
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), abs(one @ other))))
 
 
 def coverage(parent_mm: Array, child_mm: Array, covariance_mm2: Array) -> tuple[float, float | None]:
@@ -156,3 +156,55 @@ def phalanges_mm(centres: Mapping[str, Centre]) -> dict[str, float]:
     own = {joints[name].child: centre.child_mm for name, centre in centres.items()}
     after = {joints[name].parent: centre.parent_mm for name, centre in centres.items()}
     return {bone: float(np.linalg.norm(after[bone] - own[bone])) for bone in PHALANGES}
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number of a summary: its column's head and format, the statistic, and what a hand adds to it.
+
+    values : of one hand; None and NaN are what was not stated or estimated, and do not count.
+    """
+
+    head: str
+    form: str
+    statistic: Callable[[Array], Any]
+    values: Callable[[HandScore], Iterable[float | None]]
+
+
+def _of_joints(name: str) -> Callable[[HandScore], Iterable[float | None]]:
+    return lambda hand: (getattr(joint, name) for joint in hand.joints)
+
+
+def _percent(shares: npt.ArrayLike) -> float:
+    return 100.0 * float(np.mean(np.asarray(shares)))
+
+
+METRICS = {
+    "n_hands": Metric("hands", "d", len, lambda _: [1.0]),
+    "median_mm": Metric("median mm", ".2f", np.median, _of_joints("child_mm")),
+    "p90_mm": Metric("p90 mm", ".2f", lambda mm: np.percentile(mm, 90), _of_joints("child_mm")),
+    "along_mm": Metric("along mm", ".2f", np.median, _of_joints("along_mm")),
+    "across_mm": Metric("across mm", ".2f", np.median, _of_joints("across_mm")),
+    "gross_percent": Metric("> 5 mm %", ".1f", lambda mm: _percent(mm > GROSS_MM), _of_joints("child_mm")),
+    "axis_deg": Metric("axis deg", ".1f", np.median, _of_joints("axis_deg")),
+    "bone_percent": Metric("bones %", ".1f", np.median, lambda hand: hand.bones_percent),
+    "palm_deg": Metric("palm deg", ".1f", np.mean, lambda hand: hand.palm_deg),
+    "radius_percent": Metric("in radius %", ".1f", _percent, _of_joints("in_radius")),
+    "ellipsoid_percent": Metric("in ellipsoid %", ".1f", _percent, _of_joints("in_ellipsoid")),
+    "seconds": Metric("CPU s", ".2f", np.mean, lambda hand: [hand.seconds]),
+}
+"""Over all counted joints, hinges, phalanges, ulnar metacarpals or hands of one estimator, by name."""
+
+Summary = Mapping[str, Any]
+"""By the name of a metric; None where nothing was estimated or stated."""
+
+
+def summary(hands: Sequence[HandScore]) -> Summary:
+    """Sum up the scores of one estimator."""
+    numbers: dict[str, int | float | None] = {}
+    for name, metric in METRICS.items():
+        known = [value for hand in hands for value in metric.values(hand) if value is not None]
+        values = np.array(known, float)[np.isfinite(known)] if known else np.empty(0)
+        number = metric.statistic(values) if len(values) else None
+        numbers[name] = number if number is None or isinstance(number, int) else float(number)
+    return numbers

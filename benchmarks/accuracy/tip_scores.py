@@ -10,7 +10,6 @@ import numpy as np
 from anatomy import average_hand
 from benchmarks.accuracy.estimators import WHOLE
 from benchmarks.accuracy.trials import Trial
-from benchmarks.solvers import some_frames
 from skeleton.rotations import Array, conjugate, rotate
 from stages.fit_hand.contacts import find_contacts
 from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, fingertips
@@ -47,7 +46,7 @@ def tip_errors(calibration: Trial, held_out: Trial, fits: Mapping[str, HandFit])
 
     Its first half is looked at for pads in contact, and for nothing else.
     """
-    poses = some_frames(held_out.poses, judged_rows(held_out))
+    poses = held_out.poses.take(judged_rows(held_out))
     receivers = [poses.index(f"{digit}_distal") for digit in DIGITS]
     carried, turned = poses.position_mm[:, receivers], poses.quaternion[:, receivers]
     yield from _held_against(held_out, RECEIVER, carried)
@@ -60,10 +59,10 @@ def tip_errors(calibration: Trial, held_out: Trial, fits: Mapping[str, HandFit])
     known = {name: fingertips(fit) for name, fit in fits.items()}
     soft = soft_parts_mm(calibration)
     if WHOLE in fits:
-        known[TOUCHED] = touched(fits[WHOLE], calibration, soft)
+        known[TOUCHED] = touched(known[WHOLE], calibration, soft)
         first_half = slice(0, len(held_out.poses.frame) // 2)
-        contacts = find_contacts(fits[WHOLE], some_frames(held_out.poses, first_half))
-        known[CONTACTS] = with_touches(fits[WHOLE], contacts=contacts)
+        contacts = find_contacts(known[WHOLE], held_out.poses.take(first_half))
+        known[CONTACTS] = with_touches(known[WHOLE], contacts)
     for name, tips in known.items():
         yield from _held_against(held_out, name, tips.in_transmitter(poses))
     for name in {WHOLE, TOUCHED, CONTACTS} & set(known):
@@ -85,16 +84,16 @@ def soft_parts_mm(trial: Trial) -> Array:
     return np.asarray(np.outer(thick, [1.0, 0.0, 0.0]) + TIP_SD_MM * rng.standard_normal((len(DIGITS), 3)))
 
 
-def touched(fit: HandFit, calibration: Trial, soft_mm: Array) -> Fingertips:
-    """The fit after every digit's end touched a known point once, to TOUCH_SD_MM, as the recording began."""
+def touched(tips: Fingertips, calibration: Trial, soft_mm: Array) -> Fingertips:
+    """The fingertips after every digit's end touched a known point once as the recording began."""
     rng = np.random.default_rng([calibration.seed, calibration.hand == "left", 3])
     truth, touches = calibration.truth, []
     for i, digit in enumerate(DIGITS):
         bone = truth.bone_quaternion[TOUCH_FRAME, TIP_BONES[i]]
         point = truth.tip_mm[TOUCH_FRAME, i] + rotate(bone, soft_mm[i])
         point = point + TOUCH_SD_MM * rng.standard_normal(3)
-        touches.append(touch_in(fingertips(fit), calibration.poses, np.array([TOUCH_FRAME]), digit, point))
-    return with_touches(fit, touches)
+        touches.append(touch_in(tips, calibration.poses, np.array([TOUCH_FRAME]), digit, point))
+    return with_touches(tips, touches)
 
 
 def _held_against(

@@ -18,7 +18,7 @@ from stages.simulate.mounts import Mounts, mounts_of
 from stages.simulate.random_hand import FINGERS, FLEXION, JOINTS, Hand, hand_of
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
-from stages.simulate.simulated_truth import Truth, true_joints, true_tips_mm
+from stages.simulate.simulated_truth import Truth
 from stages.simulate.simulation import FIRST_FRAME, LAYOUT
 from stages.simulate.task_motion import RATE_HZ, Motion, move
 
@@ -57,15 +57,7 @@ def record(seed: int, hand: str, scenario: Scenario, n_frames: int = N_FRAMES) -
     if scenario.field:
         recorded = distorted(*recorded, seed, scenario.field)
     recorded = noisy(*recorded, realism.noise, generator(seed, "noise", SUBJECT, hand, scenario.task))
-    truth = Truth(
-        hand=anatomy,
-        mounts=mounts,
-        angles_rad=motion.angles_rad,
-        bone_position_mm=bones[0],
-        bone_quaternion=bones[1],
-        tip_mm=true_tips_mm(anatomy, *bones),
-        joints=true_joints(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism),
-    )
+    truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism)
     share = scenario.told_length
     length_mm = None if share is None else share * true_length_mm(anatomy)
     return Trial(seed, hand, scenario, _poses(segments, recorded, seed, hand, scenario), truth, length_mm)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import argparse
 
+from stages import command_line
 from stages.capture import tracker_options
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
-    parser = tracker_options.parser(
-        "check",
+    parser = command_line.parser(
+        "stages.capture check",
         "Set a tracker up as `record` does, say what it answers and what two seconds of its stream\n"
         "hold, and set it back. Exit code: 0 where it works, 2 where it does not.",
         "python -m stages.capture check --port /dev/ttyUSB0",
+        records_failure=False,
     )
     tracker_options.add_tracker(parser)
     return parser
@@ -21,10 +23,10 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return tracker_options.run(build_parser().parse_args(argv), check_tracker)
+    return command_line.run(build_parser().parse_args(argv), check_tracker)
 
 
-def check_tracker(options: argparse.Namespace) -> int:
+def check_tracker(options: argparse.Namespace) -> None:
     """Print what there is to say of the tracker."""
     from trackers.record.port import open_port
     from trackers.record.recording_terminal import StopRequest, stop_on_signals
@@ -39,4 +41,3 @@ def check_tracker(options: argparse.Namespace) -> int:
                 print(line, flush=True)
         finally:
             port.close()
-    return 0

@@ -16,6 +16,7 @@ def build_parser() -> argparse.ArgumentParser:
         "Turn a raw capture into a table of every record that the tracker sent. The same capture gives the\n"
         "same table, byte for byte; the capture is never changed.",
         "python -m stages.capture decode --in rom.arrows --out rom_records.parquet",
+        records_failure=False,
     )
     parser.add_argument("--in", dest="capture", type=Path, required=True, help="the raw capture (.arrows)")
     parser.add_argument("--out", type=Path, required=True, help="the table of records to write (.parquet)")
@@ -29,7 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), decode, record_failure)
+    return command_line.run(build_parser().parse_args(argv), decode)
 
 
 def decode(options: argparse.Namespace) -> None:
@@ -63,11 +64,3 @@ def decode(options: argparse.Namespace) -> None:
         f"{survey.missing_frames} frames missing, {len(survey.partial_frames)} partial, "
         f"{survey.skipped_bytes} bytes skipped, {len(survey.flips)} hemisphere flips"
     )
-
-
-def record_failure(options: argparse.Namespace, message: str) -> None:
-    """Write the table without rows and the reason."""
-    from schemas.catalogue import CAPTURE_RECORDS
-    from schemas.tables import Provenance, write_failure
-
-    write_failure(options.out, CAPTURE_RECORDS, message, Provenance.of([options.capture]))

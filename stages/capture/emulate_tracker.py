@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from schemas.errors import InputError
-from stages.capture import tracker_options
+from stages import command_line
 from trackers.emulate.faults import FAULTS, LineFault, Plug, parse_fault, parse_time
 from trackers.families import FAMILIES
 
@@ -33,12 +33,13 @@ _EXAMPLE = """python -m stages.capture emulate --pty /tmp/tracker --stations 1-8
 
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
-    parser = tracker_options.parser(
-        "emulate",
+    parser = command_line.parser(
+        "stages.capture emulate",
         "Be a Polhemus LIBERTY, PATRIOT or FASTRAK for a recorder: on a pseudo-terminal, on a\n"
         "TCP port of this machine, or straight into a raw capture. Prints what a client is to open;\n"
         "ends with Ctrl-C.",
         _EXAMPLE,
+        records_failure=False,
     )
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument(
@@ -95,17 +96,16 @@ def _add_faults(group: argparse._ArgumentGroup) -> None:
 
 def main(argv: list[str]) -> int:
     """Run the emulator until Ctrl-C, SIGTERM or its own end; gives the exit code."""
-    return tracker_options.run(build_parser().parse_args(argv), emulate)
+    return command_line.run(build_parser().parse_args(argv), emulate)
 
 
-def emulate(options: argparse.Namespace) -> int:
+def emulate(options: argparse.Namespace) -> None:
     """Check the options; then serve a port, or write an archive."""
     _check(options)
     if options.archive is not None:
         _write_archive(options)
     else:
         _serve(options)
-    return 0
 
 
 def _check(options: argparse.Namespace) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,7 +70,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     layout = read_layout(arguments.layout)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
-    options = ReadingOptions(mapping, arguments.repair_hemisphere)
+    options = ReadingOptions(mapping)
     remarks = _Remarks()
 
     def parts() -> Iterator[Samples]:
@@ -81,7 +82,8 @@ def import_recording(arguments: argparse.Namespace) -> None:
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
-    with poses_table(parts, parents, folder) as poses:
+    table = poses_table(parts(), parents, folder, repair_hemisphere=arguments.repair_hemisphere)
+    with closing(table) as poses:
         _write(arguments, layout, poses, remarks, None if mapping is None else mapping.orientation)
     if not arguments.record_failure:  # in a study, a stage of its own says so
         _print_findings(arguments, layout)

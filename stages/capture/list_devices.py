@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import argparse
 
-from stages.capture import tracker_options
+from stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
-    return tracker_options.parser(
-        "devices",
+    return command_line.parser(
+        "stages.capture devices",
         "List the serial ports of this machine and the trackers on its USB.",
         "python -m stages.capture devices",
+        records_failure=False,
     )
 
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return tracker_options.run(build_parser().parse_args(argv), list_devices)
+    return command_line.run(build_parser().parse_args(argv), list_devices)
 
 
-def list_devices(options: argparse.Namespace) -> int:
+def list_devices(options: argparse.Namespace) -> None:
     """Print what there is."""
     from trackers.record.connected_ports import port_lines, serial_ports, usb_devices
 
     del options
     print("\n".join(port_lines(serial_ports(), usb_devices())))
-    return 0

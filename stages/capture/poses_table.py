@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,10 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from schemas.errors import InputError
+from stages.capture.hemispheres import Sides, jumps, link_sides, sides_by_jumps
 from stages.capture.samples import NUMBERS, Samples
+from stages.capture.spikes import spikes
+from trackers.decode.hemisphere import Flip
 
 FLAGS = {
     "no-row": "the recording has no row for this receiver in this frame, though others have",
@@ -40,11 +42,12 @@ FLAGS = {
     "hemisphere-repaired": "the position had jumped to the other side of the transmitter and was put back",
     "low-quality": "the recording's own measure of quality is beyond the limit that its mapping gives",
     "misfit": "the markers of the cluster do not fit its rigid shape",
+    "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
 }
 """What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
 
-INVALIDATING = ("device-error", "hemisphere-flip", "low-quality", "misfit")
-"""Marks of a reader that make a pose unusable though its numbers are complete; they are kept."""
+INVALIDATING = ("device-error", "hemisphere-flip", "low-quality", "misfit", "spike")
+"""Flags that make a pose unusable though its numbers are complete; they are kept."""
 
 NORM_TOLERANCE = 0.01
 """A quaternion whose length is off by more was not rounded: it is something else."""
@@ -55,8 +58,8 @@ FROZEN_FRAMES = 240
 ROW_GROUP_FRAMES = 1 << 15
 """Two minutes at 240 Hz: who reads frame by frame holds a row group of every segment at once."""
 
-SPAN_FRAMES = 1000
-"""Frames, spread over the recording, from which the extent of the receivers is measured."""
+SAMPLED_FRAMES = 1000
+"""Frames, spread over the recording, that tell the receivers' extent and side of the transmitter."""
 
 MEMORY_BYTES = 2 << 20
 """How much of a segment's rows is kept in memory before it goes to a file."""
@@ -84,7 +87,6 @@ class PosesTable:
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
     frozen : segments whose rows are flagged so. span_mm : how far apart the receivers are, NaN where unknown.
     frame : (T,) every frame that occurs with any segment, ascending.
-    A context manager, which gives the temporary files back to the disk.
     """
 
     segments: tuple[str, ...]
@@ -94,12 +96,8 @@ class PosesTable:
     frame: Integers
     _files: tuple[_RowFile, ...]
 
-    def __enter__(self) -> PosesTable:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Give the temporary files back to the disk."""
         for file in self._files:
             file.close()
 
@@ -152,6 +150,7 @@ class _Segment:
     bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
     and that length; bad_count : how many there are.
     position_mm : (K, 3) in the frames from which the span is measured, NaN where it has none.
+    flips : where it jumped to the other side of the transmitter.
     """
 
     usable: int
@@ -160,33 +159,46 @@ class _Segment:
     bad: tuple[int, int, float] | None
     bad_count: int
     position_mm: Array
+    flips: list[Flip]
 
 
 def poses_table(
-    read: Callable[[], Iterable[Samples]], parents: Mapping[str, str], folder: Path | None = None
+    parts: Iterable[Samples],
+    parents: Mapping[str, str],
+    folder: Path | None = None,
+    *,
+    repair_hemisphere: bool = False,
 ) -> PosesTable:
     """Check the samples of a recording and lay them out on the full grid.
 
-    read : gives the parts of the recording in order, from the start each time that it is called.
-    parents : of a segment the one towards the body that carries a receiver, where there is one.
-    folder : where temporary files may be; the system's own folder where none is given.
+    parts : of the recording, in order. parents : of a segment the one towards the body that carries a
+    receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
+    repair_hemisphere : whether positions on the wrong side of the transmitter are put back, or are gaps.
 
     Raises InputError at the first pose that has all its numbers but no unit quaternion.
     """
     names: tuple[str, ...] = ()
     files: dict[int, _RowFile] = {}
     frames: list[Integers] = []
+    hemispheres: dict[int, tuple[float, float, float]] = {}
+    places: list[tuple[int, Callable[[int], str]]] = []
     start = 0
-    for samples in read():
+    for samples in parts:
         names = samples.segments
+        hemispheres.update(samples.hemispheres)
+        places.append((start, samples.place))
         for index, rows in _rows_of_segments(samples, start):
             files.setdefault(index, _RowFile(folder)).append(rows)
         frames.append(np.unique(samples.frame))
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
-    span_frames = frame[:: max(1, len(frame) // SPAN_FRAMES)]
-    segments = {names[index]: _checked(files[index], span_frames) for index in sorted(files)}
-    _refuse_bad_quaternions(segments, read)
+    sampled = frame[:: max(1, len(frame) // SAMPLED_FRAMES)]
+    segments = {
+        names[index]: _checked(files[index], sampled, hemispheres.get(index)) for index in sorted(files)
+    }
+    _refuse_bad_quaternions(segments, places)
+    files_by_name = {names[index]: files[index] for index in sorted(files)}
+    segments = _on_one_side(segments, files_by_name, parents, repair=repair_hemisphere)
     frozen = _frozen_segments(segments, parents)
     return PosesTable(
         tuple(segments),
@@ -211,27 +223,81 @@ def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]
         yield index, rows[samples.segment == index]
 
 
-def _checked(file: _RowFile, span_frames: Integers) -> _Segment:
+def _checked(file: _RowFile, sampled: Integers, hemisphere: tuple[float, float, float] | None) -> _Segment:
     """Bring a segment's rows into order, flag them and say what they say together."""
     rows = file.rows()
     rows = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
     rows["flags"] |= _gap_flags(rows) | _time_flags(rows["time_s"])
     norm, bad = _normalise(rows)
     first = min(zip(rows["sample"][bad], rows["frame"][bad], norm[bad], strict=True), default=None)
-    file.replace(rows)
     complete = _complete(rows)
+    believed = np.flatnonzero(complete & ~_unusable(rows))
+    rows["flags"][believed[spikes(rows["numbers"][believed])]] |= _BIT["spike"]
+    file.replace(rows)
     poses = rows["numbers"][complete]
-    position_mm = np.full((len(span_frames), 3), np.nan)
-    _, to, of = np.intersect1d(span_frames, rows["frame"], assume_unique=True, return_indices=True)
+    position_mm = np.full((len(sampled), 3), np.nan)
+    _, to, of = np.intersect1d(sampled, rows["frame"], assume_unique=True, return_indices=True)
     position_mm[to] = rows["numbers"][of, :3]
+    usable = rows[complete & ~_unusable(rows)]
+    optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
+    flips = [] if optical else jumps(usable["frame"], usable["time_s"], usable["numbers"], hemisphere)
     return _Segment(
-        int((complete & ~_unusable(rows)).sum()),
+        len(usable),
         len(poses),
         bool((poses != poses[:1]).any()),
         first,
         int(bad.sum()),
         position_mm,
+        flips,
     )
+
+
+def _on_one_side(
+    segments: Mapping[str, _Segment],
+    files: Mapping[str, _RowFile],
+    parents: Mapping[str, str],
+    *,
+    repair: bool,
+) -> dict[str, _Segment]:
+    """Flag rows on the wrong side of the transmitter, or put them back; give the segments as they are then.
+
+    Where no receiver jumped and no repair is asked for, nothing is looked at.
+    """
+    if not repair and not any(segment.flips for segment in segments.values()):
+        return dict(segments)
+    out = dict(segments)
+    for name, sides in _sides(segments, files, parents).items():
+        if not (sides.sign <= 0).any():
+            continue
+        rows = files[name].rows().copy()
+        mirrored, lost = (np.isin(rows["frame"], sides.frame[sides.sign == sign]) for sign in (-1, 0))
+        rows["flags"][lost if repair else lost | mirrored] |= _BIT["hemisphere-flip"]
+        if repair:
+            rows["numbers"][mirrored, :3] *= -1.0
+            rows["flags"][mirrored] |= _BIT["hemisphere-repaired"]
+        files[name].replace(rows)
+        out[name] = replace(segments[name], usable=int((_complete(rows) & ~_unusable(rows)).sum()))
+    return out
+
+
+def _sides(
+    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
+) -> dict[str, Sides]:
+    """Each receiver's sides: as a joint tells, else as its own jumps do."""
+
+    def poses(name: str) -> tuple[Integers, Array]:
+        rows = files[name].rows()
+        rows = rows[_complete(rows) & ~_unusable(rows)]
+        return rows["frame"], rows["numbers"]
+
+    jumped = {name: sides_by_jumps(own.flips, poses(name)[0]) for name, own in segments.items() if own.flips}
+    told: dict[str, Sides] = {}
+    for name, parent in ((name, parents.get(name, "")) for name in segments):
+        link = link_sides(poses(parent), poses(name), told.get(parent)) if parent in segments else None
+        if link is not None:
+            sides = told.setdefault(parent, link[0].without(jumped.get(parent)))
+            told[name] = link[1].without(sides).without(jumped.get(name))
+    return jumped | told
 
 
 def _one_a_frame(rows: Rows) -> Rows:
@@ -309,12 +375,19 @@ def _unusable(rows: Rows) -> Bools:
     return np.asarray((rows["flags"] & _INVALIDATING) != 0)
 
 
-def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[], Iterable[Samples]]) -> None:
+def _refuse_bad_quaternions(
+    segments: Mapping[str, _Segment], places: Sequence[tuple[int, Callable[[int], str]]]
+) -> None:
+    """Raise InputError at the first in the recording's order.
+
+    places : of each part its first sample and its place.
+    """
     bad = [(*segment.bad, name) for name, segment in segments.items() if segment.bad is not None]
     if not bad:
         return
     sample, frame, norm, name = min(bad)
-    where = f"{_place(sample, read)}, segment {name}, frame {frame}"
+    start, place = [one for one in places if one[0] <= sample][-1]
+    where = f"{place(sample - start)}, segment {name}, frame {frame}"
     count = sum(segment.bad_count for segment in segments.values())
     more = f" (and {count - 1} more rows like it)" if count > 1 else ""
     if norm == 0:
@@ -327,15 +400,6 @@ def _refuse_bad_quaternions(segments: Mapping[str, _Segment], read: Callable[[],
         f"{NORM_TOLERANCE}; check the column order (qw, qx, qy, qz), or leave the row's seven numbers empty "
         "to keep it as a gap"
     )
-
-
-def _place(sample: int, read: Callable[[], Iterable[Samples]]) -> str:
-    """File and line of a sample; parts are read again, as none was kept."""
-    for samples in read():
-        if sample < len(samples.segment):
-            return samples.place(sample)
-        sample -= len(samples.segment)
-    raise AssertionError("the sample is in no part")
 
 
 def _frozen_segments(segments: Mapping[str, _Segment], parents: Mapping[str, str]) -> tuple[str, ...]:

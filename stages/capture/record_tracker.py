@@ -9,20 +9,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from schemas.errors import InputError
+from stages import command_line
 from stages.capture import tracker_options
 
 if TYPE_CHECKING:
     from trackers.record.session import Ending, RecordingPlan
 
+EXIT_CUT_SHORT = 3
+"""The recording ended before it was asked to: the port went away, or the disk was full. What came is kept."""
+
 
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
-    parser = tracker_options.parser(
-        "record",
+    parser = command_line.parser(
+        "stages.capture record",
         "Record every byte that a tracker sends, with a live view; q, Ctrl-C or --duration ends it.\n"
         "Exit code: 0 after a stop that was asked for, 2 where nothing could be recorded, 3 where the port\n"
         "went away or the disk was full; what came until then is kept.",
         "python -m stages.capture record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
+        records_failure=False,
     )
     tracker_options.add_tracker(parser)
     parser.add_argument("--out", type=Path, required=True, help="the archive to write (.arrows)")
@@ -33,11 +38,11 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str]) -> int:
-    """Run the subcommand; gives the exit code."""
-    return tracker_options.run(build_parser().parse_args(argv), record_tracker)
+    """Run the subcommand; gives the exit code, and ends the program with another where it was cut short."""
+    return command_line.run(build_parser().parse_args(argv), record_tracker)
 
 
-def record_tracker(options: argparse.Namespace) -> int:
+def record_tracker(options: argparse.Namespace) -> None:
     """Record, and say what was kept."""
     from trackers.record import session
     from trackers.record.port import open_port
@@ -53,7 +58,7 @@ def record_tracker(options: argparse.Namespace) -> int:
                 ending = session.record(plan, port, terminal, stop, about)
         finally:
             port.close()
-    return _report(options.out, options.port, ending)
+    _report(options.out, options.port, ending)
 
 
 def recording_plan(options: argparse.Namespace) -> RecordingPlan:
@@ -84,21 +89,21 @@ def _about(options: argparse.Namespace) -> dict[str, Any]:
     return {"options": named, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
 
 
-def _report(out: Path, port: str, ending: Ending) -> int:
-    """Print the summary; gives the exit code."""
+def _report(out: Path, port: str, ending: Ending) -> None:
+    """Print the summary; raises SystemExit where the recording was cut short."""
     from trackers.record import display
 
     if ending.totals is None:
         print(f"stopped before the first frame ({ending.reason}); no file is left", file=sys.stderr)
-        return 0
+        return
     _print("\n".join(display.summary(str(out), ending.reason, ending.totals, ending.notices)), sys.stdout)
     if not ending.failed:
-        return 0
+        return
     seconds = ending.totals["seconds"]
     kept_s = ending.totals.get("seconds_kept", seconds)
     message = f"{port}: {ending.reason} after {seconds:.1f} s; {out} keeps the first {kept_s:.1f} s"
     _print(f"error: {message}", sys.stderr)
-    return tracker_options.EXIT_CUT_SHORT
+    sys.exit(EXIT_CUT_SHORT)
 
 
 def _print(text: str, stream: TextIO) -> None:

@@ -31,6 +31,7 @@ class Samples:
     notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
     losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
     missing_frames : frames of which the recording should have something and has nothing.
+    hemispheres : the half of space that a magnetic tracker was set to, a vector by index of the segment.
     """
 
     segments: tuple[str, ...]
@@ -43,6 +44,7 @@ class Samples:
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
     missing_frames: int = 0
+    hemispheres: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
 
 
 def joined(parts: Iterable[Samples]) -> Samples:
@@ -74,10 +76,9 @@ def joined(parts: Iterable[Samples]) -> Samples:
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """What a reader is told beside the file: the lab's mapping, and what to do with hemisphere flips."""
+    """What a reader gets beside the file: the lab's mapping."""
 
     mapping: FileMapping | None = None
-    repair_hemisphere: bool = False
 
 
 def segments_of_names(

@@ -1,41 +1,14 @@
-"""Options and exit codes that `record`, `check`, `devices` and `emulate` share."""
+"""Options that `record` and `check` share."""
 
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from schemas.errors import InputError
-from stages.command_line import EXIT_BAD_INPUT
 from trackers.families import FAMILIES
 
 if TYPE_CHECKING:
     from trackers.record.request import RecordingRequest
-
-EXIT_CUT_SHORT = 3
-"""The recording ended before it was asked to: the port went away, or the disk was full. What came is kept."""
-
-
-def parser(command: str, description: str, example: str) -> argparse.ArgumentParser:
-    """Give a parser in the house's style."""
-    return argparse.ArgumentParser(
-        prog=f"python -m stages.capture {command}",
-        description=description,
-        epilog=f"example:\n  {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-
-
-def run(options: argparse.Namespace, work: Callable[[argparse.Namespace], int]) -> int:
-    """Do the work and give its exit code; bad input is one sentence on stderr and exit code 2."""
-    try:
-        return work(options)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
 
 
 def add_tracker(command_parser: argparse.ArgumentParser) -> None:

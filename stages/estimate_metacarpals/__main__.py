@@ -78,7 +78,7 @@ def _estimate_part(
     from schemas.parts import read_part
     from schemas.poses import poses_reader, usable_poses
     from schemas.tables import rows_of
-    from stages.estimate_metacarpals.hand import build_hand, failed_joints, merge_fitted
+    from stages.estimate_metacarpals.hand import build_hand, doubted, failed_joints, merge_fitted
 
     joints, bones, metacarpals = tables
     layout, model = plan.layouts[part.hand], plan.models[part.model]
@@ -100,7 +100,9 @@ def _estimate_part(
         "calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration],
     }
     keys = {"subject": plan.subject, "model": part.model, "made_without": part.made_without}
-    joints.rows(part, [{**row, **keys} for row in hand.joints], **parameters)
+    suspicion = next((plan.suspect[own] for own in calibration if own in plan.suspect), "")
+    centres = doubted(hand.joints, suspicion) if suspicion else hand.joints
+    joints.rows(part, [{**row, **keys} for row in centres], **parameters)
     bones.rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     metacarpals.rows(part, [], **parameters)
     for recording in plan.evaluated(part.hand, part.made_without):

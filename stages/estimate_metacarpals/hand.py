@@ -111,3 +111,13 @@ def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> 
     """Give rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
     failed = {"source": "fit of the whole hand", "status": "failed", "message": message}
     return [{name: row[name] for name in _KEPT_OF_FAILED} | failed for row in projected_rows]
+
+
+def doubted(rows: Sequence[Mapping[str, Any]], finding: str) -> list[Row]:
+    """Give rows of joint_centres of a hand whose recording is suspect: what was ok is weak, and says why."""
+    return [
+        {**row, "status": "weak", "message": "; ".join(filter(None, (row["message"], finding)))}
+        if row["status"] == "ok"
+        else dict(row)
+        for row in rows
+    ]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from schemas.layout import Digit
 from schemas.poses import Poses
+from schemas.tables import vector_of
 from skeleton.digit_chain import Rows, all_valid, ride
 from skeleton.rotations import Array, conjugate, rotate
 from stages.evaluate_skeletons.scored_skeleton import Row
@@ -57,16 +55,18 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None
     bone = true.metacarpal_mm * directions(at_frames(true.metacarpal, true.frame, poses.frame))
     replayed = ride(poses, digit.base, _true_base(digit, joints, bone, poses)) + bone
     for segment in digit.segments[1:-1]:
-        replayed = replayed + rotate(poses.quaternion[:, poses.index(segment)], _point(bones[segment], ""))
+        replayed = replayed + rotate(
+            poses.quaternion[:, poses.index(segment)], vector_of(bones[segment], "", "_mm")
+        )
     last = poses.index(digit.tip)
-    own = _point(joints[digit.joints[-1]], "child_")
+    own = vector_of(joints[digit.joints[-1]], "child_", "_mm")
     replayed = replayed - rotate(poses.quaternion[:, last], own)
     error = np.where(usable, np.linalg.norm(replayed - poses.position_mm[:, last], axis=-1), np.nan)
     row = recording.row(digit.name, TRUE_SKELETON) | {"n_frames": int(np.isfinite(error).sum())}
     row |= mean_and_p95("replay", error) | mean_and_p95("left_out", error)
     row["wrist_mcp_sd_mm"] = wrist_mcp_sd(poses, digit, recording.layout, joints)
     row["metacarpal_deg"] = 0.0
-    tip_mm = ride(poses, digit.tip, own + _point(bones[digit.tip], ""))
+    tip_mm = ride(poses, digit.tip, own + vector_of(bones[digit.tip], "", "_mm"))
     valid = poses.valid[:, last]
     return row | true_tip_numbers(np.where(valid[:, None], tip_mm, np.nan), poses.frame, true)
 
@@ -77,13 +77,9 @@ def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
     """
     first = joints.get(digit.joints[0])
     if first is not None and first["parent_x_mm"] is not None:
-        return _point(first, "parent_")
+        return vector_of(first, "parent_", "_mm")
     back = rotate(conjugate(poses.quaternion[:, poses.index(digit.base)]), bone)
     seen = poses.valid[:, poses.index(digit.base)] & np.isfinite(bone[:, 0])
     if not seen.any():
         return np.full(3, np.nan)
-    return np.asarray(_point(joints[digit.joints[1]], "parent_") - back[seen].mean(0))
-
-
-def _point(row: Mapping[str, Any], side: str) -> Array:
-    return np.array([row[f"{side}{axis}_mm"] for axis in "xyz"], float)
+    return np.asarray(vector_of(joints[digit.joints[1]], "parent_", "_mm") - back[seen].mean(0))

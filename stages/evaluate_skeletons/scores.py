@@ -12,6 +12,7 @@ from schemas.layout import Digit, Layout
 from schemas.plan import SubjectPlan
 from schemas.poses import Poses, RecordingName, read_poses
 from schemas.study import Recording
+from schemas.tables import vector_of
 from skeleton.digit_chain import Rows, all_valid, ride
 from skeleton.rotations import Array
 from stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, ScoredSkeleton, joined, readable
@@ -172,4 +173,4 @@ def _child_mm(joints: Rows, name: str) -> Array | None:
     row = joints.get(name)
     if row is None or row["status"] == "failed" or row["child_x_mm"] is None:
         return None
-    return np.array([row[f"child_{axis}_mm"] for axis in "xyz"])
+    return vector_of(row, "child_", "_mm")

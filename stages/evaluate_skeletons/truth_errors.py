@@ -9,6 +9,7 @@ import numpy as np
 
 from schemas.catalogue import DISTAL_RECEIVER
 from schemas.layout import Layout
+from schemas.tables import vector_of
 from skeleton.rotations import Array
 from stages.evaluate_skeletons.scored_skeleton import Row, Stated
 from stages.evaluate_skeletons.truth import Truth
@@ -53,9 +54,9 @@ def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
     within_95 asks for the worse of the two halves, as sd_mm is that half's.
     """
     child, parent = (
-        _vector(estimated, side, "_mm") - _vector(true, side, "_mm") for side in ("child_", "parent_")
+        vector_of(estimated, side, "_mm") - vector_of(true, side, "_mm") for side in ("child_", "parent_")
     )
-    axis, estimated_axis = (_vector(row, "axis_child_") for row in (true, estimated))
+    axis, estimated_axis = (vector_of(row, "axis_child_") for row in (true, estimated))
     both = float(np.linalg.norm(child)), float(np.linalg.norm(parent))
     sd_mm = estimated["sd_mm"]
     within = None if sd_mm is None or np.isnan(both).all() else bool(np.nanmax(both) <= RADIUS_SD * sd_mm)
@@ -64,7 +65,7 @@ def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
         "along_mm": float(abs(child @ axis)),
         "across_mm": float(np.linalg.norm(np.cross(child, axis))),
         "parent_error_mm": both[1],
-        "axis_deg": _line_angle_deg(estimated_axis, axis) if true["dof"] == 1 else None,
+        "axis_deg": line_angle_deg(estimated_axis, axis) if true["dof"] == 1 else None,
         "sd_mm": sd_mm,
         "within_95": within,
     }
@@ -81,11 +82,6 @@ def stated_length_mm(stated: Stated, layout: Layout, joint: str) -> float | None
     return None if bone["length_mm"] is None else float(bone["length_mm"])
 
 
-def _vector(row: Mapping[str, Any], prefix: str, suffix: str = "") -> Array:
-    """Three columns as a vector; NaN where they are null."""
-    return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"], float)
-
-
-def _line_angle_deg(first: Array, second: Array) -> float:
-    """Angle between two lines, whichever way their unit vectors point."""
+def line_angle_deg(first: Array, second: Array) -> float:
+    """Angle between two lines (3,), 0 to 90 deg, whichever way their vectors point."""
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(first, second)), abs(first @ second))))

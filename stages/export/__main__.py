@@ -1,4 +1,4 @@
-"""Command line: a subject's tables -> skeletons and their motion in formats that other programs read."""
+"""Command line: subjects' tables -> skeletons and their motion in formats that other programs read."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--model whole-hand --formats bvh,csv --out exports",
     )
     parser.add_argument(
-        "--plan", type=Path, required=True, help="the subject's plan, plan.json in its results"
+        "--plan", type=Path, nargs="+", required=True, help="subjects' plans, plan.json in their results"
     )
     parser.add_argument(
         "--hand",
@@ -44,6 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--formats", required=True, help=f"one or more of {','.join(FORMATS)}")
     parser.add_argument("--out", type=Path, required=True, help="the folder to write to")
+    parser.add_argument("--participants", type=Path, help="the study's sheet of them, for a dataset of BIDS")
     add_motion_options(parser)
     return parser
 
@@ -60,17 +61,40 @@ def export(arguments: argparse.Namespace) -> None:
     from stages.export.plan_selection import chosen_models, chosen_recordings
 
     formats, settings = chosen_formats(arguments.formats), settings_of(arguments)
-    plan = read_plan(arguments.plan)
-    recordings = chosen_recordings(plan, arguments.plan, arguments.hand, arguments.recording)
+    plans = {path: read_plan(path) for path in arguments.plan}
+    chosen = [
+        (plan, model, hands)
+        for path, plan in plans.items()
+        for model in chosen_models(plan, path, arguments.model)
+        for hands in chosen_recordings(plan, path, arguments.hand, arguments.recording)
+    ]
+    if "bids" in formats:
+        _describe_dataset(list(plans.values()), arguments)
     failures: list[tuple[str, str]] = []
-    for model in chosen_models(plan, arguments.plan, arguments.model):
-        for hands in recordings:
-            failures += _export_recording(plan, hands, model, formats, settings, arguments)
+    for plan, model, hands in chosen:
+        failures += _export_recording(plan, hands, model, formats, settings, arguments)
     for stem, message in failures if arguments.record_failure else ():
         print(f"error: {message}", file=sys.stderr)
         write_text(arguments.out / f"{stem}.failed.txt", f"{message}\n")
     if failures and not arguments.record_failure:
         raise InputError("; ".join(dict.fromkeys(message for _, message in failures)))
+
+
+def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespace) -> None:
+    """Write the files of a whole dataset; one that is there keeps its own when a subject is added."""
+    from schemas.sheets import PARTICIPANTS, read_sheet
+    from stages.export.motion_bids import write_dataset_files
+
+    path = arguments.out / FORMATS["bids"].shared
+    if path.exists() and len(plans) == 1 and arguments.participants is None:
+        return
+    subjects = {plan.subject for plan in plans}
+    participants = {
+        row["subject"]: {name: value for name, value in row.values.items() if name != "subject"}
+        for row in read_sheet(arguments.participants, PARTICIPANTS)
+        if row["subject"] in subjects
+    }
+    write_dataset_files(path.parent, plans[0].study, participants, arguments.licence)
 
 
 def _export_recording(
@@ -108,10 +132,10 @@ def _export_recording(
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write why nothing of a subject could be exported into a text file, named as the plan's folder."""
+    """Write why nothing could be exported into a text file, named as the folder of the first plan."""
     from schemas.files import write_text
 
-    name = arguments.plan.absolute().parent.name
+    name = arguments.plan[0].absolute().parent.name
     write_text(arguments.out / f"{name}.failed.txt", f"{message}\n")
 
 

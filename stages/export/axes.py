@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skeleton.rotations import Array, about_axis, multiply, rotate
+from stages.export.long_arrays import by_point
 from stages.export.motion import SkeletonMotion
 
 UNITS_PER_MM = {"m": 1e-3, "cm": 0.1, "mm": 1.0}
@@ -52,14 +53,21 @@ def upright(transmitter_up: str, up: str) -> Array:
 
 def turned(motion: SkeletonMotion, turn: Array) -> SkeletonMotion:
     """The motion in a world that is turned by the quaternion (4,): new = turn * old. Still in mm."""
+
+    def placed(position_mm: Array) -> Array:
+        return by_point(lambda series: rotate(turn, series), position_mm)
+
+    def faced(quaternion: Array) -> Array:
+        return by_point(lambda series: multiply(turn, series), quaternion)
+
     receivers = motion.receivers
     return replace(
         motion,
-        position_mm=rotate(turn, motion.position_mm),
-        quaternion=multiply(turn, motion.quaternion),
+        position_mm=placed(motion.position_mm),
+        quaternion=faced(motion.quaternion),
         receivers=replace(
             receivers,
-            position_mm=rotate(turn, receivers.position_mm),
-            quaternion=multiply(turn, receivers.quaternion),
+            position_mm=placed(receivers.position_mm),
+            quaternion=faced(receivers.quaternion),
         ),
     )

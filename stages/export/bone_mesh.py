@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from skeleton.rotations import Array, rotate, unit
 from stages.export.motion import SkeletonMotion, Whole, rest_pose
@@ -131,33 +130,19 @@ def _flat(corners: Array, faces: Whole) -> tuple[Array, Array, Whole]:
     return position.reshape(-1, 3), np.repeat(normal, 3, axis=0), triangle
 
 
-def _sphere() -> tuple[Array, npt.NDArray[np.int64]]:
+def _sphere() -> tuple[Array, Whole]:
     """Vertices (42, 3), which are also normals, and faces (80, 3) of an icosahedron divided once."""
+    from scipy.spatial import ConvexHull
+
     golden = (1 + np.sqrt(5)) / 2
     corners = [
         np.roll(np.array([0.0, a, b * golden]), turn) for turn in range(3) for a in (-1, 1) for b in (-1, 1)
     ]
     points = unit(np.stack(corners))
-    near = points @ points.T > 0.4
-    faces = [
-        (a, b, c) if np.linalg.det(points[[a, b, c]]) > 0 else (a, c, b)
-        for a in range(12)
-        for b in range(a + 1, 12)
-        for c in range(b + 1, 12)
-        if near[a, b] and near[b, c] and near[a, c]
-    ]
-    middle: dict[tuple[int, int], int] = {}
-    vertices = list(points)
-    divided = []
-
-    def between(a: int, b: int) -> int:
-        key = (min(a, b), max(a, b))
-        if key not in middle:
-            middle[key] = len(vertices)
-            vertices.append(unit(points[a] + points[b]))
-        return middle[key]
-
-    for a, b, c in faces:
-        ab, bc, ca = between(a, b), between(b, c), between(c, a)
-        divided += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.stack(vertices), np.array(divided, np.int64)
+    first, second = np.nonzero(np.triu(points @ points.T > 0.4, 1))
+    points = np.concatenate([points, unit(points[first] + points[second])])
+    faces = np.sort(ConvexHull(points).simplices.astype(np.int64), axis=1)
+    faces = faces[np.lexsort(faces.T)]
+    inward = np.linalg.det(points[faces]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return points, faces

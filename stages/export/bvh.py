@@ -16,7 +16,7 @@ where it moves a joint with an End Site of no length. The root's OFFSET is zero.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -56,42 +56,52 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     offset_mm[1:] -= rest_mm[motion.parents[1:]]
     scale, decimals = UNITS_PER_MM[target.unit], LENGTH_DECIMALS[target.unit]
     # in frames that stand like the world's at rest: each bone's own, turned back by its rest rotation
-    local = local_motion(replace(motion, quaternion=multiply(motion.quaternion, conjugate(rest_turn))))
+    world = motion.quaternion.copy()
+    for index, turn in enumerate(rest_turn):
+        world[:, index] = multiply(world[:, index], conjugate(turn))
+    local = local_motion(replace(motion, quaternion=world))
     moves = np.zeros(len(offset_mm), bool)
-    columns: list[Array] = []
-    formats: list[str] = []
+    channels: list[_Channels] = []
     for index in _depth_first(motion):
-        turn = local.quaternion[:, index]
-        beyond_mm = local.offset_mm[:, index] - (offset_mm[index] if index else 0.0)
-        moves[index] = not index or np.abs(beyond_mm).max() > MOVES_MM
+        beyond = (local.offset_mm[:, index] - (offset_mm[index] if index else 0.0)) * scale
+        moves[index] = not index or np.abs(beyond).max() > MOVES_MM * scale
         if moves[index] or not motion.joints[index].tip:
-            own, own_formats = _channels(beyond_mm * scale, turn, bool(moves[index]), bool(index), decimals)
-            columns += own
-            formats += own_formats
-    pattern = " ".join(formats) + "\n"
+            angles = euler_zyx_deg(local.quaternion[:, index])
+            channels.append(_Channels(angles, beyond if moves[index] else None, bool(index)))
+    pattern = " ".join(form for own in channels for form in own.formats(decimals)) + "\n"
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
         stream.writelines(_hierarchy(motion, offset_mm * scale, moves, decimals))
         stream.write(f"MOTION\nFrames: {len(motion.frame)}\nFrame Time: {seconds:.10f}\n")
         for start in range(0, len(motion.frame), _TEXT_FRAMES):
-            part = np.concatenate([column[start : start + _TEXT_FRAMES] for column in columns], 1)
+            rows = slice(start, start + _TEXT_FRAMES)
+            part = np.concatenate([numbers for own in channels for numbers in own.numbers(rows)], 1)
             stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
     return _dropped(motion, moves)
 
 
-def _channels(
-    beyond: Array, turn: Array, moves: bool, has_parent: bool, decimals: int
-) -> tuple[list[Array], list[str]]:
-    """A joint's channels (T, 3), each three, and how each number is written.
+@dataclass(frozen=True)
+class _Channels:
+    """A joint's channels: angles_deg (T, 3), and of one that moves where it is (T, 3), in the file's unit.
 
-    beyond : (T, 3) from its OFFSET, in the file's unit; turn : (T, 4).
+    beyond : from its OFFSET. has_parent : whether it then has a joint NAME_rest, which never turns.
     """
-    angles = euler_zyx_deg(turn)
-    channels, formats = [angles], [f"%.{ANGLE_DECIMALS}f"] * 3
-    if moves:
-        channels, formats = [beyond, *channels], [f"%.{decimals}f"] * 3 + formats
-    if moves and has_parent:  # its joint NAME_rest never turns
-        channels, formats = [np.zeros_like(angles), *channels], ["%.0f"] * 3 + formats
-    return channels, formats
+
+    angles_deg: Array
+    beyond: Array | None
+    has_parent: bool
+
+    def numbers(self, rows: slice) -> list[Array]:
+        """Channels (n, 3) of those frames, in order."""
+        angles = self.angles_deg[rows]
+        if self.beyond is None:
+            return [angles]
+        return [*([np.zeros_like(angles)] if self.has_parent else []), self.beyond[rows], angles]
+
+    def formats(self, decimals: int) -> list[str]:
+        """How each number is written."""
+        moves = self.beyond is not None
+        places = ["%.0f"] * (3 * (moves and self.has_parent)) + [f"%.{decimals}f"] * (3 * moves)
+        return places + [f"%.{ANGLE_DECIMALS}f"] * 3
 
 
 def euler_zyx_deg(quaternion: Array) -> Array:

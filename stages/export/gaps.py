@@ -13,8 +13,9 @@ import numpy as np
 
 from schemas.errors import InputError
 from skeleton.rotations import Array, conjugate, multiply, rotate
-from stages.export.interpolation import blended, bracketed, slerped
+from stages.export.long_arrays import by_point
 from stages.export.motion import Bools, SkeletonMotion, Whole, continuous
+from stages.export.resampling import blended, bracketed, slerped
 
 POLICIES = ("refuse", "hold", "cut", "interpolate")
 _TOLD = 10
@@ -99,13 +100,21 @@ def with_lost_frames(motion: SkeletonMotion) -> SkeletonMotion:
     recorded = np.zeros(place[-1] + 1, bool)
     recorded[place] = True
     wide = motion.take(np.cumsum(recorded) - 1)
-    rows = np.arange(len(recorded))
-    blank = ~recorded
-    for array in (wide.position_mm, wide.quaternion, wide.receivers.position_mm, wide.receivers.quaternion):
-        array[blank] = np.nan
-    wide.receivers.valid[blank] = False
+    rows, blank = np.arange(len(recorded)), ~recorded
+
+    def blanked(array: Array) -> Array:
+        return by_point(lambda series: np.where(blank[:, None], np.nan, series), array)
+
     return replace(
         wide,
+        position_mm=blanked(wide.position_mm),
+        quaternion=blanked(wide.quaternion),
+        receivers=replace(
+            wide.receivers,
+            position_mm=blanked(wide.receivers.position_mm),
+            quaternion=blanked(wide.receivers.quaternion),
+            valid=wide.receivers.valid & recorded[:, None],
+        ),
         frame=np.rint(np.interp(rows, place, motion.frame)).astype(np.int64),
         time_s=np.interp(rows, place, motion.time_s),
     )

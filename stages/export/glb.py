@@ -13,7 +13,6 @@ Numbers are float32: joints up to 2 m from the transmitter are within 3e-7 m of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ import numpy as np
 import numpy.typing as npt
 
 from schemas import PROGRAM, VERSION
-from schemas.errors import InputError
 from skeleton.rotations import Array, conjugate, matrix, rotate, unit
 from stages.export.axes import UNITS_PER_MM, Target
 from stages.export.bone_mesh import bone_mesh
@@ -39,15 +37,6 @@ _MATERIALS = {"bone": ((0.76, 0.56, 0.44, 1.0), 0.7), "nail": ((0.93, 0.82, 0.76
 """Colour (linear) and roughness by name."""
 
 
-@dataclass(frozen=True)
-class _Hand:
-    """A motion with the names that are written, what its nodes are called, and the times of its keys (T,)."""
-
-    motion: SkeletonMotion
-    name: str
-    time_s: npt.NDArray[np.float32]
-
-
 def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
     """Write one motion, which has no gap and whose world has +Y up; give what the file does not hold.
 
@@ -56,32 +45,25 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     return write_scene([motion], target, path)
 
 
-def write_scene(
-    motions: Sequence[SkeletonMotion], target: Target, path: Path, *, one_clock: bool = False
-) -> tuple[str, ...]:
+def write_scene(motions: Sequence[SkeletonMotion], target: Target, path: Path) -> tuple[str, ...]:
     """Write several motions, such as both hands of a person, each with nodes and a skin of its own.
 
-    one_clock : whether the device times of all are of one clock, as of hands that were recorded at once. Then
-    there is one animation, and it starts with the earliest frame. Else each motion has an animation that
-    starts at 0: times of recordings that were made one after the other do not tell what was when in the
-    other, even where they overlap. Raises InputError as `write`, and where times of one clock do not overlap.
+    Each has an animation that starts at 0: times of recordings that were made one after the other do not tell
+    what was when in the other, even where they overlap. Raises InputError as `write`.
     """
     for motion in motions:
         require_whole(motion, path, "GLB")
         require_times(motion, (motion.time_s - motion.time_s[0]).astype(np.float32), path, "GLB")
-    hands = [
-        _hand(motion, start) for motion, start in zip(motions, _starts(motions, path, one_clock), strict=True)
-    ]
-    notes = [facts(hand.motion, target) for hand in hands]
+    hands = [with_webxr_names(motion) for motion in motions]
+    notes = [facts(hand, target) for hand in hands]
     licence = "; ".join(dict.fromkeys(note["licence"] for note in notes if note["licence"]))
     asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": notes}}
     document = Document(asset | ({"copyright": licence} if licence else {}))
     document.json |= {"scene": 0, "scenes": [{"nodes": []}]}
-    animations = [_add_hand(document, hand) for hand in hands]
-    for animation in _joined(animations) if one_clock else animations:
-        document.add("animations", animation)
+    for hand in hands:
+        document.add("animations", _add_hand(document, hand))
     document.write(path)
-    if len(hands) < 2 or one_clock:
+    if len(hands) < 2:
         return ()
     return (
         f"{len(hands)} animations, each from 0 s on its own, as of recordings that were made one after the "
@@ -89,34 +71,15 @@ def write_scene(
     )
 
 
-def _starts(motions: Sequence[SkeletonMotion], path: Path, one_clock: bool) -> list[float]:
-    """Device time that is 0 in the file, of each motion."""
-    starts = [float(np.nan_to_num(motion.time_s[0])) for motion in motions]
-    if not one_clock:
-        return starts
-    ends = [float(np.nan_to_num(motion.time_s[-1])) for motion in motions]
-    if max(starts) > min(ends):
-        raise InputError(
-            f"{path}: device times do not overlap (one recording ends at {min(ends):.3f} s, another begins "
-            f"at {max(starts):.3f} s), so these were not recorded at once; write them without a common clock"
-        )
-    return [min(starts)] * len(starts)
+def _name(motion: SkeletonMotion) -> str:
+    """What a hand's nodes are called."""
+    return f"{motion.origin.hand}-{motion.kind}"
 
 
-def _hand(motion: SkeletonMotion, start_s: float) -> _Hand:
-    """The motion as it is written; a hand that has the layout's names gets those of WebXR."""
-    motion = with_webxr_names(motion)
-    return _Hand(
-        motion,
-        f"{motion.origin.hand}-{motion.kind}",
-        np.nan_to_num(motion.time_s - start_s).astype(np.float32),
-    )
-
-
-def _add_hand(document: Document, hand: _Hand) -> dict[str, Any]:
+def _add_hand(document: Document, motion: SkeletonMotion) -> dict[str, Any]:
     """Put nodes, skin and body of a hand into the document; give the animation that moves it."""
-    motion = hand.motion
-    root = document.add("nodes", {"name": hand.name})
+    name = _name(motion)
+    root = document.add("nodes", {"name": name})
     first = root + 1
     document.json["nodes"][root]["children"] = [first]
     for node in _joint_nodes(motion, first):
@@ -124,13 +87,13 @@ def _add_hand(document: Document, hand: _Hand) -> dict[str, Any]:
     joints = list(range(first, first + len(motion.joints)))
     inverse = document.array(_inverse_bind_matrices(motion))
     skin = document.add(
-        "skins", {"name": hand.name, "inverseBindMatrices": inverse, "skeleton": first, "joints": joints}
+        "skins", {"name": name, "inverseBindMatrices": inverse, "skeleton": first, "joints": joints}
     )
-    body = {"name": f"{hand.name}-body"}
+    body = {"name": f"{name}-body"}
     mesh = document.add("meshes", body | {"primitives": _primitives(document, motion)})
     # beside the hand, not below it: what is above a skinned mesh does not move it, and is refused by some
     document.json["scenes"][0]["nodes"] += [root, document.add("nodes", body | {"mesh": mesh, "skin": skin})]
-    return _animation(document, hand, first)
+    return _animation(document, motion, first)
 
 
 def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
@@ -202,9 +165,9 @@ def _material(document: Document, name: str) -> int:
     return document.add("materials", {"name": name, "pbrMetallicRoughness": factors})
 
 
-def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
-    motion = hand.motion
-    times = document.array(hand.time_s, bounds=True)
+def _animation(document: Document, motion: SkeletonMotion, first: int) -> dict[str, Any]:
+    since_s = np.nan_to_num(motion.time_s - motion.time_s[0])
+    times = document.array(since_s.astype(np.float32), bounds=True)
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
@@ -219,7 +182,7 @@ def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
         if index == 0 or np.abs(place_mm - motion.rest_offset_mm[index]).max() > MOVES_MM:
             add(index, "translation", place_mm * _SCALE)
         add(index, "rotation", np.roll(turn, -1, axis=-1))
-    parts = (hand.name, motion.origin.task, motion.origin.trial)
+    parts = (_name(motion), motion.origin.task, motion.origin.trial)
     start: dict[str, Any] = {"first_frame": int(motion.frame[0])}
     if np.isfinite(motion.time_s[0]):
         start["first_device_time_s"] = float(motion.time_s[0])
@@ -229,16 +192,3 @@ def _animation(document: Document, hand: _Hand, first: int) -> dict[str, Any]:
         "channels": channels,
         "extras": start,
     }
-
-
-def _joined(animations: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One animation of all their channels."""
-    samplers: list[dict[str, Any]] = []
-    channels: list[dict[str, Any]] = []
-    for animation in animations:
-        start = len(samplers)
-        samplers += animation["samplers"]
-        channels += [channel | {"sampler": start + channel["sampler"]} for channel in animation["channels"]]
-    name = ", ".join(animation["name"] for animation in animations)
-    extras = {animation["name"]: animation["extras"] for animation in animations}
-    return [{"name": name, "samplers": samplers, "channels": channels, "extras": extras}]

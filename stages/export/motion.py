@@ -23,12 +23,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from skeleton.posing import SkeletonJoint, rigid_positions
 from skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
+from stages.export.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
 
 Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
@@ -41,9 +43,6 @@ DISTAL = np.array([0.0, 0.0, -1.0])
 
 MOVES_MM = 1e-5
 """A joint that leaves its rest offset by more than this moves against the bone before."""
-
-BLOCK_FRAMES = 4096
-"""Frames that a file of text is written of at a time."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +97,7 @@ class SkeletonMotion:
     position_mm : (T, J, 3), quaternion : (T, J, 4) unit (w, x, y, z) of bone frame to transmitter frame
     (or that which `stages.export.axes` turned to), signs continuous over time; NaN in gaps.
     notes : sentences, in order, on what is left out and what was done to the motion since it was read.
+    Positions and quaternions, the receivers' too, may be on the disk (`stages.export.long_arrays`).
     """
 
     joints: tuple[SkeletonJoint, ...]
@@ -129,10 +129,10 @@ class SkeletonMotion:
         """What it is called in a scene: hand, or the layout's name where no anatomy is known."""
         return "hand" if np.isfinite(self.neutral).any() else self.origin.layout
 
-    @property
+    @cached_property
     def known(self) -> Bools:
         """Which joints have a whole pose in which frames, (T, J)."""
-        return np.asarray(np.isfinite(self.position_mm).all(-1) & np.isfinite(self.quaternion).all(-1))
+        return known_points(self.position_mm, self.quaternion)
 
     @property
     def whole(self) -> Bools:
@@ -147,16 +147,16 @@ class SkeletonMotion:
         """Only some of the frames."""
         receivers = replace(
             self.receivers,
-            position_mm=self.receivers.position_mm[rows],
-            quaternion=self.receivers.quaternion[rows],
+            position_mm=chosen_rows(self.receivers.position_mm, rows),
+            quaternion=chosen_rows(self.receivers.quaternion, rows),
             valid=self.receivers.valid[rows],
         )
         return replace(
             self,
             frame=self.frame[rows],
             time_s=self.time_s[rows],
-            position_mm=self.position_mm[rows],
-            quaternion=self.quaternion[rows],
+            position_mm=chosen_rows(self.position_mm, rows),
+            quaternion=chosen_rows(self.quaternion, rows),
             receivers=receivers,
         )
 
@@ -181,6 +181,13 @@ class LocalMotion:
     quaternion: Array
 
 
+def without_receivers(motion: SkeletonMotion) -> SkeletonMotion:
+    """The motion without any receiver."""
+    count = len(motion.frame)
+    places, turns = np.empty((count, 0, 3)), np.empty((count, 0, 4))
+    return replace(motion, receivers=Receivers((), places, turns, np.empty((count, 0), bool)))
+
+
 def with_seen_receivers(motion: SkeletonMotion) -> tuple[SkeletonMotion, tuple[str, ...]]:
     """The motion without receivers that have no pose in any frame, and a sentence where there are some.
 
@@ -190,9 +197,12 @@ def with_seen_receivers(motion: SkeletonMotion) -> tuple[SkeletonMotion, tuple[s
     seen = np.asarray(own.valid.any(0))
     if seen.all():
         return motion, ()
-    segments = np.array(own.segments, object)
+    segments, kept = np.array(own.segments, object), np.flatnonzero(seen).tolist()
     receivers = Receivers(
-        tuple(segments[seen]), own.position_mm[:, seen], own.quaternion[:, seen], own.valid[:, seen]
+        tuple(segments[seen]),
+        chosen_points(own.position_mm, kept),
+        chosen_points(own.quaternion, kept),
+        own.valid[:, seen],
     )
     absent = ", ".join(segments[~seen])
     return replace(motion, receivers=receivers), (f"receivers that have no pose in any frame: {absent}",)
@@ -203,12 +213,25 @@ def local_motion(motion: SkeletonMotion) -> LocalMotion:
 
     offset_mm is the rest offset plus the joint's own translation in that frame.
     """
-    parents = motion.parents[1:]
-    back = conjugate(motion.quaternion[:, parents])
-    offset, turn = motion.position_mm.copy(), motion.quaternion.copy()
-    offset[:, 1:] = rotate(back, motion.position_mm[:, 1:] - motion.position_mm[:, parents])
-    turn[:, 1:] = multiply(back, motion.quaternion[:, 1:])
-    return LocalMotion(offset, continuous(turn))
+    count, joints = len(motion.frame), len(motion.joints)
+    offset, turn = empty(count, joints, 3), empty(count, joints, 4)
+    for index, joint in enumerate(motion.joints):
+        place, own = motion.position_mm[:, index], motion.quaternion[:, index]
+        if joint.parent >= 0:
+            back = conjugate(motion.quaternion[:, joint.parent])
+            place = rotate(back, place - motion.position_mm[:, joint.parent])
+            own = multiply(back, own)
+        offset[:, index], turn[:, index] = place, continuous_series(own)
+    return LocalMotion(offset, turn)
+
+
+def known_points(position_mm: Array, quaternion: Array) -> Bools:
+    """Which points have a whole pose in which frames, (T, N)."""
+    known = np.empty((len(position_mm), position_mm.shape[1]), bool)
+    for index in range(known.shape[1]):
+        placed, turned = np.isfinite(position_mm[:, index]), np.isfinite(quaternion[:, index])
+        known[:, index] = placed.all(-1) & turned.all(-1)
+    return known
 
 
 def rest_pose(motion: SkeletonMotion) -> tuple[Array, Array]:
@@ -231,30 +254,36 @@ def stiffened(motion: SkeletonMotion) -> SkeletonMotion:
     position = rigid_positions(
         motion.parents.tolist(), motion.position_mm, motion.quaternion, motion.rest_offset_mm
     )
-    moved = np.linalg.norm(position - motion.position_mm, axis=-1)
-    seen = np.isfinite(moved)
+    largest, squares = np.full(len(motion.joints), -1.0), np.zeros(2)
+    for index in range(len(motion.joints)):
+        moved = np.linalg.norm(position[:, index] - motion.position_mm[:, index], axis=-1)
+        moved = moved[np.isfinite(moved)]
+        largest[index] = moved.max(initial=-1.0)
+        squares += (moved @ moved, len(moved))
     note = "bones kept at their length"
-    if seen.any():
-        worst = int(np.argmax(np.where(seen, moved, -1.0).max(0)))
+    if squares[1]:
         note += (
-            f", which moves joints by up to {np.nanmax(moved):.3f} mm ({motion.names[worst]}), "
-            f"rms {np.sqrt(np.mean(moved[seen] ** 2)):.3f} mm"
+            f", which moves joints by up to {largest.max():.3f} mm ({motion.names[int(largest.argmax())]}), "
+            f"rms {np.sqrt(squares[0] / squares[1]):.3f} mm"
         )
     return replace(motion, position_mm=position).noting(note)
 
 
 def continuous(quaternion: Array) -> Array:
-    """Quaternions (T, N, 4) with signs such that no two known neighbours in time are more than 90 deg apart
-    as 4-vectors; the first known of each has w >= 0. NaN stays.
+    """Quaternions (T, N, 4) of every point as `continuous_series` has them."""
+    return by_point(continuous_series, quaternion)
+
+
+def continuous_series(quaternion: Array) -> Array:
+    """Quaternions (T, 4) with signs such that no two known neighbours in time are more than 90 deg apart as
+    4-vectors; the first known has w >= 0. NaN stays.
     """
-    out = quaternion.copy()
-    for index in range(quaternion.shape[1]):
-        known = np.flatnonzero(np.isfinite(quaternion[:, index]).all(-1))
-        if len(known):
-            series = quaternion[known, index]
-            start = -1.0 if series[0, 0] < 0 else 1.0
-            turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
-            out[known, index] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
+    out, known = quaternion.copy(), np.flatnonzero(np.isfinite(quaternion).all(-1))
+    if len(known):
+        series = quaternion[known]
+        start = -1.0 if series[0, 0] < 0 else 1.0
+        turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
+        out[known] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
     return out
 
 

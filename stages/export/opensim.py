@@ -25,7 +25,7 @@ from stages.export.file_facts import facts_text
 from stages.export.motion import SkeletonMotion
 from stages.export.opensim_joints import JointForm, joint_forms
 from stages.export.opensim_markers import Triad, triads
-from stages.export.opensim_model import VERSION, as_text, model_xml
+from stages.export.opensim_model import VERSION, add, as_text, model_xml
 from stages.export.opensim_motion import seconds, seen_frames, write_mot, write_trc
 from stages.export.requirements import require_whole
 from stages.export.rig_names import plain_names
@@ -57,7 +57,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     for file, locked in ((path, {}), (_beside(path, "_ik.osim"), held)):
         write_text(file, model_xml(motion, forms, receivers, title, credit, PUBLICATIONS, locked))
     write_mot(path.with_suffix(".mot"), title, motion.origin, time_s, forms)
-    write_trc(path.with_suffix(".trc"), title, time_s, motion.rate_hz, receivers)
+    write_trc(path.with_suffix(".trc"), title, time_s, motion, receivers)
     write_text(_beside(path, "_ik_setup.xml"), as_text(_ik_setup(path, title, time_s, receivers)))
     return remarks
 
@@ -84,23 +84,22 @@ def _beside(path: Path, ending: str) -> Path:
 def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad]) -> ET.Element:
     """What OpenSim's InverseKinematicsTool is to do; its files are beside it."""
     document = ET.Element("OpenSimDocument", Version=VERSION)
-    tool = ET.SubElement(document, "InverseKinematicsTool", name=title)
+    tool = add(
+        document,
+        "InverseKinematicsTool",
+        title,
+        model_file=_beside(path, "_ik.osim").name,
+        marker_file=path.with_suffix(".trc").name,
+        time_range=f"0 {time_s[-1]:.9f}",
+        report_errors="true",
+        output_motion_file=_beside(path, "_ik.mot").name,
+        results_directory=".",
+        constraint_weight="Inf",
+        accuracy=f"{_ACCURACY:g}",
+    )
     tasks = ET.SubElement(ET.SubElement(tool, "IKTaskSet"), "objects")
     for name in (marker for triad in receivers for marker in triad.markers):
-        task = ET.SubElement(tasks, "IKMarkerTask", name=name)
-        ET.SubElement(task, "apply").text = "true"
-        ET.SubElement(task, "weight").text = "1"
-    for tag, text in (
-        ("model_file", _beside(path, "_ik.osim").name),
-        ("marker_file", path.with_suffix(".trc").name),
-        ("time_range", f"0 {time_s[-1]:.9f}"),
-        ("report_errors", "true"),
-        ("output_motion_file", _beside(path, "_ik.mot").name),
-        ("results_directory", "."),
-        ("constraint_weight", "Inf"),
-        ("accuracy", f"{_ACCURACY:g}"),
-    ):
-        ET.SubElement(tool, tag).text = text
+        add(tasks, "IKMarkerTask", name, apply="true", weight="1")
     return document
 
 
@@ -134,18 +133,19 @@ def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[st
 def _of_points(motion: SkeletonMotion, receivers: Sequence[Triad]) -> list[str]:
     """Sentences on tips and receivers that the bones do not carry exactly."""
     remarks = []
-    tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
-    above = motion.parents[tips]
-    back = conjugate(motion.quaternion[:, above])
-    seen = rotate(back, motion.position_mm[:, tips] - motion.position_mm[:, above])
-    beyond = seen - motion.rest_offset_mm[tips]
+    tips = [(index, joint.parent) for index, joint in enumerate(motion.joints) if joint.tip]
+    beyond = np.zeros((len(motion.frame), len(tips), 3))
+    for place, (index, above) in enumerate(tips):
+        along = motion.position_mm[:, index] - motion.position_mm[:, above]
+        back = conjugate(motion.quaternion[:, above])
+        beyond[:, place] = rotate(back, along) - motion.rest_offset_mm[index]
     if tips and _largest(beyond) > _TOLD_MM:
         rms = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
         remarks.append(
             f"tips are markers fixed to their bones; the recording has them up to {_largest(beyond):.3f} mm "
             f"from there, rms {rms:.3f} mm"
         )
-    blind = int((~seen_frames(receivers, len(motion.frame))).sum())
+    blind = int((~seen_frames(motion, receivers)).sum())
     if blind:
         remarks.append(f"frames in which no receiver is valid, {blind}, are not in the .trc")
     worst = max(receivers, key=lambda triad: triad.spread_mm, default=None)

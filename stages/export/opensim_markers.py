@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
-from stages.export.motion import SkeletonMotion
+from stages.export.motion import Receivers, SkeletonMotion
 from stages.export.opensim_joints import JointForm
 from stages.export.rig_names import plain_names
 
@@ -26,16 +26,21 @@ class Triad:
     """A receiver and the body that carries it.
 
     form : index of the body's form. markers : names of its points. local_mm : (4, 3) in the bone's frame.
-    measured_mm : (T, 4, 3) in the ground, NaN where the receiver is not valid. spread_mm : RMS distance of
-    the points from where the bone would have them.
+    receiver : its place among the motion's. spread_mm : RMS distance of the points from where the bone would
+    have them.
     """
 
     segment: str
     form: int
     markers: tuple[str, ...]
     local_mm: Array
-    measured_mm: Array
+    receiver: int
     spread_mm: float
+
+    def measured_mm(self, receivers: Receivers) -> Array:
+        """The points in the ground in the receivers' frames, (n, 12), NaN where the receiver is not valid."""
+        place, turn = (values[:, self.receiver] for values in (receivers.position_mm, receivers.quaternion))
+        return (place[:, None] + rotate(turn[:, None], POINTS_MM)).reshape(-1, 12)
 
 
 def triads(motion: SkeletonMotion, forms: tuple[JointForm, ...]) -> tuple[list[Triad], list[str]]:
@@ -56,9 +61,11 @@ def triads(motion: SkeletonMotion, forms: tuple[JointForm, ...]) -> tuple[list[T
         back = conjugate(bone)
         origin = rotate(back, place - bone_mm)[seen].mean(0)
         local = origin + rotate(mean_rotation(multiply(back, turn)[seen]), POINTS_MM)
-        measured = place[:, None] + rotate(turn[:, None], POINTS_MM)
-        carried = bone_mm[:, None] + rotate(bone[:, None], local)
-        spread = float(np.sqrt(np.mean(np.sum((measured - carried)[seen] ** 2, -1))))
+        squares = 0.0
+        for point, own in zip(POINTS_MM, local, strict=True):
+            beyond = place + rotate(turn, point) - bone_mm - rotate(bone, own)
+            squares += float(np.sum(beyond[seen] ** 2))
         markers = tuple(f"{name}_{point}" for point in POINTS)
-        placed.append(Triad(segment, form, markers, local, measured, spread))
+        spread = float(np.sqrt(squares / (len(POINTS) * seen.sum())))
+        placed.append(Triad(segment, form, markers, local, number, spread))
     return placed, lost

@@ -54,18 +54,23 @@ def model_xml(
     held : coordinates that are locked, and where, rad or mm.
     """
     document = ET.Element("OpenSimDocument", Version=VERSION)
-    model = ET.SubElement(document, "Model", name=title)
-    _leaf(model, "credits", _clean(credit))
-    _leaf(model, "publications", _clean(publications))
-    _leaf(model, "length_units", "meters")
-    _leaf(model, "force_units", "N")
-    _leaf(model, "gravity", _numbers(GRAVITY))
-    bodies = _objects(model, "BodySet", "bodyset")
-    joints = _objects(model, "JointSet", "jointset")
+    model = add(
+        document,
+        "Model",
+        title,
+        credits=_clean(credit),
+        publications=_clean(publications),
+        length_units="meters",
+        force_units="N",
+        gravity=_numbers(GRAVITY),
+    )
+    bodies, joints, markers = (
+        ET.SubElement(ET.SubElement(model, kind, name=kind.lower()), "objects")
+        for kind in ("BodySet", "JointSet", "MarkerSet")
+    )
     for form in forms:
         _add_body(bodies, form, _ends_mm(motion, form))
         _add_joint(joints, forms, form, held)
-    markers = _objects(model, "MarkerSet", "markerset")
     for triad in receivers:
         for name, place in zip(triad.markers, triad.local_mm, strict=True):
             _add_marker(markers, name, forms[triad.form].body, place)
@@ -74,26 +79,26 @@ def model_xml(
     return as_text(document)
 
 
+def add(parent: ET.Element, tag: str, name: str, **properties: str) -> ET.Element:
+    """Add an object of OpenSim: an element with a name, and in it one for every property."""
+    element = ET.SubElement(parent, tag, name=name)
+    for key, text in properties.items():
+        ET.SubElement(element, key).text = text
+    return element
+
+
 def as_text(document: ET.Element) -> str:
     """XML with a declaration, indented by tabs."""
     ET.indent(document, "\t")
     return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ET.tostring(document, "unicode") + "\n"
 
 
-def _objects(parent: ET.Element, kind: str, name: str) -> ET.Element:
-    return ET.SubElement(ET.SubElement(parent, kind, name=name), "objects")
-
-
-def _leaf(parent: ET.Element, tag: str, text: str) -> None:
-    ET.SubElement(parent, tag).text = text
-
-
 def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{round(float(value), 12) + 0.0:.12g}" for value in values)
 
 
-def _metres(place_mm: Array) -> str:
-    return _numbers(place_mm * _M_PER_MM)
+def _metres(lengths_mm: Array | float) -> str:
+    return _numbers(np.atleast_1d(lengths_mm) * _M_PER_MM)
 
 
 def _clean(text: str) -> str:
@@ -130,50 +135,46 @@ def _add_body(parent: ET.Element, form: JointForm, ends_mm: Array) -> None:
         components = ET.SubElement(body, "components")
         for number, span in enumerate(spans, 1):
             _add_bone_shape(components, number, span)
-    shapes = ET.SubElement(body, "attached_geometry")
-    ball = _shape(shapes, "Sphere", "joint_shape", "..", _JOINT_COLOUR)
-    _leaf(ball, "radius", _numbers([0.06 * length * _M_PER_MM]))
+    _add_shape(body, "Sphere", "joint_shape", _JOINT_COLOUR, radius=_metres(0.06 * length))
     mass = TISSUE_KG_M3 * np.pi * radius**2 * length * _M_PER_MM**3
     middle = unit(spans.sum(0)) if len(spans) else DISTAL
-    _leaf(body, "mass", _numbers([mass]))
-    _leaf(body, "mass_center", _metres(middle * length / 2))
     across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
     principal = np.array([across, across, along]) * _M_PER_MM**2
-    _leaf(body, "inertia", " ".join(f"{value:.9g}" for value in (*principal, 0, 0, 0)))
+    ET.SubElement(body, "mass").text = _numbers([mass])
+    ET.SubElement(body, "mass_center").text = _metres(middle * length / 2)
+    ET.SubElement(body, "inertia").text = " ".join(f"{value:.9g}" for value in (*principal, 0, 0, 0))
 
 
 def _add_bone_shape(parent: ET.Element, number: int, span_mm: Array) -> None:
     """A cylinder from the joint to the next; OpenSim's stand along Y."""
     length = float(np.linalg.norm(span_mm))
     frame = ET.SubElement(parent, "PhysicalOffsetFrame", name=f"bone{number}")
-    shapes = ET.SubElement(frame, "attached_geometry")
-    bone = _shape(shapes, "Cylinder", "shape", "..", _BONE_COLOUR)
-    _leaf(bone, "radius", _numbers([0.08 * length * _M_PER_MM]))
-    _leaf(bone, "half_height", _numbers([0.46 * length * _M_PER_MM]))
-    _leaf(frame, "socket_parent", "..")
-    _leaf(frame, "translation", _metres(span_mm / 2))
-    _leaf(frame, "orientation", _numbers(body_fixed_rad(matrix(shortest_turn(_Y, span_mm / length)))))
+    size = {"radius": _metres(0.08 * length), "half_height": _metres(0.46 * length)}
+    _add_shape(frame, "Cylinder", "shape", _BONE_COLOUR, **size)
+    ET.SubElement(frame, "socket_parent").text = ".."
+    ET.SubElement(frame, "translation").text = _metres(span_mm / 2)
+    turn = body_fixed_rad(matrix(shortest_turn(_Y, span_mm / length)))
+    ET.SubElement(frame, "orientation").text = _numbers(turn)
 
 
-def _shape(parent: ET.Element, kind: str, name: str, frame: str, colour: str) -> ET.Element:
-    shape = ET.SubElement(parent, kind, name=name)
-    _leaf(shape, "socket_frame", frame)
-    _leaf(shape, "scale_factors", "1 1 1")
+def _add_shape(parent: ET.Element, kind: str, name: str, colour: str, **size: str) -> None:
+    shapes = ET.SubElement(parent, "attached_geometry")
+    shape = add(shapes, kind, name, socket_frame="..", scale_factors="1 1 1")
     look = ET.SubElement(shape, "Appearance")
-    _leaf(look, "opacity", "1")
-    _leaf(look, "color", colour)
-    return shape
+    ET.SubElement(look, "opacity").text = "1"
+    ET.SubElement(look, "color").text = colour
+    for key, text in size.items():
+        ET.SubElement(shape, key).text = text
 
 
 def _add_joint(
     parent: ET.Element, forms: Sequence[JointForm], form: JointForm, held: Mapping[str, float]
 ) -> None:
     kind = "CustomJoint" if form.coordinates else "WeldJoint"
-    joint = ET.SubElement(parent, kind, name=form.name)
     before = "/ground" if form.parent < 0 else f"/bodyset/{forms[form.parent].body}"
     frame_name = f"{form.name}_frame"
-    _leaf(joint, "socket_parent_frame", frame_name)
-    _leaf(joint, "socket_child_frame", f"/bodyset/{form.body}")
+    sockets = {"socket_parent_frame": frame_name, "socket_child_frame": f"/bodyset/{form.body}"}
+    joint = add(parent, kind, form.name, **sockets)
     if form.coordinates:
         coordinates = ET.SubElement(joint, "coordinates")
         for turn in form.turns:
@@ -183,10 +184,14 @@ def _add_joint(
             start = float(shift.values[0]) if form.parent < 0 else held.get(shift.name, 0.0)
             locked = shift.name in held
             _add_coordinate(coordinates, shift.name, _shift_range(shift), start * _M_PER_MM, locked)
-    frame = ET.SubElement(ET.SubElement(joint, "frames"), "PhysicalOffsetFrame", name=frame_name)
-    _leaf(frame, "socket_parent", before)
-    _leaf(frame, "translation", _metres(form.offset_mm))
-    _leaf(frame, "orientation", _numbers(body_fixed_rad(matrix(form.quaternion))))
+    add(
+        ET.SubElement(joint, "frames"),
+        "PhysicalOffsetFrame",
+        frame_name,
+        socket_parent=before,
+        translation=_metres(form.offset_mm),
+        orientation=_numbers(body_fixed_rad(matrix(form.quaternion))),
+    )
     if form.coordinates:
         _add_spatial_transform(joint, form)
 
@@ -194,11 +199,8 @@ def _add_joint(
 def _add_coordinate(
     parent: ET.Element, name: str, limits: tuple[float, float], start: float, locked: bool
 ) -> None:
-    element = ET.SubElement(parent, "Coordinate", name=name)
-    _leaf(element, "default_value", _numbers([start]))
-    _leaf(element, "range", _numbers(limits))
-    _leaf(element, "clamped", "false")
-    _leaf(element, "locked", "true" if locked else "false")
+    values = {"default_value": _numbers([start]), "range": _numbers(limits)}
+    add(parent, "Coordinate", name, **values, clamped="false", locked="true" if locked else "false")
 
 
 def _turn_range(coordinate: Coordinate) -> tuple[float, float]:
@@ -222,20 +224,15 @@ def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
     transform = ET.SubElement(joint, "SpatialTransform")
     for kind, used, axes in (("rotation", form.turns, form.axes), ("translation", form.shifts, np.eye(3))):
         for number, axis in enumerate(axes):
-            element = ET.SubElement(transform, "TransformAxis", name=f"{kind}{number + 1}")
             name = used[number].name if number < len(used) else ""
-            _leaf(element, "coordinates", name)
-            _leaf(element, "axis", _numbers(axis))
+            known = {"coordinates": name, "axis": _numbers(axis)}
+            element = add(transform, "TransformAxis", f"{kind}{number + 1}", **known)
             if name:
-                function = ET.SubElement(element, "LinearFunction", name="function")
-                _leaf(function, "coefficients", "1 0")
+                add(element, "LinearFunction", "function", coefficients="1 0")
             else:
-                function = ET.SubElement(element, "Constant", name="function")
-                _leaf(function, "value", "0")
+                add(element, "Constant", "function", value="0")
 
 
 def _add_marker(parent: ET.Element, name: str, body: str, place_mm: Array) -> None:
-    marker = ET.SubElement(parent, "Marker", name=name)
-    _leaf(marker, "socket_parent_frame", f"/bodyset/{body}")
-    _leaf(marker, "location", _metres(place_mm))
-    _leaf(marker, "fixed", "true")
+    place = {"socket_parent_frame": f"/bodyset/{body}", "location": _metres(place_mm)}
+    add(parent, "Marker", name, **place, fixed="true")

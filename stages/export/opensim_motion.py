@@ -16,7 +16,8 @@ import pyarrow.csv as pc
 from schemas import PROGRAM, VERSION
 from schemas.files import replacing
 from skeleton.rotations import Array
-from stages.export.motion import Bools, Origin, SkeletonMotion
+from stages.export.long_arrays import BLOCK_FRAMES
+from stages.export.motion import Bools, Origin, SkeletonMotion, known_points
 from stages.export.opensim_joints import JointForm
 from stages.export.opensim_markers import Triad
 from stages.export.requirements import require_times
@@ -28,7 +29,6 @@ _ANGLE_DECIMALS = 9
 _METRE_DECIMALS = 12
 _MM_DECIMALS = 6
 _TIME_DECIMALS = 9
-_BLOCK_ROWS = 1 << 13
 
 
 def seconds(motion: SkeletonMotion, path: Path) -> Array:
@@ -45,11 +45,7 @@ def seconds(motion: SkeletonMotion, path: Path) -> Array:
 
 def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequence[JointForm]) -> None:
     """Write all coordinates over time: turns in degrees, shifts in metres; title : one line of ASCII."""
-    names, columns = ["time"], [time_s]
-    for form in forms:
-        names += [coordinate.name for coordinate in form.coordinates]
-        columns += [np.degrees(c.values).round(_ANGLE_DECIMALS) for c in form.turns]
-        columns += [(c.values * 1e-3).round(_METRE_DECIMALS) for c in form.shifts]
+    names = ["time", *(coordinate.name for form in forms for coordinate in form.coordinates)]
     header = [
         title,
         "version=1",
@@ -64,19 +60,27 @@ def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequ
     ]
     with replacing(path) as temporary, temporary.open("wb") as stream:
         stream.write(("\n".join(header) + "\n").encode())
-        _write_rows(stream, [pa.array(column + 0.0) for column in columns])
+        for start in range(0, len(time_s), BLOCK_FRAMES):
+            rows = slice(start, start + BLOCK_FRAMES)
+            columns = [time_s[rows]]
+            for form in forms:
+                columns += [np.degrees(c.values[rows]).round(_ANGLE_DECIMALS) for c in form.turns]
+                columns += [(c.values[rows] * 1e-3).round(_METRE_DECIMALS) for c in form.shifts]
+            _write_rows(stream, [pa.array(column + 0.0) for column in columns])
 
 
-def write_trc(path: Path, title: str, time_s: Array, rate_hz: float, receivers: Sequence[Triad]) -> None:
+def write_trc(
+    path: Path, title: str, time_s: Array, motion: SkeletonMotion, receivers: Sequence[Triad]
+) -> None:
     """Write all markers over time in mm, blank where a receiver was not valid; title : one line of ASCII.
 
     Frames without any marker are left out, as inverse kinematics stops at them. Lines end with a tab:
     OpenSim's reader drops one empty cell at the end of a line, which may be a marker's.
     """
     names = [marker for triad in receivers for marker in triad.markers]
-    rate = f"{rate_hz if np.isfinite(rate_hz) else ALONE_HZ:.9g}"
-    rows = np.flatnonzero(seen_frames(receivers, len(time_s)))
-    count = len(rows)
+    rate = f"{motion.rate_hz if np.isfinite(motion.rate_hz) else ALONE_HZ:.9g}"
+    seen = seen_frames(motion, receivers)
+    count = int(seen.sum())
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{title}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
@@ -85,19 +89,24 @@ def write_trc(path: Path, title: str, time_s: Array, rate_hz: float, receivers: 
         "\t\t" + "\t".join(f"{axis}{n}" for n in range(1, len(names) + 1) for axis in "XYZ") + "\t",
         "",
     ]
-    columns = [pa.array(np.arange(1, count + 1)), pa.array(time_s[rows])]
-    for triad in receivers:
-        flat = triad.measured_mm[rows].reshape(count, -1).round(_MM_DECIMALS) + 0.0
-        columns += [pa.array(column, from_pandas=True) for column in flat.T]
+    number = np.cumsum(seen)
     with replacing(path) as temporary, temporary.open("wb") as stream:
         stream.write(("\n".join(lines) + "\n").encode("ascii"))
-        _write_rows(stream, [*columns, pa.nulls(count, pa.float64())])
+        for start in range(0, len(seen), BLOCK_FRAMES):
+            rows = slice(start, start + BLOCK_FRAMES)
+            own, part = seen[rows], motion.take(rows).receivers
+            columns = [pa.array(number[rows][own]), pa.array(time_s[rows][own])]
+            for triad in receivers:
+                flat = triad.measured_mm(part)[own].round(_MM_DECIMALS) + 0.0
+                columns += [pa.array(column, from_pandas=True) for column in flat.T]
+            _write_rows(stream, [*columns, pa.nulls(int(own.sum()), pa.float64())])
 
 
-def seen_frames(receivers: Sequence[Triad], n_frames: int) -> Bools:
-    """Frames (T,) in which any receiver is valid."""
-    seen = [np.isfinite(triad.measured_mm).all((1, 2)) for triad in receivers]
-    return np.asarray(np.any(seen, axis=0)) if seen else np.zeros(n_frames, bool)
+def seen_frames(motion: SkeletonMotion, receivers: Sequence[Triad]) -> Bools:
+    """Frames (T,) in which any of the receivers is valid."""
+    own = motion.receivers
+    known = known_points(own.position_mm, own.quaternion)
+    return np.asarray(known[:, [triad.receiver for triad in receivers]].any(1))
 
 
 def _origin_lines(origin: Origin) -> list[str]:
@@ -109,7 +118,5 @@ def _origin_lines(origin: Origin) -> list[str]:
 
 def _write_rows(stream: BinaryIO, columns: Sequence[pa.Array]) -> None:
     table = pa.table(list(columns), names=[str(number) for number in range(len(columns))])
-    options = pc.WriteOptions(
-        include_header=False, delimiter="\t", quoting_style="none", batch_size=_BLOCK_ROWS
-    )
+    options = pc.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
     pc.write_csv(table, stream, options)

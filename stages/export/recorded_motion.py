@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,20 +11,25 @@ from schemas.errors import InputError
 from schemas.files import file_sha256
 from schemas.layout import Layout
 from schemas.plan import SubjectPlan
-from schemas.poses import Poses, read_poses
+from schemas.poses import Poses, frame_count, pose_blocks
 from schemas.study import Recording
 from skeleton.posed_recording import posed_bones
-from skeleton.posing import PosedBones
+from skeleton.posing import PosedBones, axes_turned_about
 from skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
 from stages.export.hand_anatomy import neutral_rotations, to_nail_side
+from stages.export.long_arrays import chosen_points, empty
 from stages.export.motion import (
     BONE_TO_WEBXR,
     Origin,
     Receivers,
     SkeletonMotion,
-    continuous,
+    continuous_series,
+    known_points,
     nominal_rate_hz,
 )
+
+BLOCK_FRAMES = 1 << 16
+"""Frames that are posed at a time."""
 
 
 def read_motion(
@@ -36,8 +42,8 @@ def read_motion(
     where no digit is left, or where the layout's digits do not hang together.
     """
     layout = plan.layouts[recording.hand.hand]
-    poses = read_poses(plan.poses(recording), layout.measured)
-    bones = posed_bones(plan, recording, model_name, poses)
+    poses = _read_poses(plan.poses(recording), layout)
+    bones = _posed_bones(plan, recording, model_name, poses)
     where = f"{plan.folder}: {recording.hand.hand} hand, model {model_name}"
     if bones.root_failure:
         raise InputError(f"{where}: {bones.root_failure}, and it is the skeleton's root")
@@ -52,19 +58,49 @@ def read_motion(
     return motion_of(bones, poses, layout, _origin(plan, recording, model_name, licence), notes)
 
 
+def _read_poses(path: Path, layout: Layout) -> Poses:
+    """A recording's poses, whole; what is large of them is on the disk."""
+    count, segments = frame_count(path), layout.measured
+    position, turn = empty(count, len(segments), 3), empty(count, len(segments), 4)
+    frame, time_s, valid = np.empty(count, np.int64), np.empty(count), np.empty((count, len(segments)), bool)
+    start = 0
+    for block in pose_blocks(path, segments, BLOCK_FRAMES):
+        rows = slice(start, start + len(block.frame))
+        frame[rows], time_s[rows], valid[rows] = block.frame, block.time_s, block.valid
+        position[rows], turn[rows] = block.position_mm, block.quaternion
+        start = rows.stop
+    return Poses(segments, frame, time_s, position, turn, valid)
+
+
+def _posed_bones(plan: SubjectPlan, recording: Recording, model_name: str, poses: Poses) -> PosedBones:
+    """Poses of all bones over the recording, made a block of frames at a time."""
+    count = len(poses.frame)
+    position = turn = np.empty((0, 0, 0))
+    for start in range(0, max(count, 1), BLOCK_FRAMES):
+        rows = slice(start, start + BLOCK_FRAMES)
+        bones = posed_bones(plan, recording, model_name, poses.take(rows))
+        if not start:
+            position, turn = (empty(count, len(bones.joints), width) for width in (3, 4))
+        position[rows], turn[rows] = bones.position_mm, bones.quaternion
+    bones = replace(bones, position_mm=position, quaternion=turn)
+    fitted = plan.models[model_name].fitting is not None
+    return replace(bones, axis=axes_turned_about(bones)) if fitted else bones
+
+
 def motion_of(
     bones: PosedBones, poses: Poses, layout: Layout, origin: Origin, notes: tuple[str, ...] = ()
 ) -> SkeletonMotion:
     """The motion of bones that were posed in a recording, in WebXR frames, a thumb's facing its nail.
 
-    bones : one tree, every digit with a pose in some frame.
+    bones : one tree, every digit with a pose in some frame. Numbers of bones and poses are written over.
     """
-    joints, quaternion, axis = bones.joints, bones.quaternion.copy(), bones.axis.copy()
+    joints, quaternion, axis = bones.joints, bones.quaternion, bones.axis.copy()
     for index, change in to_nail_side(layout, origin.hand, joints, quaternion).items():
         quaternion[:, index] = multiply(quaternion[:, index], change)
         axis[index] = rotate(conjugate(change), axis[index])
-    offset, rest = _rest(replace(bones, quaternion=quaternion))
-    quaternion = continuous(multiply(quaternion, BONE_TO_WEBXR))
+    offset, rest = _rest(bones)
+    for index in range(len(joints)):
+        quaternion[:, index] = continuous_series(multiply(quaternion[:, index], BONE_TO_WEBXR))
     back = conjugate(BONE_TO_WEBXR)
     neutral = neutral_rotations(layout, origin.hand, joints)
     return SkeletonMotion(
@@ -109,7 +145,7 @@ def _seen_digits(bones: PosedBones) -> tuple[PosedBones, dict[str, str]]:
 
     What hangs from such a digit goes with it.
     """
-    known = np.asarray(np.isfinite(bones.position_mm).all(-1) & np.isfinite(bones.quaternion).all(-1))
+    known = known_points(bones.position_mm, bones.quaternion)
     unseen: dict[str, str] = {}
     for index, joint in enumerate(bones.joints[1:], 1):
         lost = bones.joints[joint.parent].digit in unseen
@@ -124,8 +160,8 @@ def _seen_digits(bones: PosedBones) -> tuple[PosedBones, dict[str, str]]:
         joints=tuple(
             replace(bones.joints[index], parent=place[bones.joints[index].parent]) for index in kept
         ),
-        position_mm=bones.position_mm[:, kept],
-        quaternion=bones.quaternion[:, kept],
+        position_mm=chosen_points(bones.position_mm, kept),
+        quaternion=chosen_points(bones.quaternion, kept),
         rest_offset_mm=bones.rest_offset_mm[kept],
         axis=bones.axis[kept],
     ), unseen
@@ -148,9 +184,11 @@ def _rest(bones: PosedBones) -> tuple[Array, Array]:
 
 
 def _receivers(poses: Poses) -> Receivers:
-    valid = poses.valid[..., None]
-    position = np.where(valid, poses.position_mm, np.nan)
-    turn = continuous(np.where(valid, poses.quaternion, np.nan))
+    position, turn = poses.position_mm, poses.quaternion
+    for index in range(len(poses.segments)):
+        valid = poses.valid[:, index, None]
+        position[:, index] = np.where(valid, position[:, index], np.nan)
+        turn[:, index] = continuous_series(np.where(valid, turn[:, index], np.nan))
     return Receivers(poses.segments, position, turn, poses.valid)
 
 

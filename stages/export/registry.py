@@ -31,7 +31,7 @@ class Format:
     holds_gaps : whether it has a place for a frame without a pose. drops : what it never holds.
     embeds_facts : whether its writer puts provenance and notes into the file; else a text file beside it has
     them. shared : where one set of files serves all recordings, its main file's path in the output folder.
-    holds_hands : whether several hands can be in one file.
+    holds_hands : whether several hands can be in one file. holds_receivers : whether they are in it at all.
     """
 
     what: str
@@ -44,6 +44,7 @@ class Format:
     embeds_facts: bool = True
     shared: str = ""
     holds_hands: bool = False
+    holds_receivers: bool = False
 
     def target(self, unit: str, up: str) -> Target:
         """What the file is written in where the user asks for that unit and axis, or for none (empty)."""
@@ -86,6 +87,7 @@ FORMATS: Mapping[str, Format] = {
         ("m",),
         ("y",),
         "frame numbers, muscles, forces",
+        holds_receivers=True,
     ),
     "c3d": Format(
         "joints and receivers as points and poses, for motion-capture programs",
@@ -95,6 +97,7 @@ FORMATS: Mapping[str, Format] = {
         ("z", "y"),
         "device times, joint axes, joint angles",
         holds_gaps=True,
+        holds_receivers=True,
     ),
     "bids": Format(
         "a Motion-BIDS dataset of all recordings, for neuroscience",
@@ -105,6 +108,7 @@ FORMATS: Mapping[str, Format] = {
         "joint axes",
         holds_gaps=True,
         shared="bids/dataset_description.json",
+        holds_receivers=True,
     ),
     "csv": Format(
         "one row a frame and joint, for anything that reads tables",
@@ -152,12 +156,15 @@ def write_format(
     from schemas.errors import InputError
     from schemas.files import write_text
     from stages.export.file_facts import facts_text
+    from stages.export.motion import without_receivers
     from stages.export.settings import prepared
 
     chosen = FORMATS[name]
     if len(motions) > 1 and not chosen.holds_hands:
         raise InputError(f"--hand both: {name} holds one hand a file; choose --hand right or --hand left")
     target = chosen.target(settings.unit, settings.up)
+    if not chosen.holds_receivers:
+        motions = [without_receivers(motion) for motion in motions]
     ready = [prepared(motion, settings, holds_gaps=chosen.holds_gaps, up=target.up) for motion in motions]
     if len(ready) > 1:
         dropped = chosen.writers.write_scene(ready, target, path)

@@ -1,4 +1,7 @@
-"""Which frames, and at which times: ranges of recorded frames, and an even rate made from uneven times."""
+"""Which frames, and at which times: ranges of recorded frames, an even rate made from uneven times.
+
+Between samples positions are linear, and rotations go by the shortest arc at constant angular velocity.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,8 @@ import numpy as np
 
 from schemas.errors import InputError
 from skeleton.rotations import Array
-from stages.export.interpolation import blended, bracketed, slerped
-from stages.export.motion import SkeletonMotion, Whole, continuous
+from stages.export.long_arrays import by_point
+from stages.export.motion import Bools, SkeletonMotion, Whole, continuous, known_points
 
 _SAME_S = 1e-9
 _WIDEST_STEPS = 1.5
@@ -89,7 +92,7 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
             receivers,
             position_mm=receiver_mm,
             quaternion=continuous(receiver_turn),
-            valid=np.asarray(np.isfinite(receiver_mm).all(-1) & np.isfinite(receiver_turn).all(-1)),
+            valid=known_points(receiver_mm, receiver_turn),
         ),
     )
     return out.noting(
@@ -104,10 +107,11 @@ def _count(time_s: Array, fps: float) -> int:
 
 def _at(position: Array, turn: Array, before: Whole, after: Whole, share: Array) -> tuple[Array, Array]:
     """Positions and rotations (N, K, ...) between rows of (T, K, ...)."""
-    parts = np.repeat(share[:, None], position.shape[1], axis=1)
+    if not position.shape[1]:
+        return position[before], turn[before]
     return (
-        blended(position[before], position[after], parts),
-        slerped(turn[before], turn[after], parts),
+        by_point(lambda series: blended(series[before], series[after], share), position),
+        by_point(lambda series: slerped(series[before], series[after], share), turn),
     )
 
 
@@ -120,3 +124,41 @@ def largest_time_error_s(motion: SkeletonMotion) -> float:
         return 0.0
     even = motion.time_s[0] + np.arange(len(motion.time_s)) / motion.rate_hz
     return float(np.abs(motion.time_s - even).max())
+
+
+def bracketed(at: Array, x: Array) -> tuple[Whole, Whole, Array]:
+    """Rows before and after each value of `at` in the growing x (n,), and how far it is between them, 0 to 1.
+
+    Beyond either end both rows are that end's.
+    """
+    after = np.clip(np.searchsorted(x, at, side="right"), 1, max(len(x) - 1, 1))
+    before, after = after - 1, np.minimum(after, len(x) - 1)
+    width = x[after] - x[before]
+    share = np.divide(at - x[before], width, out=np.zeros(len(at)), where=width > 0)
+    return before, after, np.clip(share, 0.0, 1.0)
+
+
+def blended(first: Array, second: Array, share: Array) -> Array:
+    """Linear between (..., n) and (..., n) at shares (...) 0 to 1; at 0 and 1 exactly either end's value."""
+    part = share[..., None]
+    return np.where(part <= 0, first, np.where(part >= 1, second, first + part * (second - first)))
+
+
+def slerped(first: Array, second: Array, share: Array) -> Array:
+    """Unit quaternions (..., 4) on the shortest arc (Shoemake 1985) at shares (...) 0 to 1, constant speed.
+
+    At 0 and 1 exactly either end's, so that a NaN beside a sample does not spoil it; signs as of the first.
+    """
+    cosine = np.sum(first * second, -1)
+    near = np.where(cosine[..., None] < 0, -second, second)
+    half = np.arctan2(np.linalg.norm(near - first, axis=-1), np.linalg.norm(near + first, axis=-1))
+    arc = 2 * half
+    sine = np.sin(arc)
+    close: Bools = sine < 1e-9
+    safe = np.where(close, 1.0, sine)
+    left = np.where(close, 1 - share, np.sin((1 - share) * arc) / safe)
+    right = np.where(close, share, np.sin(share * arc) / safe)
+    mixed = left[..., None] * first + right[..., None] * near
+    mixed = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+    part = share[..., None]
+    return np.where(part <= 0, first, np.where(part >= 1, near, mixed))

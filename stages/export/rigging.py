@@ -10,6 +10,7 @@ import numpy as np
 from schemas.errors import InputError
 from skeleton.posing import SkeletonJoint
 from skeleton.rotations import Array, multiply, rotate
+from stages.export.long_arrays import chosen_points
 from stages.export.motion import SkeletonMotion, rest_pose
 from stages.export.rig_names import RIGS, Rig
 
@@ -72,8 +73,8 @@ def folded(motion: SkeletonMotion, lacking: Collection[str]) -> SkeletonMotion:
         rest_rotation=np.stack([rest for _, _, rest, _ in hung]),
         neutral=np.stack([neutral for _, _, _, neutral in hung]),
         axis=np.where(orphans[:, None], np.nan, motion.axis[kept]),
-        position_mm=motion.position_mm[:, kept],
-        quaternion=motion.quaternion[:, kept],
+        position_mm=chosen_points(motion.position_mm, kept),
+        quaternion=chosen_points(motion.quaternion, kept),
     ).noting(f"{names} folded into the bones after them")
 
 
@@ -106,7 +107,9 @@ def _with_palm(motion: SkeletonMotion, rig: Rig) -> SkeletonMotion:
     rest_mm, rest_turn = rest_pose(motion)
     joint = SkeletonJoint(rig.palm, 0, motion.joints[base].segment, motion.joints[base].digit)
     later = [replace(j, parent=j.parent + (j.parent > 0)) for j in motion.joints[1:]]
-    middle = (motion.position_mm[:, base] + motion.position_mm[:, head]) / 2
+    places = [0, base, *range(1, len(motion.joints))]
+    position_mm = chosen_points(motion.position_mm, places)
+    position_mm[:, 1] = (motion.position_mm[:, base] + motion.position_mm[:, head]) / 2
     return replace(
         motion,
         joints=(motion.joints[0], joint, *later),
@@ -114,6 +117,6 @@ def _with_palm(motion: SkeletonMotion, rig: Rig) -> SkeletonMotion:
         rest_rotation=np.insert(motion.rest_rotation, 1, rest_turn[base], axis=0),
         neutral=np.insert(motion.neutral, 1, np.full(4, np.nan), axis=0),
         axis=np.insert(motion.axis, 1, np.full(3, np.nan), axis=0),
-        position_mm=np.insert(motion.position_mm, 1, middle, axis=1),
-        quaternion=np.insert(motion.quaternion, 1, motion.quaternion[:, base], axis=1),
+        position_mm=position_mm,
+        quaternion=chosen_points(motion.quaternion, places),
     )

@@ -32,6 +32,7 @@ from skeleton.rotations import Array, matrix, multiply, rotate
 from stages.export.axes import UNITS_PER_MM, Target, upright
 from stages.export.bone_mesh import bone_mesh
 from stages.export.file_facts import facts
+from stages.export.long_arrays import BLOCK_FRAMES
 from stages.export.motion import SkeletonMotion, Whole, local_motion, rest_pose
 from stages.export.requirements import require_times, require_whole
 from stages.export.resampling import largest_time_error_s
@@ -219,7 +220,7 @@ def _animation(hand: _Hand) -> Iterator[str]:
     local = local_motion(hand.motion)
     joints = f"uniform token[] joints = {_strings(hand.joints)}"
     scales = f"half3[] scales = {_listed(['(1, 1, 1)'] * len(hand.joints))}"
-    place = _samples("float3[] translations", hand.codes, local.offset_mm * hand.scale, 3, hand.decimals)
+    place = _samples("float3[] translations", hand.codes, local.offset_mm, 3, hand.decimals, hand.scale)
     turn = _samples("quatf[] rotations", hand.codes, local.quaternion, 4, TURN_DECIMALS)
     return _prim('SkelAnimation "motion"', [], chain([joints, scales], place, turn))
 
@@ -330,14 +331,18 @@ def _within(lines: Iterable[str], opening: str, closing: str) -> Iterator[str]:
     yield closing
 
 
-def _samples(what: str, codes: Array, values: Array, width: int, decimals: int) -> Iterator[str]:
-    """Lines of an array attribute over time: values (T, N, width) as N tuples a time code."""
+def _samples(
+    what: str, codes: Array, values: Array, width: int, decimals: int, scale: float = 1.0
+) -> Iterator[str]:
+    """Lines of an array attribute over time: values (T, N, width) times scale as N tuples a time code."""
     numbers = f"({', '.join([f'%.{decimals}f'] * width)})"
     pattern = f"[{', '.join([numbers] * values.shape[1])}],"
 
     def lines() -> Iterator[str]:
-        for code, row in zip(codes, values.reshape(len(codes), -1), strict=True):
-            yield f"{_code(code)}: {pattern % tuple(row.tolist())}"
+        for start in range(0, len(codes), BLOCK_FRAMES):
+            rows = slice(start, start + BLOCK_FRAMES)
+            for code, row in zip(codes[rows], values[rows] * scale, strict=True):
+                yield f"{_code(code)}: {pattern % tuple(row.ravel().tolist())}"
 
     yield from _within(lines(), f"{what}.timeSamples = {{", "}")
 

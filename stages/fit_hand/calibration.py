@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from anatomy.known_digits import known_digits
-from schemas.errors import InputError, TableError
+from schemas.errors import InputError, TableError, guess
 from schemas.layout import Layout
 from schemas.model import HandFitting
 from schemas.parts import Part
@@ -135,11 +134,9 @@ def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurem
     rows = [row for row in plan.measurements if row["hand"] == hand]
     for row in rows:
         if row["quantity"] not in known:
-            close = difflib.get_close_matches(row["quantity"], known, 1)
-            guess = f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(known)}"
             raise InputError(
                 f"{_place(plan, 'measurements', row, 'quantity')}: {row['quantity']!r} is nothing that is "
-                f"measured on layout {layout.name}; {guess}"
+                f"measured on layout {layout.name}; {guess(row['quantity'], known)}"
             )
     return [Measurement(row["quantity"], row["value_mm"], row["sd_mm"]) for row in rows]
 
@@ -154,7 +151,7 @@ def _with_fingertips(plan: SubjectPlan, part: Part, calibration: Calibration) ->
         if name.task in fitting.contacts and fitting.steps
         for contact in find_contacts(tips, poses)
     ]
-    return with_touches(tips, contacts=contacts)
+    return with_touches(tips, contacts)
 
 
 def _touches(plan: SubjectPlan, hand: str, calibration: Calibration, tips: Fingertips) -> list[Touch]:

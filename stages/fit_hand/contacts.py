@@ -7,10 +7,9 @@ import numpy.typing as npt
 
 from schemas.poses import Poses
 from skeleton.rotations import Array
-from stages.fit_hand.fingertips import PAD, Fingertips, fingertips, seen_parts
-from stages.fit_hand.fit import HandFit
+from stages.fit_hand.fingertips import PAD, Fingertips, seen_parts
 from stages.fit_hand.operations import Index
-from stages.fit_hand.touching import CONTACT_SD_MM, Contact, contact_in
+from stages.fit_hand.touching import CONTACT_SD_MM, Touch, contact_in
 
 THUMB = "thumb"
 
@@ -33,16 +32,13 @@ _SPEED_FRAMES = 4
 _Rows = npt.NDArray[np.bool_]
 
 
-def find_contacts(
-    hand: HandFit | Fingertips, poses: Poses, *, sd_mm: float = CONTACT_SD_MM, most_each: int = MOST_EACH
-) -> list[Contact]:
+def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
     """Find frames of a recording in which the thumb's pad is likely to rest on a finger's.
 
     One finger's pad must be the nearest to the thumb's, come nearer than the hand's uncertainty allows, and
     be held there. One person's way of putting pads together repeats itself, so that all
-    contacts of a finger share the weight of one: sd_mm, per direction, is for their mean.
+    contacts of a finger share the weight of one: CONTACT_SD_MM is for their mean.
     """
-    tips = hand if isinstance(hand, Fingertips) else fingertips(hand)
     fingers = [name for name in tips.digits if name != THUMB]
     if THUMB not in tips.digits or not fingers:
         return []
@@ -53,20 +49,20 @@ def find_contacts(
     nearest = distance.argmin(1)
     contacts = []
     for i, finger in enumerate(fingers):
-        near = (distance[:, i] < NEAR_SD * _apart_sd_mm(tips, finger, sd_mm)) & (nearest == i)
-        episodes = _held(distance[:, i], _speed(apart[:, i]), near)[:most_each]
-        shared = sd_mm * len(episodes) ** 0.5
+        near = (distance[:, i] < NEAR_SD * _apart_sd_mm(tips, finger)) & (nearest == i)
+        episodes = _held(distance[:, i], _speed(apart[:, i]), near)[:MOST_EACH]
+        shared = CONTACT_SD_MM * len(episodes) ** 0.5
         contacts += [contact_in(tips, poses, rows, (THUMB, finger), sd_mm=shared) for rows in episodes]
     return contacts
 
 
-def _apart_sd_mm(tips: Fingertips, finger: str, sd_mm: float) -> float:
+def _apart_sd_mm(tips: Fingertips, finger: str) -> float:
     """Sd per direction of the distance of two pads in contact, averaged over directions."""
     evidence = tips.fit.evidence
     seen = seen_parts(evidence, evidence.posterior.x, tips.offsets_mm)
     both = [seen[digit, PAD][1] for digit in (THUMB, finger)]
     variance = sum(float(np.trace(rows @ tips.covariance @ rows.T)) / 3 for rows in both)
-    return float(np.sqrt(variance + sd_mm**2))
+    return float(np.sqrt(variance + CONTACT_SD_MM**2))
 
 
 def _speed(apart_mm: Array) -> Array:

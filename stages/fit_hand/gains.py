@@ -13,8 +13,7 @@ import numpy as np
 
 from anatomy.known_digits import root_of
 from skeleton.rotations import Array
-from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, fingertips, seen_parts, tipped_digits
-from stages.fit_hand.fit import HandFit
+from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
 from stages.fit_hand.measurements import MOUNT_PARTS, Measurement, observations
 from stages.fit_hand.posterior import Evidence, centre_by_unknowns, places_of
 from stages.fit_hand.posterior_summary import bent_skin_mm2
@@ -46,18 +45,14 @@ class Gain:
     joint_sd_after_mm: float
 
 
-def gains(
-    hand: HandFit | Fingertips, *, sd_mm: float = MEASURED_SD_MM, touch_sd_mm: float = TOUCH_SD_MM
-) -> list[Gain]:
+def gains(tips: Fingertips) -> list[Gain]:
     """Say what each bone's length, each receiver's place and each fingertip's touch would gain, best first.
 
-    sd_mm : of a measurement between joints and receivers; what starts at a CMC joint or the wrist counts as
-    known to DEEP_SD_MM, what ends at the tip of a bone as less certain by the soft tip. touch_sd_mm : of a
-    touch, per direction. Empty for a hand whose anatomy is not known.
+    What starts at a CMC joint or the wrist counts as known to DEEP_SD_MM, what ends at the tip of a bone as
+    less certain by the soft tip. Empty for a hand whose anatomy is not known.
     """
-    tips = hand if isinstance(hand, Fingertips) else fingertips(hand)
     names = list(tips.fit.joints)
-    quantities, sds, rows = _candidates(tips, sd_mm, touch_sd_mm)
+    quantities, sds, rows = _candidates(tips)
     if not quantities or not names:
         return []
     before, after = _sd_mm(tips, rows)
@@ -77,7 +72,7 @@ def gains(
     return sorted(all_gains, key=lambda gain: gain.mean_sd_after_mm)
 
 
-def _candidates(tips: Fingertips, sd_mm: float, touch_sd_mm: float) -> tuple[list[str], list[float], Array]:
+def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
     """What could be measured, how well, and as rows (K, 3, G + 6 D) in units of its sd; unused rows zero."""
     evidence = tips.fit.evidence
     model = evidence.model
@@ -86,29 +81,29 @@ def _candidates(tips: Fingertips, sd_mm: float, touch_sd_mm: float) -> tuple[lis
         *(f"{s}.{part}" for s in model.mount for part in MOUNT_PARTS),
         *(f"{s}.distal" for s in model.mount if s in model.length),
     ]
-    sds = [_realistic_sd_mm(evidence, quantity, sd_mm) for quantity in quantities]
+    sds = [_realistic_sd_mm(evidence, quantity) for quantity in quantities]
     lengths = [Measurement(quantity, 0.0, sd) for quantity, sd in zip(quantities, sds, strict=True)]
     digits = tipped_digits(evidence)
     rows = np.zeros((len(lengths) + len(digits), 3, len(tips.covariance)))
     rows[: len(lengths), 0, : len(model.unknowns.names)] = observations(model, lengths).rows
     seen = seen_parts(evidence, evidence.posterior.x, tips.offsets_mm)
     for k, digit in enumerate(digits, len(lengths)):
-        rows[k] = seen[digit.name, TIP][1] / np.hypot(touch_sd_mm, SKIN_SD_MM)
+        rows[k] = seen[digit.name, TIP][1] / np.hypot(TOUCH_SD_MM, SKIN_SD_MM)
         quantities.append(f"{digit.name}.{TOUCH}")
-        sds.append(touch_sd_mm)
+        sds.append(TOUCH_SD_MM)
     return quantities, sds, rows
 
 
-def _realistic_sd_mm(evidence: Evidence, quantity: str, sd_mm: float) -> float:
-    """How well a quantity can be measured, given how well one between two visible places can."""
+def _realistic_sd_mm(evidence: Evidence, quantity: str) -> float:
+    """How well a quantity can be measured."""
     segment, _, part = quantity.partition(".")
     first = {digit.segments[0] for digit in evidence.layout.digits.values()}
     last = {digit.tip for digit in evidence.layout.digits.values()}
     if segment == root_of(evidence.layout) or (segment in first and part in ("", "along")):
-        return max(sd_mm, DEEP_SD_MM)
+        return DEEP_SD_MM
     if segment in last and part in ("", "distal"):
-        return float(np.hypot(sd_mm, TIP_SD_MM[0]))
-    return sd_mm
+        return float(np.hypot(MEASURED_SD_MM, TIP_SD_MM[0]))
+    return MEASURED_SD_MM
 
 
 def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:

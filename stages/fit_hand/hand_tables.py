@@ -22,14 +22,13 @@ from schemas.catalogue import (
 )
 from schemas.parts import PartsWriter, parts_writer
 from schemas.poses import RecordingName
-from schemas.tables import Provenance, Table
-from skeleton.rotations import Array
+from schemas.tables import Provenance, Table, vector_columns
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.gains import gains
 from stages.fit_hand.loose_receivers import LooseReceiver
 from stages.fit_hand.measurements import MOUNT_PARTS
-from stages.fit_hand.posterior_summary import FittedJoint, FixedCentre
+from stages.fit_hand.posterior_summary import FittedJoint
 
 SOURCE = "fit of the whole hand"
 Row = dict[str, Any]
@@ -68,8 +67,8 @@ def open_tables(
 
 def joint_rows(fit: HandFit) -> list[Row]:
     """Rows of joint_centres: joints between two receivers, those under the palm, and fixed centres."""
-    moving = [*fit.joints.values(), *fit.summary.palm.values()]
-    return [*map(_joint_row, moving), *map(_fixed_row, fit.summary.fixed.values())]
+    groups = (fit.joints, fit.summary.palm, fit.summary.fixed)
+    return [_joint_row(joint) for group in groups for joint in group.values()]
 
 
 def _joint_row(joint: FittedJoint) -> Row:
@@ -86,34 +85,14 @@ def _joint_row(joint: FittedJoint) -> Row:
         "source": SOURCE,
         "status": joint.status,
         "message": joint.message,
-        **_xyz("parent_", joint.parent_mm, "_mm"),
-        **_xyz("child_", joint.child_mm, "_mm"),
-        **_xyz("axis_parent_", joint.axis_parent),
-        **_xyz("axis_child_", joint.axis_child),
+        **vector_columns("parent_", joint.parent_mm, "_mm"),
+        **vector_columns("child_", joint.child_mm, "_mm"),
+        **vector_columns("axis_parent_", joint.axis_parent),
+        **vector_columns("axis_child_", joint.axis_child),
     }
     if np.isfinite(joint.covariance_mm2).all():
         row["covariance_mm2"] = joint.covariance_mm2.ravel()
     return row
-
-
-def _fixed_row(centre: FixedCentre) -> Row:
-    """A point in one receiver's frame: the parent's, or the child's where there is no parent."""
-    side, half = ("parent", slice(0, 3)) if centre.parent_segment else ("child", slice(3, 6))
-    covariance = np.zeros((6, 6))
-    covariance[half, half] = centre.covariance_mm2
-    return {
-        "joint": centre.name,
-        "parent_segment": centre.parent_segment,
-        "child_segment": centre.child_segment,
-        "dof": 0,
-        "sd_mm": float(np.sqrt(np.trace(centre.covariance_mm2))),
-        "covariance_mm2": covariance.ravel(),
-        "n_frames": 0,
-        "source": SOURCE,
-        "status": "ok",
-        "message": centre.message,
-        **_xyz(f"{side}_", centre.centre_mm, "_mm"),
-    }
 
 
 def bone_rows(fit: HandFit) -> list[Row]:
@@ -188,10 +167,6 @@ def _tip_columns(tips: Fingertips, digit: str) -> Row:
         ("bone_tip", tip.point_mm, tip.covariance_mm2),
         ("soft_tip", tip.soft_tip_mm, tip.soft_tip_covariance_mm2),
     ):
-        row |= _xyz(f"{name}_", point, "_mm")
+        row |= vector_columns(f"{name}_", point, "_mm")
         row[f"{name}_sd_mm"] = float(np.sqrt(np.trace(covariance)))
     return row
-
-
-def _xyz(prefix: str, vector: Array, suffix: str = "") -> Row:
-    return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}

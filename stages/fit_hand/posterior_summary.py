@@ -25,9 +25,11 @@ WEAK_GAP_MM = 10.0
 class FittedJoint:
     """One joint of a fitted hand.
 
-    parent_mm, child_mm : (3,) centre in the parent's and the child's receiver frame (child NaN where the
-    child carries no receiver). covariance_mm2 : (6, 6) of both. axis_parent, axis_child : (3,) unit
-    flexion axis there; axis_sd_deg : its 1-sigma direction error. range_deg : of flexion over the frames
+    parent_mm, child_mm : (3,) centre in the parent's and the child's receiver frame, NaN where that carries
+    no receiver; of a joint that does not move (dof 0), which has no axis and no range, in one of them alone:
+    the parent's, or the child's where the parent is empty (the wrist without a forearm receiver).
+    covariance_mm2 : (6, 6) of both. axis_parent, axis_child : (3,) unit flexion axis there; axis_sd_deg : its
+    1-sigma direction error. range_deg : of flexion over the frames
     fitted. gap_rms_mm : of the centre in the recording. status : ok or weak; message : why.
     """
 
@@ -62,20 +64,6 @@ class FittedBone:
 
 
 @dataclass(frozen=True)
-class FixedCentre:
-    """Centre (3,) in mm of a joint that does not move, in the parent's receiver frame, or in the child's
-    where the parent is empty (the wrist without a forearm receiver); covariance (3, 3).
-    """
-
-    name: str
-    parent_segment: str
-    child_segment: str
-    centre_mm: Array
-    covariance_mm2: Array
-    message: str
-
-
-@dataclass(frozen=True)
 class HandSummary:
     """Joints between two receivers, palm joints that move but whose child carries no receiver, centres that
     do not move (the wrist among them where it is no joint and anatomy says where it is), all by joint; and
@@ -84,7 +72,7 @@ class HandSummary:
 
     joints: dict[str, FittedJoint]
     palm: dict[str, FittedJoint]
-    fixed: dict[str, FixedCentre]
+    fixed: dict[str, FittedJoint]
     bones: dict[str, FittedBone]
 
 
@@ -93,7 +81,7 @@ def summarise(evidence: Evidence) -> HandSummary:
     places = places_of(evidence.model, evidence.posterior)
     joints: dict[str, FittedJoint] = {}
     palm: dict[str, FittedJoint] = {}
-    fixed: dict[str, FixedCentre] = {}
+    fixed: dict[str, FittedJoint] = {}
     for joint in evidence.layout.joints.values():
         if receiver(joint.parent_receiver) not in places:
             continue
@@ -179,11 +167,30 @@ def _fixed(
     seen: tuple[Array, Array],
     evidence: Evidence,
     message: str,
-) -> FixedCentre:
+) -> FittedJoint:
     """A centre as the receiver on `segment` sees it, with its derivative; ends : parent and child segment."""
     by_x = evidence.convention.point_matrix(segment) @ seen[1]
-    covariance = by_x @ evidence.posterior.covariance @ by_x.T
-    return FixedCentre(joint, *ends, evidence.convention.point(segment, seen[0]), covariance, message)
+    side = 0 if ends[0] else 1
+    half = slice(3 * side, 3 * side + 3)
+    covariance, nothing = np.zeros((6, 6)), np.full(3, np.nan)
+    covariance[half, half] = by_x @ evidence.posterior.covariance @ by_x.T
+    centres = [nothing, nothing]
+    centres[side] = evidence.convention.point(segment, seen[0])
+    return FittedJoint(
+        joint,
+        *ends,
+        0,
+        centres[0],
+        centres[1],
+        covariance,
+        nothing,
+        nothing,
+        np.nan,
+        np.nan,
+        np.nan,
+        "ok",
+        message,
+    )
 
 
 def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -> float:

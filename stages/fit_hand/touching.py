@@ -19,8 +19,7 @@ import numpy as np
 from schemas.errors import InputError
 from schemas.poses import Poses
 from skeleton.rotations import Array, matrix
-from stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, fingertips_of, seen_parts
-from stages.fit_hand.fit import HandFit
+from stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips_of, seen_parts
 from stages.fit_hand.operations import Index
 
 TOUCH_SD_MM = 0.4
@@ -41,32 +40,19 @@ _ROUNDS = 5
 
 @dataclass(frozen=True)
 class Touch:
-    """A fingertip on a known point, or a stylus's tip on the fingertip.
+    """A fingertip on a known point, a stylus's tip on the fingertip, or two fingertips that meet.
 
-    receiver_mm : (N, 3), receiver_quaternion : (N, 4) poses of the digit's distal receiver while it lasted.
-    point_mm : (3,) the point in the transmitter frame. sd_mm : of finger and point, per direction.
-    part : tip or pad, or bone where somebody knows even that.
+    receiver_mm : (N, D, 3), receiver_quaternion : (N, D, 4) poses of the D digits' distal receivers while it
+    lasted. part : tip or pad, or bone where somebody knows even that. sd_mm : of what meets, per direction.
+    point_mm : (3,) the point in the transmitter frame; None where two digits meet.
     """
 
-    digit: str
+    digits: tuple[str, ...]
     receiver_mm: Array
     receiver_quaternion: Array
-    point_mm: Array
-    sd_mm: float = TOUCH_SD_MM
-    part: str = TIP
-
-
-@dataclass(frozen=True)
-class Contact:
-    """The pads of two digits on each other; poses as in `Touch`, of both, in the same frames."""
-
-    digit_a: str
-    digit_b: str
-    receiver_a_mm: Array
-    quaternion_a: Array
-    receiver_b_mm: Array
-    quaternion_b: Array
-    sd_mm: float = CONTACT_SD_MM
+    part: str
+    sd_mm: float
+    point_mm: Array | None = None
 
 
 def touch_in(
@@ -80,20 +66,19 @@ def touch_in(
     part: str = TIP,
 ) -> Touch:
     """A touch that lasted for some frames of a recording; InputError where its receiver is in none valid."""
-    mm, quaternion = _held(poses, rows, (tips[digit].receiver,))
-    return Touch(digit, mm[:, 0], quaternion[:, 0], point_mm, sd_mm, part)
+    return Touch((digit,), *_held(tips, poses, rows, digit), part, sd_mm, point_mm)
 
 
 def contact_in(
     tips: Fingertips, poses: Poses, rows: Index, digits: tuple[str, str], *, sd_mm: float = CONTACT_SD_MM
-) -> Contact:
-    """A contact that lasted for some frames of a recording; InputError where no frame has both receivers."""
-    mm, quaternion = _held(poses, rows, (tips[digits[0]].receiver, tips[digits[1]].receiver))
-    return Contact(*digits, mm[:, 0], quaternion[:, 0], mm[:, 1], quaternion[:, 1], sd_mm)
+) -> Touch:
+    """Two pads on each other for some frames of a recording; InputError where none has both receivers."""
+    return Touch(digits, *_held(tips, poses, rows, *digits), PAD, sd_mm)
 
 
-def _held(poses: Poses, rows: Index, receivers: tuple[str, ...]) -> tuple[Array, Array]:
-    """Poses (N, R, 3), (N, R, 4) of receivers in those rows in which all are valid."""
+def _held(tips: Fingertips, poses: Poses, rows: Index, *digits: str) -> tuple[Array, Array]:
+    """Poses (N, D, 3), (N, D, 4) of the digits' receivers in those rows in which all are valid."""
+    receivers = [tips[digit].receiver for digit in digits]
     columns = [poses.index(name) for name in receivers]
     rows = rows[poses.valid[rows][:, columns].all(1)]
     if not len(rows):
@@ -111,18 +96,14 @@ class _Equation:
     sd_mm: float
 
 
-def with_touches(
-    before: HandFit | Fingertips, touches: Sequence[Touch] = (), contacts: Sequence[Contact] = ()
-) -> Fingertips:
-    """Condition a fit on touches; the result's `fit` has its joints, bones and their covariance then.
+def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
+    """Condition fingertips on touches; the result's `fit` has its joints, bones and their covariance then.
 
-    before : a fit, or fingertips that were conditioned on touches already. A touch farther from where the fit
-    and the other touches put it than 1 in 1000 would be is left out, with a sentence in `refused`. Raises
-    InputError for a digit without a fingertip or an unknown part.
+    tips : of a fit, or conditioned on touches already. A touch farther from where the fit and the other
+    touches put it than 1 in 1000 would be is left out, with a sentence in `refused`. Raises InputError for a
+    digit without a fingertip or an unknown part.
     """
-    tips = before if isinstance(before, Fingertips) else fingertips(before)
-    equations = [_of_touch(tips, i, touch) for i, touch in enumerate(touches)]
-    equations += [_of_contact(tips, i, contact) for i, contact in enumerate(contacts)]
+    equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
     refused: list[str] = []
     while equations:
         u, covariance, misfits = _conditioned(tips, equations)
@@ -137,24 +118,22 @@ def with_touches(
     return replace(tips, refused=(*tips.refused, *refused))
 
 
-def _of_touch(tips: Fingertips, index: int, touch: Touch) -> _Equation:
+def _equation(tips: Fingertips, number: int, touch: Touch) -> _Equation:
+    """The ends of the digits meet, or one is at the point."""
     if touch.part not in (BONE, TIP, PAD):
         raise InputError(f"part {touch.part!r} of a fingertip is not known; expected bone, tip or pad")
-    receiver = tips[touch.digit].receiver
-    R, t = matrix(touch.receiver_quaternion).mean(0), touch.receiver_mm.mean(0)
-    sd = float(np.hypot(touch.sd_mm, SKIN_SD_MM))
-    name = f"touch {index + 1} ({touch.digit}, {receiver})"
-    return _Equation(name, ((R, (touch.digit, touch.part)),), touch.point_mm - t, sd)
-
-
-def _of_contact(tips: Fingertips, index: int, contact: Contact) -> _Equation:
-    for digit in (contact.digit_a, contact.digit_b):
-        tips[digit]
-    apart = (contact.receiver_b_mm - contact.receiver_a_mm).mean(0)
-    factors = matrix(contact.quaternion_a).mean(0), -matrix(contact.quaternion_b).mean(0)
-    terms = (factors[0], (contact.digit_a, PAD)), (factors[1], (contact.digit_b, PAD))
-    sd = float(np.sqrt(contact.sd_mm**2 + 2 * SKIN_SD_MM**2))
-    return _Equation(f"contact {index + 1} ({contact.digit_a} and {contact.digit_b})", terms, apart, sd)
+    first, *other = touch.digits
+    names = [tips[digit].receiver for digit in touch.digits]
+    name = f"contact {number} ({first} and {other[0]})" if other else f"touch {number} ({first}, {names[0]})"
+    turns = [matrix(quaternion).mean(0) for quaternion in touch.receiver_quaternion.swapaxes(0, 1)]
+    terms = zip((1.0, -1.0), turns, touch.digits, strict=False)
+    met = touch.receiver_mm[:, 1] if touch.point_mm is None else touch.point_mm
+    return _Equation(
+        name,
+        tuple((sign * turn, (digit, touch.part)) for sign, turn, digit in terms),
+        (met - touch.receiver_mm[:, 0]).mean(0),
+        float(np.sqrt(touch.sd_mm**2 + len(touch.digits) * SKIN_SD_MM**2)),
+    )
 
 
 def _conditioned(

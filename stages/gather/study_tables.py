@@ -20,7 +20,8 @@ from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan, read_plan
 from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
-from schemas.study import Study, correction_problems, read_corrections
+from schemas.sheets import CORRECTIONS, read_sheet
+from schemas.study import Study, correction_problems
 from schemas.tables import (
     Provenance,
     Table,
@@ -162,7 +163,7 @@ def _correction_rows(study: Study) -> list[Row]:
     if path is None:
         return []
     layout = read_layout(study.layout.absolute())
-    messages = correction_problems(read_corrections(path), path, study.hands, layout)
+    messages = correction_problems(read_sheet(path, CORRECTIONS), path, study.hands, layout)
     return [_problem("project_planes", "correction", "refused", message) for message in messages]
 
 

@@ -37,19 +37,11 @@ class Download:
 
 
 @dataclass(frozen=True)
-class NotPacked:
-    """A table that is too large for the page: its file among the results."""
-
-    file: str
-    n_rows: int
-
-
-@dataclass(frozen=True)
 class Downloads:
-    """What the page offers, and what it leaves in the folder of the results."""
+    """What the page offers, and the tables that are too large for it: their files' names and rows."""
 
     files: tuple[Download, ...]
-    not_packed: tuple[NotPacked, ...]
+    not_packed: tuple[tuple[str, int], ...]
 
 
 def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downloads:
@@ -65,7 +57,7 @@ def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downl
     ):
         file = packed(f"{name}.csv", rows, columns, MOST_BYTES - sum(len(each.data) for each in files))
         if file is None:
-            not_packed.append(NotPacked(results.paths.study_table(name).name, len(rows)))
+            not_packed.append((results.paths.study_table(name).name, len(rows)))
         elif rows:
             files.append(file)
     return Downloads(tuple(files), tuple(not_packed))

@@ -9,7 +9,7 @@ from statistics import median
 from schemas.model import the_papers
 from stages.report.score_tables import mean, tasks_text
 from stages.report.study_results import LEAST_SQUARES, Row, StudyResults
-from stages.report.table_cells import counted, listed, number
+from stages.report.table_cells import alike, counted, listed, number
 from stages.report.truth_tables import FAR_MM, known
 
 FEW_MODELS = 2
@@ -26,10 +26,17 @@ def used_text(results: StudyResults) -> str:
 
 
 def headline(results: StudyResults) -> str:
-    """One paragraph: of a model that fits the whole hand where there is one, else of all."""
+    """One paragraph: of a model that fits the whole hand where there is one, else of all.
+
+    Hands with a suspect finding are counted out, and that is said.
+    """
     used = used_text(results)
     if results.simulated:
         used = used.rstrip(".") + "; they are simulated, so no person's hand is behind these numbers."
+    if results.suspect:
+        hands = sorted(f"subject {hand.subject}'s {hand.hand} hand" for hand in results.suspect)
+        used += f" Left out of these numbers, for what was found in their recordings: {listed(hands)}."
+    results = results.judging
     for model in results.fitted[:1]:
         rows, scored_on = _judging(results, model)
         if known(rows, "left_out_mean_mm"):
@@ -147,22 +154,19 @@ def _closing(results: StudyResults) -> str:
 
 def _doubts(results: StudyResults, models: Iterable[str]) -> str:
     """Weak and failed joints by model, models with the same count together."""
-    groups: dict[str, list[str]] = {}
+    texts: dict[str, str] = {}
     names = list(models)
     for model in names:
         statuses = Counter(row["status"] for row in results.joints if row["model"] == model)
         total = sum(statuses.values())
         if not total:
-            text = "no joint was solved"
+            texts[model] = "no joint was solved"
         elif statuses["weak"] or statuses["failed"]:
             doubts = [f"{statuses[word]} {word}" for word in ("weak", "failed") if statuses[word]]
-            text = f"{listed(doubts)} of {counted(total, 'joint')}"
-        else:
-            continue
-        groups.setdefault(text, []).append(model)
-    if not groups:
+            texts[model] = f"{listed(doubts)} of {counted(total, 'joint')}"
+    if not texts:
         return (
             f"No joint{f' of {listed(names)}' if names != list(results.models) else ''} is marked doubtful."
         )
-    parts = "; ".join(f"{text} ({listed(models)})" for text, models in groups.items())
+    parts = "; ".join(f"{texts[group[0]]} ({listed(group)})" for group in alike(texts))
     return f"Doubtful: {parts}; see “Which joints to believe” for the reasons."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -11,7 +12,8 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from schemas.results import Results
-from schemas.study import Recording
+from schemas.study import Hand, Recording
+from stages.report.study_results import StudyResults
 
 
 class Link(NamedTuple):
@@ -46,3 +48,40 @@ def recording_label(recording: Recording, *, with_hand: bool) -> str:
     """What a recording is called in a link."""
     parts = [recording.task, f"trial {recording.trial}" if recording.trial else ""]
     return ", ".join(filter(None, [*parts, f"{recording.hand.hand} hand" if with_hand else ""]))
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """Links of one page; other_hand is None where that hand has no page of the task."""
+
+    study: Link
+    subject: Link
+    other_hand: Link | None
+    others: tuple[Link, ...]
+
+
+def navigation(results: StudyResults, recording: Recording) -> Navigation:
+    """The links of a recording's page, to pages of evaluated recordings alone."""
+    paths, mine = results.paths, recording.hand
+    page, study = paths.recording_page(recording), f"Study {results.name}"
+    other = _same_task(results, "left" if mine.hand == "right" else "right", recording)
+    words = "Right hand" if mine.hand == "left" else "Left hand"
+    others = [
+        link(recording_label(own, with_hand=True), page, paths.recording_page(own))
+        for own in results.shown
+        if own.hand.subject == mine.subject and own != recording
+    ]
+    return Navigation(
+        study=link(study, page, paths.report),
+        subject=link(f"Subject {mine.subject}", page, paths.subject_page(mine.subject)),
+        other_hand=None if other is None else link(words, page, paths.recording_page(other)),
+        others=tuple(others),
+    )
+
+
+def _same_task(results: StudyResults, side: str, recording: Recording) -> Recording | None:
+    """The subject's evaluated recording of that hand and task, of the same trial where there is one."""
+    hand = Hand(recording.hand.subject, side)
+    known = [own for own in results.shown if own.hand == hand and own.task == recording.task]
+    same = [own for own in known if own.trial == recording.trial]
+    return next(iter([*same, *known]), None)

@@ -11,7 +11,7 @@ from statistics import median
 from schemas import VERSION
 from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
 from stages.report.study_results import Row, StudyResults
-from stages.report.table_cells import counted, listed, number
+from stages.report.table_cells import capital, counted, listed, number
 
 REFERENCES = (
     "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "
@@ -44,7 +44,7 @@ def _recorded(results: StudyResults) -> str:
     worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:]))
     tasks = Counter(row["task"] for row in used)
     text = (
-        f"{_capital(counted(len(results.hands), 'hand'))} of {counted(len(results.subjects), 'subject')} "
+        f"{capital(counted(len(results.hands), 'hand'))} of {counted(len(results.subjects), 'subject')} "
         f"{'was' if len(results.hands) == 1 else 'were'} {made} with up to {worn} magnetic receivers a hand"
         f"{_rate(used)}, in {counted(len(used), 'recording')}"
     )
@@ -61,7 +61,7 @@ def _solved(results: StudyResults) -> str:
     described = (f"{name}: {model.description.rstrip('.')}." for name, model in results.models.items())
     text = (
         "Joint centres were found from the relative motion of the receivers beside each joint [1–3]. "
-        f"{_capital(counted(len(results.models), 'skeleton model'))} "
+        f"{capital(counted(len(results.models), 'skeleton model'))} "
         f"{'was' if len(results.models) == 1 else 'were'} compared. "
     ) + " ".join(described)
     if results.fitted:
@@ -102,7 +102,3 @@ def _rate(used: list[Row]) -> str:
         (row["n_frames"] - 1) / row["duration_s"] for row in used if row["duration_s"] and row["n_frames"] > 1
     ]
     return f" at {number(median(rates), 0)} Hz" if rates else ""
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]

@@ -42,8 +42,24 @@ MODEL_HUES = ("blue", "vermilion", "green", "pink", "sky", "ink", "gold")
 AXIS_HUES = ("vermilion", "green", "blue")
 """Of a receiver's x, y and z."""
 
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p")
-"""Of matplotlib, one a model; with 7 hues, 77 models differ in one or the other."""
+MARK_PATHS = {
+    "o": "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",
+    "s": "M-2.9-2.9h5.8v5.8h-5.8z",
+    "^": "M0-3.8 3.6 2.8h-7.2z",
+    "D": "M0-4.2 4.2 0 0 4.2-4.2 0z",
+    "v": "M0 3.8 3.6-2.8h-7.2z",
+    "P": "M-4-1h3v-3h2v3h3v2h-3v3h-2v-3h-3z",
+    "X": "M-3.5-2.1-2.1-3.5 0-1.4 2.1-3.5 3.5-2.1 1.4 0 3.5 2.1 2.1 3.5 0 1.4-2.1 3.5-3.5 2.1-1.4 0z",
+    "<": "M-3.8 0 2.8-3.6v7.2z",
+    ">": "M3.8 0-2.8-3.6v7.2z",
+    "*": "M0 -4.4L1.1 -1.5L4.2 -1.4L1.8 0.6L2.6 3.6L0 1.9L-2.6 3.6L-1.8 0.6L-4.2 -1.4L-1.1 -1.5z",
+    "p": "M0 -3.8L3.6 -1.2L2.2 3.1L-2.2 3.1L-3.6 -1.2z",
+}
+"""Marks of models and digits, the commonest first: matplotlib's letter, and the outline of a page's, which is
+about MARK_PX wide. With 7 hues, 77 models differ in one or the other.
+"""
+MARK_PX = 6.4
+MARKERS = tuple(MARK_PATHS)
 
 INK, SOFT, RULE, PAPER, AMBER, WEAK_LINE = (
     HUES[name][0] for name in ("ink", "soft", "rule", "paper", "amber", "weak-line")

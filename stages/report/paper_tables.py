@@ -19,12 +19,7 @@ from stages.report.table_cells import Block, DataTable, listed, number, title
 PRINTED = Path(__file__).parent / "paper_tables.tsv"
 
 PAPER_DIGITS = ("thumb", "index", "middle", "ring", "little")
-STATISTICS = {
-    "max": "Max [cm]",
-    "min": "Min [cm]",
-    "mean": "Average [cm]",
-    "sd": "Standard Deviation [cm]",
-}
+STATISTICS = {"max": "Max [cm]", "min": "Min [cm]", "mean": "Average [cm]", "sd": "Standard Deviation [cm]"}
 TITLES = {
     1: "Position error of the fingertip without estimating metacarpal posture in the model shown in Fig. 3",
     2: "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 3",

@@ -43,8 +43,9 @@ def recordings_table(results: StudyResults, whose: str = "of the study's sheet")
 
 
 def problems_table(results: StudyResults, whose: str = "as the study asked") -> DataTable | None:
-    """Everything that did not go as the study asked; None where all did."""
-    rows = [(where(row), row["stage"], row["message"]) for row in results.problems]
+    """Everything that did not go as the study asked, but what the findings say; None where all did."""
+    rest = [row for row in results.problems if row not in results.findings]
+    rows = [(where(row), row["stage"], row["message"]) for row in rest]
     messages = {row["message"] for row in results.problems}
     for recording in results.recordings:
         status, message = results.status_of(recording)
@@ -59,6 +60,14 @@ def problems_table(results: StudyResults, whose: str = "as the study asked") -> 
         (),
         frozenset({0, 1, 2}),
     )
+
+
+def findings(results: StudyResults) -> list[dict[str, str]]:
+    """What is to be settled before any number is believed: where it is, what it is, and its severity."""
+    return [
+        {"where": where(row), "message": row["message"], "severity": row["severity"]}
+        for row in results.findings
+    ]
 
 
 def where(problem: Row) -> str:

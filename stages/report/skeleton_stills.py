@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from markupsafe import Markup
@@ -13,7 +13,7 @@ from stages.report.hand_motion import Array, Chain, chains_at, chains_key, recei
 from stages.report.pictures.hand_views import Window, hand_picture, window_of
 from stages.report.recording_results import read_still
 from stages.report.study_results import StudyResults
-from stages.report.table_cells import listed
+from stages.report.table_cells import alike, listed
 
 
 @dataclass(frozen=True)
@@ -66,16 +66,15 @@ def skeleton_pictures(
         return [FigureRow("No picture", (), tuple(remarks))]
     windows = {item.hand: item.window() for item in posed}
     scale = min(window.scale for window in windows.values())
-    alike: dict[Hashable, list[str]] = {}
-    for model in results.models if models is None else models:
-        alike.setdefault(tuple(chains_key(item.chains[model]) for item in posed), []).append(model)
+    names = results.models if models is None else models
+    groups = alike({model: [chains_key(item.chains[model]) for item in posed] for model in names})
     return [
         FigureRow(
             listed(group),
             tuple(_figure(item, group, windows[item.hand], scale) for item in posed),
             tuple(remarks),
         )
-        for group in alike.values()
+        for group in groups
     ]
 
 

@@ -17,6 +17,7 @@ from stages.report.table_cells import (
     number_column,
     table_of,
     text_column,
+    title,
 )
 
 STATUS_MARKS = {"ok": "ok", "weak": "◆ weak", "failed": "✕ failed"}
@@ -44,7 +45,11 @@ def joint_tables(results: StudyResults, hand: Hand) -> list[Folded]:
         rows = results.joints_of.get((hand, model), [])
         caption = f"Joints of subject {hand.subject}, {hand.hand} hand, model {model}."
         table = table_of(caption, _JOINT_COLUMNS, rows, NO_JOINT)
-        folded.append(Folded(f"{hand.hand.capitalize()} hand, {model}: {_counts(rows)}", table))
+        folded.append(
+            Folded(
+                f"{title(hand.hand)} hand, {model}: {_counts(rows, 'joint', 'no joint was solved')}", table
+            )
+        )
     return folded
 
 
@@ -76,7 +81,11 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
         )
         no_hand = "No hand was fitted; the reason is under “What went wrong”."
         table = table_of(caption, _RECEIVER_COLUMNS, rows, no_hand)
-        folded.append(Folded(f"{hand.hand.capitalize()} hand, {model}: {_receiver_counts(rows)}", table))
+        folded.append(
+            Folded(
+                f"{title(hand.hand)} hand, {model}: {_counts(rows, 'receiver', 'no hand was fitted')}", table
+            )
+        )
     return folded
 
 
@@ -107,26 +116,18 @@ _RECEIVER_COLUMNS = (
 )
 
 
-def _receiver_counts(rows: list[Row]) -> str:
-    if not rows:
-        return "no hand was fitted"
-    loose = sum(row["loose_from_frame"] is not None for row in rows)
-    doubts = Counter(row["status"] for row in rows)
-    parts = [f"{doubts[word]} {word}" for word in ("weak", "failed") if doubts[word]]
-    parts += [f"{loose} came loose"] if loose else []
-    return ", ".join([counted(len(rows), "receiver"), *(parts or ["all ok"])])
-
-
 def _with_error(value: float | None, sd: float | None) -> str:
     return number(value) + (f" ± {number(sd)}" if value is not None and sd is not None else "")
 
 
-def _counts(rows: list[Row]) -> str:
+def _counts(rows: list[Row], word: str, nothing: str) -> str:
     if not rows:
-        return "no joint was solved"
+        return nothing
     statuses = Counter(row["status"] for row in rows)
-    doubts = [f"{statuses[word]} {word}" for word in ("weak", "failed") if statuses[word]]
-    return ", ".join([counted(len(rows), "joint"), *(doubts or ["all ok"])])
+    loose = sum(row.get("loose_from_frame") is not None for row in rows)
+    doubts = [f"{statuses[kind]} {kind}" for kind in ("weak", "failed") if statuses[kind]]
+    doubts += [f"{loose} came loose"] if loose else []
+    return ", ".join([counted(len(rows), word), *(doubts or ["all ok"])])
 
 
 def _length(row: Row | None) -> str:

@@ -1,22 +1,25 @@
-"""The page of the study: what it found, model against model, and where everything else is."""
+"""The page of the study: what it found, model against model, its subjects, and where everything else is."""
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
-from schemas.study import Study
+from markupsafe import Markup
+
+from schemas.study import Hand, Study
 from stages.report import provenance
 from stages.report.downloads import downloads
 from stages.report.headline import headline, used_text
-from stages.report.links import recording_links
+from stages.report.links import anchor, link, recording_links
 from stages.report.methods_text import REFERENCES, methods_text
 from stages.report.models_compared.sections import models_compared
-from stages.report.score_tables import held_out_table
+from stages.report.score_tables import held_out_table, mean
 from stages.report.skeleton_stills import skeleton_pictures
-from stages.report.study_results import StudyResults
-from stages.report.subjects_table import subjects_table
+from stages.report.study_results import Row, StudyResults
+from stages.report.table_cells import DASH, Block, DataTable, counted, number
 from stages.report.templates import render
-from stages.report.trust import study_trust_table
+from stages.report.trust import believed_text, study_trust_table
 
 
 def render_study(results: StudyResults, study: Study) -> str:
@@ -28,6 +31,7 @@ def render_study(results: StudyResults, study: Study) -> str:
         headline=headline(results),
         used=used_text(results),
         front=_front(results),
+        findings=provenance.findings(results),
         problems=provenance.problems_table(results),
         exports=study.exports,
         export_models=study.export_settings["models"],
@@ -60,3 +64,58 @@ def _front(results: StudyResults) -> dict[str, Any] | None:
 def render_failure(message: str) -> str:
     """Give a page that says only why there is no report."""
     return render("failure.html.j2", title="No report", message=f"The report could not be made: {message}")
+
+
+def subjects_table(results: StudyResults) -> DataTable:
+    """A row for every hand, with links to the subject's page and to those of its recordings."""
+    model = results.leading
+    scores: dict[Hand, list[Row]] = {}
+    for row in results.scores:
+        if row["model"] == model:
+            scores.setdefault(Hand(row["subject"], row["hand"]), []).append(row)
+    truth = any(row["true_tip_mean_mm"] is not None for rows in scores.values() for row in rows)
+    fitted = model in results.fitted
+    header: tuple[str, ...] = ("Subject", "Hand", "See it move", "Recordings", "Joints to believe")
+    header += ("Distal receivers left out [mm]",) if fitted else ()
+    header += ("Fingertip against the truth [mm]",) if truth else ()
+    rows = tuple(
+        (*_who(results, hand), believed_text(results, hand, model))
+        + ((_score_of(scores.get(hand, []), "left_out_mean_mm"),) if fitted else ())
+        + ((_score_of(scores.get(hand, []), "true_tip_mean_mm"),) if truth else ())
+        for hand in results.hands
+    )
+    return DataTable(
+        f"Every hand of the study; the numbers are those of {model}, means over digits"
+        " (held-out scores where there are any).",
+        (Block(header, rows),),
+        (),
+        frozenset(range(4)),
+    )
+
+
+def _who(results: StudyResults, hand: Hand) -> tuple[str, ...]:
+    page = results.paths.report
+    links = recording_links(results.shown, results.paths, page, hand.subject, hand.hand)
+    return (
+        anchor(link(hand.subject, page, results.paths.subject_page(hand.subject))),
+        hand.hand,
+        Markup(", ").join(anchor(each) for each in links) if links else DASH,
+        _recordings(results, hand),
+    )
+
+
+def _recordings(results: StudyResults, hand: Hand) -> str:
+    """How many of the hand's recordings were used, and why the others were not."""
+    mine = [recording for recording in results.recordings if recording.hand == hand]
+    statuses = [results.status_of(recording) for recording in mine]
+    used = sum(status == "used" for status, _ in statuses)
+    if used == len(mine):
+        return counted(used, "recording")
+    reasons = Counter(": ".join(filter(None, each)) for each in statuses if each[0] != "used")
+    texts = "; ".join(f"{why} ({count}×)" if count > 1 else why for why, count in reasons.items())
+    return f"◆ {used} of {counted(len(mine), 'recording')}; {texts}"
+
+
+def _score_of(rows: list[Row], name: str) -> str:
+    fresh = [row for row in rows if row["held_out"]] or rows
+    return number(mean(row[name] for row in fresh))

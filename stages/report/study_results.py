@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
-from schemas.catalogue import PROBLEMS, RECORDINGS, TABLES, TIP_ERRORS
+from schemas.catalogue import FINDINGS, PROBLEMS, RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
+from schemas.findings import NOTE, STAGE
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.parts import part_metadata
@@ -20,7 +21,7 @@ from schemas.plan import SubjectPlan
 from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
 from schemas.study import Hand, Recording, Study, path_token
-from schemas.tables import Table, open_table, read_metadata, read_table
+from schemas.tables import Table, open_table, read_metadata, read_table, rows_of
 
 Row = dict[str, Any]
 HandModel = tuple[Hand, str]
@@ -57,6 +58,18 @@ class Trial:
     def title(self) -> str:
         """Task and trial in words."""
         return f"{self.task}, trial {self.trial}" if self.trial else self.task
+
+
+def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[Row]]]:
+    """The rows of that attribute by hand and model, in the table's order."""
+
+    def grouped(results: StudyResults) -> dict[HandModel, list[Row]]:
+        groups: dict[HandModel, list[Row]] = defaultdict(list)
+        for row in getattr(results, attribute):
+            groups[Hand(row["subject"], row["hand"]), row["model"]].append(row)
+        return dict(groups)
+
+    return cached_property(grouped)
 
 
 @dataclass(frozen=True)
@@ -123,24 +136,21 @@ class StudyResults:
         return [row for row in rows if Hand(row["subject"], row["hand"]) not in self.suspect]
 
     @cached_property
-    def joints_of(self) -> dict[HandModel, list[Row]]:
-        """Joint rows by hand and model, in the table's order."""
-        return _by_hand_and_model(self.joints)
+    def judging(self) -> StudyResults:
+        """The same without the rows of suspect hands."""
+        tables = ("joints", "bones", "tip_errors", "scores", "joint_errors")
+        counted: dict[str, Any] = {name: self.counted(getattr(self, name)) for name in tables}
+        return replace(self, **counted)
 
     @cached_property
-    def bones_of(self) -> dict[HandModel, list[Row]]:
-        """Bone rows by hand and model, in the table's order."""
-        return _by_hand_and_model(self.bones)
+    def findings(self) -> list[Row]:
+        """Problems that poses show in what was declared of recordings, notes left out."""
+        return [row for row in self.problems if row["stage"] == STAGE and row["severity"] != NOTE]
 
-    @cached_property
-    def receivers_of(self) -> dict[HandModel, list[Row]]:
-        """Receiver rows by hand and model, in the table's order."""
-        return _by_hand_and_model(self.receivers)
-
-    @cached_property
-    def gains_of(self) -> dict[HandModel, list[Row]]:
-        """Rows of gains by hand and model, best first."""
-        return _by_hand_and_model(self.gains)
+    joints_of = _by_hand_and_model("joints")
+    bones_of = _by_hand_and_model("bones")
+    receivers_of = _by_hand_and_model("receivers")
+    gains_of = _by_hand_and_model("gains")
 
     @property
     def fitted(self) -> list[str]:
@@ -240,6 +250,7 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
         rows["recordings"].append(row)
         where = {"hand": recording.hand.hand, "task": ", ".join(filter(None, recording_key(recording)[2:]))}
         rows["problems"] += [_problem(plan.subject, "capture", text, **where) for text in problems]
+    rows["problems"] += _findings(plan)
     for name, stage in GATHERED_TABLES.items():
         rows[name] = (
             [] if name not in _ROWS_OF else _subject_rows(plan, TABLES[name], stage, rows["problems"])
@@ -253,6 +264,26 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
         layouts={Hand(plan.subject, hand): layout for hand, layout in plan.layouts.items()},
         **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
     )
+
+
+def _findings(plan: SubjectPlan) -> list[Row]:
+    """The subject's findings as problems."""
+    try:
+        found = list(rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)))
+    except InputError as error:
+        return [_problem(plan.subject, STAGE, str(error))]
+    return [
+        _problem(
+            plan.subject,
+            STAGE,
+            row["message"],
+            hand=row["hand"],
+            task=", ".join(filter(None, (row["task"], row["trial"]))),
+            kind=row["kind"],
+            severity=row["severity"],
+        )
+        for row in found
+    ]
 
 
 def whole_skeletons(rows: pa.Table) -> pa.Table:
@@ -321,10 +352,3 @@ def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
 def _columns_shown(table: Table) -> list[str]:
     """Columns that pages show: not those of lists, which are most of what there is to read."""
     return [column.name for column in table.columns if not pa.types.is_fixed_size_list(column.type)]
-
-
-def _by_hand_and_model(rows: list[Row]) -> dict[HandModel, list[Row]]:
-    groups: dict[HandModel, list[Row]] = defaultdict(list)
-    for row in rows:
-        groups[Hand(row["subject"], row["hand"]), row["model"]].append(row)
-    return dict(groups)

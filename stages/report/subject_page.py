@@ -42,6 +42,7 @@ def render_subject(results: StudyResults) -> str:
         to_study=link(results.name, page, results.paths.report),
         recordings=recording_links(results.shown, results.paths, page, subject),
         used=used_text(results),
+        findings=provenance.findings(results),
         problems=provenance.problems_table(results, f"as the study asked: subject {subject}"),
         name=subject,
         trust=[_trust_part(results, hand) for hand in hands],

@@ -90,6 +90,15 @@ def listed(words: Iterable[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
+def alike(values: Mapping[str, object]) -> list[list[str]]:
+    """Names in groups of equal values, in their order."""
+    groups: list[list[str]] = []
+    for name, value in values.items():
+        same = next((group for group in groups if values[group[0]] == value), None)
+        groups.append([name]) if same is None else same.append(name)
+    return groups
+
+
 def counted(count: int, word: str) -> str:
     """The count with its word: 1 joint, 2 joints."""
     return f"{count} {word}{'' if count == 1 else 's'}"

@@ -11,19 +11,17 @@ from markupsafe import Markup
 from schemas import VERSION
 from stages.report.palette import css
 
-_ENVIRONMENT = jinja2.Environment(
+ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent),
     autoescape=True,
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
 )
-for _name in _ENVIRONMENT.list_templates(extensions=("j2", "css", "js")):
-    _ENVIRONMENT.get_template(_name)  # here, before any fork: to compile one takes longer than to fill it in
+for _name in ENVIRONMENT.list_templates(extensions=("j2", "css", "js")):
+    ENVIRONMENT.get_template(_name)  # here, before any fork: to compile one takes longer than to fill it in
 
 
-def render(template: str, **content: Any) -> str:
-    """Fill in a template of this folder; text is escaped, and a name that is not given is an error."""
-    return (
-        _ENVIRONMENT.get_template(template).render(version=VERSION, palette=Markup(css()), **content) + "\n"
-    )
+def render(template: str | jinja2.Template, **content: Any) -> str:
+    """Fill in a template, by its path in this folder; text is escaped, a name not given is an error."""
+    return ENVIRONMENT.get_template(template).render(version=VERSION, palette=Markup(css()), **content) + "\n"

@@ -9,16 +9,7 @@ import numpy as np
 
 from stages.report.score_tables import tasks_text
 from stages.report.study_results import Row, StudyResults
-from stages.report.table_cells import (
-    DASH,
-    Block,
-    Column,
-    DataTable,
-    Folded,
-    number,
-    table_of_blocks,
-    title,
-)
+from stages.report.table_cells import DASH, Block, Column, DataTable, Folded, number, table_of_blocks, title
 
 FAR_MM = 5.0
 """A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""

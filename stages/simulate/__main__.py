@@ -43,8 +43,8 @@ def write_simulation(arguments: argparse.Namespace) -> None:
     from schemas.tables import Provenance  # not at start-up: --help needs no NumPy
     from stages.simulate.realism import Realism
     from stages.simulate.recording import check_ending, write_recording
-    from stages.simulate.simulated_truth import write_truth
     from stages.simulate.simulation import simulate
+    from stages.simulate.written_truth import write_truth
 
     check_ending(arguments.out)
     simulated = simulate(
@@ -61,7 +61,7 @@ def write_simulation(arguments: argparse.Namespace) -> None:
         folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
         names = ("subject", "hand", "task", "seed", "realism", "forearm")
         provenance = Provenance(parameters={name: getattr(arguments, name) for name in names})
-        write_truth(folder, simulated.truth, simulated.written(), provenance)
+        write_truth(folder, simulated, provenance)
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from schemas.errors import InputError
 from schemas.layout import read_layout
+from schemas.poses import Poses
 from skeleton.rotations import Array
 from stages.simulate.artefact import distorted, noisy, seen_through_skin, skin_of, under_read
 from stages.simulate.forward import bone_poses
@@ -16,7 +17,7 @@ from stages.simulate.mounts import mounts_of
 from stages.simulate.random_hand import DIGITS, hand_of
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
-from stages.simulate.simulated_truth import Truth, Written, true_joints, true_tips_mm
+from stages.simulate.simulated_truth import Truth
 from stages.simulate.task_motion import RATE_HZ, TASK_FRAMES, move
 
 LAYOUT = "liberty16"
@@ -41,12 +42,15 @@ class Simulated:
     quaternion: Array
     truth: Truth
 
-    def written(self) -> Written:
-        """Give what the truth tables say of the recording."""
-        distal = [self.segments.index(f"{digit}_distal") for digit in DIGITS]
-        return Written(
-            self.subject, self.hand, self.task, self.frame, self.time_s, self.position_mm[:, distal]
-        )
+    @property
+    def distal_mm(self) -> Array:
+        """Origins (T, 5, 3) of the digits' distal receivers."""
+        return self.position_mm[:, [self.segments.index(f"{digit}_distal") for digit in DIGITS]]
+
+    def poses(self) -> Poses:
+        """Give the recording as the stages hold it, every receiver valid in every frame."""
+        valid = np.ones(self.position_mm.shape[:2], bool)
+        return Poses(self.segments, self.frame, self.time_s, self.position_mm, self.quaternion, valid)
 
 
 def simulate(
@@ -85,15 +89,7 @@ def simulate(
     if realism.noise:
         rng = generator(seed, "noise", subject, hand, task)
         recorded = noisy(*recorded, realism.noise, rng)
-    truth = Truth(
-        hand=anatomy,
-        mounts=mounts,
-        angles_rad=motion.angles_rad,
-        bone_position_mm=bones[0],
-        bone_quaternion=bones[1],
-        tip_mm=true_tips_mm(anatomy, *bones),
-        joints=true_joints(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism),
-    )
+    truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism)
     frame = np.arange(FIRST_FRAME, FIRST_FRAME + n_frames)
     return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth)
 

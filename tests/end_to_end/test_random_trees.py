@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from chains import Chain, chain_tips, moments_of, quaternions, random_chain
+from chains import Chain, chain_layout, chain_tips, moments_of, quaternions, random_chain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -35,9 +35,11 @@ def made(seed: int, parents: tuple[int, ...], **options: float) -> Chain:
 
 def solved(chain: Chain, poses: Poses) -> dict[str, dict[str, Any]]:
     """joint_centres by joint, from those poses."""
-    moments = moments_of(chain, poses)
+    moments, layout = moments_of(chain, poses), chain_layout(chain)
     return {
-        joint.name: place_joint(joint, solution_row(joint, solve_closed(moments, index, 5)), MODEL, None)
+        joint.name: place_joint(
+            joint, layout, solution_row(joint, solve_closed(moments, index, 5)), MODEL, None
+        )
         for index, joint in enumerate(chain.joints)
     }
 

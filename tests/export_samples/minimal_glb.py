@@ -58,21 +58,20 @@ class Glb:
         return {(c["target"]["node"], c["target"]["path"]): samplers[c["sampler"]] for c in made["channels"]}
 
     def posed(self, times: np.ndarray | None = None, animation: int = 0) -> np.ndarray:
-        """World matrices (T, N, 4, 4) of all nodes at times; None: as they stand (T = 1)."""
-        at = np.zeros(1) if times is None else np.asarray(times, float)
-        keys = {} if times is None else self.keys(animation)
+        """World matrices (T, N, 4, 4) of all nodes at times that have a key; None: as they stand (T = 1)."""
+        at = np.zeros(1) if times is None else times.astype(np.float32)
+        keys = {}
+        for target, (known, values) in {} if times is None else self.keys(animation).items():
+            rows = np.searchsorted(known, at)
+            demand((known[rows] == at).all(), "a time without a key")
+            keys[target] = values[rows]
         out = np.tile(np.eye(4), (len(at), len(self.names), 1, 1))
         for index in self._ordered():
             node = self.json["nodes"][index]
-            place = np.tile(np.array(node.get("translation", [0.0, 0.0, 0.0])), (len(at), 1))
-            turn = Rotation.from_quat(np.tile(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), (len(at), 1)))
-            if (index, "translation") in keys:
-                t, values = keys[index, "translation"]
-                place = np.stack([np.interp(at, t, values[:, axis]) for axis in range(3)], -1)
-            if (index, "rotation") in keys:
-                turn = _slerped(*keys[index, "rotation"], at)
+            turn = keys.get((index, "rotation"), np.array([node.get("rotation", [0.0, 0.0, 0.0, 1.0])]))
             local = np.tile(np.eye(4), (len(at), 1, 1))
-            local[:, :3, :3], local[:, :3, 3] = turn.as_matrix(), place
+            local[:, :3, :3] = Rotation.from_quat(turn).as_matrix()
+            local[:, :3, 3] = keys.get((index, "translation"), node.get("translation", [0.0, 0.0, 0.0]))
             above = self.parents[index]
             out[:, index] = out[:, above] @ local if above >= 0 else local
         return out
@@ -105,25 +104,6 @@ class Glb:
             order += self.json["nodes"][index].get("children", [])
         demand(sorted(order) == list(range(len(self.parents))), "nodes that are no trees")
         return order
-
-
-def _slerped(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> Rotation:
-    """Spherical interpolation as the specification writes it (appendix C.4), by the signs as they are."""
-    after = np.clip(np.searchsorted(times, at, side="right"), 1, max(len(times) - 1, 1))
-    before, after = after - 1, np.minimum(after, len(times) - 1)
-    width = times[after].astype(float) - times[before]
-    share = np.clip(np.divide(at - times[before], width, out=np.zeros(len(at)), where=width > 0), 0, 1)[
-        :, None
-    ]
-    first, second = values[before], values[after]
-    cosine = (first * second).sum(-1, keepdims=True)
-    second, cosine = np.where(cosine < 0, -second, second), np.abs(cosine)
-    arc = np.arccos(np.minimum(cosine, 1.0))
-    flat = arc < 1e-6
-    safe = np.where(flat, 1.0, np.sin(arc))
-    left = np.where(flat, 1 - share, np.sin((1 - share) * arc) / safe)
-    right = np.where(flat, share, np.sin(share * arc) / safe)
-    return Rotation.from_quat(left * first + right * second)
 
 
 def read_glb(path: Path) -> Glb:

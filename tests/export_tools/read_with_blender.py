@@ -1,9 +1,10 @@
-"""Joints of a GLB or FBX file as Blender has them, as JSON on stdout. Runs in Blender's Python.
+"""Joints of a BVH, GLB, FBX or USD file as Blender has them, as JSON on stdout. Runs in Blender's Python.
 
-usage: python read_with_blender.py FILE RATE_HZ; RATE_HZ 0: that of the file (FBX)
+usage: python read_with_blender.py FILE RATE_HZ; RATE_HZ 0: that of the file
 
-{ARMATURE: {JOINT: [[x, y, z], ... a frame]}} in m, turned back from Blender's world to +Y up, and for every
-armature's body, under ARMATURE-body, its vertices in the last frame, in no particular order.
+{"joints": {ARMATURE: {JOINT: [[x, y, z], ... a frame]}}, "ends": the same of the ends of bones that nothing
+hangs from, "bodies": {ARMATURE: vertices in the last frame, in no particular order}}, all turned back from
+Blender's world to +Y up, in the file's unit (of BVH) or m.
 """
 
 import json
@@ -21,41 +22,53 @@ def upright(point):
     return [point.x, point.z, -point.y]
 
 
-def body(armature, graph):
+def read(file):
+    """Read a file into the empty scene."""
+    if file.suffix == ".bvh":
+        axes = {"axis_forward": "-Z", "axis_up": "Y"}
+        bpy.ops.import_anim.bvh(filepath=str(file), rotate_mode="NATIVE", use_fps_scale=False, **axes)
+    elif file.suffix == ".fbx":
+        bpy.ops.import_scene.fbx(filepath=str(file))
+    elif file.suffix == ".usda":
+        bpy.ops.wm.usd_import(filepath=str(file))
+    else:
+        bpy.ops.import_scene.gltf(filepath=str(file))
+
+
+def body(armature, meshes, graph):
     """Vertices of the meshes that the armature moves, as it moves them."""
     points = []
-    for mesh in (thing for thing in bpy.context.scene.objects if thing.parent == armature):
-        moved = mesh.evaluated_get(graph)
-        points += [upright(moved.matrix_world @ vertex.co) for vertex in moved.to_mesh().vertices]
+    for mesh in meshes:
+        if armature in [modifier.object for modifier in mesh.modifiers if modifier.type == "ARMATURE"]:
+            moved = mesh.evaluated_get(graph)
+            points += [upright(moved.matrix_world @ vertex.co) for vertex in moved.to_mesh().vertices]
     return points
 
 
-file, rate_hz = Path(sys.argv[1]), float(sys.argv[2])
+rate_hz = float(sys.argv[2])
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 if rate_hz:
     scene.render.fps = round(rate_hz)
     scene.render.fps_base = scene.render.fps / rate_hz
-if file.suffix == ".fbx":
-    bpy.ops.import_scene.fbx(filepath=str(file))
-else:
-    bpy.ops.import_scene.gltf(filepath=str(file))
+read(Path(sys.argv[1]))
 armatures = [thing for thing in scene.objects if thing.type == "ARMATURE"]
-moving = [armature for armature in armatures if armature.animation_data.action]
-first = min(armature.animation_data.action.frame_range[0] for armature in moving)
-last = max(armature.animation_data.action.frame_range[1] for armature in moving)
+ranges = [own.animation_data.action.frame_range for own in armatures if own.animation_data.action]
 meshes = [thing for thing in scene.objects if thing.type == "MESH"]
 for mesh in meshes:
     mesh.hide_viewport = True  # not worked out in every frame
-found = {armature.name: {bone.name: [] for bone in armature.pose.bones} for armature in armatures}
-for frame in range(round(first), round(last) + 1):
+joints = {armature.name: {bone.name: [] for bone in armature.pose.bones} for armature in armatures}
+ends = {armature.name: {bone.name: [] for bone in armature.pose.bones} for armature in armatures}
+for frame in range(round(min(first for first, _ in ranges)), round(max(last for _, last in ranges)) + 1):
     scene.frame_set(frame)
     for armature in armatures:
         for bone in armature.pose.bones:
-            found[armature.name][bone.name].append(upright(armature.matrix_world @ bone.head))
+            joints[armature.name][bone.name].append(upright(armature.matrix_world @ bone.head))
+            if not bone.children:
+                ends[armature.name][bone.name].append(upright(armature.matrix_world @ bone.tail))
 for mesh in meshes:
     mesh.hide_viewport = False
 graph = bpy.context.evaluated_depsgraph_get()
 graph.update()
-bodies = {f"{armature.name}-body": body(armature, graph) for armature in armatures}
-json.dump({"joints": found, "bodies": bodies}, REPORT)
+bodies = {armature.name: body(armature, meshes, graph) for armature in armatures}
+json.dump({"joints": joints, "ends": ends, "bodies": bodies}, REPORT)

@@ -1,13 +1,8 @@
-"""The pages of docs/web.md, served to a browser from this machine, and their picture for that guide.
-
-python tests/export_tools/web_page.py HAND.glb NODE_MODULES OUT.png, with tests/ on the path of modules
-"""
+"""The pages of docs/web.md, served to a browser from this machine."""
 
 from __future__ import annotations
 
 import re
-import sys
-import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +11,6 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "web.md"
-PICTURE_AFTER_MS = 1700
 
 
 class _Silent(SimpleHTTPRequestHandler):
@@ -46,23 +40,3 @@ def served(page: str, glb: Path, modules: Path, folder: Path) -> Iterator[str]:
         finally:
             server.shutdown()
             thread.join()
-
-
-def take_picture(glb: Path, modules: Path, out: Path) -> None:
-    """Write what the three.js page shows after a while."""
-    from browser import chromium
-
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        served(page_under("With three.js"), glb, modules, Path(folder)) as address,
-        chromium() as browser,
-    ):
-        page = browser.new_page(viewport={"width": 720, "height": 420})
-        page.goto(address)
-        page.wait_for_function("document.querySelector('output').textContent")
-        page.wait_for_timeout(PICTURE_AFTER_MS)
-        page.screenshot(path=out)
-
-
-if __name__ == "__main__":
-    take_picture(*map(Path, sys.argv[1:4]))

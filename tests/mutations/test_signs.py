@@ -81,7 +81,7 @@ SIGNS = {
 }
 
 
-ROOMS = ("schemas", "anatomy", "skeleton", "trackers", "stages", "benchmarks", "config")
+ROOMS = ("schemas", "anatomy", "checks", "skeleton", "trackers", "stages", "benchmarks", "config")
 
 GUARDS = (
     "skeleton/test_rotations.py",

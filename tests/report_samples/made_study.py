@@ -242,12 +242,7 @@ def _bone_rows(
 
 
 def _add_digit(
-    rows: Rows,
-    key: dict[str, str],
-    model: SkeletonModel,
-    digit: str,
-    n_frames: int,
-    rng: np.random.Generator,
+    rows: Rows, key: dict[str, str], model: SkeletonModel, digit: str, n_frames: int, rng: np.random.Generator
 ) -> None:
     """Tip errors of one digit: smooth, a few mm, gross where the little DIP joint is off."""
     who = {**key, "model": model.name, "digit": digit}

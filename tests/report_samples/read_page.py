@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
+from typing import Any
 
 VOID = {"meta", "br", "hr", "link", "img", "input"}
 
@@ -53,6 +55,11 @@ class PageReader(HTMLParser):
             self.tables[-1].caption += data
         elif {"td", "th"} & set(self.open) and "button" not in self.open:
             self.tables[-1].rows[-1][-1] += data
+
+
+def rows_where(rows: Iterable[dict[str, Any]], **wanted: Any) -> list[dict[str, Any]]:
+    """The rows of a table whose columns have these values."""
+    return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
 
 
 def read_page(page: str) -> PageReader:

@@ -1,32 +1,27 @@
-"""A page that holds one part of the report alone, with its own styles and scripts."""
+"""A page that holds one part of the report alone, with the styles and scripts of the report's pages."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import jinja2
+from stages.report.hand_motion import HandMotion
+from stages.report.templates import ENVIRONMENT, render
+from stages.report.viewer.view import view_of
 
-import stages.report
-from stages.report.palette import css
-
-PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>A part of the report</title><link rel="icon" href="data:,">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<style>{{ palette }}{% include "page.css" %}{% include "tables.css" %}
-{% include "models_compared/models_compared.css" %}</style></head>
-<body><main>BODY</main>
-<script>{% include "tables.js" %}</script>
-<script>{% include "models_compared/models_compared.js" %}</script></body></html>"""
+PAGE = """{% extends "base.html.j2" %}{% block title %}{{ title }}{% endblock %}
+{% block styles %}{% include "models_compared/models_compared.css" %}
+{% include "viewer/viewer.css" %}{% endblock %}
+{% block scripts %}{% include "models_compared/models_compared.js" %}
+{% include "viewer/viewer.js" %}{% endblock %}
+{% block content %}<h1>{{ title }}</h1>BODY{% endblock %}"""
 
 
-def small_page(body: str, **content: Any) -> str:
+def small_page(body: str, title: str = "A part of the report", **content: Any) -> str:
     """Fill in a template's text, which may import the report's macros, as the report fills in its own."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(stages.report.__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.from_string(PAGE.replace("BODY", body)).render(palette=css(), **content)
+    return render(ENVIRONMENT.from_string(PAGE.replace("BODY", body)), title=title, **content)
+
+
+def page_of_viewer(title: str, motion: HandMotion) -> str:
+    """A page that shows one moving hand and nothing else."""
+    body = '{% from "viewer/viewer.html.j2" import hand_viewer %}{{ hand_viewer(view) }}'
+    return small_page(body, title, view=view_of(title, motion))

@@ -100,12 +100,15 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         ),
         (
             put(C3D, "receivers.hand.markers", ["GloveR1", "GloveR2"]),
-            "receivers.hand.markers: has 2; a rigid cluster needs three or more markers",
+            "receivers.hand.markers: has 2; expected at least 3: c3d: the markers of the rigid cluster",
         ),
-        (put(LONG, "csv.position", ["x", "y"]), "csv.position: has 2 columns; needs three"),
+        (
+            put(LONG, "csv.position", ["x", "y"]),
+            "csv.position: has 2; expected at least 3: long: the columns",
+        ),
         (
             put(WIDE, "receivers.hand.orientation", ["a"]),
-            "receivers.hand.orientation: has 1 columns; needs three angles",
+            "receivers.hand.orientation: has 1; expected at least 3: csv with one row a frame",
         ),
         (
             put(MATRICES, "receivers.Right-Hand", {}),

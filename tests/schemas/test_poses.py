@@ -17,7 +17,7 @@ from schemas.poses import (
     recording_name,
     usable_poses,
 )
-from schemas.tables import Provenance, columns_from_rows, write_failure, write_table
+from schemas.tables import Provenance, columns_from_rows, write_failure, write_table, write_table_in_parts
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 NAME = {"subject": "01", "hand": "right", "task": "rom", "trial": ""}
@@ -35,22 +35,19 @@ def write(
 
     group_frames : rows of a row group, by default a segment's.
     """
-    cells = [(segment, frame) for segment, frames in frames_by_segment.items() for frame in frames]
-    poses = np.broadcast_to(np.asarray(numbers), (len(cells), 7))
-    columns = {
-        "segment": [segment for segment, _ in cells],
-        "frame": [frame for _, frame in cells],
-        "time_s": [None] * len(cells) if times_s is None else times_s,
-        **dict(zip(NUMBERS, poses.T, strict=True)),
-        "valid": np.isfinite(poses).all(-1),
-        "flags": [""] * len(cells),
-    }
-    groups = [
-        len(frames[start : start + (group_frames or len(frames))])
-        for frames in frames_by_segment.values()
-        for start in range(0, len(frames), group_frames or len(frames))
-    ]
-    write_table(path, POSES, columns, Provenance(parameters=NAME | name), row_group_rows=groups)
+    n_rows = sum(map(len, frames_by_segment.values()))
+    poses = np.broadcast_to(np.asarray(numbers), (n_rows, 7))
+    times = np.full(n_rows, np.nan) if times_s is None else np.asarray(times_s, float)
+    groups, done = [], 0
+    for segment, frames in frames_by_segment.items():
+        for start in range(0, len(frames), group_frames or len(frames)):
+            own = frames[start : start + (group_frames or len(frames))]
+            rows = slice(done, done + len(own))
+            done = rows.stop
+            columns = {"segment": [segment] * len(own), "frame": own, "flags": [""] * len(own)}
+            columns |= {"time_s": times[rows], "valid": np.isfinite(poses[rows]).all(-1)}
+            groups.append(columns | dict(zip(NUMBERS, poses[rows].T, strict=True)))
+    write_table_in_parts(path, POSES, groups, Provenance(parameters=NAME | name))
     return path
 
 

@@ -10,7 +10,8 @@ from small_study import HEADER, write_study
 from schemas.config_files import CONFIG_FOLDER
 from schemas.errors import InputError
 from schemas.layout import read_layout
-from schemas.study import Hand, Study, correction_problems, path_token, read_corrections, read_study
+from schemas.sheets import CORRECTIONS, read_sheet
+from schemas.study import Hand, Study, correction_problems, path_token, read_study
 
 
 def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
@@ -48,13 +49,10 @@ def test_layouts_and_models_of_ones_own(tmp_path: Path) -> None:
     assert read.layout_of(Hand("01", "right")) == tmp_path / "wing.yaml"
 
 
-def test_recordings_of_a_hand_by_role(tmp_path: Path) -> None:
-    """Excluded ones and those of other hands are in no role."""
+def test_recordings_that_are_shown(tmp_path: Path) -> None:
+    """Those that tips are evaluated on, but for excluded ones."""
     rows = ("a calibration 1", "b both 2", "c evaluation 3", "d both 4 - - moved")
     read = study(tmp_path, *(f"01 right {row}" for row in rows), "01 left a both 5", "02 right a both 6")
-    hand = Hand("01", "right")
-    assert [r.task for r in read.of(hand, ["calibration", "both"])] == ["a", "b"]
-    assert [r.task for r in read.evaluated(hand)] == ["b", "c"]
     assert [(r.hand.subject, r.hand.hand, r.task) for r in read.shown] == [
         ("01", "right", "b"),
         ("01", "right", "c"),
@@ -154,7 +152,7 @@ def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) 
     rows = [f"{joint} 1 2 3".replace(" ", "\t") for joint in joints]
     path.write_text("\n".join(["subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm", *rows]))
     layout = read_layout("liberty16")
-    problems = correction_problems(read_corrections(path), path, [Hand("01", "right")], layout)
+    problems = correction_problems(read_sheet(path, CORRECTIONS), path, [Hand("01", "right")], layout)
     assert [problem.split(", column ")[0] for problem in problems] == [
         f"corrections.tsv: row {row}" for row in (3, 4, 5, 6)
     ]

@@ -28,6 +28,7 @@ PARTS = (
     "skeleton",
     "anatomy",
     "schemas",
+    "checks",
     "config",
     "profiles",
     "captions",

@@ -182,7 +182,7 @@ def test_every_problem_is_named_once(study: StudyRun) -> None:
 
 
 @pytest.mark.parametrize(("subject", "hand", "reason"), WITHOUT_JOINTS)
-def test_a_hand_without_calibration_has_failed_joints(
+def test_a_hand_without_calibration_has_failed_joints_and_tip_errors_without_numbers(
     study: StudyRun, subject: str, hand: str, reason: str
 ) -> None:
     joints = study.rows_where("joint_centres", subject=subject, hand=hand)
@@ -191,12 +191,6 @@ def test_a_hand_without_calibration_has_failed_joints(
     assert {row["status"] for row in fitted} == {"failed"}
     assert all(reason in row["message"] for row in fitted)
     assert all(row["child_x_mm"] is None for row in fitted)
-
-
-@pytest.mark.parametrize(("subject", "hand", "reason"), WITHOUT_JOINTS)
-def test_a_hand_without_joints_has_tip_errors_without_numbers(
-    study: StudyRun, subject: str, hand: str, reason: str
-) -> None:
     errors = study.rows_where("tip_errors", subject=subject, hand=hand)
     assert len(errors) == 10
     assert all(row["n_frames"] == 0 and row["mean_mm"] is None for row in errors)
@@ -204,7 +198,7 @@ def test_a_hand_without_joints_has_tip_errors_without_numbers(
 
 
 @pytest.mark.parametrize("hand", ["right", "left"])
-def test_a_dead_receiver_costs_its_own_digit_only(study: StudyRun, hand: str) -> None:
+def test_a_dead_receiver_costs_its_own_two_joints_and_digit_only(study: StudyRun, hand: str) -> None:
     errors = study.rows_where("tip_errors", subject="dead", hand=hand)
     touched = [row for row in errors if row["digit"] == "index"]
     others = [row for row in errors if row["digit"] != "index"]
@@ -212,10 +206,6 @@ def test_a_dead_receiver_costs_its_own_digit_only(study: StudyRun, hand: str) ->
     assert all(DEAD in row["message"] for row in touched)
     assert [row["n_frames"] for row in others] == [300] * 8
     assert all(0 < row["mean_mm"] < 10 for row in others)
-
-
-@pytest.mark.parametrize("hand", ["right", "left"])
-def test_a_dead_receiver_costs_its_own_two_joints_only(study: StudyRun, hand: str) -> None:
     joints = study.rows_where("joint_centres", subject="dead", hand=hand)
     failed = [row for row in joints if row["status"] == "failed"]
     assert [row["joint"] for row in failed] == ["index_pip", "index_dip"]
@@ -239,10 +229,10 @@ def test_a_hand_that_is_only_calibrated_has_joints_and_no_tips(study: StudyRun) 
     assert not study.rows_where("tip_errors", subject="one-sided", hand="right")
 
 
-@pytest.mark.parametrize(("subject", "hand"), [(HOSTILE, "right"), (JAPANESE, "right"), (SLASHED, "left")])
-def test_any_name_of_a_subject_is_good(study: StudyRun, subject: str, hand: str) -> None:
-    errors = study.rows_where("tip_errors", subject=subject, hand=hand)
-    assert [row["n_frames"] for row in errors] == [300] * 10
+def test_any_name_of_a_subject_is_good(study: StudyRun) -> None:
+    for subject, hand in ((HOSTILE, "right"), (JAPANESE, "right"), (SLASHED, "left")):
+        errors = study.rows_where("tip_errors", subject=subject, hand=hand)
+        assert [row["n_frames"] for row in errors] == [300] * 10
 
 
 def test_corrections_that_can_be_applied_are(study: StudyRun) -> None:
@@ -269,14 +259,11 @@ def test_the_report_gives_every_reason(study: StudyRun) -> None:
         assert f"Subject {subject}" in read_page(page).text
 
 
-def test_every_job_has_its_log_at_a_predictable_path(study: StudyRun) -> None:
+def test_every_job_has_its_log_which_says_why_it_failed(study: StudyRun) -> None:
     names = ("A%20%26%20%3Cb%3E%22x%22", "a%2Fb%20c", "missing", "山田%20花子", "one-sided")
     stages = ("plan", "solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips")
     wanted = {f"{stage}/sub-{name}.log" for stage in stages for name in names}
     assert wanted | {"gather.log", "report.log"} <= study.logs()
-
-
-def test_the_log_of_a_job_that_failed_says_why(study: StudyRun) -> None:
     log = study.results.folder / "logs" / "capture" / "sub-missing_hand-right_rom.log"
     assert log.read_text() == "error: nowhere.parquet: no such file; expected a recording\n"
 

@@ -18,26 +18,12 @@ pytestmark = pytest.mark.slow
 
 ROW = "01\tright\trom\tboth\trom.parquet"
 
-BAD_FILES = {
+BAD_LINES = {
     "a typo in a key": ("modles: [paper-fig4]", ["study.yaml", "'modles'", "did you mean 'models'"]),
-    "an unknown model": ("models: [paper-fig5]", ["paper-fig5", "paper-fig4-corrected", "rigid"]),
-    "an unknown layout": ("layout: liberty61", ["liberty61", "arm", "did you mean 'liberty16'"]),
     "a key given twice": ("models: [rigid]\nmodels: [rigid]", ["study.yaml", "'models' is given twice"]),
-    "a model given twice": ("models: [rigid, rigid]", ["study.yaml", "models"]),
     "a missing sheet": ("recordings: nowhere.tsv", ["nowhere.tsv", "no such file"]),
-    "a missing sheet of corrections": ("corrections: nowhere.tsv", ["nowhere.tsv", "no such file"]),
 }
-BAD_ROWS = {
-    "a bad role": (
-        "01\tright\trom\tbothh\tx.csv",
-        ["study.tsv", "row 2, column role", "'bothh'", "calibration"],
-    ),
-    "a bad hand": ("01\tRight\trom\tboth\tx.csv", ["study.tsv", "row 2, column hand", "'Right'", "left"]),
-    "no file": ("01\tright\trom\tboth\t", ["study.tsv", "row 2, column file", "empty"]),
-    "a row twice": (f"{ROW}\n{ROW}", ["study.tsv", "row 3", "row 2"]),
-    "two tasks with one path": (f"{ROW}\n01\tright\tROM\tboth\tx.csv", ["study.tsv", "row 3", "row 2"]),
-    "no recording": ("", ["study.tsv", "no recording"]),
-}
+"""What the tests of the schemas refuse in all its forms reaches whoever runs Snakemake."""
 
 
 def _assert_refused(code: int, stderr: str, words: list[str]) -> None:
@@ -59,9 +45,9 @@ def _snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return snakemake(folder, "--directory", str(folder), "--configfile", str(folder / "study.yaml"), *words)
 
 
-@pytest.mark.parametrize("what", BAD_FILES)
+@pytest.mark.parametrize("what", BAD_LINES)
 def test_a_bad_study_file_is_refused(tmp_path: Path, what: str) -> None:
-    line, words = BAD_FILES[what]
+    line, words = BAD_LINES[what]
     study = write_study(tmp_path, "study", [ROW], ["paper-fig4"])
     key = line.split(":")[0]
     others = [old for old in study.file.read_text().splitlines() if not old.startswith(f"{key}:")]
@@ -69,11 +55,9 @@ def test_a_bad_study_file_is_refused(tmp_path: Path, what: str) -> None:
     _assert_study_refused(tmp_path, words)
 
 
-@pytest.mark.parametrize("what", BAD_ROWS)
-def test_a_bad_sheet_is_refused(tmp_path: Path, what: str) -> None:
-    rows, words = BAD_ROWS[what]
-    write_study(tmp_path, "study", [rows], ["paper-fig4"])
-    _assert_study_refused(tmp_path, words)
+def test_a_bad_sheet_is_refused(tmp_path: Path) -> None:
+    write_study(tmp_path, "study", [ROW.replace("both", "bothh")], ["paper-fig4"])
+    _assert_study_refused(tmp_path, ["study.tsv", "row 2, column role", "'bothh'", "calibration"])
 
 
 def test_a_study_file_that_is_no_yaml_is_refused(tmp_path: Path) -> None:

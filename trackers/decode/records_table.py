@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from trackers.archive import Archive
 from trackers.decode.hemisphere import flip_states
 from trackers.decode.stream import Block, Tally, blocks_of
 from trackers.decode.survey import Survey
-from trackers.protocols.records import NONE, Records, stations_in
+from trackers.protocols.records import NONE, Records
 
 Bools = npt.NDArray[np.bool_]
 
@@ -66,16 +66,11 @@ class FlaggedRecords:
         return position_mm
 
 
-def flagged_records(
-    archive: Archive, survey: Survey, kept: Sequence[Block] | None = None
-) -> Iterator[FlaggedRecords]:
-    """Decode the archive again, with what the survey found; blocks without a record are left out.
-
-    kept : its blocks, where the survey kept them.
-    """
+def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords]:
+    """Decode the archive again, with what the survey found; blocks without a record are left out."""
     if survey.clock is None:
         return
-    for block in blocks_of(archive, Tally()) if kept is None else kept:
+    for block in blocks_of(archive, Tally()):
         if len(block.records):
             yield FlaggedRecords(
                 block.records,
@@ -94,28 +89,19 @@ def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
     flags[source] |= BIT["device-error"]
     flags[(records.error != 0) & ~source] |= BIT["device-warning"]
     flags[(records.distortion > 0) & ~records.doubtful] |= BIT["distorted"]
-    flags[_at(survey.partial_frames, records.frame)] |= BIT["partial-cycle"]
-    resumed = np.array([offset + size for offset, size, _ in survey.skipped], np.int64)
-    flags[_at(np.sort(resumed), records.offset)] |= BIT["resync-before"]
-    for station in stations_in(records.station):
+    flags[np.isin(records.frame, survey.partial_frames)] |= BIT["partial-cycle"]
+    resumed = [offset + size for offset, size, _ in survey.skipped]
+    flags[np.isin(records.offset, resumed)] |= BIT["resync-before"]
+    for station in np.unique(records.station).tolist():
         mine = np.flatnonzero(records.station == station)
         frame = records.frame[mine]
-        flags[mine[_at(survey.gap_ends(station), frame)]] |= BIT["gap-before"]
+        flags[mine[np.isin(frame, survey.gap_ends(station))]] |= BIT["gap-before"]
         flips = survey.flips_of(station)
         if flips:
             transit, flipped = flip_states(flips, frame)
             flags[mine[transit]] |= BIT["hemisphere-transit"]
             flags[mine[flipped]] |= BIT["hemisphere-flipped"]
     return flags
-
-
-def _at(places: npt.NDArray[np.int64], values: npt.NDArray[np.int64]) -> Bools:
-    """Whether each value is one of the places, which ascend; (N,) like the values."""
-    if not len(places):
-        return np.zeros(len(values), bool)
-    nearest = np.searchsorted(places, values)
-    nearest[nearest == len(places)] = 0
-    return np.asarray(places[nearest] == values)
 
 
 def table_columns(flagged: FlaggedRecords, *, repair: bool) -> dict[str, Any]:

@@ -55,7 +55,6 @@ class Tally:
     spoilt_bytes: int = 0
     unreadable_bytes: int = 0
     received_bytes: int = 0
-    first_host_ns: int | None = None
     first_utc_offset_ns: int | None = None
     utc_offset_range_ns: int = 0
 
@@ -96,8 +95,7 @@ def _count(tally: Tally, piece: Piece) -> None:
     tally.unreadable_bytes += piece.unreadable_bytes
     if not len(piece.kind):
         return
-    if tally.first_host_ns is None or tally.first_utc_offset_ns is None:
-        tally.first_host_ns = int(piece.host_ns[0])
+    if tally.first_utc_offset_ns is None:
         tally.first_utc_offset_ns = int(piece.utc_offset_ns[0])
     moved = np.abs(piece.utc_offset_ns - tally.first_utc_offset_ns)
     tally.utc_offset_range_ns = max(tally.utc_offset_range_ns, int(moved.max()))

@@ -12,7 +12,7 @@ from trackers.archive import Archive
 from trackers.decode.clock import DeviceClock, fit_clock
 from trackers.decode.hemisphere import Flip, FlipFinder
 from trackers.decode.stream import Block, Tally, blocks_of
-from trackers.protocols.records import Wholes, stations_in
+from trackers.protocols.records import Wholes
 from trackers.protocols.stream_settings import StreamSettings
 
 SHORT_GAP_S = 1.0
@@ -88,17 +88,12 @@ class Survey:
         return sum(size for _, size, _ in self.skipped)
 
 
-def survey_archive(archive: Archive, kept: list[Block] | None = None) -> Survey:
-    """Read the whole archive once. Raises InputError where it holds no settings.
-
-    kept : a list that the blocks are put into, of an archive so short that they need not be decoded twice.
-    """
+def survey_archive(archive: Archive) -> Survey:
+    """Read the whole archive once. Raises InputError where it holds no settings."""
     tally = Tally()
     surveyor = _Surveyor()
     for block in blocks_of(archive, tally):
         surveyor.add(block)
-        if kept is not None:
-            kept.append(block)
     return surveyor.survey(tally)
 
 
@@ -136,7 +131,7 @@ class _Surveyor:
         arrived = arrived[good[arrived]]
         self.arrivals.append((records.frame[arrived], block.host_ns[arrived]))
         self._frames(records.frame[good])
-        for station in stations_in(records.station):
+        for station in np.unique(records.station).tolist():
             self._station(block, station, (records.station == station) & good)
         self._count(block, good)
 
@@ -234,18 +229,12 @@ def _jumps(station: int, frame: Wholes, before: int) -> Wholes:
 
 def _partial(gaps: Wholes, short: float) -> Wholes:
     """Frames that a station lacks for a short while and others have, ascending."""
-    lacking = gaps[(gaps[:, 0] > 0) & (gaps[:, 2] - gaps[:, 1] < short)]
-    frames = np.unique(_ranges(lacking[:, 1], lacking[:, 2]))
-    whole = gaps[gaps[:, 0] == 0]
-    whole = whole[np.argsort(whole[:, 1])]
-    at = np.searchsorted(whole[:, 1], frames, side="right") - 1
-    inside = at >= 0
-    inside[inside] = frames[inside] <= whole[at[inside], 2]
-    return frames[~inside]
+    brief = gaps[gaps[:, 2] - gaps[:, 1] < short]
+    return np.setdiff1d(_frames(brief[brief[:, 0] > 0]), _frames(brief[brief[:, 0] == 0]))
 
 
-def _ranges(first: Wholes, last: Wholes) -> Wholes:
-    """All whole numbers of the ranges first..last, one range after the other."""
-    lengths = last - first + 1
-    starts = np.cumsum(lengths) - lengths
-    return np.asarray(np.arange(lengths.sum()) - np.repeat(starts - first, lengths), np.int64)
+def _frames(gaps: Wholes) -> Wholes:
+    """All frames of gaps (G, 3)."""
+    return np.concatenate(
+        [np.empty(0, np.int64), *(np.arange(first, last + 1) for _, first, last in gaps.tolist())]
+    )

@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 import numpy.typing as npt
 
-from trackers.emulate.encoding import Block, Measured
+from trackers.emulate.encoding import Block, Framing, Measured, encode
 from trackers.emulate.faults import Plug
 from trackers.emulate.pose_sources import Motion
 from trackers.families import FAMILIES, loaded
@@ -118,13 +118,13 @@ class EmulatedDevice(ABC):
         """What the device says when it has started."""
 
     @abstractmethod
-    def encoded(self, measured: Measured, *, single: bool) -> Block:
-        """Encode cycles as the settings of the moment say."""
+    def framing(self, *, single: bool) -> Framing:
+        """How records are framed, while streaming or in answer to a single poll."""
 
-    @property
-    def output_lists(self) -> dict[int, tuple[int, ...]]:
-        """Output list of each station."""
-        return {number: station.items for number, station in self.stations.items()}
+    def _encoded(self, measured: Measured, *, single: bool = False) -> Block:
+        """Encode cycles as the settings of the moment say."""
+        lists = {number: station.items for number, station in self.stations.items()}
+        return encode(measured, lists, self.framing(single=single), binary=bool(self.binary))
 
     def power_up_streaming(self) -> None:
         """Be as an earlier client left it: streaming in binary, centimetres, an output list of its own."""
@@ -152,10 +152,7 @@ class EmulatedDevice(ABC):
             return Cycle(since, self.ready_text())
         if self.streaming and (self._ahead is None or number - self._ahead[0] >= len(self._ahead[1])):
             cycles = number + np.arange(BLOCK_CYCLES)
-            self._ahead = (
-                number,
-                self.encoded(self._measured(cycles, self._taking_part(cycles)), single=False),
-            )
+            self._ahead = (number, self._encoded(self._measured(cycles, self._taking_part(cycles))))
         self.cycle += 1
         if not self.streaming or self._ahead is None:
             return Cycle(since)
@@ -176,7 +173,7 @@ class EmulatedDevice(ABC):
         """One record of every active station, now."""
         self.leave_block()
         measured = self._measured(np.array([self.cycle]), self.active(), single=True)
-        return self.encoded(measured, single=True).data.tobytes()
+        return self._encoded(measured, single=True).data.tobytes()
 
     def reset_counters(self) -> None:
         """Let the counters and the motion begin at 0 with the next cycle."""

@@ -49,9 +49,10 @@ class PtyPort:
                     f"{link}: cannot be made a link to {self.name} ({error.strerror})"
                 ) from error
 
-    def fileno(self) -> int:
-        """The master's descriptor."""
-        return self._master
+    @property
+    def readable(self) -> list[int]:
+        """Descriptors that are readable when there is something to do."""
+        return [self._master]
 
     def read(self) -> bytes:
         """What the client has sent."""
@@ -103,13 +104,12 @@ class TcpPort:
             raise InputError(f"--tcp: {host}:{number} cannot be listened on ({error.strerror})") from error
         self._listener.setblocking(False)
         self._client: socket.socket | None = None
-        self._poll = select.epoll()
-        self._poll.register(self._listener.fileno(), select.EPOLLIN)
         self.name = f"socket://{host}:{self._listener.getsockname()[1]}"
 
-    def fileno(self) -> int:
-        """A descriptor that is readable when either of the two is."""
-        return self._poll.fileno()
+    @property
+    def readable(self) -> list[int]:
+        """Descriptors that are readable when there is something to do."""
+        return [one.fileno() for one in (self._listener, self._client) if one is not None]
 
     def read(self) -> bytes:
         """What the client has sent; a second client is turned away."""
@@ -142,7 +142,6 @@ class TcpPort:
         """Close the connection and the port."""
         if self._client is not None:
             self._leave()
-        self._poll.close()
         self._listener.close()
 
     def _accept(self) -> None:
@@ -156,11 +155,9 @@ class TcpPort:
         client.setblocking(False)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._client = client
-        self._poll.register(client.fileno(), select.EPOLLIN)
 
     def _leave(self) -> None:
         assert self._client is not None
-        self._poll.unregister(self._client.fileno())
         self._client.close()
         self._client = None
 
@@ -194,6 +191,6 @@ def serve(emulator: Emulator, port: Port, stopped: Callable[[], bool]) -> None:
         wait_s = max(0.0, (emulator.due_ns - time.monotonic_ns()) / SECOND_NS)
         if not emulator.is_busy:
             wait_s = max(wait_s, _IDLE_S)
-        readable, _, _ = select.select([port.fileno()], [], [], wait_s)
+        readable, _, _ = select.select(port.readable, [], [], wait_s)
         if readable:
             emulator.receive(port.read(), time.monotonic_ns())

@@ -20,7 +20,7 @@ from trackers.emulate.device import (
     World,
     parsed_numbers,
 )
-from trackers.emulate.encoding import Block, Framing, Measured, encode
+from trackers.emulate.encoding import Framing
 from trackers.fastrak.items import ITEMS, OUTPUT_ITEMS
 
 MISSING, NOT_A_NUMBER, OUT_OF_RANGE, UNKNOWN = -1, -2, -3, -99
@@ -56,10 +56,10 @@ class EmulatedFastrak(EmulatedDevice):
         """What the device says when it has started."""
         return b"FASTRAK Ready!\r\n"
 
-    def encoded(self, measured: Measured, *, single: bool) -> Block:
-        """Encode cycles as the settings of the moment say; a record does not tell what it answers."""
+    def framing(self, *, single: bool) -> Framing:
+        """How records are framed; they do not tell what they answer."""
         del single
-        return encode(measured, self.output_lists, _FRAMING, binary=bool(self.binary))
+        return _FRAMING
 
     def turns(self, cycles: Wholes, taking_part: Flags) -> Flags:
         """Which station sends in each cycle."""

@@ -1,7 +1,8 @@
 """Setting up LIBERTY and PATRIOT, whatever state an earlier program left them in.
 
-Stop, wake, ask for everything, set what matters, ask again and compare: see `SettingsDriver`. Commands are
-those of the LIBERTY User Manual URM03PH156, section on commands.
+Stop, wake, ask for everything, set what matters, ask again and compare: see `SettingsDriver`. All of that in
+binary; text comes last, where it is asked for. Commands are those of the LIBERTY User Manual URM03PH156,
+section on commands.
 """
 
 from __future__ import annotations
@@ -22,8 +23,7 @@ from trackers.liberty.replies import (
     error_text,
     half_stations,
     ports_of,
-    text_answers,
-    text_value,
+    text_whoami,
     usable_stations,
 )
 from trackers.protocols.records import Reply
@@ -50,19 +50,19 @@ SETTINGS = {
     "units": Setting(b"U", "number"),
     "rate": Setting(b"R", "number"),
     "stations": Setting(b"\x15", "stations"),
-    "source_frame": Setting(b"G", "floats", 3, 3),
+    "source_frame": Setting(b"G", "floats", 3),
     "external_sync": Setting(b"Z", "number"),
-    "position_filter": Setting(b"X", "floats", 4, 3),
-    "attitude_filter": Setting(b"Y", "floats", 4, 3),
+    "position_filter": Setting(b"X", "floats", 4),
+    "attitude_filter": Setting(b"Y", "floats", 4),
     "bit_errors": Setting(b"\x14", "words"),
     "echo": Setting(b"\x05", "number"),
     "usb_buffering": Setting(b"@B", "number"),
     "output_list": Setting(b"O", "numbers", per_station=True),
-    "hemisphere": Setting(b"H", "floats", 3, 3, per_station=True),
+    "hemisphere": Setting(b"H", "floats", 3, per_station=True),
     "stylus": Setting(b"L", "number", per_station=True),
-    "boresight": Setting(b"B", "floats", 3, 2, per_station=True),
-    "alignment": Setting(b"A", "floats", 9, 2, per_station=True),
-    "tip_offset": Setting(b"N", "floats", 3, 3, per_station=True),
+    "boresight": Setting(b"B", "floats", 3, per_station=True),
+    "alignment": Setting(b"A", "floats", 9, per_station=True),
+    "tip_offset": Setting(b"N", "floats", 3, per_station=True),
 }
 """What is asked for before and after a set-up, in that order."""
 
@@ -76,7 +76,6 @@ class LibertyDriver(SettingsDriver):
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
         super().__init__(conversation, request)
-        self._binary = request.mode == "binary"
         self._was_binary = False
         self._changed: set[str] = set()
         self._switches: dict[int, bool] = {}
@@ -85,8 +84,6 @@ class LibertyDriver(SettingsDriver):
         """Identify the tracker, set it up and make sure that it took everything."""
         whoami = self._find(self._attempt)
         self._ask_ports()
-        self._conversation.send(BINARY if self._binary else TEXT)
-        self._conversation.drain(0.1)
         self._before = self._ask_all()
         stations = self._choose_stations()
         wanted = self._wanted()
@@ -105,6 +102,8 @@ class LibertyDriver(SettingsDriver):
         if after["echo"] is not None:
             wanted["echo"] = 0
         self._compare(after, wanted, stations)
+        if self._request.mode == "ascii" and self._identify() is None:
+            raise InputError(f"{self._port_name}: the tracker was told to answer in text and does not")
         self._warn_of_frames(after, stations)
         self._warn_of(after)
         return self._stream_settings(whoami, after, stations)
@@ -151,10 +150,7 @@ class LibertyDriver(SettingsDriver):
         self._conversation.send(TEXT)
         self._conversation.send(WHOAMI)
         came, _ = self._conversation.drain()
-        for reply in text_answers(came):
-            if reply.command == WHOAMI[0]:
-                return " ".join(reply.body.decode("ascii", "replace").split())
-        return None
+        return text_whoami(came)
 
     def _ask_ports(self) -> None:
         """Ask in binary how many ports it has, and see whether it is the tracker that was said."""
@@ -171,28 +167,21 @@ class LibertyDriver(SettingsDriver):
     # --- asking ---------------------------------------------------------------------------------------
 
     def _ask(self, setting: Setting, station: int = 0) -> Value | None:
-        question = setting.question(station)
-        if setting.kind == "words" and not self._binary:  # so many lines that only silence ends them
-            self._conversation.send(question)
-            came, _ = self._conversation.drain(0.1)
-            answer = self._answer(came, setting, station)
-        else:
-            answer = self._conversation.ask(
-                question, lambda data: self._answer(data, setting, station), ANSWER_S
-            )
+        answer = self._conversation.ask(
+            setting.question(station), lambda data: self._answer(data, setting, station), ANSWER_S
+        )
         return None if answer is None else answer[0]
 
     def _answer(self, data: bytes, setting: Setting, station: int) -> tuple[Value | None] | None:
         """Find the answer to a question: its value, None in its place where it is refused."""
-        tag = TAGS[self._request.family]
-        for reply in binary_answers(data, [tag]) if self._binary else text_answers(data):
+        for reply in binary_answers(data, [TAGS[self._request.family]]):
             if reply.error in ERRORS and reply.command not in b"PC":
                 return (None,)
             if answers(reply, setting, station):
-                value = (binary_value if self._binary else text_value)(setting, reply)
+                value = binary_value(setting, reply)
                 if value is not None:
                     return (value,)
-        return None if self._binary or b"nvalid" not in data else (None,)
+        return None
 
     # --- setting --------------------------------------------------------------------------------------
 

@@ -1,22 +1,34 @@
-"""An emulated LIBERTY or PATRIOT: its settings, how it frames answers, and how it takes bytes in. No I/O.
+"""An emulated LIBERTY or PATRIOT: its settings, its commands, and how it frames answers. No I/O.
 
-Source: LIBERTY User Manual URM03PH156, command syntax and reply framing. What no manual says is invented and
-listed in docs/emulator.md.
+A command is a function: device and arguments -> answer. An argument that is left out keeps its value; a
+command that sets something answers nothing. `RefusedError` carries the manual's error number. Source: LIBERTY
+User Manual URM03PH156, chapter of commands and reply framing. What no manual says is invented and listed in
+docs/emulator.md.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
-from trackers.emulate.device import EmulatedDevice, RefusedError, StationSettings, World
-from trackers.emulate.encoding import Block, Framing, Measured, encode
-from trackers.liberty.emulated_commands import COMMANDS, UNKNOWN_COMMAND
-from trackers.liberty.items import DEFAULT_LIST, OUTPUT_ITEMS, SINGLE, STREAMED, TAGS
+import numpy as np
+
+from trackers.emulate.device import EmulatedDevice, RefusedError, StationSettings, World, parsed_numbers
+from trackers.emulate.encoding import Framing
+from trackers.liberty.items import DEFAULT_LIST, ITEMS, OUTPUT_ITEMS, SINGLE, STREAMED, TAGS
 from trackers.liberty.replies import ERRORS
 
 RATES_HZ = {2: 60, 3: 120, 4: 240}
 """Value of the rate command -> frames a second."""
+
+Arguments = Sequence[str]
+Command = Callable[["EmulatedLiberty", Arguments], bytes]
+
+UNKNOWN_COMMAND, INVALID_STATION, INVALID, TOO_FEW, TOO_MANY, BELOW, ABOVE = range(1, 8)
+
+_BIT_WORDS_OF_ONE_BOARD_SET = 9
+_FLAG = (0, 1)
 
 _CR, _LF, _P = b"\r"[0], b"\n"[0], b"P"[0]
 
@@ -62,15 +74,10 @@ class EmulatedLiberty(EmulatedDevice):
         """What RS-232 brings after power-up."""
         return f"{self.family.upper()} Ready!\r\n".encode()
 
-    def encoded(self, measured: Measured, *, single: bool) -> Block:
-        """Encode cycles as the settings of the moment say."""
-        framing = Framing(
-            OUTPUT_ITEMS,
-            {"tag": TAGS[self.family], "command": SINGLE if single else STREAMED},
-            station_byte=0,
-            text_header="%02d  ",
-        )
-        return encode(measured, self.output_lists, framing, binary=bool(self.binary))
+    def framing(self, *, single: bool) -> Framing:
+        """How records are framed, while streaming or in answer to a single poll."""
+        header: dict[str, bytes | int] = {"tag": TAGS[self.family], "command": SINGLE if single else STREAMED}
+        return Framing(OUTPUT_ITEMS, header, station_byte=0, text_header="%02d  ")
 
     def _header(self, station: int, command: int, error: int, size: int) -> bytes:
         return TAGS[self.family] + struct.pack("<BBBBh", station, command, error, 0, size)
@@ -107,3 +114,154 @@ class EmulatedLiberty(EmulatedDevice):
     def _error(self, command: int, code: int) -> bytes:
         text = f"{ERRORS[code].title()}\r\n".encode()
         return self._header(0, command, code, len(text)) + text if self.binary else text
+
+
+def _whole(text: str, allowed: Sequence[int]) -> int:
+    if not text.isdecimal():
+        raise RefusedError(INVALID)
+    if int(text) not in allowed:
+        raise RefusedError(BELOW if int(text) < min(allowed) else ABOVE)
+    return int(text)
+
+
+def _at_most(arguments: Arguments, count: int) -> None:
+    if len(arguments) > count:
+        raise RefusedError(TOO_MANY)
+
+
+def _stations(device: EmulatedLiberty, arguments: Arguments) -> list[int]:
+    if not arguments or not arguments[0]:
+        raise RefusedError(TOO_FEW)
+    if arguments[0] == "*":
+        return list(device.stations)
+    if not arguments[0].isdecimal() or int(arguments[0]) not in device.stations:
+        raise RefusedError(INVALID_STATION)
+    return [int(arguments[0])]
+
+
+def _wholes(*values: int) -> bytes:
+    return np.asarray(values, np.int64).astype("<i4").tobytes()
+
+
+def _setting(
+    code: int, name: str, text: str = "%d", allowed: Sequence[int] = (), *, per_station: bool = False
+) -> Command:
+    """Give the command that sets an attribute of the device or of stations, or answers what it is.
+
+    text : how its numbers are written, as many as it has or one after the other in such groups. allowed :
+    of a whole number, which it can be; otherwise they are floats.
+    """
+
+    def command(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+        stations = _stations(device, arguments) if per_station else [0]
+        values = arguments[1:] if per_station else arguments
+        answer = b""
+        for number in stations:
+            holder = device.stations[number] if per_station else device
+            present = getattr(holder, name)
+            numbers = (present,) if allowed else present
+            _at_most(values, len(numbers))
+            if values and allowed:
+                setattr(holder, name, _whole(values[0], allowed))
+            elif values:
+                kept = parsed_numbers(values, present, not_a_number=INVALID, too_large=ABOVE)
+                setattr(holder, name, kept)
+            else:
+                body = _wholes(present) if allowed else np.asarray(present, "<f4").tobytes()
+                shown = text * (len(numbers) // text.count("%")) % tuple(numbers)
+                answer += device.reply(code, shown, body, number)
+        return answer
+
+    return command
+
+
+def _output_list(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    chosen = _stations(device, arguments)
+    _at_most(arguments, 1 + OUTPUT_ITEMS.max_items)
+    answer = b""
+    for number in chosen:
+        station = device.stations[number]
+        if len(arguments) > 1:
+            items = [_whole(text, tuple(ITEMS)) for text in arguments[1:]]
+            size = OUTPUT_ITEMS.record_bytes(items, "binary" if device.binary else "ascii")
+            if size > OUTPUT_ITEMS.max_record_bytes:
+                raise RefusedError(ABOVE)
+            station.items = tuple(items)
+        else:
+            end = (-1,) if len(station.items) < OUTPUT_ITEMS.max_items else ()
+            text = " ".join(map(str, station.items))
+            answer += device.reply(0x4F, text, _wholes(*station.items, *end), number)
+    return answer
+
+
+def _continuous(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 0)
+    device.start_stream()
+    return b""
+
+
+def _reset_counters(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 1)
+    if not arguments:
+        raise RefusedError(TOO_FEW)
+    _whole(arguments[0], (0,))
+    device.reset_counters()
+    return b""
+
+
+def _bit_errors(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 0)
+    words = [0] * _BIT_WORDS_OF_ONE_BOARD_SET * (2 if device.ports > 8 else 1)
+    text = " ".join(f"0x{word:08x}" for word in words)
+    return device.reply(0x14, text, struct.pack(f"<{len(words)}I", *words))
+
+
+def _station_state(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 2)
+    if arguments == ["0"]:
+        detected, active = _bits(device.detected()), _bits(device.active())
+        return device.reply(0x15, f"{detected:04x}{active:04x}", struct.pack("<I", detected << 16 | active))
+    stations = _stations(device, arguments)
+    if len(arguments) < 2:
+        raise RefusedError(TOO_FEW)
+    state = _whole(arguments[1], _FLAG)
+    for number in stations:
+        device.stations[number].enabled = bool(state)
+    return b""
+
+
+def _bits(stations: Iterable[int]) -> int:
+    return sum(1 << (station - 1) for station in stations)
+
+
+def _whoami(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 0)
+    kind = 1 if device.family == "patriot" else 0
+    size = "" if kind else f" 240/{16 if device.ports > 8 else 8}"
+    text = f"{device.family.upper()}{size} (emulated), {device.ports} ports, firmware EMU-1, serial EMU0001"
+    return device.reply(0x16, text, bytes((device.ports, kind, 0)) + text.encode())
+
+
+COMMANDS: dict[bytes, Command] = {
+    b"A": _setting(0x41, "alignment", "%7.2f%7.2f%7.2f\r\n", per_station=True),
+    b"B": _setting(0x42, "boresight", "%7.2f ", per_station=True),
+    b"C": _continuous,
+    b"F": _setting(0x46, "binary", allowed=_FLAG),
+    b"G": _setting(0x47, "mounting_deg", "%8.3f "),
+    b"H": _setting(0x48, "hemisphere", "%7.3f", per_station=True),
+    b"L": _setting(0x4C, "stylus", allowed=_FLAG, per_station=True),
+    b"N": _setting(0x4E, "tip", "%6.3f ", per_station=True),
+    b"O": _output_list,
+    b"Q": _reset_counters,
+    b"R": _setting(0x52, "rate_code", allowed=(3, 4)),
+    b"U": _setting(0x55, "unit", allowed=_FLAG),
+    b"X": _setting(0x58, "position_filter", "%6.3f "),
+    b"Y": _setting(0x59, "attitude_filter", "%6.3f "),
+    b"Z": _setting(0x5A, "sync", allowed=_FLAG),
+    b"\x05": _setting(0x05, "echo", allowed=_FLAG),
+    b"\x14": _bit_errors,
+    b"\x15": _station_state,
+    b"\x16": _whoami,
+    b"@": _setting(0x40, "buffered", allowed=_FLAG),
+}
+"""Command letter, or control character, -> what it does. P has no place here: it acts without an end."""

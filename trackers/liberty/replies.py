@@ -1,8 +1,7 @@
 """Answers of LIBERTY and PATRIOT to questions: picked out of whatever else came, and read.
 
-In binary an answer has the same header as a record and a length; in text it is a line that begins with the
-station's two digits and the command's letter. Source: LIBERTY User Manual URM03PH156, reply framing, tables
-of commands and of errors.
+An answer has the same header as a record and a length. Source: LIBERTY User Manual URM03PH156, reply framing,
+tables of commands and of errors.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from trackers.protocols.records import Reply
 if TYPE_CHECKING:
     from trackers.record.settings_driver import Setting
 
-Value = int | str | tuple[int, ...] | tuple[float, ...]
+Value = int | tuple[int, ...] | tuple[float, ...]
 
 ERRORS = {
     1: "invalid command",
@@ -64,24 +63,14 @@ def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) ->
     return sorted(replies, key=lambda reply: reply.offset)
 
 
-_LINE = re.compile(rb"(?:\A|(?<=[\r\n]))(\d\d)([a-zA-Z@])(.) ?([^\n]*)\r\n", re.DOTALL)
-"""An answer's first line; what stands before it may be an echoed command, which ends with CR alone."""
+_WHOAMI = re.compile(rb"(?:\A|(?<=[\r\n]))\d\dv. ?(.*)\r\n", re.DOTALL)
+"""The answer in text, of one line or several; lower case stands for a control byte."""
 
 
-def text_answers(data: bytes) -> list[Reply]:
-    """Find the answers in text; one over several lines has those that follow in its body too."""
-    heads = list(_LINE.finditer(data))
-    ends = [*(head.start() for head in heads[1:]), len(data)] if heads else []
-    return [
-        Reply(
-            head.start(),
-            int(head[1]),
-            head[2][0] & 0x1F if head[2].islower() else head[2][0],  # lower case stands for a control byte
-            0 if head[3] in b" \r" else head[3][0],
-            data[head.start(4) : end],
-        )
-        for head, end in zip(heads, ends, strict=True)
-    ]
+def text_whoami(data: bytes) -> str | None:
+    """Find what the tracker says in text of who it is; None where it says nothing."""
+    answer = _WHOAMI.search(data)
+    return None if answer is None else " ".join(answer[1].decode("ascii", "replace").split())
 
 
 def answers(reply: Reply, setting: Setting, station: int) -> bool:
@@ -106,26 +95,6 @@ def binary_value(setting: Setting, reply: Reply) -> Value | None:
     if setting.kind == "words":
         return struct.unpack(f"<{size // 4}I", reply.body)
     return struct.unpack("<HH", reply.body) if size == 4 else None
-
-
-def text_value(setting: Setting, reply: Reply) -> Value | None:
-    """Read an answer in text; None where it does not hold what it must (yet)."""
-    text = reply.body.decode("ascii", "replace")
-    line = text.partition("\r")[0]
-    if setting.kind == "number":
-        number = re.match(r"\s*(\d+)", line)
-        return int(number[1]) if number else None
-    if setting.kind == "numbers":
-        return tuple(int(number) for number in re.findall(r"\d+", line))
-    if setting.kind == "floats":
-        # Fixed decimals, for negative numbers may touch the one before.
-        floats = re.findall(rf"[-+]?\s*\d*\.\d{{{setting.decimals}}}", text)[: setting.count]
-        whole = len(floats) == setting.count
-        return tuple(float("".join(number.split())) for number in floats) if whole else None
-    if setting.kind == "words":
-        return tuple(int(word, 16) for word in re.findall(r"0x([0-9a-fA-F]{8})", text))
-    halves = re.match(r"\s*([0-9a-fA-F]{4})\s*([0-9a-fA-F]{4})\s*$", line)
-    return (int(halves[2], 16), int(halves[1], 16)) if halves else None
 
 
 def usable_stations(halves: tuple[int, ...]) -> tuple[int, ...]:

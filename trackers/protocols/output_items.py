@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
 from schemas.errors import InputError
+from trackers.protocols.piecewise import rows_at
 from trackers.protocols.pose_numbers import fill_in
 from trackers.protocols.records import Records, Wholes, empty_records
 
@@ -102,17 +102,12 @@ class OutputItems:
 
     def record_type(self, items: Sequence[int]) -> np.dtype[np.void]:
         """NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
-        return _record_type(self.header, tuple(self.items[item] for item in items))
-
-
-@cache
-def _record_type(header: tuple[tuple[str, str], ...], items: tuple[Item, ...]) -> np.dtype[np.void]:
-    fields, names = list(header), {name for name, _ in header}
-    for place, item in enumerate(items):
-        for name in item.fields:
-            fields.append((f"{name}_{place}" if name in names else name, f"<{item.kind}"))
-            names.add(name)
-    return np.dtype(fields)
+        fields, names = list(self.header), {name for name, _ in self.header}
+        for place, item in enumerate(items):
+            for name in self.items[item].fields:
+                fields.append((f"{name}_{place}" if name in names else name, f"<{self.items[item].kind}"))
+                names.add(name)
+        return np.dtype(fields)
 
 
 def read_binary_records(
@@ -126,10 +121,7 @@ def read_binary_records(
     records = empty_records(len(at))
     if not len(at):
         return records
-    if len(at) > 1 and (np.diff(at) == size).all():
-        rows = b[at[0] : at[-1] + size].view(kind)
-    else:
-        rows = np.lib.stride_tricks.sliding_window_view(b, size)[at].view(kind)[:, 0]
+    rows = rows_at(b, at, size).view(kind)[:, 0]
     records.offset[:] = at
     records.size[:] = size
     records.station[:] = rows["station"]

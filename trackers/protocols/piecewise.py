@@ -61,6 +61,13 @@ class PiecewiseDecoder(ABC):
         """
 
 
+def rows_at(b: Bytes, at: npt.NDArray[np.int64], size: int) -> Bytes:
+    """The bytes of stretches of one size, (N, size); no copy where they stand one after the other."""
+    if len(at) > 1 and (np.diff(at) == size).all():
+        return b[at[0] : at[-1] + size].reshape(-1, size)
+    return np.lib.stride_tricks.sliding_window_view(b, size)[at]
+
+
 def gaps(first: npt.NDArray[np.int64], last: npt.NDArray[np.int64], length: int) -> tuple[Skipped, ...]:
     """Give the stretches of 0..length that none of the ascending, disjoint stretches first..last covers."""
     starts = np.concatenate([np.zeros(1, np.int64), last])

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array, from_matrix
+from skeleton.rotations import Array, about_axis, from_matrix, multiply
 from trackers.protocols.records import Records
 
 ROTATION_TOLERANCE = 1e-2
@@ -70,14 +70,9 @@ def quaternion_of_angles(angles_deg: Array) -> Array:
     Manual URM03PH156, attitude matrix; FASTRAK, VIPER and Flock of Birds use the same angles.
     """
     finite: npt.NDArray[np.bool_] = np.all(np.isfinite(angles_deg), axis=-1)
-    half = np.radians(np.where(finite[:, None], angles_deg, np.nan)) / 2
-    (ca, ce, cr), (sa, se, sr) = np.cos(half).T, np.sin(half).T
-    out = np.empty((len(angles_deg), 4))
-    out[:, 0] = cr * ce * ca + sr * se * sa
-    out[:, 1] = sr * ce * ca - cr * se * sa
-    out[:, 2] = cr * se * ca + sr * ce * sa
-    out[:, 3] = cr * ce * sa - sr * se * ca
-    return out
+    azimuth, elevation, roll = np.radians(np.where(finite[:, None], angles_deg, np.nan)).T
+    x, y, z = np.eye(3)
+    return multiply(multiply(about_axis(z, azimuth), about_axis(y, elevation)), about_axis(x, roll))
 
 
 def quaternion_of_cosines(cosines: Array) -> Array:

@@ -79,11 +79,6 @@ def concatenated(parts: Sequence[Records]) -> Records:
     return Records(*(np.concatenate([getattr(p, part.name) for p in parts]) for part in fields(Records)))
 
 
-def stations_in(station: Wholes) -> list[int]:
-    """The stations that occur among (N,), ascending; by counting, which is faster than sorting."""
-    return [int(number) for number in np.flatnonzero(np.bincount(station))]
-
-
 @dataclass(frozen=True)
 class Skipped:
     """Bytes that belong to no record or reply."""

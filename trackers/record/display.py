@@ -31,8 +31,8 @@ _DISTORTION = {0: "none", 1: "minor", 2: "HEAVY"}
 class Recorded:
     """What the view says beside the receivers.
 
-    load_percent : of the serial line; None where its rate is not known. remaining_s : None where it goes on
-    until it is stopped. notice : the last thing that happened.
+    remaining_s : None where it goes on until it is stopped. line_bytes_per_s : what the serial line carries,
+    None where that is not known. notice : the last thing that happened.
     """
 
     title: str

@@ -22,8 +22,8 @@ def cycle_bytes(settings: StreamSettings) -> int:
     family = FAMILIES[settings.family]
     items = output_items(settings.family)
     if items is not None:
-        lists = [settings.items[station] for station in settings.stations]
-        return sum(items.record_bytes(each, settings.mode) for each in lists)
+        own = items.one_list(settings.items)
+        return items.record_bytes(own, settings.mode) * len(settings.stations)
     address_bytes = int(bool(settings.options.get("group")))  # of a trakSTAR with several receivers
     return family.cycle_bytes + (family.record_bytes + address_bytes) * len(settings.stations)
 
@@ -84,7 +84,7 @@ def what_fits(settings: StreamSettings, baud: int) -> str:
     if items is None or not family.remedies:
         return ""
     ascii_mode = settings.mode == "ascii"
-    own = max(items.record_bytes(settings.items[station], settings.mode) for station in settings.stations)
+    own = items.record_bytes(items.one_list(settings.items), settings.mode)
     short = items.decodable(items.short, settings.mode)
     sizes = {"with this list": own}
     if items.record_bytes(short, settings.mode) < own:

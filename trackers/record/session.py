@@ -161,7 +161,6 @@ class _Session:
 
     def run(self) -> Ending:
         """Record; gives how it ended."""
-        self._guarded(self._warm_up)
         self._start()
         shown_s = VIEW_S if self._terminal.in_place else LOG_S
         flush_at = time.monotonic()
@@ -257,12 +256,6 @@ class _Session:
             self._archive.event("view-failed", time.monotonic_ns(), reason=reason)
             self._terminal.say("")
             self._notice(f"the view has failed ({reason}); every byte is still recorded")
-
-    def _warm_up(self) -> None:
-        """Have everything imported that the view needs: the first frame must not wait for that."""
-        decoder = ChunkDecoder(self._settings)
-        decoder.add(bytes(64), 0)
-        Statistics(self._settings, 0).add(decoder.decode(final=True), 0, 1)
 
     def _look(self) -> None:
         """Count what came since the last look."""

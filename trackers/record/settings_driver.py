@@ -33,16 +33,14 @@ FRAMES = {
 class Setting:
     """A setting that can be asked for, and most of them set.
 
-    command : its letter. kind : of the answer, "number", "numbers" (a list of whole ones), "floats", "words"
-    (hexadecimal in text), "stations" (two halves of bits) or "columns". count : how many floats; decimals :
-    of each in text, where numbers may touch each other; width : characters of each column. per_station :
-    asked and set for each station.
+    command : its letter. kind : of the answer, "number", "numbers" (a list of whole ones), "floats", "words",
+    "stations" (two halves of bits) or "columns". count : how many floats; width : characters of each column.
+    per_station : asked and set for each station.
     """
 
     command: bytes
     kind: str
     count: int = 1
-    decimals: int = 0
     width: int = 0
     per_station: bool = False
 

@@ -80,7 +80,6 @@ class Moment:
     silent_s: float
     skipped_bytes: int
     partial_cycles: int
-    cycles: int
 
 
 class Statistics:
@@ -151,7 +150,6 @@ class Statistics:
             (now_ns - self._heard_ns) * 1e-9,
             self.skipped_bytes,
             self.partial_cycles,
-            self.cycles,
         )
 
     def totals(self, now_ns: int) -> dict[str, Any]:

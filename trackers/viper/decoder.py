@@ -12,7 +12,7 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
-from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps
+from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps, rows_at
 from trackers.protocols.pose_numbers import doubtful_poses
 from trackers.protocols.records import Decoded, Records, Reply, Wholes, concatenated, empty_records
 from trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
@@ -125,17 +125,10 @@ def _sound(b: Bytes, at: Wholes, end: Wholes) -> npt.NDArray[np.bool_]:
     for size in np.unique((end - at)[whole]):
         mine = np.flatnonzero(whole & (end - at == size))
         for some in np.array_split(mine, 1 + len(mine) * int(size) // (1 << 22)):
-            rows = _rows(b, at[some], int(size))
+            rows = rows_at(b, at[some], int(size))
             sent = _unsigned(b, end[some] - CRC_BYTES) & 0xFFFF
             good[some] = crc16_arc(rows[:, :-CRC_BYTES]) == sent
     return good
-
-
-def _rows(b: Bytes, at: Wholes, size: int) -> Bytes:
-    """The bytes of stretches of one size, (N, size); no copy where they stand one after the other."""
-    if len(at) > 1 and (np.diff(at) == size).all():
-        return b[at[0] : at[-1] + size].reshape(-1, size)
-    return np.lib.stride_tricks.sliding_window_view(b, size)[at]
 
 
 def _disjoint(at: Wholes, end: Wholes, good: npt.NDArray[np.bool_], waiting: npt.NDArray[np.bool_]) -> Wholes:
@@ -181,7 +174,7 @@ def _records(b: Bytes, at: Wholes, end: Wholes) -> Records:
     sizes = end - at
     for size in np.unique(sizes):
         mine = at[sizes == size]
-        parts.append(_records_of_size(_rows(b, mine, int(size)), mine))
+        parts.append(_records_of_size(rows_at(b, mine, int(size)), mine))
     records = concatenated(parts)
     return records if len(parts) < 2 else records.take(np.argsort(records.offset))
 

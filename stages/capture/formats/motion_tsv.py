@@ -3,24 +3,39 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
+from schemas.bids.channels import OWN_KEY
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
 from skeleton.rotations import Array
 from stages.capture.formats.cells import EMPTY, Cells
-from stages.capture.formats.exported_channels import ExportedChannels
 from stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
-from stages.capture.formats.motion_sidecars import Channel, Sidecars, read_sidecars
+from stages.capture.formats.motion_sidecars import (
+    SHIFT_TO_MM,
+    Channel,
+    Point,
+    Sidecars,
+    check_frames,
+    check_unit,
+    find_point,
+    read_sidecars,
+)
 from stages.capture.formats.orientation import quaternions
 from stages.capture.formats.text_table import TextTable
-from stages.capture.formats.tracked_points import SHIFT_TO_MM, Point, check_frames, check_unit, find_point
+from stages.capture.poses_table import FLAGS
 from stages.capture.samples import ReadingOptions, Samples
 
 SECONDS_SHIFT = {"s": 0, "ms": -3, "us": -6}
+
+_SEEN_AGAIN = ("missing", "time-missing", "time-not-increasing", "frozen")
+"""Flags that follow from the numbers and times themselves: they are told anew when a file is read."""
 
 
 def read_motion_bids(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
@@ -38,7 +53,7 @@ def read_motion_bids(path: Path, layout: Layout, options: ReadingOptions) -> Sam
     names = [name_in_file(mapping, segment, "tracked_point", known, where) for segment in mapping.receivers]
     points = [find_point(sidecars, name, mapping) for name in names]
     check_frames(sidecars, points)
-    exported = ExportedChannels.of(path, sidecars, names)
+    exported = _ExportedChannels.of(path, sidecars, names)
     times = [exported.time.get(name) or _latency(sidecars, name) for name in names]
     used = [*itertools.chain(*(point.channels for point in points)), *times, *exported.flags.values()]
     wanted = [channel.title for channel in [*used, exported.frame] if channel is not None]
@@ -118,3 +133,55 @@ def _numbers(cells: Cells, point: Point, mapping: FileMapping, sentinel: float |
         raw = np.stack([cells.shifted_reals(channel.title, 0) for channel in point.channels], -1)
         numbers[(raw == sentinel).all(-1)] = np.nan
     return np.asarray(numbers)
+
+
+@dataclass(frozen=True)
+class _ExportedChannels:
+    """The channels that this program's exporter names in motion.json; none in a file of others.
+
+    time, flags : tracked point -> channel. names : what bit i of the flags stands for.
+    """
+
+    frame: Channel | None
+    time: Mapping[str, Channel]
+    flags: Mapping[str, Channel]
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, path: Path, sidecars: Sidecars, points: Sequence[str]) -> _ExportedChannels:
+        """Look the channels up; InputError where motion.json names one that channels.tsv does not have."""
+        own = sidecars.own()
+        place = f"{path}: motion.json, {OWN_KEY}"
+
+        def channel(name: object, key: str) -> Channel:
+            for named in sidecars.channels:
+                if named.name == name:
+                    return named
+            raise InputError(f"{place}.{key}: names the channel {name!r}, which channels.tsv does not have")
+
+        def channels(key: str) -> dict[str, Channel]:
+            named = own.get(key, {})
+            if not isinstance(named, dict):
+                raise InputError(
+                    f"{place}.{key}: is {named!r}; expected an object of channels by tracked point"
+                )
+            return {point: channel(named[point], key) for point in points if point in named}
+
+        names = own.get("FlagBits", [])
+        if not isinstance(names, list) or not all(isinstance(name, str) and name in FLAGS for name in names):
+            raise InputError(
+                f"{place}.FlagBits: is {names!r}; expected a list of flags that this program knows"
+            )
+        frame = None if "FrameChannel" not in own else channel(own["FrameChannel"], "FrameChannel")
+        return cls(frame, channels("TimeChannels"), channels("FlagChannels"), tuple(names))
+
+    def track(self, cells: Cells, name: str, track: Track) -> Track:
+        """Give a tracked point's flags as marks, and leave out the rows that it did not have."""
+        if name not in self.flags:
+            return track
+        bits = cells.wholes(self.flags[name].title)
+        marks = {flag: (bits >> bit) & 1 == 1 for bit, flag in enumerate(self.names)}
+        absent: npt.NDArray[np.bool_] = marks.pop("no-row", np.zeros(len(bits), bool))
+        time_s = np.where(marks.get("time-missing", absent), np.nan, track.time_s)
+        marks = {flag: marked for flag, marked in marks.items() if flag not in _SEEN_AGAIN}
+        return replace(track, time_s=time_s, marks=marks).of(~absent)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,65 +15,41 @@ from stages.capture.samples import ReadingOptions, Samples, segments_of_stations
 from trackers.archive import open_archive
 from trackers.decode.findings import findings
 from trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
-from trackers.decode.stream import Block
 from trackers.decode.survey import survey_archive
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
 
-_MARKS = (*_KEPT, "hemisphere-flip", "hemisphere-repaired")
 
-_KEPT_BYTES = 16 << 20
-"""A capture that is no longer is decoded once, and stays in memory."""
-
-
-def read_capture(path: Path, layout: Layout, options: ReadingOptions) -> Iterator[Samples]:
-    """Read a raw capture part by part; the last part has no samples, but what is to be said of the whole.
+def read_capture(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
+    """Read a raw capture part by part; the first part has what is to be said of the whole.
 
     A record whose station or frame cannot be believed is left out and counted. Raises InputError where the
     file is no capture, holds no pose or none of a station that the layout names.
     """
     archive = open_archive(path)
-    kept: list[Block] | None = [] if archive.size_bytes <= _KEPT_BYTES else None
-    survey = survey_archive(archive, kept)
+    survey = survey_archive(archive)
     losses = tuple(findings(survey))
-    wanted = [layout.segments[name].receiver for name in layout.measured]
-    there: set[int] = set()
-    for part in flagged_records(archive, survey, kept):
-        columns = _kept(part, options)
-        there.update(int(number) for number in np.unique(columns[0]))
-        known = np.isin(columns[0], [number for number in wanted if number is not None])
-        if known.any():
-            yield _samples(path, layout, [column[known] for column in columns])
-    if not there:
+    if not survey.records:
         raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
-    left_out = _left_out(path, there, layout)
-    nothing = (*(np.empty(0, np.int64) for _ in range(4)), np.empty((0, 7)), np.empty((0, len(_MARKS)), bool))
-    yield replace(
-        _samples(path, layout, nothing),
-        notes=(*left_out, *losses),
-        losses=losses,
-        missing_frames=survey.missing_frames,
-    )
-
-
-def _samples(path: Path, layout: Layout, columns: Sequence[npt.NDArray[Any]]) -> Samples:
-    station, frame, time_s, offset, numbers, marks = columns
-    place = _place(path, offset)
-    return Samples(
-        layout.measured,
-        segments_of_stations(station, layout, place),
-        frame,
-        time_s,
-        numbers,
-        place,
-        {name: marks[:, column] for column, name in enumerate(_MARKS)},
-    )
-
-
-def _left_out(path: Path, there: set[int], layout: Layout) -> list[str]:
-    """A note on the stations that came and that the layout does not name; InputError where it names none."""
     named = {number for s in layout.measured if (number := layout.segments[s].receiver) is not None}
+    notes = (*_left_out(path, set(survey.records), named, layout), *losses)
+    missing_frames = survey.missing_frames
+    vectors = survey.settings.hemisphere
+    index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
+    hemispheres = {index_of[station]: vectors[station] for station in vectors if station in index_of}
+    for part in flagged_records(archive, survey):
+        known = np.isin(part.records.station, list(named)) & ~part.flagged(*UNUSABLE)
+        if known.any():
+            samples = _samples(path, layout, part, np.flatnonzero(known))
+            yield replace(
+                samples, notes=notes, losses=losses, missing_frames=missing_frames, hemispheres=hemispheres
+            )
+            notes, losses, missing_frames = (), (), 0
+
+
+def _left_out(path: Path, there: set[int], named: set[int], layout: Layout) -> list[str]:
+    """A note on the stations that came and that the layout does not name; InputError where it names none."""
     if not there & named:
         has = ", ".join(map(str, sorted(there)))
         known = ", ".join(map(str, sorted(named))) or "none: its segments have no `receiver:`"
@@ -83,26 +58,19 @@ def _left_out(path: Path, there: set[int], layout: Layout) -> list[str]:
     return [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
 
 
-def _kept(part: FlaggedRecords, options: ReadingOptions) -> tuple[npt.NDArray[np.generic], ...]:
-    """Station, frame, time, offset, (N, 7) numbers and (N, 5) marks of the records that can be believed."""
-    good = np.flatnonzero(~part.flagged(*UNUSABLE))
-    records = part.records
-    flipped = part.flagged("hemisphere-flipped")
-    wrong = part.flagged("hemisphere-transit")
-    position_mm = records.position_mm
-    if options.repair_hemisphere:
-        position_mm = np.where(flipped[:, None], -position_mm, position_mm)
-    else:
-        wrong = wrong | flipped
-        flipped = np.zeros(len(flipped), bool)
-    marks = np.stack([*(part.flagged(name) for name in _KEPT), wrong, flipped & ~wrong], -1)
-    numbers = np.concatenate([position_mm, records.quaternion], -1)
-    columns = (records.station, records.frame, part.time_s, records.offset, numbers, marks)
-    return tuple(column[good] for column in columns)
+def _samples(path: Path, layout: Layout, part: FlaggedRecords, rows: npt.NDArray[np.int64]) -> Samples:
+    """Those records of a part as samples."""
+    records = part.records.take(rows)
 
+    def place(_: int) -> str:
+        return str(path)
 
-def _place(path: Path, offset: npt.NDArray[np.int64]) -> Callable[[int], str]:
-    def place(sample: int) -> str:
-        return f"{path}: byte {offset[sample]} of the stream"
-
-    return place
+    return Samples(
+        layout.measured,
+        segments_of_stations(records.station, layout, place),
+        records.frame,
+        part.time_s[rows],
+        np.concatenate([records.position_mm, records.quaternion], -1),
+        place,
+        {name: part.flagged(name)[rows] for name in _KEPT},
+    )

@@ -23,9 +23,8 @@ from schemas.errors import InputError
 from stages.capture.formats.cells import EMPTY, Cells
 from stages.capture.samples import did_you_mean
 
-BLOCK_ROWS = 1 << 16
-READ_BYTES = 1 << 20
-"""How much text is parsed at a time, which is more than the longest line."""
+READ_BYTES = 8 << 20
+"""How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
 
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Runs of blanks are made one tab before anything else reads them."""
@@ -74,20 +73,15 @@ class TextTable:
             raise InputError(f"{self.path}: has no rows; expected one a frame, or a receiver and frame")
         return self._cells(pa.concat_tables(tables), 0)
 
-    def blocks(
-        self, wanted: Sequence[str], least_rows: int = BLOCK_ROWS, read_bytes: int = READ_BYTES
-    ) -> Iterator[Cells]:
-        """Read the columns of those titles, so many rows at a time or some more.
+    def blocks(self, wanted: Sequence[str], read_bytes: int = READ_BYTES) -> Iterator[Cells]:
+        """Read the columns of those titles, so much text at a time.
 
         Raises InputError where the text is no table, or a row has another number of cells than it must have.
         """
-        start, tables = 0, self._tables(list(wanted), read_bytes)
-        for first in tables:
-            block = [first]
-            while sum(table.num_rows for table in block) < least_rows and (more := next(tables, None)):
-                block.append(more)
-            yield self._cells(pa.concat_tables(block), start)
-            start += sum(table.num_rows for table in block)
+        start = 0
+        for table in self._tables(list(wanted), read_bytes):
+            yield self._cells(table, start)
+            start += table.num_rows
 
     def _cells(self, table: pa.Table, start: int) -> Cells:
         return Cells(self.path, table, lambda row: self._place(start + row), self.empty, self.decimal)

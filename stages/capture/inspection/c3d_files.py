@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -79,21 +79,22 @@ def _rigidity(distance: float, spread: float, unit: str) -> str:
 def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) -> str:
     known = file.unit in MM_PER_UNIT
     unit_why = "as the file states" if known else "mm, cm, m or inch; the file states none of these"
-    lines: list[str | tuple[str, str]] = [
-        "format: c3d",
-        (f"position_unit: {file.unit if known else CHECK}", unit_why),
-        *([] if file.rate_hz > 0 else [(f"rate_hz: {CHECK}", "frames a second")]),
-        ("receivers:", f"name each by its segment in layout {layout.name}: {', '.join(layout.measured)}"),
-    ]
-    lines += [f"  {CHECK}_{_key(label)}: {{rotation: {json.dumps(label)}}}" for label in file.rotation_labels]
-    lines += [
-        f"  {CHECK}_{_key(stem)}: {{markers: {json.dumps(list(labels))}}}" for stem, labels in rigid.items()
-    ]
-    if not (file.rotation_labels or rigid):
-        markers = f"[{CHECK}, {CHECK}2, {CHECK}3]"
-        lines.append((f"  {CHECK}: {{markers: {markers}}}", "no group of markers looks rigid"))
+    receivers: dict[str, Any] = {
+        f"{CHECK}_{_key(label)}": {"rotation": label} for label in file.rotation_labels
+    }
+    receivers |= {f"{CHECK}_{_key(stem)}": {"markers": list(labels)} for stem, labels in rigid.items()}
+    if not receivers:
+        markers = [CHECK, f"{CHECK}2", f"{CHECK}3"]
+        receivers[CHECK] = ({"markers": markers}, "no group of markers looks rigid")
+    named = f"name each by its segment in layout {layout.name}: {', '.join(layout.measured)}"
+    config = {
+        "format": "c3d",
+        "position_unit": (file.unit if known else CHECK, unit_why),
+        **({} if file.rate_hz > 0 else {"rate_hz": (CHECK, "frames a second")}),
+        "receivers": (receivers, named),
+    }
     counted = "frames count from 1 at the first stored frame, whatever its number"
-    return draft(file.path, [*lines, "# c3d:", (f"#   last_frame: {file.frames}", counted)])
+    return draft(file.path, config, ["# c3d:", f"#   last_frame: {file.frames}  # {counted}"])
 
 
 def _key(label: str) -> str:

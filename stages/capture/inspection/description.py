@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -61,8 +63,30 @@ def rate_line(what: str, time: Array, units: Iterable[tuple[str, float]]) -> str
     return f"{what}: median step {step:.4g}, so {rates}{gaps}"
 
 
-def draft(path: Path, lines: Iterable[str | tuple[str, str]]) -> str:
-    """A mapping to edit: lines of YAML, each alone or with the comment that says why."""
+def draft(path: Path, config: Mapping[str, Any], more: Iterable[str] = ()) -> str:
+    """A mapping to edit, as YAML. config : key -> value, or (value, why), which is said in a comment.
+
+    more : lines at the end.
+    """
     head = f"# Drafted from {path.name}. {CHECK} is what the file cannot say: import refuses it until edited."
-    pairs = [(line, "") if isinstance(line, str) else line for line in lines]
-    return "\n".join([head, *(f"{line}  # {why}" if why else line for line, why in pairs)]) + "\n"
+    return "\n".join([head, *_block(config), *more]) + "\n"
+
+
+def _block(group: Mapping[str, Any], indent: str = "") -> Iterator[str]:
+    for key, entry in group.items():
+        value, why = entry if isinstance(entry, tuple) else (entry, "")
+        comment = f"  # {why}" if why else ""
+        if isinstance(value, Mapping) and not indent:
+            yield f"{key}:{comment}"
+            yield from _block(value, "  ")
+        else:
+            yield f"{indent}{key}: {_flow(value)}{comment}"
+
+
+def _flow(value: Any) -> str:
+    """A value in a line."""
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key}: {_flow(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_flow, value))}]"
+    return str(value) if str(value).startswith(CHECK) else json.dumps(value, ensure_ascii=False)

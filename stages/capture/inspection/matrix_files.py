@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,16 +48,17 @@ def _open(path: Path) -> tuple[str, Matrices]:
 
 def _draft(path: Path, pattern: str, values: np.ndarray) -> str:
     extent = extent_line("the position", values[:, :3, 3])
-    lines: list[str | tuple[str, str]] = [
-        "format: matrices",
-        (f"position_unit: {CHECK}", f"mm, cm, m or inch; {extent}"),
-        (f"rate_hz: {CHECK}", "matrices a second and receiver; leave the line out where nobody knows"),
-        "orientation:",
-        "  kind: matrix",
-        (f"  rotates: {CHECK}", "receiver-to-transmitter (the usual), or transmitter-to-receiver"),
-        "receivers:",
-        (f"  {CHECK}: {{}}", "a segment of the layout; several, one a line, in the order of their matrices"),
-    ]
+    several = "a segment of the layout; several, one a line, in the order of their matrices"
+    config: dict[str, Any] = {
+        "format": "matrices",
+        "position_unit": (CHECK, f"mm, cm, m or inch; {extent}"),
+        "rate_hz": (CHECK, "matrices a second and receiver; leave the line out where nobody knows"),
+        "orientation": {
+            "kind": "matrix",
+            "rotates": (CHECK, "receiver-to-transmitter (the usual), or transmitter-to-receiver"),
+        },
+        "receivers": {CHECK: ({}, several)},
+    }
     if path.is_dir():
-        lines += ["matrices:", (f'  pattern: "{pattern}"', "files are taken in the order of their names")]
-    return draft(path, lines)
+        config["matrices"] = {"pattern": (pattern, "files are taken in the order of their names")}
+    return draft(path, config)

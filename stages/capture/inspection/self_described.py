@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,10 +10,9 @@ from typing import Any
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import UNIT_NAMES
-from stages.capture.formats.motion_sidecars import read_sidecars
+from stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
 from stages.capture.formats.readers import AUTO, find_reader
-from stages.capture.formats.tracked_points import SHIFT_TO_MM, XYZ
-from stages.capture.inspection.description import CHECK, Description
+from stages.capture.inspection.description import CHECK, Description, draft
 from stages.capture.samples import ReadingOptions
 
 
@@ -39,13 +37,14 @@ def describe_motion_bids(path: Path, layout: Layout) -> Description:
         return _complete(lines, "tracked point", layout)
     position_units = [channel.units for channel in sidecars.channels if channel.type == "POS"]
     angles = [c for c in sidecars.channels if c.type == "ORNT" and c.component in XYZ]
-    draft: dict[str, Any] = {
+    config: dict[str, Any] = {
         "format": "motion-bids",
         "position_unit": next((unit for unit in position_units if unit in SHIFT_TO_MM), CHECK),
     }
     if any("RotationOrder" not in sidecars.frame_levels(channel.reference_frame) for channel in angles):
-        draft["orientation"] = {"kind": "euler", "axes": CHECK, "unit": angles[0].units}
-    return _with_draft(path, lines, draft, _draft_receivers(sidecars.points(), "tracked_point"))
+        config["orientation"] = {"kind": "euler", "axes": CHECK, "unit": angles[0].units}
+    config["receivers"] = _receivers(sidecars.points(), "tracked_point", layout)
+    return Description(tuple(lines), draft(path, config))
 
 
 def describe_xdf(path: Path, layout: Layout) -> Description:
@@ -70,13 +69,14 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
         return _complete(lines, "marker or object", layout)
     stream = mocap_streams(path, streams)[0]
     units = [UNIT_NAMES[c.unit] for c in stream.channels if c.type in POSITION and c.unit in UNIT_NAMES]
-    draft = {
+    config = {
         "format": "xdf",
         "position_unit": next(iter(units), CHECK),
         "orientation": {"kind": "quaternion", "order": "wxyz"},
+        "receivers": _receivers(owners(stream), "value", layout),
         "xdf": {"stream": stream.name},
     }
-    return _with_draft(path, lines, draft, _draft_receivers(owners(stream), "value"))
+    return Description(tuple(lines), draft(path, config))
 
 
 def _reads_without_mapping(path: Path, layout: Layout) -> bool:
@@ -91,19 +91,7 @@ def _complete(lines: list[str], what: str, layout: Layout) -> Description:
     return Description((*lines, f"every {what} is a segment of layout {layout.name}: needs no mapping"))
 
 
-def _with_draft(
-    path: Path, lines: list[str], draft: dict[str, Any], receivers: dict[str, dict[str, str]]
-) -> Description:
-    head = [
-        f"# Drafted from {path.name}, which says its units itself. Each name under receivers must be",
-        "# a segment of the layout: correct it, or take the receiver out. Check the rest as well.",
-    ]
-    body = [f"{key}: {_json(value)}" for key, value in draft.items()]
-    body += ["receivers:", *(f"  {segment}: {_json(keys)}" for segment, keys in receivers.items())]
-    return Description(tuple(lines), "\n".join([*head, *body]) + "\n")
-
-
-def _draft_receivers(names: Iterable[str], key: str) -> dict[str, dict[str, str]]:
+def _receivers(names: Iterable[str], key: str, layout: Layout) -> tuple[dict[str, dict[str, str]], str]:
     """Put every name under `key` of a receiver whose own name a segment may have; none is lost."""
     receivers: dict[str, dict[str, str]] = {}
     for name in names:
@@ -114,8 +102,4 @@ def _draft_receivers(names: Iterable[str], key: str) -> dict[str, dict[str, str]
             count += 1
             segment = f"{stem}_{count}"
         receivers[segment] = {key: name}
-    return receivers
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False)
+    return receivers, f"each by its segment in layout {layout.name}: correct its name, or take it out"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +20,6 @@ from stages.capture.inspection.text_form import TextForm, detect_form
 TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))
 
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
-
-Commented = tuple[str, str]
 
 REPEATED_SHARE = 0.2
 """More rows than this that repeat the one before, and receivers are not in step with the rows."""
@@ -54,9 +52,9 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.positions and not roles.orientations[1]:
         lines.append("no orientations were found: a joint cannot be found from positions alone")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    mapping = _draft_head(roles, numbers, receivers, asynchronous, layout)
-    mapping += _draft_table(form, roles, numbers, asynchronous)
-    return Description(tuple(lines), draft(path, mapping))
+    config = _config(roles, numbers, receivers, asynchronous, layout)
+    config["csv"] = _csv(form, roles, numbers, asynchronous)
+    return Description(tuple(lines), draft(path, config))
 
 
 def _numbers(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
@@ -125,45 +123,46 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
     return worst
 
 
-def _draft_head(
+def _config(
     roles: Roles, numbers: Mapping[str, Array], receivers: Sequence[str], asynchronous: bool, layout: Layout
-) -> list[str | Commented]:
+) -> dict[str, Any]:
     """The mapping but for its `csv` group."""
     ranges = (numbers[title] for group in roles.positions for title in group)
     spans = [np.nanmax(values) - np.nanmin(values) for values in ranges]
     why = f"mm, cm, m or inch; positions span {max(spans):.3g} of it" if spans else "mm, cm, m or inch"
-    lines: list[str | Commented] = ["format: csv", (f"position_unit: {CHECK}", why)]
+    config: dict[str, Any] = {"format": "csv", "position_unit": (CHECK, why)}
     if asynchronous:
-        lines.append((f"rate_hz: {CHECK}", "the tracker's own rate: the grid that new values are put on"))
+        config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
-        lines.append((f"rate_hz: {CHECK}", "frames a second; leave the line out where nobody knows"))
-    lines += _draft_orientation(roles, numbers)
-    lines.append(("receivers:", f"by segment of layout {layout.name}: {', '.join(layout.measured)}"))
-    return lines + (_draft_receivers(roles, receivers, layout) or [f"  {CHECK}: {{}}"])
+        config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
+    config["orientation"] = _orientation(roles, numbers)
+    named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
+    config["receivers"] = (_receivers(roles, receivers, layout) or {CHECK: {}}, named)
+    return config
 
 
-def _draft_orientation(roles: Roles, numbers: Mapping[str, Array]) -> list[str | Commented]:
+def _orientation(roles: Roles, numbers: Mapping[str, Array]) -> dict[str, Any]:
     kind, groups = roles.orientations
-    lines: list[str | Commented] = ["orientation:", f"  kind: {kind if groups else CHECK}"]
+    config: dict[str, Any] = {"kind": kind if groups else CHECK}
     if kind == "quaternion" and groups:
-        lines.append((f"  order: {CHECK}", f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?"))
+        config["order"] = (CHECK, f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?")
     if kind == "euler" and groups:
         angle_unit, why = _angle_unit(_rows(numbers, [title for group in groups for title in group]))
-        lines.append((f"  axes: {CHECK}", f"of {' '.join(groups[0])}; ZYX for azimuth, elevation, roll"))
-        lines.append((f"  unit: {angle_unit}", why if angle_unit != CHECK else f"deg or rad; {why}"))
-    return [*lines, (f"  rotates: {CHECK}", "receiver-to-transmitter, or transmitter-to-receiver")]
+        config["axes"] = (CHECK, f"of {' '.join(groups[0])}; ZYX for azimuth, elevation, roll")
+        config["unit"] = (angle_unit, why if angle_unit != CHECK else f"deg or rad; {why}")
+    return {**config, "rotates": (CHECK, "receiver-to-transmitter, or transmitter-to-receiver")}
 
 
-def _draft_receivers(roles: Roles, receivers: Sequence[str], layout: Layout) -> list[str | Commented]:
+def _receivers(roles: Roles, receivers: Sequence[str], layout: Layout) -> dict[str, Any]:
     if roles.receiver:
-        return [f"  {_segment(name, layout)}: {{value: {json.dumps(name)}}}" for name in receivers]
+        return {_segment(name, layout): {"value": name} for name in receivers}
     orientations = roles.orientations[1]
-    lines: list[str | Commented] = []
+    config = {}
     for index, position in enumerate(roles.positions):
         turning = orientations[index] if index < len(orientations) else []
-        line = f"  {CHECK}_{index + 1}: {{position: {_columns(position)}, orientation: {_columns(turning)}}}"
-        lines.append((line, _doubt(roles, position + turning)))
-    return lines
+        columns = {"position": _columns(position), "orientation": _columns(turning)}
+        config[f"{CHECK}_{index + 1}"] = (columns, _doubt(roles, position + turning))
+    return config
 
 
 def _doubt(roles: Roles, titles: Sequence[str]) -> str:
@@ -177,38 +176,30 @@ def _segment(value: str, layout: Layout) -> str:
     return f"{CHECK}_{''.join(c if c.isalnum() else '_' for c in value)}"
 
 
-def _columns(titles: Sequence[str]) -> str:
-    return f"[{', '.join(map(_column, titles)) or CHECK}]"
+def _columns(titles: Sequence[str]) -> list[int | str]:
+    return [_column(title) for title in titles] or [CHECK]
 
 
-def _column(title: str) -> str:
+def _column(title: str) -> int | str:
     number = title.removeprefix("number ")
-    return number if number != title else json.dumps(title, ensure_ascii=False)
+    return int(number) if number != title else title
 
 
-def _draft_table(
-    form: TextForm, roles: Roles, numbers: Mapping[str, Array], asynchronous: bool
-) -> list[str | Commented]:
+def _csv(form: TextForm, roles: Roles, numbers: Mapping[str, Array], asynchronous: bool) -> dict[str, Any]:
     """The mapping's `csv` group."""
-    lines: list[str | Commented] = [
-        "csv:",
-        f"  rows: {'long' if roles.receiver else 'wide'}",
-        f"  delimiter: {json.dumps(form.delimiter)}",
-        f"  decimal: {json.dumps(form.decimal)}",
-        f"  header: {json.dumps(form.header)}",
-    ]
-    lines += [f"  comment: {json.dumps(form.comment)}"] if form.comment else []
-    lines += [f"  skip_lines: {form.skip_lines}"] if form.skip_lines else []
+    config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
+    config |= {name: getattr(form, name) for name in ("delimiter", "decimal", "header")}
+    config |= {name: value for name in ("comment", "skip_lines") if (value := getattr(form, name))}
     if roles.time:
-        lines.append((f"  time: {_column(roles.time)}", _doubt(roles, [roles.time])))
-        lines.append((f"  time_unit: {CHECK}", rate_line("s, ms or us", numbers[roles.time], TIME_UNITS)))
+        config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
+        config["time_unit"] = (CHECK, rate_line("s, ms or us", numbers[roles.time], TIME_UNITS))
     if roles.frame and not asynchronous:
-        lines.append(f"  frame: {_column(roles.frame)}")
+        config["frame"] = _column(roles.frame)
     if asynchronous:
-        lines.append(("  in_step: false", "old values are repeated: each new one is kept once"))
+        config["in_step"] = (False, "old values are repeated: each new one is kept once")
     if roles.receiver:
-        lines.append(f"  receiver: {_column(roles.receiver)}")
+        config["receiver"] = _column(roles.receiver)
         for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
             titles = groups[0] if groups else []
-            lines.append((f"  {key}: {_columns(titles)}", _doubt(roles, titles)))
-    return lines
+            config[key] = (_columns(titles), _doubt(roles, titles))
+    return config

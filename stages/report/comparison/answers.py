@@ -2,22 +2,129 @@
 
 The baseline is the paper's: of the models that reproduce one of its tables uncorrected the last, for the
 first of them leaves metacarpals at rest, and everything beats it by centimetres; without any of the paper's
-the study's first model. Fitted hands, where only they are asked, are held against anatomy alone.
+the study's first model. Fitted hands, where only they are asked, are held against anatomy alone. A place is a
+digit in a recording, or a joint of a hand.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from schemas.model import the_papers
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, compare
-from stages.report.comparison.observations import observations
 from stages.report.comparison.questions import PRIOR, Question
-from stages.report.study_results import StudyResults
+from stages.report.study_results import StudyResults, recording_key
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+NO_NUMBER = "no such number"
+OTHER_KIND = {True: "made from this task too, not held out", False: "made without this task, not in-sample"}
+PLACE = ["subject", "model", "digit", "place"]
+
+
+class Observation(NamedTuple):
+    """One model in one place: its number, or None and the reason."""
+
+    subject: str
+    model: str
+    digit: str
+    place: str
+    value: float | None
+    reason: str = ""
+
+
+def observations(
+    results: StudyResults, question: Question, models: Collection[str], *, held_out: bool
+) -> pd.DataFrame:
+    """The models' numbers in every place of a study, a row as an Observation; where there is none, why.
+
+    A reference was made from nothing, so it counts as held out and as in-sample. A joint's error is held out
+    where the skeleton has held-out scores. Suspect hands are left out.
+    """
+    import pandas as pd
+
+    rows = _rows(results, question)
+    rows = rows[rows["model"].isin(list(models))]
+    counts = rows["kind"].isin([held_out]) | ~rows["model"].isin(list(results.models))
+    rows = rows.assign(counts=counts, value=rows["number"].where(counts))
+    found = rows.groupby(PLACE, sort=False)["value"].mean().reset_index()
+    found = found.merge(_reasons(rows, held_out=held_out), how="left", on=PLACE).fillna({"reason": ""})
+    absent = pd.DataFrame(_unscored(results, question, models), columns=Observation._fields)
+    return found if absent.empty else pd.concat([found, absent.astype({"value": float})], ignore_index=True)
+
+
+def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
+    """Why a place has no number: the messages of its rows that count, or that none does."""
+    groups = rows.groupby(PLACE, sort=False)
+    rows = rows[groups["value"].transform("count") == 0]
+    rows = rows[rows["counts"] | ~rows.groupby(PLACE)["counts"].transform("any")]
+    texts = rows["message"].where(rows["counts"], OTHER_KIND[held_out])
+    joined = texts.groupby([rows[name] for name in PLACE], sort=False)
+    return (
+        joined.agg(lambda own: "; ".join(dict.fromkeys(filter(None, own))) or NO_NUMBER)
+        .rename("reason")
+        .reset_index()
+    )
+
+
+def _rows(results: StudyResults, question: Question) -> pd.DataFrame:
+    """Rows of the question's table: PLACE, number, message and kind (whether it is held out)."""
+    import pandas as pd
+
+    of_score = question.table == "skeleton_scores"
+    columns = ["subject", "hand", "task", "trial", "model", "calibrated_on", "digit", "held_out", "message"]
+    scores = pd.DataFrame.from_records(
+        results.counted(results.scores), columns=[*columns, *([question.metric] if of_score else [])]
+    )
+    if of_score:
+        place = (
+            scores["hand"]
+            + " hand, "
+            + scores["task"]
+            + (", trial " + scores["trial"]).where(scores["trial"] != "", "")
+        )
+        number = scores[question.metric].astype(float)
+        return scores.assign(place=place, number=number, kind=scores["held_out"])
+    made = ["subject", "hand", "model", "calibrated_on"]
+    kinds = scores[[*made, "held_out"]].drop_duplicates().rename(columns={"held_out": "kind"})
+    joints = pd.DataFrame.from_records(
+        results.counted(results.joint_errors), columns=[*made, "joint", question.metric]
+    )
+    joints = joints.merge(kinds, how="left", on=made)
+    digits = {
+        (hand.subject, hand.hand, joint): digit.name
+        for hand, layout in results.layouts.items()
+        for digit in layout.digits.values()
+        for joint in digit.joints
+    }
+    keys = zip(joints["subject"], joints["hand"], joints["joint"], strict=True)
+    return joints.assign(
+        digit=[digits.get(key, key[2]) for key in keys],
+        place=joints["hand"] + " hand, " + joints["joint"],
+        number=joints[question.metric].astype(float),
+        message="",
+    )
+
+
+def _unscored(results: StudyResults, question: Question, models: Collection[str]) -> Iterator[Observation]:
+    """The evaluated recordings without any score, with what became of them."""
+    if question.table == "joint_errors":
+        return
+    scored = {(row["subject"], row["hand"], row["task"], row["trial"]) for row in results.scores}
+    for recording in results.recordings:
+        subject, hand, task, trial = key = recording_key(recording)
+        if key in scored or recording.role == "calibration":
+            continue
+        reason = ": ".join(filter(None, results.status_of(recording)))
+        place = f"{hand} hand, {task}" + (f", trial {trial}" if trial else "")
+        for digit in results.layouts[recording.hand].digits:
+            for model in models:
+                yield Observation(subject, model, digit, place, None, reason)
+
 
 ByDigit = dict[str, dict[str, dict[str, float]]]
 """Numbers by digit, ALL_DIGITS first, then model, then subject."""
@@ -46,6 +153,16 @@ class Answer:
     def models(self) -> tuple[str, ...]:
         """The models without the references."""
         return tuple(name for name in self.names if name not in self.question.references)
+
+    @property
+    def kind(self) -> str:
+        """Which data the skeletons were made from."""
+        if self.held_out:
+            return "Held out: skeletons made without the recordings that they are scored on."
+        return (
+            "In-sample: nothing is held out, so a skeleton may have learnt the recording that it is scored "
+            "on and not the hand."
+        )
 
     @property
     def judges(self) -> bool:

@@ -51,13 +51,6 @@ def untestable(comparisons: Sequence[Comparison]) -> str:
     return f"{who}the smallest p that a test can give, Holm-corrected over {over}, is {least:.2g}."
 
 
-def sentences(comparisons: Sequence[Comparison]) -> list[str]:
-    """A sentence for each comparison; none where none can be tested."""
-    if not any(each.testable for each in comparisons):
-        return []
-    return [_sentence(each, statistics) for each, statistics in with_statistics(comparisons)]
-
-
 def missing_of(comparisons: Sequence[Comparison]) -> dict[str, list[Missing]]:
     """By subject in which places a model has no number, each once, however many comparisons it is in."""
     of_subject: dict[str, dict[Missing, None]] = defaultdict(dict)
@@ -153,54 +146,3 @@ def _equal(equal: Sequence[Comparison]) -> list[str]:
         return []
     verb = "has" if len(equal) == 1 else "have"
     return [f"{listed(each.model for each in equal)} {verb} exactly the same numbers as {equal[0].other}."]
-
-
-def _sentence(comparison: Comparison, statistics: Paired) -> str:
-    """What one comparison says, with the number of subjects and how sure it is."""
-    model, other, amount = comparison.model, comparison.other, comparison.question.amount
-    if comparison.equal:
-        who = counted(statistics.n, "subject")
-        text = f"no difference at all between {model} and {other} in {who}: {amount} as much."
-    elif not comparison.testable:
-        text = f"{_cannot_show(comparison, statistics)} {_capital(_difference(comparison, statistics))}."
-    elif comparison.significant:
-        text = f"with {model} {_difference(comparison, statistics, versus=f' than with {other}')}."
-    else:
-        text = f"no difference shown between {model} and {other}: {_difference(comparison, statistics)}."
-    n_shared = sum(pair.n_shared for pair in comparison.compared)
-    n_places = sum(pair.n_places for pair in comparison.compared)
-    places = f" Compared in {n_shared} of {n_places} places, where both have a number."
-    return _capital(text) + (places if n_shared < n_places else "")
-
-
-def _cannot_show(comparison: Comparison, statistics: Paired) -> str:
-    alone = statistics.smallest_p > LEVEL
-    least = statistics.smallest_p if alone else comparison.smallest_p_holm
-    corrected = "" if alone else f", Holm-corrected over {comparison.n_compared},"
-    return (
-        f"{counted(statistics.n, 'subject')} cannot show a difference between {comparison.model} and "
-        f"{comparison.other}: the smallest p that the test can give{corrected} is {least:.2g}."
-    )
-
-
-def _difference(comparison: Comparison, statistics: Paired, versus: str = "") -> str:
-    """The amount and, in brackets, how sure it is; amounts in the direction that the words name."""
-    sign = 1.0 if statistics.mean > 0 else -1.0
-    direction, unit = ("more" if statistics.mean > 0 else "less"), comparison.question.unit
-    ends = statistics.interval or (statistics.lowest, statistics.highest)
-    low, high = sorted(sign * end for end in ends)
-    span = "95 % interval" if statistics.interval else "subjects from"
-    parts = [f"{span} {number(low)} to {number(high)} {unit}"] if statistics.n > 1 else []
-    parts.append(f"{counted(statistics.n, 'subject')}, {statistics.n_better} of {statistics.n} better")
-    if statistics.n_equal:
-        parts[-1] += f", {statistics.n_equal} the same"
-    if comparison.testable and comparison.p_holm is not None:
-        over = f", Holm-corrected over {comparison.n_compared}" if comparison.n_compared > 1 else ""
-        parts.append(p_text(comparison.p_holm) + over)
-    with_model = versus or f" with {comparison.model}"
-    amount = f"{number(abs(statistics.mean))} {unit} {direction}{with_model}"
-    return f"{comparison.question.amount} {amount} ({'; '.join(parts)})"
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]

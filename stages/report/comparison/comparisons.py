@@ -14,10 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stages.report.comparison.observations import NO_ROW, observations
 from stages.report.comparison.paired_statistics import LEVEL, Paired, holm, paired
 from stages.report.comparison.questions import Question
-from stages.report.study_results import StudyResults
 from stages.report.table_cells import listed
 
 if TYPE_CHECKING:
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
 Pair = tuple[str, str]
 
 ALL_DIGITS = ""
+NO_ROW = "not scored"
 
 
 class Missing(NamedTuple):
@@ -92,15 +91,6 @@ class Comparison:
     def equal(self) -> bool:
         """Whether the models have the same number in every subject."""
         return self.statistics is not None and self.statistics.n_equal == self.statistics.n
-
-
-def compare_study(
-    results: StudyResults, question: Question, pairs: Sequence[Pair], *, held_out: bool
-) -> tuple[Comparison, ...]:
-    """Compare models or references of a study across its subjects over all digits, see `compare`."""
-    names = dict.fromkeys(name for pair in pairs for name in pair)
-    seen = observations(results, question, names, held_out=held_out)
-    return compare(seen, question, pairs, held_out=held_out, subjects=results.subjects, digits={ALL_DIGITS})
 
 
 def compare(

@@ -14,7 +14,7 @@ class Question:
     metric : the column of `table` that answers it. amount : the words before an amount in a sentence.
     choice : its name among the others. says : how far the answer judges a skeleton. judged_by : the words
     of the headline; empty where it judges none. references : drawn beside the models. fitted_only : whether
-    only models that pose a fitted hand take this test.
+    only models that pose a fitted hand take this test. axis, caption : in print, of an axis and in a caption.
     """
 
     metric: str
@@ -26,6 +26,8 @@ class Question:
     fitted_only: bool = False
     table: str = "skeleton_scores"
     unit: str = "mm"
+    axis: str = ""
+    caption: str = ""
 
 
 JOINT_ERROR = Question(
@@ -37,6 +39,8 @@ JOINT_ERROR = Question(
     "how far the joint centres are from the true ones",
     (PRIOR,),
     table="joint_errors",
+    axis="Joint error [mm]",
+    caption="distance of the joint centres to the true ones in the child receiver's frame, mean over joints",
 )
 METACARPAL = Question(
     "metacarpal_deg",
@@ -57,6 +61,8 @@ TRUE_TIP = Question(
     "fingertip; the other models know the receiver on the nail, which distal-receiver is alone.",
     "how far the fingertips are from the true ones",
     (PRIOR, NAIL, TRUE),
+    axis="Fingertip error [mm]",
+    caption="distance from the stated fingertip to the true end of the distal bone, mean over frames",
 )
 LEFT_OUT = Question(
     "left_out_mean_mm",
@@ -69,6 +75,9 @@ LEFT_OUT = Question(
     "how far distal receivers are missed when a pose is not told where they are",
     (PRIOR, TRUE),
     fitted_only=True,
+    axis="Left-out error [mm]",
+    caption="fitted hands posed without the positions of the distal receivers, distance from where the hand "
+    "says that these are to where they are, mean over frames",
 )
 REPLAY = Question(
     "replay_mean_mm",
@@ -77,5 +86,8 @@ REPLAY = Question(
     "The paper's number. It says how well the joints close and not where they are, so it judges no "
     "skeleton: the true one does not win it. A large error is a warning; a small one is no proof.",
     references=(TRUE,),
+    axis="Replay's tip error [mm]",
+    caption="tip error of the receiver-driven replay, least-squares binding, mean over frames; it says how "
+    "well the joints close and not where they are",
 )
 QUESTIONS = (JOINT_ERROR, METACARPAL, TRUE_TIP, LEFT_OUT, REPLAY)

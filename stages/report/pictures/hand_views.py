@@ -218,10 +218,7 @@ class _Page:
         wide, _, deep = self.window.size_mm
         for middle, lines in (
             (wide / 2, ["seen from the back"]),
-            (
-                wide + GUTTER_MM + deep / 2,
-                ["seen from the side,", f"back of the hand to the {hand}"],
-            ),
+            (wide + GUTTER_MM + deep / 2, ["seen from the side,", f"back of the hand to the {hand}"]),
         ):
             x, y = self.px(np.array([middle, 0.0])).tolist()
             for index, line in enumerate(lines):

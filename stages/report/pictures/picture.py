@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup, escape
 
-from stages.report.palette import INK, RULE, SOFT, as_custom_property
+from stages.report.palette import INK, MARK_PATHS, MARK_PX, RULE, SOFT, as_custom_property
 from stages.report.pictures.scale import Scale, plain
 
 Array = npt.NDArray[np.float64]
@@ -24,25 +24,6 @@ TEXT_PX = 11.0
 
 _MIDDLE_PX = 0.35 * TEXT_PX
 """From the middle of a line of text down to its baseline."""
-
-_STAR = np.repeat([1.0, 0.42], 5).reshape(2, 5).T.ravel()[:, None]
-_TURN = np.pi / 5 * np.arange(10)[:, None]
-_CROSS = np.array([(-1, 3), (-1, 1), (-3, 1), (-3, -1), (-1, -1), (-1, -3),
-                   (1, -3), (1, -1), (3, -1), (3, 1), (1, 1), (1, 3)]) / 3  # fmt: skip
-_UP = np.array([(0.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
-OUTLINES = {
-    "s": np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]),
-    "^": _UP,
-    "v": -_UP,
-    "<": _UP[:, ::-1],
-    ">": -_UP[:, ::-1],
-    "D": np.array([(0.0, -1.2), (1.2, 0.0), (0.0, 1.2), (-1.2, 0.0)]),
-    "P": _CROSS,
-    "X": _CROSS @ np.array([(1.0, -1.0), (1.0, 1.0)]) * 0.7,
-    "*": _STAR * np.hstack([np.sin(_TURN), -np.cos(_TURN)]) * 1.25,
-    "p": np.hstack([np.sin(_TURN[::2]), -np.cos(_TURN[::2])]) * 1.05,
-}
-"""The palette's markers as corners (n, 2) in units of half their size; what is not here is a disc."""
 
 
 class Picture:
@@ -93,15 +74,11 @@ class Picture:
         self, points: Array, shape: str, size: float, face: str, edge: str = "none", edge_px: float = 1.0
     ) -> None:
         """A marker of the palette at each of the points (n, 2), all alike; size is its width."""
+        times = size / MARK_PX
+        style = _style(face, edge, edge_px / times)
         for x, y in points[np.isfinite(points).all(-1)].tolist():
-            if shape in OUTLINES:
-                corners = OUTLINES[shape] * size / 2 + (x, y)
-                self.outline(corners, face, edge, edge_px)
-            else:
-                self._parts.append(
-                    f'<circle cx="{_px(x)}" cy="{_px(y)}" r="{_px(size / 2)}" '
-                    f'style="{_style(face, edge, edge_px)}"/>'
-                )
+            place = f"translate({_px(x)} {_px(y)}) scale({times:.3g})"
+            self._parts.append(f'<path transform="{place}" d="{MARK_PATHS[shape]}" style="{style}"/>')
 
     def outline(self, corners: npt.ArrayLike, face: str, edge: str, width: float = 1.0) -> None:
         """A closed shape with these corners (n, 2)."""
@@ -137,7 +114,7 @@ class Picture:
 
 def _style(face: str, edge: str, width: float) -> str:
     style = f"fill:{as_custom_property(face)};stroke:{as_custom_property(edge)}"
-    return style if edge == "none" or width == 1.0 else f"{style};stroke-width:{width:g}"
+    return style if edge == "none" or width == 1.0 else f"{style};stroke-width:{width:.3g}"
 
 
 def _px(value: float) -> str:

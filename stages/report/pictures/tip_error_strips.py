@@ -13,7 +13,7 @@ from stages.report.palette import RULE, SOFT, Look
 from stages.report.pictures.picture import Picture
 from stages.report.pictures.scale import Scale, plain
 from stages.report.pictures.traces import Trace, error_scale, thin, trace_band
-from stages.report.table_cells import listed
+from stages.report.table_cells import alike, listed
 
 Array = npt.NDArray[np.float64]
 Traces = Mapping[str, Mapping[str, Trace]]
@@ -57,11 +57,11 @@ def time_label(traces: Traces) -> str:
 
 def hidden_lines(traces: Traces, models: Sequence[str]) -> str:
     """Models whose lines are the same in every digit, so that the last hides the others."""
-    groups: dict[tuple[bytes, ...], list[str]] = {}
-    for model in models:
-        lines = tuple(of[model].high_mm.tobytes() if model in of else b"" for of in traces.values())
-        groups.setdefault(lines, []).append(model)
-    hidden = [listed(group) for group in groups.values() if len(group) > 1]
+    lines = {
+        model: [of[model].high_mm.tobytes() if model in of else b"" for of in traces.values()]
+        for model in models
+    }
+    hidden = [listed(group) for group in alike(lines) if len(group) > 1]
     return f"Equal, so that the last hides the others: {'; '.join(hidden)}." if hidden else ""
 
 
@@ -75,8 +75,9 @@ def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> 
     errors = error_scale(everything)
     picture.text(0, 12, f"tip error [mm]{', log scale' if errors.kind == 'log' else ''}")
     _legend(picture, models, looks)
-    spans = np.array([trace.span for trace in everything]).reshape(-1, 2)
-    time = Scale(spans[:, 0].min(initial=np.inf), spans[:, 1].max(initial=-np.inf))
+    first = min((trace.span[0] for trace in everything), default=0.0)
+    last = max((trace.span[1] for trace in everything), default=0.0)
+    time = Scale(first, last if last > first else first + 1.0)
     for index, (digit, of) in enumerate(traces.items()):
         strip = _Strip(picture, time, errors, top + index * (_STRIP + _GAP))
         strip.frame(digit)
@@ -85,9 +86,8 @@ def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> 
         if not of:
             picture.text(_LEFT + 6, strip.top + _STRIP / 2, "no tip error", middle=True)
     if everything:
-        last = foot - _GAP
-        picture.line([(_LEFT, last), (_RIGHT, last)], SOFT)
-        picture.number_axis(time, (_LEFT, _RIGHT), last, last, time_label(traces))
+        picture.line([(_LEFT, foot - _GAP), (_RIGHT, foot - _GAP)], SOFT)
+        picture.number_axis(time, (_LEFT, _RIGHT), foot - _GAP, foot - _GAP, time_label(traces))
     return picture.markup()
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +12,29 @@ from matplotlib.figure import Figure
 
 from schemas import PROGRAM, VERSION
 from schemas.files import replacing, write_text
+from schemas.study import Recording
 from stages.report.print_figures.style import ONE_COLUMN_MM, SMALL_PT, applied, label, new_figure
+from stages.report.study_results import StudyResults
+from stages.report.table_cells import counted
+
+
+def study_text(results: StudyResults) -> str:
+    """Which study it is, how many subjects and hands it has, and whether its recordings are real."""
+    subjects, hands = counted(len(results.subjects), "subject"), counted(len(results.hands), "hand")
+    kind = "simulated recordings of " if results.simulated else ""
+    return f"Study {results.name}: {kind}{subjects}, {hands}."
+
+
+def count_range(counts: Iterable[int]) -> str:
+    """The numbers of subjects or hands behind several marks: one number, or from which to which."""
+    low, high = min(counts := list(counts)), max(counts)
+    return f"{low}" if low == high else f"{low}–{high}"
+
+
+def recording_text(recording: Recording) -> str:
+    """The recording in words."""
+    trial = f", trial {recording.trial}" if recording.trial else ""
+    return f"subject {recording.hand.subject}, {recording.hand.hand} hand, {recording.task}{trial}"
 
 
 class NoDataError(Exception):
@@ -53,7 +74,6 @@ def save(folder: Path, drawing: Drawing) -> None:
     with applied():
         with replacing(_with(base, "svg")) as temporary:
             drawing.figure.savefig(temporary, format="svg", metadata={"Date": None})
-            temporary.write_text(_rounded(temporary.read_text("utf-8")), "utf-8", newline="\n")
         drawing.figure.set_layout_engine(None)  # panels have found their places; to search again takes long
         with replacing(_with(base, "pdf")) as temporary:
             drawing.figure.savefig(temporary, format="pdf", metadata={"CreationDate": None})
@@ -70,23 +90,3 @@ def _without_data(name: str, reason: str) -> Drawing:
     figure = new_figure(ONE_COLUMN_MM, 10.0 + 4.0 * len(lines))
     figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
     return Drawing(name, figure, sentence, sentence)
-
-
-_PLACES = re.compile(r'(?<= )(d|x|y)="([^"]*)"')
-_NUMBER = re.compile(r"-?\d+\.\d+")
-_STEP = re.compile(r" \nL (?=[-\d])")
-_LONG = 4000
-
-
-def _rounded(svg: str) -> str:
-    """Places to a hundredth of a point, a tenth (as 720 dots an inch) in long lines: a third of the size."""
-
-    def shorter(found: re.Match[str]) -> str:
-        name, text = found[1], found[2]
-        decimals = 1 if len(text) > _LONG else 2
-        if name == "d" and "C" not in text and "Q" not in text:
-            text = _STEP.sub(" ", text)  # after M and L an L goes without saying
-        text = _NUMBER.sub(lambda number: f"{float(number[0]):.{decimals}f}".rstrip("0").rstrip("."), text)
-        return f'{name}="{text}"'
-
-    return _PLACES.sub(shorter, svg)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Hashable
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,12 +22,11 @@ from stages.report.pictures.hand_views import (
     views_of,
     window_of,
 )
-from stages.report.print_figures.caption_text import capital, recording_text
-from stages.report.print_figures.drawing import NoDataError
+from stages.report.print_figures.drawing import NoDataError, recording_text
 from stages.report.print_figures.style import SMALL_PT, TWO_COLUMNS_MM, headings, label, lettered, new_figure
 from stages.report.recording_results import read_still
 from stages.report.study_results import StudyResults
-from stages.report.table_cells import listed
+from stages.report.table_cells import alike, listed, title
 
 _ACROSS = 3
 _FOOT_MM = 20.0
@@ -43,10 +41,7 @@ def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     except InputError as error:
         raise NoDataError(str(error)) from error
     chains = {own.model: chains_at(motion, own, 0) for own in motion.skeletons}
-    alike: dict[Hashable, list[str]] = {}
-    for model, own in chains.items():
-        alike.setdefault(chains_key(own), []).append(model)
-    groups = list(alike.values())
+    groups = alike({model: chains_key(own) for model, own in chains.items()})
     receivers = receivers_at(motion, 0)
     window = window_of(receivers, [chain for of in chains.values() for chain in of])
     figure, panels = _panels(groups, window)
@@ -58,7 +53,7 @@ def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     handles = [
         Line2D(
             [], [], color=own.colour, marker=own.marker, markersize=3, markerfacecolor=PAPER,
-            label=label(capital(digit)),
+            label=label(title(digit)),
         )
         for digit, own in digit_looks(motion.digits).items()
     ]  # fmt: skip

@@ -11,15 +11,11 @@ from matplotlib.figure import Figure
 from schemas.errors import InputError
 from schemas.results import STUDY_FIGURES
 from schemas.study import Recording, path_token
-from stages.report.print_figures.bone_lengths import bone_lengths
 from stages.report.print_figures.drawing import Drawing, NoDataError, drawn
-from stages.report.print_figures.joint_angle_curves import joint_angles
-from stages.report.print_figures.joint_errors import joint_errors
-from stages.report.print_figures.joint_trust import joint_trust
-from stages.report.print_figures.models_by_digit import models_by_digit
-from stages.report.print_figures.paired_differences import paired_differences
+from stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
+from stages.report.print_figures.models import models_by_digit, paired_differences
+from stages.report.print_figures.over_time import joint_angles, tip_error
 from stages.report.print_figures.skeletons import skeletons
-from stages.report.print_figures.tip_error import tip_error
 from stages.report.study_results import StudyResults
 
 

@@ -1,10 +1,11 @@
-"""How every picture looks: sizes, fonts, lines. A journal that wants it otherwise changes this and the
-palette.
+"""How every figure looks: sizes, fonts, lines, and the marks that several have.
+
+A journal that wants it otherwise changes this and the palette.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -12,11 +13,16 @@ from string import ascii_lowercase
 from typing import Any
 
 import matplotlib
+import numpy as np
+import numpy.typing as npt
 from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
 
-from stages.report.palette import INK, RULE, SOFT
+from stages.report.palette import INK, RULE, SOFT, Look
+from stages.report.pictures.scale import Scale, plain
 
 ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 175.0
 LARGE_PT, SMALL_PT = 8.0, 7.0
@@ -153,3 +159,67 @@ def _characters() -> frozenset[int]:
     for name in (FONT, *_installed()):
         found |= font_manager.get_font(font_manager.findfont(name)).get_charmap().keys()
     return frozenset(found)
+
+
+Array = npt.NDArray[np.float64]
+
+_LOG_RATIO = 20.0
+_GOLDEN = (5**0.5 - 1) / 2
+FEWEST_FOR_QUARTILES = 4
+MANY = 40
+
+
+def dots(axes: Axes, x: Array, y: Array, colour: str) -> None:
+    """Translucent round dots at x, y, each (n,), smaller where they are many."""
+    size = 2.4 if len(x) <= MANY else 1.5
+    axes.plot(x, y, "o", color=colour, alpha=0.6, markersize=size, markeredgewidth=0.0, clip_on=False)
+
+
+def scattered(n: int, width: float) -> Array:
+    """Steps aside (n,) within `width`, even and the same every time."""
+    return np.asarray(((np.arange(n) * _GOLDEN) % 1.0 - 0.5) * width)
+
+
+def summary(axes: Axes, x: float, values: Array, look: Look, width: float) -> None:
+    """The median as the model's mark and, from FEWEST_FOR_QUARTILES on, the quartiles as a bar."""
+    low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
+    if len(values) >= FEWEST_FOR_QUARTILES:
+        axes.plot([x, x], [low, high], color=look.colour, linewidth=1.4, solid_capstyle="butt")
+    axes.plot(
+        [x], [middle], look.marker, color=look.colour, markersize=width, markeredgecolor="white",
+        markeredgewidth=0.5, linestyle="none",
+    )  # fmt: skip
+
+
+def error_axis(axes: Axes, values: Iterable[Array]) -> None:
+    """The vertical axis from zero, or logarithmic where the largest would flatten a group of the others."""
+    groups = [part for part in values if part.size]
+    low, high = min(float(part.min()) for part in groups), max(float(part.max()) for part in groups)
+    dwarfed = low > 0 and high > _LOG_RATIO * min(float(np.median(part)) for part in groups)
+    scale = Scale(low / 1.25, high * 1.25, "log") if dwarfed else Scale(0.0, high * 1.06 or 1.0)
+    vertical_axis(axes, scale, 6)
+
+
+def vertical_axis(axes: Axes, scale: Scale, most_ticks: int) -> None:
+    """Give the vertical axis the scale, with ticks at plain numbers and a grid."""
+    axes.set_yscale(scale.kind)
+    axes.set_ylim(scale.low, scale.high)
+    ticks = scale.ticks(most_ticks)
+    axes.set_yticks(ticks, [plain(tick) for tick in ticks])
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.grid(axis="y", clip_on=False)
+
+
+def model_handles(looks: Mapping[str, Look], names: Sequence[str]) -> list[Line2D]:
+    """Entries of a legend: a mark a model."""
+    return [
+        Line2D(
+            [], [], color=looks[name].colour, marker=looks[name].marker, linestyle="none", label=label(name)
+        )
+        for name in names
+    ]
+
+
+def columns_for(n_lines: int) -> int:
+    """Pixel columns that each of so many lines may take, so that the file stays small."""
+    return max(90, min(420, 5500 // max(1, n_lines)))

@@ -9,11 +9,6 @@ const GAP_STEPS = 1.9; // as in pictures/traces.py: a longer step between frames
 const LOG_RATIO = 8, LOG_FLOOR_MM = .1; // as in pictures/traces.py, but the mouse can look into the noise
 const LEAST_SPAN_DEG = 10;
 const MARK_EVERY = 120; // CSS pixels between the marks of a line
-const MARKS = [
-  "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z", "M-2.9-2.9h5.8v5.8h-5.8z", "M0-3.8 3.6 2.8h-7.2z",
-  "M0-4.2 4.2 0 0 4.2-4.2 0z", "M0 3.8 3.6-2.8h-7.2z", "M-4-1h3v-3h2v3h3v2h-3v3h-2v-3h-3z",
-  "M-3.6 0 0-1.6 3.6 0 0 1.6z",
-];
 const ANGLES = ["flexion", "abduction", "rotation"];
 const SENSES = ["flexion +, extension −", "ulnar +, radial −", "pronation +, supination −"];
 const TELL_MS = 150; // between two new texts while the hand plays
@@ -202,8 +197,9 @@ class Plot {
 
 /* The stretch of time that all plots show. */
 class Stretch {
-  constructor(times) {
-    Object.assign(this, {times, last: times.length - 1, end: times.at(-1) || 1});
+  constructor(viewer) {
+    const {times} = viewer;
+    Object.assign(this, {viewer, times, last: times.length - 1, end: times.at(-1) || 1});
     const apart = Float64Array.from({length: this.last}, (_, i) => times[i + 1] - times[i]).sort();
     this.usual = apart[apart.length >> 1] || 0;
     this.all();
@@ -225,12 +221,8 @@ class Stretch {
 
   /* Index of the frame nearest to a moment. */
   index(seconds) {
-    let low = 0, high = this.last;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.times[middle] < seconds) low = middle + 1; else high = middle;
-    }
-    return low && seconds - this.times[low - 1] < this.times[low] - seconds ? low - 1 : low;
+    const {times} = this, before = this.viewer.upTo(times, seconds);
+    return before < this.last && times[before + 1] - seconds <= seconds - times[before] ? before + 1 : before;
   }
 
   /* Of the frames in view, one more at either end. */
@@ -239,7 +231,7 @@ class Stretch {
 
 class Plots {
   constructor(root, viewer) {
-    Object.assign(this, {root, viewer, time: new Stretch(viewer.times), hovered: null, told: 0});
+    Object.assign(this, {root, viewer, time: new Stretch(viewer), hovered: null, told: 0});
     this.part = {};
     for (const part of root.querySelectorAll("[data-part]")) this.part[part.dataset.part] = part;
     this.rows = [...root.querySelectorAll("[data-model]")];
@@ -252,9 +244,6 @@ class Plots {
     }
     this.all = Object.values(this.plots);
     this.known = this.rows.map((_, m) => viewer.digits.map((_, d) => summary(this.error(m, d), viewer.last + 1)));
-    this.rows.forEach((row, m) => {
-      row.querySelector("[data-mark]").setAttribute("d", this.mark(m));
-    });
     this.choose(viewer.shown);
     this.listJoints();
     this.listen();
@@ -267,7 +256,7 @@ class Plots {
   /* A model's place in the study: its colour and its mark go by it. */
   place(model) { return this.viewer.header.skeletons[model].place; }
 
-  mark(model) { return MARKS[this.place(model) % MARKS.length]; }
+  mark(model) { return this.rows[model].querySelector("[data-mark]").getAttribute("d"); }
 
   error(model, digit) { return series(this.viewer.blocks[`errors${model}`], digit); }
 
@@ -320,7 +309,7 @@ class Plots {
     return this.viewer.digits.map((digit, d) => ({
       ...scale, logarithmic, title: d ? digit : `${digit}: tip error [mm]`,
       lines: chosen.map((m, n) => ({
-        at: this.error(m, d), known: this.known[m][d], colour: read(`--model${this.place(m) % MARKS.length}`),
+        at: this.error(m, d), known: this.known[m][d], colour: read(`--model${this.place(m) % 7}`),
         mark: this.mark(m), phase: n / chosen.length,
       })),
     }));

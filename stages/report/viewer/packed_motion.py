@@ -19,15 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skeleton.posing import Seat
-from stages.report.hand_motion import (
-    Array,
-    HandMotion,
-    JointAxis,
-    SkeletonMotion,
-    seen,
-    shown_first,
-    upright,
-)
+from stages.report.hand_motion import Array, HandMotion, JointAxis, SkeletonMotion, seen, shown_first, upright
 
 POSITION_STEP_MM = 0.05
 """A point is off by at most sqrt(3) / 2 of it, 0.044 mm."""

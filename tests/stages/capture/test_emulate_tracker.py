@@ -3,29 +3,13 @@
 import signal
 import socket
 import struct
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from tracker_processes import PATIENCE_S, REPOSITORY, emulator
+from tracker_processes import PATIENCE_S, emulator
 
 from stages.capture.__main__ import main
-
-
-def test_help_imports_nothing_heavy() -> None:
-    program = (
-        "import sys\nfrom stages.capture.__main__ import main\n"
-        "try:\n    main(['emulate', '--help'])\nexcept SystemExit:\n    pass\n"
-        "print([name for name in ('numpy', 'pyarrow', 'yaml') if name in sys.modules])"
-    )
-    told = subprocess.run(
-        [sys.executable, "-c", program], cwd=REPOSITORY, capture_output=True, text=True, check=True
-    ).stdout
-    assert told.splitlines()[-1] == "[]"
-    assert "--unplug STATION@T" in told
-    assert "example:" in told
 
 
 @pytest.mark.parametrize(

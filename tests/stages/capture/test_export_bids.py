@@ -202,20 +202,6 @@ def check_round_trip(poses: Path, folder: Path, *more: str) -> None:
     assert not validate(folder / "set")["errors"]
 
 
-def test_a_real_recording(real_data: Path, tmp_path: Path) -> None:
-    """Its gaps and numbers come back, and the validator has nothing against it."""
-    recording = real_data / "upper_limb_poses" / "racing_right.csv"
-    if not recording.is_file():
-        pytest.skip(f"no {recording.name} among the real recordings")
-    poses = import_(recording, tmp_path / "poses.parquet", layout="arm")
-    assert export(poses, tmp_path / "set", "--rate-hz", "60") == 0
-    again = import_(motion(tmp_path / "set"), tmp_path / "again.parquet", layout="arm")
-    first, second = read_table(poses, POSES), read_table(again, POSES)
-    exact = ["segment", "frame", "time_s", "x_mm", "y_mm", "z_mm", "valid", "flags"]
-    assert second.select(exact).equals(first.select(exact))
-    assert not validate(tmp_path / "set")["errors"]
-
-
 MARKS = [
     flag for flag in FLAGS if flag not in ("no-row", "missing", "partly-missing", "not-finite", "frozen")
 ]

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ from poses_columns import columns_of
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError
-from schemas.poses import pose_blocks, read_poses
 from schemas.tables import Provenance, write_table_in_parts
 from stages.capture.poses_table import FLAGS, FROZEN_FRAMES, PosesTable, poses_table
 from stages.capture.samples import Samples
@@ -25,7 +25,7 @@ PARENTS = {"thumb": "hand", "index": "hand"}
 
 def table_of(samples: Samples) -> PosesTable:
     """Make the table of a hand from which a thumb and an index finger hang."""
-    return poses_table(lambda: [samples], PARENTS)
+    return poses_table([samples], PARENTS)
 
 
 def samples_of(*rows: tuple[str, int, float, tuple[float, ...]]) -> Samples:
@@ -222,45 +222,17 @@ def test_parts_give_the_table_of_the_whole(
     random = np.random.default_rng(seed)
     samples = any_samples(random, order)
     pieces = cut(samples, random.integers(0, len(samples.segment) + 1, seed + 1).tolist())
-    monkeypatch.setattr("stages.capture.poses_table.SPAN_FRAMES", 3)  # so that few frames are many
+    monkeypatch.setattr("stages.capture.poses_table.SAMPLED_FRAMES", 3)  # so that few frames are many
     monkeypatch.setattr("stages.capture.poses_table.FROZEN_FRAMES", 2)
     whole = table_of(samples)
     monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 3)
-    with poses_table(lambda: pieces, PARENTS, tmp_path) as table:
+    with closing(poses_table(pieces, PARENTS, tmp_path)) as table:
         assert list(tmp_path.iterdir()) == []
         write(tmp_path / "parts.parquet", table, seed + 1)
     write(tmp_path / "whole.parquet", whole, seed + 1)
     assert (tmp_path / "parts.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
     assert (table.segments, table.usable, table.frozen) == (whole.segments, whole.usable, whole.frozen)
     np.testing.assert_equal(table.span_mm, whole.span_mm)
-
-
-@pytest.mark.parametrize(("group_frames", "block_frames"), [(1, 7), (5, 1), (4, 4), (25, 25)])
-def test_blocks_give_back_what_was_recorded(tmp_path: Path, group_frames: int, block_frames: int) -> None:
-    """Through the file, in blocks of any size over row groups of any size, segments asked in any order."""
-    random = np.random.default_rng(group_frames)
-    cells = [(segment, frame) for segment in SEGMENTS for frame in range(-6, 12) if random.random() < 0.6]
-    random.shuffle(cells)
-    poses = [
-        (NAN,) * 7 if random.random() < 0.2 else (i, 1.0, 0.0, 0.6, 0.8, 0.0, 0.0) for i in range(len(cells))
-    ]
-    samples = samples_of(*((s, f, f / 8, pose) for (s, f), pose in zip(cells, poses, strict=True)))
-    path = tmp_path / "poses.parquet"
-    write(path, table_of(samples), group_frames)
-    asked = ("index", "nobody", "thumb", "hand")
-    blocks = list(pose_blocks(path, asked, block_frames))
-    frames = np.concatenate([block.frame for block in blocks])
-    numbers = np.concatenate([np.dstack([block.position_mm, block.quaternion]) for block in blocks])
-    np.testing.assert_array_equal(frames, np.unique(samples.frame))
-    assert all(len(block.frame) == block_frames for block in blocks[:-1])
-    expected = np.full((len(frames), len(asked), 7), np.nan)
-    for (segment, frame), pose in zip(cells, poses, strict=True):
-        expected[np.searchsorted(frames, frame), asked.index(segment)] = pose
-    np.testing.assert_allclose(numbers, expected, rtol=1e-15)
-    valid = np.isfinite(expected).all(-1)
-    np.testing.assert_array_equal(np.concatenate([block.valid for block in blocks]), valid)
-    np.testing.assert_allclose(np.concatenate([block.time_s for block in blocks]), frames / 8)
-    np.testing.assert_array_equal(read_poses(path, asked).valid, valid)
 
 
 def test_the_place_of_a_bad_quaternion_is_that_in_the_whole_recording() -> None:
@@ -270,7 +242,7 @@ def test_the_place_of_a_bad_quaternion_is_that_in_the_whole_recording() -> None:
     segment = np.array([0, 1, 2, 0, 2, 1, 0, 1, 0])
     samples = Samples(SEGMENTS, segment, np.arange(9), np.arange(9) / 9, numbers, lambda row: f"line {row}")
     with pytest.raises(InputError) as caught:
-        poses_table(lambda: cut(samples, [2, 3]), {})
+        poses_table(cut(samples, [2, 3]), {})
     assert str(caught.value).startswith("line 4, segment index, frame 4: ")
     assert "and 2 more rows like it" in str(caught.value)
 
@@ -280,7 +252,7 @@ def test_a_folder_that_cannot_be_written_to_is_a_sentence(
 ) -> None:
     monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 1)
     with pytest.raises(InputError, match="nowhere: cannot be written"):
-        poses_table(lambda: [samples_of(("hand", 0, 0.0, GOOD))], {}, tmp_path / "nowhere")
+        poses_table([samples_of(("hand", 0, 0.0, GOOD))], {}, tmp_path / "nowhere")
 
 
 def test_no_row_group_holds_two_segments(tmp_path: Path) -> None:

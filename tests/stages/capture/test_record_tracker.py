@@ -1,33 +1,10 @@
 """The command lines `record`, `devices` and `check`: help, refusals, exit codes."""
 
-import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from tracker_processes import REPOSITORY
 
 from stages.capture import record_tracker
-
-
-@pytest.mark.parametrize("word", ["record", "devices", "check"])
-def test_help_has_an_example_and_imports_nothing_heavy(word: str) -> None:
-    code = (
-        "import sys, runpy\n"
-        f"sys.argv = ['capture', '{word}', '--help']\n"
-        "try:\n    runpy.run_module('stages.capture', run_name='__main__')\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'pyarrow', 'serial', 'scipy'} & set(sys.modules)\n"
-        "sys.exit(f'imported {heavy}' if heavy else 0)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    example = shlex.split(done.stdout.split("example:")[1])
-    assert example[:4] == ["python", "-m", "stages.capture", word]
-    known = done.stdout.split("example:")[0]
-    assert all(option in known for option in example if option.startswith("--"))
 
 
 @pytest.mark.parametrize(

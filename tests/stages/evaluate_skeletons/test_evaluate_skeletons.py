@@ -27,7 +27,7 @@ from schemas.tables import (
 )
 from stages.evaluate_skeletons.__main__ import main
 from stages.fit_hand.hand_tables import PRIOR
-from stages.simulate.simulated_truth import write_truth
+from stages.simulate.written_truth import write_truth
 
 TASKS = ("opposition", "rom")
 LAYOUT = read_layout("liberty16")
@@ -287,7 +287,7 @@ def test_a_truth_of_another_recording_or_hand_is_refused(
     assert "bone_lengths.parquet: is of subject 01, left hand; expected" in capsys.readouterr().err
     shutil.rmtree(copy.truth("rom"))
     other = recorded("right", "opposition", seed=5, n_frames=N_FRAMES)[0]
-    write_truth(copy.truth("opposition"), other.truth, other.written(), Provenance())
+    write_truth(copy.truth("opposition"), other, Provenance())
     assert run(copy, tmp_path) == 2
     assert "is not the truth of this recording" in capsys.readouterr().err
     assert run(copy, tmp_path, "--record-failure") == 0

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulated_poses import poses_of
 
 from schemas.layout import read_layout
 from schemas.poses import RecordingName
@@ -14,8 +13,8 @@ from stages.evaluate_skeletons.references import distal_receiver_row, true_skele
 from stages.evaluate_skeletons.scores import EvaluatedRecording
 from stages.evaluate_skeletons.truth import read_truth
 from stages.simulate.realism import Realism
-from stages.simulate.simulated_truth import write_truth
 from stages.simulate.simulation import simulate
+from stages.simulate.written_truth import write_truth
 
 LAYOUT = read_layout("liberty16")
 FINGERS = ("index", "middle", "ring", "little")
@@ -24,8 +23,8 @@ FINGERS = ("index", "middle", "ring", "little")
 def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRecording:
     """A range of motion of 200 frames, with its truth."""
     made, name = simulate("01", hand, "rom", 4, realism, 200), RecordingName("01", hand, "rom")
-    write_truth(folder, made.truth, made.written(), Provenance())
-    truth, poses = read_truth(folder, name), poses_of(made)
+    write_truth(folder, made, Provenance())
+    truth, poses = read_truth(folder, name), made.poses()
     true = truth.digits(poses, {digit.name: digit.tip for digit in LAYOUT.digits.values()})
     return EvaluatedRecording(name, LAYOUT, poses, true, truth)
 

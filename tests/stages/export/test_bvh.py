@@ -106,7 +106,7 @@ def test_positions_and_offsets_never_meet(known: KnownHand, tmp_path: Path) -> N
         column += len(node.channels)
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(st.integers(1, 40), st.integers(0, 2**31), st.sampled_from([0.0, 0.7]))
 def test_any_motion_comes_back(
     tmp_path_factory: pytest.TempPathFactory, n: int, seed: int, slip: float

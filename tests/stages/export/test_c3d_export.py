@@ -142,7 +142,7 @@ def test_our_import_gives_the_poses_back(known: KnownHand, tmp_path: Path, kind:
     assert np.degrees(off).max() < NEAR_DEG
 
 
-@settings(max_examples=40)
+@settings(max_examples=12)
 @given(
     st.integers(12, 40),
     st.integers(0, 9),

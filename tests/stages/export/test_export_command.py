@@ -14,6 +14,7 @@ from export_samples.minimal_bvh import read_bvh
 from export_samples.minimal_glb import read_glb
 
 from schemas.catalogue import BONE_POSES
+from stages.export import long_arrays, recorded_motion
 from stages.export.__main__ import main
 from stages.export.registry import FORMATS
 
@@ -24,6 +25,17 @@ def run(known: KnownHand, out: Path, *argv: str, model: str = FITTED) -> int:
     """Export the hand's recording under one model as BVH and CSV, unless argv says otherwise."""
     which = ["--plan", str(known.plan_path), "--hand", known.made.hand, "--recording", "opposition"]
     return main([*which, "--model", model, "--formats", "bvh,csv", "--out", str(out), *argv])
+
+
+def hand_with_a_gap(folder: Path, hand: str) -> KnownHand:
+    """A hand of 60 frames, four of which lack a bone."""
+    known = make_hand(folder, hand, 60)
+    rows = known.rows(FITTED, BONE_POSES)
+    for row in rows:
+        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
+            row |= dict.fromkeys(POSE)
+    known.write(FITTED, BONE_POSES, rows)
+    return known
 
 
 def test_files_have_their_names_and_notes(
@@ -66,12 +78,7 @@ def test_options_reach_the_files(
 
 
 def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) -> None:
-    known = make_hand(tmp_path, "right", 60)
-    rows = known.rows(FITTED, BONE_POSES)
-    for row in rows:
-        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
-            row |= dict.fromkeys(POSE)
-    known.write(FITTED, BONE_POSES, rows)
+    known = hand_with_a_gap(tmp_path, "right")
     out = tmp_path / "out"
     assert run(known, out) == 2
     assert not list(out.glob("*.bvh*"))
@@ -161,6 +168,27 @@ def test_a_subject_of_any_script_has_its_files(tmp_path: Path) -> None:
     assert (tmp_path / "out" / f"sub-山田%20太郎_hand-left_task-opposition_model-{REPLAYED}.bvh").is_file()
 
 
+def test_what_is_held_on_the_disk_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every byte, of gaps that were filled, resampled, stiff and on another rig too."""
+    known = hand_with_a_gap(tmp_path, "left")
+    changed = ["--gaps", "interpolate", "--fps", "100", "--rig", "openxr", "--bones", "stiff"]
+    names = ["--formats", ",".join(FORMATS)]
+
+    def export(out: Path) -> None:
+        for part, options in (("plain", ["--gaps", "cut"]), ("changed", changed)):
+            assert run(known, out / part, *names, *options, model=f"{FITTED},{REPLAYED}") == 0
+
+    export(tmp_path / "memory")
+    monkeypatch.setattr(long_arrays, "KEPT_BYTES", 0)
+    monkeypatch.setattr(recorded_motion, "BLOCK_FRAMES", 25)
+    export(tmp_path / "disk")
+    files = [path for path in sorted((tmp_path / "memory").rglob("*")) if path.is_file()]
+    assert len(files) > 50
+    for file in files:
+        other = tmp_path / "disk" / file.relative_to(tmp_path / "memory")
+        assert file.read_bytes() == other.read_bytes(), file
+
+
 def test_help_tells_every_format_and_imports_nothing_heavy() -> None:
     code = (
         "import sys\nfrom stages.export.__main__ import main\n"
@@ -170,3 +198,27 @@ def test_help_tells_every_format_and_imports_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
     assert all(f"  {name} " in done.stdout for name in FORMATS)
+
+
+def test_a_dataset_of_several_subjects(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Receivers once, a skeleton for every model that was made; participants as in the sheet."""
+    hands = []
+    for subject in ("01", "02"):
+        (tmp_path / subject).mkdir()
+        hands.append(make_hand(tmp_path / subject, "right", 20, subject))
+    hands[1].write(FITTED, BONE_POSES, "the hand was not fitted")
+    sheet, out = tmp_path / "participants.tsv", tmp_path / "out"
+    sheet.write_text("subject\thand_length_mm\n01\t180\n03\t190\n", "utf-8")
+    argv = ["--plan", *(str(known.plan_path) for known in hands), "--participants", str(sheet)]
+    assert main([*argv, "--formats", "bids", "--licence", "CC0", "--out", str(out)]) == 2
+    assert capsys.readouterr().err.endswith("error: the hand was not fitted\n")
+    skeletons = {"01": ("", "skeletonpaperQdfig4", "skeletonwholeQdhand"), "02": ("", "skeletonpaperQdfig4")}
+    assert {path.name for path in out.rglob("*_motion.tsv")} == {
+        f"sub-{subject}_task-opposition_tracksys-righthand{skeleton}_motion.tsv"
+        for subject, own in skeletons.items()
+        for skeleton in own
+    }
+    table = (out / "bids" / "participants.tsv").read_text("utf-8").splitlines()
+    assert [line.split("\t")[0] for line in table] == ["participant_id", "sub-01", "sub-02"]
+    assert table[1].split("\t")[2].startswith("180")
+    assert '"License": "CC0"' in (out / "bids" / "dataset_description.json").read_text("utf-8")

@@ -203,7 +203,7 @@ def test_joints_far_from_the_transmitter_are_as_near(tmp_path: Path) -> None:
     np.testing.assert_allclose(posed[..., :3, 3], motion.position_mm / 1000, atol=NEAR_M)
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(st.integers(1, 30), st.integers(0, 2**31), st.sampled_from([0.0, 0.7]))
 def test_any_motion_comes_back(
     tmp_path_factory: pytest.TempPathFactory, n: int, seed: int, slip: float
@@ -268,24 +268,6 @@ def test_two_hands_are_one_scene_and_an_animation_each(tmp_path: Path) -> None:
         posed = glb.posed(key_times(hand), index)[:, nodes]
         np.testing.assert_allclose(posed[..., :3, 3], hand.position_mm / 1000, atol=NEAR_M)
         assert {node for node, _ in glb.keys(index)} == set(nodes)
-
-
-def test_two_hands_of_one_clock_move_together(tmp_path: Path) -> None:
-    hands = both_hands(0.1)
-    assert write_scene(hands, METRES, tmp_path / "both.glb", one_clock=True) == ()
-    glb = read_glb(tmp_path / "both.glb")
-    (animation,) = glb.json["animations"]
-    assert animation["extras"]["left-made wave"] == {"first_frame": 7, "first_device_time_s": 0.1}
-    for hand in hands:
-        since = hand.time_s.astype(np.float32).astype(float)
-        posed = glb.posed(since)[:, nodes_of(glb, hand)]
-        np.testing.assert_allclose(posed[..., :3, 3], hand.position_mm / 1000, atol=NEAR_M)
-
-
-def test_one_clock_needs_times_that_overlap(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"one recording ends at 0.390 s, another begins at 5.000 s"):
-        write_scene(both_hands(5.0), METRES, tmp_path / "both.glb", one_clock=True)
-    assert not list(tmp_path.iterdir())
 
 
 def test_times_that_float32_cannot_tell_apart_are_refused(tmp_path: Path) -> None:

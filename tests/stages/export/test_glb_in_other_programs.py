@@ -95,13 +95,6 @@ def test_three_has_both_hands_of_a_scene(tmp_path: Path, export_tool: ExportTool
     for motion in hands:
         name = f"{motion.origin.hand}-made"
         assert_joints(clips[f"{name} wave"]["joints"][name], motion, NEAR_M)
-    write_scene(hands, METRES, file, one_clock=True)
-    (clip,) = read_in_node(export_tool, file)["clips"].values()
-    times = np.array(clip["times"])
-    for motion in hands:
-        at = np.abs(times[:, None] - motion.time_s).argmin(0)
-        joints = clip["joints"][f"{motion.origin.hand}-made"]
-        assert_joints({name: np.array(series)[at] for name, series in joints.items()}, motion, NEAR_M)
 
 
 def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: ExportTool) -> None:
@@ -124,7 +117,7 @@ def test_blender_has_every_joint_and_the_body(
     hand = f"{motion.origin.hand}-hand"
     found = read_in_blender(export_tool, file, motion.rate_hz)
     assert_joints(found["joints"][hand], motion, NEAR_M)
-    body, expected = np.array(found["bodies"][f"{hand}-body"]), last_body(file, f"{hand}-body")
+    body, expected = np.array(found["bodies"][hand]), last_body(file, f"{hand}-body")
     assert len(body) == len(expected)
     np.testing.assert_allclose(body.min(0), expected.min(0), atol=2e-6)
     np.testing.assert_allclose(body.max(0), expected.max(0), atol=2e-6)

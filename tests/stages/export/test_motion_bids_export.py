@@ -164,7 +164,7 @@ def check_receivers(folder: Path, motion: SkeletonMotion) -> None:
         np.testing.assert_array_equal(samples.numbers[rows], expected)
 
 
-@settings(max_examples=40)
+@settings(max_examples=12)
 @given(
     st.lists(
         st.floats(-1e4, 1e4) | st.floats(allow_nan=False, allow_infinity=False), min_size=6, max_size=24

@@ -413,20 +413,6 @@ def test_ranges_cover_the_motion_and_clamp_nothing(right: KnownHand, tmp_path: P
         assert coordinate.findtext("clamped") == "false"
 
 
-def test_angles_are_continuous(tmp_path: Path) -> None:
-    motion = made_arm(400)
-    whole_turns = about_axis(np.array([0.0, 1.0, 0.0]), np.linspace(0, 14, 400))
-    turn = motion.quaternion.copy()
-    for index in range(4):
-        turn[:, index] = multiply(whole_turns, turn[:, index])
-    motion = stiffened(replace(motion, quaternion=continuous(turn)))
-    write(motion, TARGET, tmp_path / "arm.osim")
-    _, labels, table = read_mot(tmp_path / "arm.mot")
-    turns = table[:, [i for i, name in enumerate(labels) if re.search(r"_(r[xyz]|turn\d)$", name)]]
-    assert np.abs(np.diff(turns, axis=0)).max() < 30
-    assert np.ptp(turns, axis=0).max() > 360
-
-
 # -- markers
 
 

@@ -20,21 +20,29 @@ from stages.export.registry import write_format
 from stages.export.settings import Settings, prepared
 
 READERS = Path(__file__).resolve().parents[2] / "export_samples" / "readers"
+BLENDER = READERS.parents[1] / "export_tools" / "read_with_blender.py"
 NEAR_M = 1e-5
 ExportTool = Callable[[str], Path]
 
 
-def command(program: str, export_tool: ExportTool) -> list[str]:
-    """What runs a reader, to be followed by the file and where its JSON goes."""
+def read_with(program: str, export_tool: ExportTool, file: Path) -> Any:
+    """Series of joints and of ends that a program has of a file, by their names."""
+    if program == "blender":
+        words = [export_tool("blender/bin/python"), BLENDER, file, "0"]
+        done = subprocess.run(list(map(str, words)), check=True, capture_output=True, timeout=300)
+        found = json.loads(done.stdout)
+        return {kind: next(iter(found[kind].values())) for kind in ("joints", "ends")}
     if program == "three":
         modules = export_tool("node_modules/three").parents[1]
-        return ["node", str(READERS / "read_with_three.mjs"), str(modules)]
-    python = "blender/bin/python" if program == "blender" else "python/bin/python"
-    if program != "blender":
-        found = list(export_tool(python).parents[1].glob(f"lib/*/site-packages/{program}"))
-        if not found:
+        words = ["node", READERS / "read_with_three.mjs", modules]
+    else:
+        python = export_tool("python/bin/python")
+        if not list(python.parents[1].glob(f"lib/*/site-packages/{program}")):
             pytest.skip(f"{program} is not installed beside {python} of the export tools")
-    return [str(export_tool(python)), str(READERS / f"read_with_{program}.py")]
+        words = [python, READERS / f"read_with_{program}.py"]
+    out = file.with_suffix(".json")
+    subprocess.run(list(map(str, [*words, file, out])), check=True, capture_output=True, timeout=300)
+    return json.loads(out.read_text("utf-8"))
 
 
 def ends_of(joints: Any) -> dict[str, str]:
@@ -59,14 +67,11 @@ def ends_of(joints: Any) -> dict[str, str]:
 def test_a_program_has_every_joint_where_it_is(
     known: KnownHand, tmp_path: Path, export_tool: ExportTool, program: str, stiff: bool, model: str
 ) -> None:
-    words = command(program, export_tool)
     settings = Settings(stiff=stiff, gaps="cut", rig="webxr")
     motion = known.motion(model)
     write_format([motion], settings, "bvh", tmp_path / "motion.bvh")
     expected = prepared(motion, settings, holds_gaps=False, up="y")
-    files = [str(tmp_path / name) for name in ("motion.bvh", "found.json")]
-    subprocess.run([*words, *files], check=True, capture_output=True, timeout=300)
-    found = json.loads((tmp_path / "found.json").read_text("utf-8"))
+    found = read_with(program, export_tool, tmp_path / "motion.bvh")
     tips = ends_of(expected.joints)
     series = found["joints"] | {tips[name]: end for name, end in found["ends"].items() if name in tips}
     assert {name for name in series if not name.endswith(AT_REST)} == set(expected.names)

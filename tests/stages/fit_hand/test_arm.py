@@ -98,6 +98,7 @@ def test_nothing_says_where_on_its_axis_a_hinge_is(sd_deg: float) -> None:
     assert all(joint.status == "weak" for joint in fit.joints.values())
 
 
+@pytest.mark.slow
 def test_a_plane_says_it_as_well_as_receivers_sit() -> None:
     """Receivers a little beside the bone and turned on it: the farther the joint, the larger the stated sd,
     and the sd covers the truth.

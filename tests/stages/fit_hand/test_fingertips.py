@@ -16,7 +16,7 @@ from stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, s
 from stages.fit_hand.fit import Settings, fit_hand
 from stages.fit_hand.posed_tables import bone_tips_mm
 from stages.fit_hand.replaying import pose_hand
-from stages.fit_hand.touching import CONTACT_SD_MM, Contact, Touch, contact_in, touch_in, with_touches
+from stages.fit_hand.touching import CONTACT_SD_MM, Touch, contact_in, touch_in, with_touches
 from stages.simulate.random_hand import DIGITS, TIP_BONES
 from stages.simulate.simulation import Simulated
 
@@ -134,7 +134,7 @@ def test_posed_tips_are_the_ends_of_the_last_bones(people: dict[str, Person], si
 def test_one_touch_a_finger_finds_the_tips(people: dict[str, Person], side: str) -> None:
     """Soft tips come to the touch's error, bones to that and what is not known of the flesh between."""
     person = people[side]
-    tips = with_touches(person.tips.fit, person.touches(1))
+    tips = with_touches(person.tips, person.touches(1))
     assert tips.refused == ()
     assert person.off_mm(tips, TIP).mean() < 0.8 < 1.5 < person.off_mm(person.tips, TIP).mean()
     assert person.off_mm(tips, BONE).mean() < 1.0
@@ -162,7 +162,7 @@ def test_one_touch_after_another_is_as_both_at_once(people: dict[str, Person]) -
     in_turn = with_touches(with_touches(person.tips, first), second)
     np.testing.assert_allclose(in_turn.offsets_mm, at_once.offsets_mm, atol=0.03)
     np.testing.assert_allclose(np.diag(in_turn.covariance), np.diag(at_once.covariance), rtol=0.05)
-    forgetful = with_touches(with_touches(person.tips, first).fit, second)
+    forgetful = with_touches(fingertips(with_touches(person.tips, first).fit), second)
     assert np.abs(forgetful.offsets_mm - at_once.offsets_mm).max() > 0.1
 
 
@@ -222,25 +222,25 @@ def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
     person = people["right"]
     made, poses = recorded("right", "opposition", seed=5, field_distortion=0.0)
     other = Person(person.tips, made, poses)
-    contacts = find_contacts(person.tips.fit, poses)
-    fingers = [contact.digit_b for contact in contacts]
-    assert {contact.digit_a for contact in contacts} == {"thumb"}
+    contacts = find_contacts(person.tips, poses)
+    fingers = [contact.digits[1] for contact in contacts]
+    assert {contact.digits[0] for contact in contacts} == {"thumb"}
     assert set(fingers) == set(DIGITS[1:])
     assert max(fingers.count(finger) for finger in fingers) <= MOST_EACH
     thumb = poses.position_mm[:, poses.index("thumb_distal")]
     pads = other.true_mm(slice(None), PAD)
     for contact in contacts:
-        row = np.linalg.norm(thumb - contact.receiver_a_mm.mean(0), axis=-1).argmin()
-        apart = pads[row, DIGITS.index(contact.digit_b)] - pads[row, 0]
-        assert np.linalg.norm(apart) < 8, contact.digit_b
-    touched = with_touches(person.tips, contacts=contacts)
+        row = np.linalg.norm(thumb - contact.receiver_mm[:, 0].mean(0), axis=-1).argmin()
+        apart = pads[row, DIGITS.index(contact.digits[1])] - pads[row, 0]
+        assert np.linalg.norm(apart) < 8, contact.digits[1]
+    touched = with_touches(person.tips, contacts)
     assert touched.refused == ()
     for digit in DIGITS:
         assert np.trace(touched[digit].pad_covariance_mm2) < np.trace(person.tips[digit].pad_covariance_mm2)
     assert gap_mm(touched, contacts) < 0.6 * gap_mm(person.tips, contacts)
     assert len(find_contacts(person.tips, person.poses)) <= 2
     apart = contact_in(person.tips, poses, np.arange(3), ("thumb", "ring"))
-    among = with_touches(person.tips, contacts=[apart, *contacts])
+    among = with_touches(person.tips, [apart, *contacts])
     assert len(among.refused) == 1
     assert "contact 1 (thumb and ring)" in among.refused[0]
     np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
@@ -267,21 +267,30 @@ def test_a_contact_is_near_nearest_and_held(people: dict[str, Person]) -> None:
     pads[:, 2, 0] = away + 3.0
     pads[between, 3, 0] = np.linspace(-80, 80, 200)
     contacts = find_contacts(tips, acted(tips, pads))
-    assert [contact.digit_b for contact in contacts] == ["index", "index"]
+    assert [contact.digits[1] for contact in contacts] == ["index", "index"]
     for contact in contacts:
-        apart = contact.receiver_b_mm + tips["index"].pad_mm - contact.receiver_a_mm - tips["thumb"].pad_mm
+        apart = (
+            contact.receiver_mm[:, 1]
+            + tips["index"].pad_mm
+            - contact.receiver_mm[:, 0]
+            - tips["thumb"].pad_mm
+        )
         np.testing.assert_allclose(apart[:, 0], 3.0, atol=1.0)
         assert contact.sd_mm == pytest.approx(CONTACT_SD_MM * 2**0.5)
         assert 5 <= len(apart) < 30
     assert find_contacts(tips, acted(tips, pads[:5])) == []
 
 
-def gap_mm(tips: Fingertips, contacts: list[Contact]) -> float:
+def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:
     """Mean distance of the pads that are in contact."""
     gaps = []
     for contact in contacts:
-        a = contact.receiver_a_mm + rotate(contact.quaternion_a, tips[contact.digit_a].pad_mm)
-        b = contact.receiver_b_mm + rotate(contact.quaternion_b, tips[contact.digit_b].pad_mm)
+        a = contact.receiver_mm[:, 0] + rotate(
+            contact.receiver_quaternion[:, 0], tips[contact.digits[0]].pad_mm
+        )
+        b = contact.receiver_mm[:, 1] + rotate(
+            contact.receiver_quaternion[:, 1], tips[contact.digits[1]].pad_mm
+        )
         gaps.append(np.linalg.norm((a - b).mean(0)))
     return float(np.mean(gaps))
 
@@ -300,13 +309,13 @@ def test_frames_without_receivers(people: dict[str, Person]) -> None:
         touch_in(person.tips, poses, np.arange(10, 20), "index", np.zeros(3))
     with pytest.raises(InputError, match="thumb_distal and index_distal"):
         contact_in(person.tips, poses, np.arange(10, 20), ("thumb", "index"))
-    assert "index" not in {contact.digit_b for contact in find_contacts(person.tips, poses)}
+    assert "index" not in {contact.digits[1] for contact in find_contacts(person.tips, poses)}
 
 
 def test_unknown_digits_and_parts_are_refused(people: dict[str, Person]) -> None:
     person = people["right"]
     touch = person.touches(7)[0]
     with pytest.raises(InputError, match="digit 'pinky' has no fingertip; expected one of thumb, index"):
-        with_touches(person.tips, [replace(touch, digit="pinky")])
+        with_touches(person.tips, [replace(touch, digits=("pinky",))])
     with pytest.raises(InputError, match="part 'nail' of a fingertip is not known"):
         with_touches(person.tips, [replace(touch, part="nail")])

@@ -69,8 +69,8 @@ def test_the_rest_of_the_summary(fitted: HandFit) -> None:
     made, _ = hand()
     true = made.truth.joints
     wrist = fitted.summary.fixed["wrist"]
-    off = wrist.centre_mm - true["wrist"].child_mm
-    assert off @ np.linalg.solve(wrist.covariance_mm2, off) < 16
+    off = wrist.child_mm - true["wrist"].child_mm
+    assert off @ np.linalg.solve(wrist.covariance_mm2[3:, 3:], off) < 16
     for name, joint in fitted.joints.items():
         assert joint.status == "ok", joint.message
         assert joint.gap_rms_mm < 4
@@ -106,7 +106,14 @@ def test_receivers_that_point_elsewhere(layout: Layout, fitted: HandFit) -> None
         np.testing.assert_allclose(fit.joints[name].child_mm, turn @ joint.child_mm, atol=1e-6)
 
 
-@pytest.mark.parametrize("dead", ["hand", "index_middle", "little_distal"])
+@pytest.mark.parametrize(
+    "dead",
+    [
+        "hand",
+        pytest.param("index_middle", marks=pytest.mark.slow),
+        pytest.param("little_distal", marks=pytest.mark.slow),
+    ],
+)
 def test_a_dead_receiver_is_done_without(layout: Layout, dead: str) -> None:
     """Its joints are weak and say why, with an sd that covers; the others are hardly worse."""
     made, poses = hand()
@@ -191,6 +198,7 @@ def test_hinges_without_anatomy_lie_near_their_plane() -> None:
         assert abs(fit.joints[joint.name].axis_child @ null) > 0.99
 
 
+@pytest.mark.slow
 def test_covariance_is_that_of_repeated_recordings() -> None:
     """Stated covariances against those of fits to many noisy copies of a small chain's recording."""
     chain = random_chain(3, 3, 60, off_axis_rad=0.5)

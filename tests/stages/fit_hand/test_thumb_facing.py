@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from simulated_poses import poses_of
 from thumb_receiver import OWN, facing_the_nail, nail_turn
 
 from anatomy.average_hand import DIGITS, DigitAnatomy
@@ -37,7 +36,7 @@ def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
     """A hand with its receiver on either side of the thumb, fitted quickly."""
     made = simulate("01", side, "rom", seed, Realism.full(), 2400)
     made = facing_the_nail(made) if nail else made
-    return made, fit_hand([poses_of(made)], LAYOUT, side, settings=QUICK)
+    return made, fit_hand([made.poses()], LAYOUT, side, settings=QUICK)
 
 
 def faces_nail(fit: HandFit) -> bool:
@@ -76,7 +75,7 @@ def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
 
 def test_receivers_never_seen_together_keep_the_usual_facing() -> None:
     """Seen from where the metacarpal lies straight, so that a pose that is none would face as it does."""
-    poses = poses_of(fitted(4, "right", nail=True)[0])
+    poses = fitted(4, "right", nail=True)[0].poses()
     turn = conjugate(poses.quaternion[0, poses.index(OWN)])
     valid = poses.valid.copy()
     half = len(valid) // 2
@@ -96,7 +95,7 @@ def test_the_bone_faces_where_its_receiver_faces(side: str) -> None:
     """Posed bones and angles of the CMC and the MCP joint, against those of the true bone turned likewise."""
     made, fit = fitted(4, side, nail=True)
     rows = np.arange(0, len(made.frame), 24)
-    posed = pose_hand(fit, poses_of(made).take(rows))
+    posed = pose_hand(fit, made.poses().take(rows))
     true = made.truth.bone_quaternion[rows]
     true[:, BONES.index(OWN)] = multiply(true[:, BONES.index(OWN)], nail_turn(made))
     off = multiply(conjugate(true[:, BONES.index(OWN)]), posed.bone_quaternion[:, posed.bones.index(OWN)])
@@ -138,7 +137,7 @@ def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> 
     tables = []
     for nail in (False, True):
         made, fit = fitted(4, side, nail=nail)
-        poses = poses_of(made).take(np.arange(0, len(made.frame), 24))
+        poses = made.poses().take(np.arange(0, len(made.frame), 24))
         tables.append(angle_columns(RecordingName("01", side, "rom"), fit, pose_hand(fit, poses), poses))
     back, front = tables
     own = np.isin(back["joint"].to_pylist(), ["thumb_cmc", "thumb_mcp"])

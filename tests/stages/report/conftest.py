@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 from browser import browser, watched_page  # noqa: F401
+from report_samples.hand_tables import write_tips
 from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.rendered import subject_page, whole_report
 
+from schemas.results import Results
 from schemas.study import Study, read_study
 from stages.report.study_page import render_study
 from stages.report.study_results import StudyResults, read_results
@@ -16,8 +18,10 @@ from stages.report.study_results import StudyResults, read_results
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Study file and results folder; not to be changed."""
-    return make_study(tmp_path_factory.mktemp("made"))
+    """Study file and results folder, its subjects' tips among them; not to be changed."""
+    study, folder = make_study(tmp_path_factory.mktemp("made"))
+    write_tips(read_study(study), Results(folder))
+    return study, folder
 
 
 @pytest.fixture(scope="session")

@@ -11,17 +11,18 @@ import pandas as pd
 import pytest
 from browser import WatchedPage
 from report_samples.many_subjects import NOT_FITTED, SEVEN, many_subjects
-from report_samples.read_page import read_page
+from report_samples.read_page import read_page, rows_where
 from report_samples.small_page import small_page
 
 from schemas.model import read_model
 from schemas.study import read_study
-from stages.report.comparison.answers import answer
-from stages.report.comparison.comparison_text import missing_sentences, sentences, summary, untestable
+from stages.report.comparison.answers import Observation, answer
+from stages.report.comparison.comparison_text import missing_sentences, summary, untestable
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, compare
-from stages.report.comparison.observations import Observation
 from stages.report.comparison.questions import JOINT_ERROR, QUESTIONS, TRUE_TIP
+from stages.report.models_compared import sections
 from stages.report.models_compared.sections import ModelsCompared, models_compared
+from stages.report.pictures.subject_dots import Drawn
 from stages.report.study_results import StudyResults, read_results
 
 FOUR = ("paper-fig3-rest", "paper-fig4", "anatomical", "whole-hand")
@@ -43,6 +44,18 @@ def study(
 def twelve(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     """Twelve simulated subjects, of whom the third has a hand that was not fitted."""
     return study(tmp_path_factory.mktemp("twelve"), 12)
+
+
+@pytest.fixture(scope="module")
+def twelve_compared(twelve: StudyResults) -> ModelsCompared:
+    """What their page says of them."""
+    return models_compared(twelve)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests of words: no picture is drawn."""
+    monkeypatch.setattr(sections, "draw_panels", lambda drawn, *_: Drawn(("",) * len(drawn), 0))
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +88,7 @@ def made(values: dict[str, list[float | None]], base: str = BASE) -> tuple[Compa
 # ---- what is said ----
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_study_of_two_says_once_that_it_can_show_nothing(two: StudyResults) -> None:
     """What was seen in them is told, without test and without interval; the demo is such a study."""
     compared = models_compared(two)
@@ -86,16 +100,15 @@ def test_a_study_of_two_says_once_that_it_can_show_nothing(two: StudyResults) ->
     assert "In these subjects, compared with paper-fig4, the joint centre is off by " in compared.headline
     assert "p = " not in text
     for section in compared.sections:
-        assert section.bullets == ()
         assert section.differences is not None
         assert "with fewer than 6 subjects there is no interval" in section.differences.caption
     assert compared.sections[0].sentences == ()  # the finding said it
     assert all(len(section.sentences) == 1 for section in compared.sections[1:])
 
 
-def test_a_study_of_many_says_who_is_better(twelve: StudyResults) -> None:
+def test_a_study_of_many_says_who_is_better(twelve_compared: ModelsCompared) -> None:
     """By the joints, for they are known: names and amounts first, every test below."""
-    compared = models_compared(twelve)
+    compared = twelve_compared
     overall = [each for each in compared.comparisons if each.question.metric == "error_mm" and not each.digit]
     mean = {each.model: each.statistics.mean for each in overall if each.statistics}
     assert compared.headline.startswith(
@@ -105,12 +118,12 @@ def test_a_study_of_many_says_who_is_better(twelve: StudyResults) -> None:
         f"{mean['paper-fig3-rest']:.2f} mm in the mean)."
     )
     first = compared.sections[0]
-    assert [bullet[:40] for bullet in first.bullets][2].startswith("With whole-hand the joint centre is off")
-    assert len(first.bullets) == 3
-    assert "p = 0.0015, Holm-corrected over 3" in first.bullets[2]
+    assert first.table is not None
+    assert [row[8] for row in first.table.blocks[0].rows] == ["0.0015"] * 3
     assert [section.key for section in compared.sections] == [question.metric for question in QUESTIONS]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_cannot_be_decided_is_said(real: StudyResults) -> None:
     """Without a truth fitted hands alone are judged; without those nothing is."""
     compared = models_compared(real)
@@ -130,6 +143,7 @@ def test_what_cannot_be_decided_is_said(real: StudyResults) -> None:
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_nothing_held_out_judges_no_fitted_hand(real: StudyResults) -> None:
     """A fitted hand that saw the recording is shown as such, and the finding does not rest on it."""
     seen = [row for row in real.scores if not row["held_out"] or row["reference"]]
@@ -138,9 +152,9 @@ def test_nothing_held_out_judges_no_fitted_hand(real: StudyResults) -> None:
     assert {section.kind.split(":")[0] for section in compared.sections} == {"In-sample"}
 
 
-def test_who_is_missing_and_why(twelve: StudyResults) -> None:
+def test_who_is_missing_and_why(twelve_compared: ModelsCompared) -> None:
     """Once below, and in the table of subjects; the others have a dash there."""
-    section = models_compared(twelve).sections[1]
+    section = twelve_compared.sections[1]
     assert section.missing == (f"S003: whole-hand: {NOT_FITTED}, 5 places.",)
     rows = {row[0]: row for row in section.subjects.table.blocks[0].rows}
     assert rows["S003"][-1] == f"whole-hand: {NOT_FITTED}, 5 places"
@@ -164,12 +178,15 @@ def test_the_paper_is_the_baseline(twelve: StudyResults) -> None:
     assert baseline(twelve, "whole-hand") == "whole-hand"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_model_is_held_against_anatomy(twelve: StudyResults) -> None:
     """A study of one model still has a question: what its data improved."""
     alone = {"whole-hand": twelve.models["whole-hand"]}
     first = models_compared(replace(twelve, models=alone)).sections[0]
-    assert first.bullets[0].startswith("With whole-hand the joint centre is off by ")
-    assert "than with prior-only" in first.bullets[0]
+    assert first.table is not None
+    assert first.table.caption == (
+        "Joint centres against the truth: every model against prior-only, held out."
+    )
 
 
 def test_summary_words() -> None:
@@ -223,7 +240,6 @@ def test_too_few_for_a_test(n: int, words: str) -> None:
         {BASE: [2.0] * n, LATER: [1.0 + 0.01 * k for k in range(n)], "rigid": [3.0 + k for k in range(n)]}
     )
     assert untestable(found) == words
-    assert bool(sentences(found)) == (not words)
     in_this = "In this subject" if n == 1 else "In these subjects" if words else "Over 7 subjects"
     assert summary(found)[0].startswith(in_this)
 
@@ -250,19 +266,16 @@ def test_dots_are_the_subjects_means(twelve: StudyResults) -> None:
     for digit in found.by_digit:
         rows = [
             row["true_tip_mean_mm"]
-            for row in twelve.scores
-            if (row["subject"], row["model"]) == ("S003", "whole-hand")
-            and row["held_out"]
-            and row["true_tip_mean_mm"] is not None
-            and digit in (ALL_DIGITS, row["digit"])
+            for row in rows_where(twelve.scores, subject="S003", model="whole-hand", held_out=True)
+            if row["true_tip_mean_mm"] is not None and digit in (ALL_DIGITS, row["digit"])
         ]
         assert len(rows) == (5 if digit == ALL_DIGITS else 1)  # one hand: the other was not fitted
         assert found.by_digit[digit]["whole-hand"]["S003"] == pytest.approx(np.mean(rows))
 
 
-def test_table_is_laid_out_for_one_baseline(twelve: StudyResults) -> None:
+def test_table_is_laid_out_for_one_baseline(twelve_compared: ModelsCompared) -> None:
     """A row a model with the comparison's own numbers; folded a block a digit."""
-    compared = models_compared(twelve)
+    compared = twelve_compared
     section = compared.sections[0]
     assert section.table is not None
     assert section.by_digit is not None
@@ -292,9 +305,9 @@ def test_table_is_laid_out_for_one_baseline(twelve: StudyResults) -> None:
     assert {each.n_compared for each in made_here} == {3, 15}
 
 
-def test_a_picture_of_differences_has_means_and_intervals(twelve: StudyResults) -> None:
+def test_a_picture_of_differences_has_means_and_intervals(twelve_compared: ModelsCompared) -> None:
     """A bar where there is an interval, in every panel, rows of one model at one height."""
-    section = models_compared(twelve).sections[0]
+    section = twelve_compared.sections[0]
     assert section.differences is not None
     assert [name for name, _ in section.differences.panels] == DIGITS
     assert [name for name, _ in section.values.panels] == DIGITS

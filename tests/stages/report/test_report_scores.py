@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from report_samples.made_study import FITTED_MODELS, make_study
-from report_samples.read_page import ReadTable, read_page, table_called
+from report_samples.read_page import ReadTable, read_page, rows_where, table_called
 from report_samples.rendered import whole_report
 
 from schemas.catalogue import CALIBRATION_ADVICE, GAINS, JOINT_ERRORS, RECEIVERS, SKELETON_SCORES
@@ -30,10 +30,6 @@ EMPTY = {"scores": [], "joint_errors": [], "advice": [], "receivers": [], "gains
 
 def _text(page: str) -> str:
     return " ".join(" ".join(read_page(page).text).split())
-
-
-def _of(rows: list[dict[str, Any]], **wanted: object) -> list[dict[str, Any]]:
-    return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
 
 
 def _mean(rows: list[dict[str, Any]], name: str) -> str:
@@ -63,7 +59,7 @@ def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -
     names = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg")
     for cells in (row for row in table.rows if row[1] != "Made from"):
         made_from = "" if cells[1] == "–" else cells[1]
-        rows = _of(fitted.scores, model=cells[0], calibrated_on=made_from)
+        rows = rows_where(fitted.scores, model=cells[0], calibrated_on=made_from)
         expected = [_mean(rows, name) for name in (*names, "true_tip_mean_mm")]
         if cells[0] in ("paper-fig4", "true-skeleton"):  # never posed: its replay stands there again
             expected[2] = f"({expected[2]})"
@@ -74,7 +70,7 @@ def test_means_over_fewer_digits_say_so(fitted: StudyResults, fitted_page: str) 
     """The left ring finger has no number under any model; the references have all ten digits."""
     assert "All models: 9 of 10 digits; joint ring_dip failed." in _text(fitted_page)
     trial = next(fitted.trials("S01"))
-    right = _of(fitted.scores, hand="right")
+    right = rows_where(fitted.scores, hand="right")
     table = score_table(replace(fitted, scores=right), trial)
     assert table is not None
     assert table.notes == ("All rows: 5 of 10 digits.",)
@@ -100,7 +96,7 @@ def test_scores_digit_by_digit(fitted: StudyResults, fitted_page: str) -> None:
     table = table_called(fitted_page, caption)
     heads = [i for i, row in enumerate(table.rows) if row[1] == "Made from"]
     assert [table.rows[i][0] for i in heads] == ["Thumb", "Index", "Middle", "Ring", "Little"]
-    rows = _of(fitted.scores, hand="left", digit="ring")
+    rows = rows_where(fitted.scores, hand="left", digit="ring")
     block = table.rows[heads[3] + 1 : heads[4]]
     assert len(block) == len(rows) == 7
     for row in rows:
@@ -125,7 +121,7 @@ def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> Non
     ]
     for cells in (row for row in table.rows[1:] if row[0] != "Reference"):
         made_from = "" if cells[1] == "–" else cells[1]
-        rows = _of(fitted.joint_errors, model=cells[0], calibrated_on=made_from)
+        rows = rows_where(fitted.joint_errors, model=cells[0], calibrated_on=made_from)
         error = np.array([row["error_mm"] for row in rows if row["error_mm"] is not None])
         assert len(error) == 29
         axes = [row["axis_deg"] for row in rows if row["axis_deg"] is not None]
@@ -147,7 +143,7 @@ def test_joint_by_joint(fitted: StudyResults, fitted_page: str) -> None:
         fitted_page, "Distance of each joint from the true one, in mm: subject S01, left hand."
     )
     assert len(table.rows) == 16
-    for row in _of(fitted.joint_errors, hand="left"):
+    for row in rows_where(fitted.joint_errors, hand="left"):
         title = f"{row['model']}, from {row['calibrated_on']}" if row["calibrated_on"] else row["model"]
         (cells,) = [cells for cells in table.rows if cells[0] == row["joint"]]
         cell = cells[table.rows[0].index(title)]
@@ -190,7 +186,7 @@ def test_receivers(fitted: StudyResults, fitted_page: str) -> None:
     """Place with its error, residuals, and the one that came loose, marked and counted."""
     caption = "Receivers of subject S01, left hand, model whole-hand, with 1-sigma errors."
     table = table_called(fitted_page, caption)
-    assert len(table.rows) == len(_of(fitted.receivers, hand="left")) + 1
+    assert len(table.rows) == len(rows_where(fitted.receivers, hand="left")) + 1
     place = ["12.34 ± 0.56"] * 3 + ["0.30", "0.40"]
     (loose,) = [row for row in table.rows if row[0] == "ring_middle"]
     moved = "◆ from frame 123 of opposition: moved 3.2 mm, turned 4.3 deg"
@@ -232,9 +228,9 @@ def test_failed_tables_join_the_problems(tmp_path: Path) -> None:
 
 def test_headline_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
     """Four sentences: recordings, held-out error, joints beside the paper's, doubts."""
-    mine = _of(fitted.scores, model="whole-hand", held_out=True)
+    mine = rows_where(fitted.scores, model="whole-hand", held_out=True)
     joints = [
-        [row["error_mm"] for row in _of(fitted.joint_errors, model=model, calibrated_on="rom")]
+        [row["error_mm"] for row in rows_where(fitted.joint_errors, model=model, calibrated_on="rom")]
         for model in ("whole-hand", "paper-fig4")
     ]
     ours, theirs = ([error for error in errors if error is not None] for errors in joints)
@@ -286,7 +282,7 @@ def test_terminal_has_the_scores_after_the_papers_tables(fitted: StudyResults) -
     lines = [line.split() for line in text[start:].splitlines()]
     heads = [line[0] for line in lines if line[-8:] == COMPACT]
     assert heads == ["Held", "In-sample", "Reference"]
-    mine = _of(fitted.scores, model="whole-hand", held_out=True)
+    mine = rows_where(fitted.scores, model="whole-hand", held_out=True)
     held_out = lines[lines.index(["Held", "out", *COMPACT]) + 2]
     assert held_out[:2] == ["whole-hand", _mean(mine, "replay_mean_mm")]
     assert held_out[3] == _mean(mine, "left_out_mean_mm")

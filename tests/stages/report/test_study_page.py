@@ -9,7 +9,7 @@ from urllib.parse import unquote
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from report_samples.read_page import read_page, table_called
+from report_samples.read_page import read_page, rows_where, table_called
 
 from schemas.results import Results
 from schemas.study import Hand, Study, read_study
@@ -67,11 +67,7 @@ def test_every_hand_has_a_row(results: StudyResults, study: Study) -> None:
 def test_scores_of_a_hand_are_means_of_the_table(fitted: StudyResults, file: Study) -> None:
     """Of held-out scores where there are any."""
     for (subject, hand), row in _hands(fitted, file).items():
-        mine = [
-            r
-            for r in fitted.scores
-            if (r["subject"], r["hand"], r["model"], r["held_out"]) == (subject, hand, "whole-hand", True)
-        ]
+        mine = rows_where(fitted.scores, subject=subject, hand=hand, model="whole-hand", held_out=True)
         for cell, name in zip(row[3:5], ("left_out_mean_mm", "true_tip_mean_mm"), strict=True):
             values = [r[name] for r in mine if r[name] is not None]
             assert cell == f"{sum(values) / len(values):.2f}"
@@ -79,11 +75,8 @@ def test_scores_of_a_hand_are_means_of_the_table(fitted: StudyResults, file: Stu
 
 def test_in_sample_scores_stand_where_nothing_is_held_out(fitted: StudyResults, file: Study) -> None:
     seen = replace(fitted, scores=[row for row in fitted.scores if not row["held_out"] or row["reference"]])
-    values = [
-        row["left_out_mean_mm"]
-        for row in seen.scores
-        if (row["hand"], row["model"]) == ("right", "whole-hand") and row["left_out_mean_mm"] is not None
-    ]
+    mine = rows_where(seen.scores, hand="right", model="whole-hand")
+    values = [row["left_out_mean_mm"] for row in mine if row["left_out_mean_mm"] is not None]
     assert _hands(seen, file)["S01", "right"][3] == f"{sum(values) / len(values):.2f}"
 
 

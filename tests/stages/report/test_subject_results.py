@@ -110,10 +110,11 @@ def test_a_failure_is_a_sentence_or_a_page(
     assert message in (tmp_path / "out" / "subject.html").read_text("utf-8")
 
 
-def test_help_loads_nothing_heavy() -> None:
+@pytest.mark.parametrize("module", ["subject", "print_figures.__main__"])
+def test_help_loads_nothing_heavy(module: str) -> None:
     code = (
-        "import sys, stages.report.subject as m; m.build_parser().format_help();"
-        "print({'numpy', 'pyarrow', 'jinja2'} & set(sys.modules))"
+        f"import sys, stages.report.{module} as m; m.build_parser().format_help();"
+        "print({'numpy', 'pyarrow', 'jinja2', 'matplotlib'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -95,9 +93,3 @@ def test_bad_arguments_are_one_sentence_and_exit_code_2(
     message = capsys.readouterr().err
     assert said in message
     assert message.count("\n") == 1
-
-
-def test_help_needs_no_numpy() -> None:
-    code = "import sys, stages.simulate.__main__ as m; assert 'numpy' not in sys.modules; m.main(['--help'])"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "--realism" in told.stdout

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from chains import as_poses, chain_layout, random_chain
 from scipy.spatial.transform import Rotation
-from simulated_poses import poses_of
 from thumb_receiver import facing_the_nail
 
 from benchmarks.accuracy import estimators
 from benchmarks.accuracy.scenarios import STIFF, Scenario
-from benchmarks.accuracy.score import RADIUS_SD, score
+from benchmarks.accuracy.score import score
 from benchmarks.accuracy.trials import record
 from schemas.layout import Layout, read_layout
 from schemas.model import read_model
 from schemas.poses import Poses
 from skeleton.rotations import Array
+from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import simulate
 from stages.solve_joints import anatomical, posture_sample
@@ -89,7 +89,7 @@ def test_a_thumb_whose_receiver_faces_the_nail(seed: int, side: str) -> None:
     error_mm, sd_mm = np.zeros((2, 2, 6)), np.zeros((2, 2, 6))
     for i, one in enumerate((made, facing_the_nail(made))):
         sample, moments = HandSample(joints), JointMoments(len(joints))
-        sample.add(add_block(moments, poses_of(one), joints))
+        sample.add(add_block(moments, one.poses(), joints))
         fit = fit_hand(sample, moments, LIBERTY, side, None)
         assert fit is not None
         for row, index in enumerate(fit.joints):

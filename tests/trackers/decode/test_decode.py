@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from captures import circling, cycle, record, settings, write
 
@@ -239,9 +238,6 @@ def test_without_settings_there_is_nothing_to_decode(
     assert main(["decode", "--in", str(tmp_path / "a.arrows"), "--out", str(out)]) == 2
     assert "ends before the tracker was set up" in capsys.readouterr().err
     assert not out.exists()
-    assert main(["decode", "--record-failure", "--in", str(tmp_path / "a.arrows"), "--out", str(out)]) == 0
-    assert "failure" in read_metadata(out)
-    assert pq.read_metadata(out).num_rows == 0
 
 
 def test_flags_are_explained() -> None:

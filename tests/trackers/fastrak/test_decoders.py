@@ -4,10 +4,9 @@ import struct
 
 import numpy as np
 import pytest
+from fuzzing.decoding import check_tiles, decode
+from fuzzing.tracker_streams import fastrak_binary, fastrak_text, pose, settings
 
-from benchmarks.fuzz_decoding import check_tiles, decode
-from benchmarks.tracker_streams import fastrak_binary, fastrak_text, pose, settings
-from schemas.errors import InputError
 from trackers.fastrak.binary_decoder import BinaryDecoder
 from trackers.fastrak.items import OUTPUT_ITEMS
 from trackers.fastrak.text_decoder import TextDecoder
@@ -48,12 +47,6 @@ def test_every_number_comes_out(mode: str, unit: str, mm: float, items: tuple[in
     assert not records.doubtful.any()
 
 
-def test_the_lengths_that_the_manual_gives() -> None:
-    assert len(fastrak_text(1, 1, (2, 4, 1))) == OUTPUT_ITEMS.record_bytes((2, 4, 1), "ascii") == 47
-    assert len(fastrak_binary(1, 1, (2, 4, 1))) == OUTPUT_ITEMS.record_bytes((2, 4, 1)) == 29
-    assert len(fastrak_binary(1, 1, (2, 11, 0))) == OUTPUT_ITEMS.record_bytes((2, 11, 0)) == 32
-
-
 def test_fields_touch_each_other() -> None:
     data = b"01 -112.34-156.78-100.00 -12.34  -5.60 100.00\r\n"
     records = read(data, (2, 4, 1), "ascii").records
@@ -73,12 +66,3 @@ def test_numbers_that_cannot_be_right_are_doubted_and_kept_in_step() -> None:
     long = good[:15] + struct.pack("<4f", 1, 0.2, 0, 0) + good[31:]
     records = read(good + far + long + good, (2, 11, 0)).records
     assert records.doubtful.tolist() == [False, True, True, False]
-
-
-@pytest.mark.parametrize("made", [BinaryDecoder, TextDecoder])
-@pytest.mark.parametrize(("items", "stations"), [((2, 8), (1,)), ((2, 4), (5,))])
-def test_items_and_stations_that_there_are_not(
-    made: type[BinaryDecoder], items: tuple[int, ...], stations: tuple[int, ...]
-) -> None:
-    with pytest.raises(InputError, match="a FASTRAK has stations 1 to 4 and items 0, 1, 16, 2"):
-        made(settings("fastrak", "binary", items, stations))

@@ -22,21 +22,6 @@ def cycles(tracker: EmulatedFastrak, count: int) -> list[bytes]:
     return [tracker.next_cycle().data for _ in range(count)]
 
 
-def test_letters_mind_their_case() -> None:
-    """C starts and c stops; f is binary and F ASCII; u is centimetres and U inches; none needs CR."""
-    tracker = device(1)
-    assert tracker.receive(b"C") == b""
-    assert len(tracker.next_cycle().data) == 47
-    tracker.receive(b"f")
-    assert len(tracker.next_cycle().data) == 29
-    tracker.receive(b"c")
-    assert tracker.next_cycle().data == b""
-    x_inch = struct.unpack_from("<f", tracker.receive(b"P"), 3)[0]
-    x_cm = struct.unpack_from("<f", tracker.receive(b"uP"), 3)[0]
-    assert x_cm == pytest.approx(2.54 * x_inch, rel=1e-6)
-    assert len(tracker.receive(b"UFP")) == 47
-
-
 def test_receivers_take_turns() -> None:
     """120 records a second together; a round of all receivers is one step of the motion."""
     tracker = device(1, 2, 4)

@@ -4,9 +4,9 @@ import struct
 
 import numpy as np
 import pytest
+from fuzzing.decoding import decode, skipped_bytes
+from fuzzing.tracker_streams import liberty_binary, pose
 
-from benchmarks.fuzz_decoding import decode, skipped_bytes
-from benchmarks.tracker_streams import liberty_binary, pose
 from trackers.liberty.binary_decoder import BinaryDecoder
 from trackers.protocols.records import Records
 from trackers.protocols.stream_settings import StreamSettings

@@ -55,6 +55,12 @@ def test_a_setting_that_is_not_taken_ends_it(unheard: bytes, sentence: str) -> N
 
 
 @pytest.mark.slow
+def test_receivers_that_are_not_connected_are_named() -> None:
+    with pytest.raises(InputError, match="receiver 9 of --stations is not connected; connected are 1, 2"):
+        set_up(stubborn(EVERYTHING_HEARD), RecordingRequest("liberty", stations=(2, 9)))
+
+
+@pytest.mark.slow
 def test_a_stylus_mode_that_is_not_taken_ends_it() -> None:
     with pytest.raises(InputError, match="did not take its stylus mode of receiver 1: sent was 0"):
         set_up(stubborn(b"L*,0\r", before=b"L1,1\r"), REQUEST)

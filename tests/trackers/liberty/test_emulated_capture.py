@@ -12,13 +12,9 @@ from schemas.layout import read_layout
 from stages.capture.__main__ import main
 from stages.capture.emulate_tracker import read_motion
 from trackers.archive import END, RECEIVED, SENT, SETTINGS, open_archive
-from trackers.emulate.device import World
-from trackers.emulate.emulator import Behaviour
-from trackers.emulate.faults import parse_fault
 from trackers.emulate.pose_sources import MAX_STATION, Motion, built_in_motion
 from trackers.families import decoder_of
-from trackers.liberty.emulated_capture import home_hemisphere, write_archive
-from trackers.liberty.emulated_device import EmulatedLiberty
+from trackers.liberty.emulated_capture import home_hemisphere
 from trackers.protocols.records import Records, concatenated
 from trackers.protocols.stream_settings import settings_from_json
 
@@ -27,12 +23,9 @@ SEGMENTS = {LAYOUT.segments[name].receiver: name for name in LAYOUT.measured}
 FRAMES = 500
 
 
-def write_capture(path: Path, out: Path, plugs=(), line_faults=(), seed=0) -> None:
+def write_capture(path: Path, out: Path, *words: str) -> None:
     """Write a capture of a LIBERTY with 16 connectors that measured this recording."""
-    motion = read_motion(path, "liberty16")
-    device = EmulatedLiberty(World(motion, frozenset(motion.stations), tuple(plugs)))
-    behaviour, about = Behaviour(faults=tuple(line_faults), seed=seed), {"recording": path.name, "seed": seed}
-    write_archive(device, motion, out, behaviour, about)
+    assert main(["emulate", "--archive", str(out), "--recording", str(path), *words]) == 0
 
 
 def recording(
@@ -116,10 +109,9 @@ def test_rows_are_those_of_a_recorder(tmp_path: Path) -> None:
 
 def test_same_input_same_bytes(tmp_path: Path) -> None:
     path = recording(tmp_path / "rec.parquet", list(range(FRAMES)))
-    faults = [parse_fault("flip-bytes", "1e-3"), parse_fault("garbage", "0.01")]
     outs = [tmp_path / f"{n}.arrows" for n in range(3)]
-    for out, seed in zip(outs, (5, 5, 6), strict=True):
-        write_capture(path, out, line_faults=faults, seed=seed)
+    for out, seed in zip(outs, "556", strict=True):
+        write_capture(path, out, "--flip-bytes", "1e-3", "--garbage", "0.01", "--seed", seed)
     assert outs[0].read_bytes() == outs[1].read_bytes()
     assert outs[0].read_bytes() != outs[2].read_bytes()
 
@@ -171,19 +163,8 @@ def test_the_hemisphere_is_one_that_no_receiver_leaves(places: list[list[float]]
     assert home_hemisphere(motion) == expected
 
 
-def test_unplugging_is_in_the_capture(tmp_path: Path) -> None:
-    path = recording(tmp_path / "rec.parquet", list(range(FRAMES)))
-    write_capture(path, tmp_path / "out.arrows", plugs=[parse_fault("unplug", "5@100f")])
-    assert (decoded(tmp_path / "out.arrows").station == 5).sum() == 100
-
-
-def test_the_command_writes_what_the_function_writes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = recording(tmp_path / "rec.parquet", list(range(100)))
-    write_capture(path, tmp_path / "function.arrows")
-    words = ["emulate", "--archive", str(tmp_path / "command.arrows"), "--recording", str(path)]
-    assert main(words) == 0
-    assert (tmp_path / "command.arrows").read_bytes() == (tmp_path / "function.arrows").read_bytes()
-    assert main(words) == 2
+def test_a_capture_is_never_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = recording(tmp_path / "rec.parquet", [0, 1])
+    write_capture(path, tmp_path / "out.arrows")
+    assert main(["emulate", "--archive", str(tmp_path / "out.arrows"), "--recording", str(path)]) == 2
     assert "exists already" in capsys.readouterr().err

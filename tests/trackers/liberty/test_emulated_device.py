@@ -92,21 +92,6 @@ def test_queries_of_a_station_are_answered_in_both_modes(query: bytes) -> None:
     assert told(tracker, query + b"\r")[4] == 4, "Too Few Parameters"
 
 
-SETTINGS = (
-    b"A1,0,0,0,0,1,0,-1,0,0|B2,0,0,0|F0|G0,0,10|H*,0,0,-1|L3,1|N*,0.1,0,0|O*,8,9,7|Q0|R3|R4|U1"
-    b"|X0,1,0,0|Y.1,.2,.3,.4|Z1|\x051|\x050|\x153,0|@B0"
-).split(b"|")
-
-
-def test_setting_is_never_answered() -> None:
-    for mode in (b"F0\r", b"F1\r"):
-        for command in SETTINGS:
-            tracker = device()
-            told(tracker, mode)
-            reply = told(tracker, command + b"\r\n")
-            assert reply.replace(b"\x050\r", b"").replace(b"\n", b"") == b""
-
-
 @pytest.mark.parametrize(
     ("command", "code"),
     [
@@ -135,51 +120,6 @@ def test_line_ends_and_blanks() -> None:
     assert told(tracker, b"u1\r\n", b"U\r\n") == b"00U  1\r\n"
     assert told(tracker, b"X .2,.3\r", b"X\r") == b"00X   0.200  0.300  0.800  0.950 \r\n"
     assert told(tracker, b"H ", b"4 , 0,", b"0,1\r", b"h4\r") == b"04H    0.000  0.000  1.000\r\n"
-
-
-def test_ascii_record_has_the_widths_of_the_manual() -> None:
-    tracker = device(frozenset({2}))
-    assert len(told(tracker, b"P")) == 60
-    widths = {2: 27, 3: 45, 4: 27, 5: 45, 6: 87, 7: 36, 0: 1, 1: 2, 10: 1, 11: 1, 12: 1}
-    for item, width in widths.items():
-        told(tracker, b"O2,%d\r" % item)
-        record = told(tracker, b"P")
-        assert len(record) == 4 + width
-        assert record.startswith(b"02  ")
-    told(tracker, b"O2,3\r")
-    assert [float(word) for word in told(tracker, b"P")[4:].split()] == pytest.approx(
-        built_in_motion().poses(np.array([0]), [2])[0][0, 0] / 25.4, rel=1e-6
-    )
-    assert b"E+00" in told(tracker, b"P")
-
-
-def test_p_acts_at_once_only_as_the_first_byte() -> None:
-    tracker = device(frozenset({1}))
-    told(tracker, b"C\r")
-    assert tracker.next_cycle().data
-    assert told(tracker, b"p").startswith(b"01  ")
-    assert tracker.next_cycle().data == b""
-    assert told(tracker, b"Up\r") != b"", "an argument that is none, and no poll"
-
-
-def test_all_stations_of_a_cycle_share_their_counters() -> None:
-    """In ascending order; the timestamp is the frame count in ms, cut off; Q0 resets both."""
-    tracker = device(frozenset({9, 2, 16}))
-    told(tracker, b"F1\rO*,8,9\rC\r")
-    cycles(tracker, 100)
-    got = [struct.unpack_from("<2x2B4x2I", record) for record in records(cycles(tracker, 4), 16)]
-    assert got == [(s, ord("C"), f * 1000 // 240, f) for f in range(100, 104) for s in (2, 9, 16)]
-    told(tracker, b"Q0\r")
-    assert struct.unpack_from("<8x2I", cycles(tracker, 1)) == (0, 0)
-
-
-def test_stations_are_switched_off_and_on() -> None:
-    tracker = device(frozenset({1, 2, 5}))
-    told(tracker, b"F1\r\x152,0\r")
-    assert body(told(tracker, b"\x150\r")) == struct.pack("<HH", 0b10001, 0b10011), "active, then detected"
-    assert {record[2] for record in records(told(tracker, b"P"), 34)} == {1, 5}
-    told(tracker, b"\x15*,1\rF0\r")
-    assert told(tracker, b"\x150\r") == b"00u  00130013\r\n"
 
 
 def test_unplugging_and_plugging_change_the_active_set() -> None:

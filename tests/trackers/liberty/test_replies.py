@@ -1,4 +1,4 @@
-"""Answers of LIBERTY: found among records, told apart by station and command, read in both formats."""
+"""Answers of LIBERTY: found among records, told apart by station and command."""
 
 import struct
 
@@ -17,12 +17,11 @@ def binary(station: int, command: bytes, body: bytes, error: int = 0, tag: bytes
     return tag + bytes([station]) + command + bytes([error, 0]) + struct.pack("<h", len(body)) + body
 
 
-def value(name: str, data: bytes, station: int = 0, *, text: bool = False):
+def value(name: str, data: bytes, station: int = 0):
     """What the answer to a question is read as; None where there is none."""
     question = SETTINGS[name]
-    found = replies.text_answers(data) if text else replies.binary_answers(data)
-    read = replies.text_value if text else replies.binary_value
-    values = [read(question, r) for r in found if replies.answers(r, question, station)]
+    found = replies.binary_answers(data)
+    values = [replies.binary_value(question, r) for r in found if replies.answers(r, question, station)]
     return next((one for one in values if one is not None), None)
 
 
@@ -49,42 +48,12 @@ def test_binary_answers(name: str, station: int, body: bytes, expected) -> None:
     assert (value(name, data, station + 1) is None) == SETTINGS[name].per_station
 
 
-@pytest.mark.parametrize(
-    ("name", "station", "line", "expected"),
-    [
-        ("units", 0, b"00U 1\r\n", 1),
-        ("rate", 0, b"00R 4\r\n", 4),
-        ("echo", 0, b"00e 0\r\n", 0),
-        ("usb_buffering", 0, b"00@ 1\r\n", 1),
-        ("output_list", 3, b"03O 2 4 1\r\n", (2, 4, 1)),
-        ("output_list", 12, b"12O  8  9 11 10 12  3  7\r\n", (8, 9, 11, 10, 12, 3, 7)),
-        ("hemisphere", 3, b"03H   1.000  0.000  0.000\r\n", (1.0, 0.0, 0.0)),
-        ("hemisphere", 3, b"03H -0.577-0.577-0.577\r\n", (-0.577, -0.577, -0.577)),
-        ("boresight", 1, b"01B -179.99  12.00 -90.00 \r\n", (-179.99, 12.0, -90.0)),
-        ("stations", 0, b"00u 00070005\r\n", (5, 7)),
-        ("position_filter", 0, b"00X  0.200  0.200  0.800  0.950 \r\n", (0.2, 0.2, 0.8, 0.95)),
-        ("bit_errors", 0, b"00t 0x00000001 0x00000000\r\n0x80000000\r\n", (1, 0, 0x80000000)),
-        (
-            "alignment",
-            2,
-            b"02A    0.00   0.00   0.00\r\n   1.00   0.00   0.00\r\n   0.00   1.00   0.00\r\n",
-            (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        ),
-    ],
-)
-def test_text_answers(name: str, station: int, line: bytes, expected) -> None:
-    assert value(name, line, station, text=True) == expected
-    record = b"01   16.082  -3.100   0.250\r\n"
-    assert value(name, record + line + record, station, text=True) == expected
-    assert value(name, b"\x16\r" + line, station, text=True) == expected, "behind an echoed command"
-    assert (value(name, line, station + 1, text=True) is None) == SETTINGS[name].per_station
-
-
-def test_an_answer_that_is_not_whole_yet_is_none() -> None:
-    three_lines = b"02A    0.00   0.00   0.00\r\n   1.00   0.00   0.00\r\n   0.00   1.00   0.00\r\n"
-    for length in range(len(three_lines) - 3):
-        assert value("alignment", three_lines[:length], 2, text=True) is None
-    assert value("output_list", b"03O 2 4", 3, text=True) is None
+@pytest.mark.parametrize("before", [b"", b"01   16.082  -3.100   0.250\r\n", b"\x16\r"])
+def test_who_it_is_in_text(before: bytes) -> None:
+    """Behind a record or an echoed command, in one line or several."""
+    answer = b"00v  LIBERTY 240/8\r\nfirmware  1.0\r\n"
+    assert replies.text_whoami(before + answer) == "LIBERTY 240/8 firmware 1.0"
+    assert replies.text_whoami(before + answer[:10]) is None
 
 
 def test_errors_are_told() -> None:
@@ -92,8 +61,6 @@ def test_errors_are_told() -> None:
     assert (refused.error, replies.error_text(refused.error)) == (2, "invalid station")
     (blank,) = replies.binary_answers(binary(1, b"C", b"", 0x20))
     assert blank.error == 0
-    (letter,) = replies.text_answers(b"03O\x02 Invalid\r\n")
-    assert letter.error == 2
     assert replies.error_text(99) == "error 99"
 
 
@@ -108,15 +75,6 @@ def test_ports_come_from_the_binary_whoami() -> None:
     assert replies.ports_of(Reply(0, 0, 0x16, 0, b"\x08\0\0LIBERTY")) == 8
     assert replies.ports_of(Reply(0, 0, 0x16, 0, b"\x40\0\0")) is None
     assert replies.ports_of(Reply(0, 0, 0x16, 0, b"")) is None
-
-
-@given(data=st.binary(max_size=200))
-def test_any_bytes_are_taken_without_a_fault(data: bytes) -> None:
-    for question in SETTINGS.values():
-        for reply in replies.binary_answers(data):
-            replies.binary_value(question, reply)
-        for reply in replies.text_answers(data):
-            replies.text_value(question, reply)
 
 
 @given(data=st.binary(max_size=40), value_sent=st.integers(-1, 5))

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from fuzzing.decoding import check_tiles, decode
+from fuzzing.tracker_streams import liberty_text, pose, settings
 
-from benchmarks.fuzz_decoding import check_tiles, decode
-from benchmarks.tracker_streams import liberty_text, pose, settings
-from schemas.errors import InputError
 from trackers.liberty.text_decoder import TextDecoder
 from trackers.protocols.records import Decoded, Records
 
@@ -47,10 +46,6 @@ def test_every_number_comes_out(family: str, unit: str, mm: float, items: tuple[
         counted = records.distortion[row], records.button[row], records.sync[row]
         assert counted == ((2, 1, 0) if 11 in items else (-1, -1, -1))
     assert not records.doubtful.any()
-
-
-def test_the_default_record_is_as_long_as_the_manual_says() -> None:
-    assert len(liberty_text(1, 1, DEFAULT)) == 60
 
 
 @pytest.mark.parametrize(
@@ -106,16 +101,3 @@ def test_answers_to_commands_are_no_records() -> None:
     decoded = read(b"LIBERTY Ready!\r\n" + good + answers + good + b"Invalid Command\r\n")
     assert len(decoded.records) == 2
     assert sum(skip.size for skip in decoded.skipped) == 16 + len(answers) + 17
-
-
-def test_numbers_that_cannot_be_right_are_doubted() -> None:
-    texts = [b"01  400.000 0.000 0.000 1.00000 0.00000 0.00000 0.00000\r\n"]
-    texts += [b"01  4.000 0.000 0.000 1.00000 0.20000 0.00000 0.00000\r\n"]
-    texts += [b"01  4.000 0.000 0.000 1.00000 0.00000 0.00000 0.00000\r\n"]
-    assert read(b"".join(texts), (2, 7, 1)).records.doubtful.tolist() == [True, True, False]
-
-
-@pytest.mark.parametrize("items", [(2, 13, 1), (2, 77)])
-def test_items_that_there_are_not(items: tuple[int, ...]) -> None:
-    with pytest.raises(InputError, match=r"output list \[2, .* of station 1; a LIBERTY has stations 1 to 16"):
-        TextDecoder(settings("liberty", "ascii", items))

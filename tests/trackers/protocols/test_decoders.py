@@ -4,81 +4,15 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from fuzzing.decoding import check_tiles, decode, skipped_bytes
+from fuzzing.tracker_streams import streams
 
-from benchmarks.fuzz_decoding import check_same, check_tiles, decode, skipped_bytes
-from benchmarks.tracker_streams import Stream, streams
 from trackers.families import decoder_of
 from trackers.protocols.records import Records
 
 STREAMS = streams()
 NAMES = tuple(STREAMS)
 DAMAGES = ("dropped", "flipped", "top bit", "put in", "twice")
-CUTS = st.lists(st.integers(0, 3000), max_size=12)
-
-
-@st.composite
-def spoilt(draw: st.DrawFn) -> tuple[Stream, bytes]:
-    stream = STREAMS[draw(st.sampled_from(NAMES))]
-    data = bytearray(stream.data[draw(st.integers(0, 40)) :])
-    for place in draw(st.lists(st.integers(0, len(data) - 9), max_size=6)):
-        data[place : place + draw(st.integers(0, 9))] = draw(st.binary(max_size=9))
-    return stream, bytes(data)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_clean_stream_loses_nothing(name: str) -> None:
-    stream = STREAMS[name]
-    decoded = decode(decoder_of(stream.settings), stream.data)
-    per_piece = 4 if name.startswith("viper") else 1
-    assert len(decoded.records) == per_piece * len(stream.pieces)
-    assert not decoded.skipped
-    assert not decoded.replies
-    assert not decoded.records.doubtful.any()
-    assert not decoded.records.error.any()
-    grouped = not name.startswith("trakstar") or "group" in name
-    assert decoded.records.station.tolist()[:4] == ([1, 2, 3, 4] if grouped else [1, 1, 1, 1])
-
-
-def check_cuts(made: tuple[Stream, bytes], cuts: list[int]) -> None:
-    stream, data = made
-    check_same(decode(decoder_of(stream.settings), data), decode(decoder_of(stream.settings), data, cuts))
-
-
-def check_every_byte(made: tuple[Stream, bytes]) -> None:
-    stream, data = made
-    check_tiles(decode(decoder_of(stream.settings), data), len(data))
-
-
-@settings(max_examples=60)
-@given(made=spoilt(), cuts=CUTS)
-def test_the_outcome_does_not_depend_on_where_the_stream_is_cut(made, cuts) -> None:
-    check_cuts(made, cuts)
-
-
-@settings(max_examples=60)
-@given(made=spoilt())
-def test_every_byte_is_in_a_record_a_reply_or_skipped(made) -> None:
-    check_every_byte(made)
-
-
-@pytest.mark.slow
-@settings(max_examples=2000)
-@given(made=spoilt(), cuts=CUTS)
-def test_both_hold_for_many_streams(made, cuts) -> None:
-    check_cuts(made, cuts)
-    check_every_byte(made)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_byte_by_byte_is_as_good_as_at_once(name: str) -> None:
-    stream = STREAMS[name]
-    data = stream.data[5:]
-    check_same(
-        decode(decoder_of(stream.settings), data),
-        decode(decoder_of(stream.settings), data, range(len(data))),
-    )
 
 
 def damaged(whole: bytes, place: int, kind: str) -> bytes:

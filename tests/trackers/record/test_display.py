@@ -1,7 +1,5 @@
 """The view, which fits a terminal of 80 columns with every receiver there is; and the summary at the end."""
 
-import math
-
 import pytest
 
 from trackers.liberty.items import FULL_LIST
@@ -17,7 +15,7 @@ def row(station: int = 1, **other) -> Row:
 
 def moment(*rows: Row, **other) -> Moment:
     well = {"bytes_per_s": 215_040.0, "lag_ms": 3.0, "silent_s": 0.0, "skipped_bytes": 0}
-    return Moment(rows, **{**well, "partial_cycles": 0, "cycles": 100, **other})
+    return Moment(rows, **{**well, "partial_cycles": 0, **other})
 
 
 def recorded(**other) -> display.Recorded:
@@ -101,11 +99,6 @@ def test_no_data_is_shouted() -> None:
     assert display.one_line(silent, recorded()).startswith("NO DATA for 4 s")
 
 
-@pytest.mark.parametrize(("margin", "shown"), [(math.nan, "follows"), (0.815, "+0.81"), (-0.2, "-0.20")])
-def test_margins(margin: float, shown: str) -> None:
-    assert shown in display.view(moment(row(margin=margin)), recorded())[5]
-
-
 def test_a_line_for_a_log() -> None:
     told = display.one_line(
         moment(row(1, rate_hz=239.5, missing_percent=0.2), row(2), row(7, rate_hz=None)), recorded()
@@ -156,15 +149,6 @@ def test_the_summary() -> None:
     assert lines[5].endswith("1.0 s to 2.0 s, 3.0 s to 4.0 s, 5.0 s to 6.0 s and 1 more")
     assert lines[6] == "no data at all: 10.0 s to 12.5 s"
     assert lines[7] == "note: the host's clock was set by +3600.0 s"
-
-
-def test_an_absence_to_the_end() -> None:
-    receivers = {"2": {**WELL, "absent_s": [[50.04, None]]}}
-    assert display.totals_table({**TOTALS, "receivers": receivers})[-1].endswith("50.0 s to the end")
-
-
-def test_a_good_recording_needs_no_advice() -> None:
-    assert display.advice(TOTALS, SETTINGS) == []
 
 
 def test_a_line_that_is_too_slow_is_lines() -> None:

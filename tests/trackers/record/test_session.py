@@ -192,33 +192,6 @@ def test_other_trackers(tracker: str, mode: list[str], recording) -> None:
     assert np.isfinite(records.quaternion).all()
 
 
-@pytest.mark.slow
-def test_settings_that_were_asked_for(recording, tmp_path: Path) -> None:
-    how = [
-        "--duration",
-        "1",
-        "--rate",
-        "120",
-        "--stations",
-        "2,4",
-        "--hemisphere",
-        "0,0,-1",
-        "--no-filters",
-        "--items",
-        "9,2,7",
-    ]
-    port, out, _ = recording(["--stations", "1-4"], *how)
-    records, _, settings = decoded(out)
-    assert (settings.stations, settings.rate_hz, settings.hemisphere[2]) == ((2, 4), 120.0, (0.0, 0.0, -1.0))
-    assert set(records.station.tolist()) == {2, 4}
-    assert_gapless(frames_of(records, 4))
-    after = settings.options["after"]
-    assert sorted(after["position_filter"]) == sorted(after["attitude_filter"]) == [0, 0, 0, 1]
-    absent = capture("record", "--port", port, "--out", str(tmp_path / "no.arrows"), "--stations", "2,9")
-    assert absent.returncode == 2
-    assert "receiver 9 of --stations is not connected; connected are" in absent.stderr
-
-
 def in_a_terminal(*words: str) -> tuple[int, int]:
     """Run a subcommand of capture in a terminal of its own; gives its process and the terminal."""
     child, master = pty.fork()
@@ -434,16 +407,6 @@ def test_a_receiver_is_unplugged_and_plugged_in(emulated, tmp_path: Path) -> Non
     assert [e["event"] for e in tally.events if "receiver" in e] == ["receiver-absent", "receiver-back"]
     assert tally.summary["receivers"]["1"]["lost_frames"] == 0
     assert np.diff(frames_of(records, 2)).max() == 2 * 240 + 1, "out at 1.5 s, found at 3.5 s"
-
-
-@pytest.mark.slow
-def test_damaged_bytes_are_counted_and_cost_little(recording) -> None:
-    faults = ("--drop-bytes", "5@100f", "--garbage", "7@200f")
-    _, out, _ = recording(["--stations", "1-4", *faults], "--duration", "3")
-    _, tally, _ = decoded(out)
-    assert tally.summary is not None
-    assert tally.summary["skipped_bytes"] > 0
-    assert 0 < tally.summary["lost_frames"] <= 12
 
 
 @pytest.mark.parametrize("command", ["record", "check"])

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from fuzzing.decoding import decode
+from fuzzing.tracker_streams import flock_record, pose, settings
 
-from benchmarks.fuzz_decoding import decode
-from benchmarks.tracker_streams import flock_record, pose, settings
 from schemas.errors import InputError
 from trackers.trakstar.decoder import FlockDecoder
 

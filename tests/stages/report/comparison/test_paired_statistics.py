@@ -98,18 +98,6 @@ def test_tail_makes_a_normal_interval_students() -> None:
         assert -stats.norm.ppf(bootstrap_tail(n)) * spread == pytest.approx(stats.t.ppf(0.975, n - 1))
 
 
-def test_interval_holds_the_mean_in_about_95_percent_of_studies() -> None:
-    """Of 8 normal differences; the plain percentile interval does not."""
-    rng, n, n_studies = np.random.default_rng(11), 8, 400
-    samples = rng.normal(0.0, 1.0, (n_studies, n))
-    ends = np.array([interval_95(sample) for sample in samples])
-    held = np.mean((ends[:, 0] <= 0) & (ends[:, 1] >= 0))
-    assert 0.92 <= held <= 0.97
-    means = np.array([sample[rng.integers(0, n, (1000, n))].mean(axis=1) for sample in samples])
-    plain = np.quantile(means, [0.025, 0.975], axis=1)
-    assert np.mean((plain[0] <= 0) & (plain[1] >= 0)) < 0.91
-
-
 def test_holm_by_hand() -> None:
     """0.01 x 4, 0.02 x 3, 0.03 x 2 raised to the one before, 0.9; no test stays none and does not count."""
     corrected = holm([0.02, None, 0.9, 0.01, 0.03])

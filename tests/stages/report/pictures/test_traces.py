@@ -85,5 +85,7 @@ def test_the_picture_has_a_strip_a_digit_and_a_line_a_model() -> None:
     ]
     assert [path.count("M") for path in lines] == [2]
     assert hidden_lines(traces, ["a", "b", "c"]) == "Equal, so that the last hides the others: a and b."
+    one = thinned_traces(np.arange(1), np.zeros(1), {"thumb": {"a": np.ones(1)}})
+    assert "nan" not in tip_error_picture("t", one, model_looks(["a"]))
     frames = thinned_traces(np.arange(3), np.full(3, np.nan), {"thumb": {"a": np.ones(3)}})
     assert ">frame<" in tip_error_picture("t", frames, model_looks(["a"]))

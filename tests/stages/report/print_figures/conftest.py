@@ -6,10 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from report_samples.hand_tables import write_tips
 from report_samples.made_study import FITTED_MODELS, make_study
 
-from schemas.results import Results
 from schemas.study import read_study
 from stages.report.print_figures.drawing import Drawing
 from stages.report.print_figures.study_figures import of_study
@@ -46,17 +44,3 @@ def _of_subject(row: Row, name: str) -> Row:
 def drawings(simulated: StudyResults) -> dict[str, Drawing]:
     """Its figures by name."""
     return {drawing.name: drawing for drawing in of_study(simulated)}
-
-
-@pytest.fixture(scope="session")
-def measured_files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Study file and results of two subjects, one with a hostile name, without a truth."""
-    study, folder = make_study(tmp_path_factory.mktemp("measured"))
-    write_tips(read_study(study), Results(folder))
-    return study, folder
-
-
-@pytest.fixture(scope="session")
-def measured(measured_files: tuple[Path, Path]) -> StudyResults:
-    """That study, read."""
-    return read_results(read_study(measured_files[0]), measured_files[1])

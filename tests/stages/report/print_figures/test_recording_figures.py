@@ -3,37 +3,32 @@
 import numpy as np
 import pytest
 from report_samples.hand_tables import part_of, write_parts
+from report_samples.read_page import rows_where
 
 from schemas.catalogue import JOINT_ANGLES, TIPS
 from schemas.errors import InputError
 from schemas.study import Recording
 from schemas.tables import read_table
 from stages.report.palette import HUES, MODELS
-from stages.report.print_figures.joint_angle_curves import joint_angles
+from stages.report.print_figures.over_time import joint_angles, tip_error
 from stages.report.print_figures.skeletons import skeletons
-from stages.report.print_figures.study_figures import find_recording, of_recording
+from stages.report.print_figures.study_figures import find_recording
 from stages.report.print_figures.style import applied
-from stages.report.print_figures.tip_error import tip_error
 from stages.report.study_results import StudyResults
 
 
 @pytest.fixture(scope="module")
-def recording(measured: StudyResults) -> Recording:
-    return find_recording(measured, "S01", "right", "opposition")
+def recording(results: StudyResults) -> Recording:
+    return find_recording(results, "S01", "right", "opposition")
 
 
-def test_tip_errors_are_the_tables_and_break_at_the_gap(measured: StudyResults, recording: Recording) -> None:
+def test_tip_errors_are_the_tables_and_break_at_the_gap(results: StudyResults, recording: Recording) -> None:
     with applied():
-        figure, caption = tip_error(measured, recording)
+        figure, caption = tip_error(results, recording)
     index = figure.axes[1]
     line = next(line for line in index.lines if line.get_color() == MODELS[2])
-    data = read_table(measured.paths.study_table("tips"), TIPS).to_pylist()
-    own = [
-        row
-        for row in data
-        if (row["subject"], row["hand"], row["model"], row["digit"])
-        == ("S01", "right", "paper-fig4", "index")
-    ]
+    data = read_table(results.paths.study_table("tips"), TIPS).to_pylist()
+    own = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
     largest = max(row["error_mm"] for row in own if row["error_mm"] is not None)
     y = np.asarray(line.get_ydata(), float)
     assert np.nanmax(y) == largest
@@ -43,11 +38,11 @@ def test_tip_errors_are_the_tables_and_break_at_the_gap(measured: StudyResults, 
     assert figure.axes[-1].get_xlabel() == "Device time [s]"
 
 
-def test_skeletons_show_every_joint_and_name_what_they_cannot(measured: StudyResults) -> None:
+def test_skeletons_show_every_joint_and_name_what_they_cannot(results: StudyResults) -> None:
     """The little DIP joint is doubtful and far off, the ring DIP joint has no place, where not corrected."""
-    spoiled = find_recording(measured, "S01", "left", "opposition")
+    spoiled = find_recording(results, "S01", "left", "opposition")
     with applied():
-        figure, caption = skeletons(measured, spoiled)
+        figure, caption = skeletons(results, spoiled)
     assert len(figure.axes) >= 3
     assert (
         "(a) paper-fig3-rest and paper-fig3; doubtful: little_dip; outside the picture: little_dip ("
@@ -57,9 +52,9 @@ def test_skeletons_show_every_joint_and_name_what_they_cannot(measured: StudyRes
     assert "(c) paper-fig4-corrected; doubtful: little_dip; without a place: ring_dip." in caption
 
 
-def test_equal_skeletons_share_a_panel(measured: StudyResults, recording: Recording) -> None:
+def test_equal_skeletons_share_a_panel(results: StudyResults, recording: Recording) -> None:
     with applied():
-        figure, _ = skeletons(measured, recording)
+        figure, _ = skeletons(results, recording)
     titles = [panel.get_title(loc="right") for panel in figure.axes]
     assert titles == ["paper-fig3-rest and paper-fig3", "paper-fig4, paper-fig4-corrected\nand rigid"]
 
@@ -95,22 +90,12 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
     assert "n = 12 frames" in caption
 
 
-def test_without_a_fitted_model_there_are_no_angles(measured: StudyResults, recording: Recording) -> None:
-    missing = {drawing.name: drawing.missing for drawing in of_recording(measured, recording)}
-    assert missing == {
-        "tip-error": "",
-        "skeletons": "",
-        "joint-angles": "Not drawn: joint angles need a model that fits the whole hand, and this study has "
-        "none.",
-    }
-
-
-def test_a_recording_is_found_by_its_name_or_its_path(measured: StudyResults) -> None:
+def test_a_recording_is_found_by_its_name_or_its_path(results: StudyResults) -> None:
     hostile = 'A & <b>"x"'
-    found = find_recording(measured, hostile, "right", "opposition")
+    found = find_recording(results, hostile, "right", "opposition")
     assert found.hand.subject == hostile
-    assert find_recording(measured, found.hand.folder[4:].split("/")[0], "right", "opposition") == found
+    assert find_recording(results, found.hand.folder[4:].split("/")[0], "right", "opposition") == found
     with pytest.raises(InputError, match="S01 right rom: no such recording; this hand has opposition"):
-        find_recording(measured, "S01", "right", "rom")
+        find_recording(results, "S01", "right", "rom")
     with pytest.raises(InputError, match="hands are S01 right, S01 left"):
-        find_recording(measured, "S02", "right", "rom")
+        find_recording(results, "S02", "right", "rom")

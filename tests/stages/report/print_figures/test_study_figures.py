@@ -7,17 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.patches import PathPatch
+from report_samples.read_page import rows_where
 
 from schemas.errors import InputError
 from schemas.results import STUDY_FIGURES
-from stages.report.comparison.comparisons import compare_study
+from stages.report.comparison.answers import answer
 from stages.report.comparison.questions import JOINT_ERROR, TRUE_TIP
 from stages.report.palette import MODELS as COLOURS
 from stages.report.print_figures.drawing import Drawing, NoDataError
-from stages.report.print_figures.joint_trust import joint_trust
-from stages.report.print_figures.models_by_digit import models_by_digit
-from stages.report.print_figures.paired_differences import paired_differences
+from stages.report.print_figures.joints import joint_trust
+from stages.report.print_figures.models import models_by_digit, paired_differences
 from stages.report.print_figures.study_figures import of_study
 from stages.report.print_figures.style import applied
 from stages.report.study_results import StudyResults
@@ -27,12 +26,7 @@ MODELS = ("paper-fig4", "whole-hand")
 
 def dots_in(axes: Axes, colour: str) -> list[np.ndarray]:
     """Places (n, 2) of every group of dots in that colour, in the order in which they were drawn."""
-    wanted = tuple(int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
-    return [
-        np.asarray(patch.get_path().vertices)[::2]
-        for patch in axes.patches
-        if isinstance(patch, PathPatch) and np.allclose(patch.get_edgecolor()[:3], wanted)
-    ]
+    return [line.get_xydata() for line in axes.lines if (line.get_color(), line.get_alpha()) == (colour, 0.6)]
 
 
 def subject_means(results: StudyResults, model: str, digit: str, column: str) -> list[float]:
@@ -73,12 +67,8 @@ def test_marks_are_medians_and_bars_quartiles(simulated: StudyResults, drawings:
 def test_joint_panel_has_the_joints_mean(simulated: StudyResults, drawings: dict[str, Drawing]) -> None:
     """S7, whose left hand failed, has the right hand's joints alone."""
     panel = drawings["models-by-digit"].figure.axes[1]
-    errors = [
-        row["error_mm"]
-        for row in simulated.joint_errors
-        if (row["subject"], row["model"], row["calibrated_on"]) == ("S7", "whole-hand", "rom")
-        and row["joint"].startswith("middle_")
-    ]
+    mine = rows_where(simulated.joint_errors, subject="S7", model="whole-hand", calibrated_on="rom")
+    errors = [row["error_mm"] for row in mine if row["joint"].startswith("middle_")]
     assert len(errors) == 3
     middle = dots_in(panel, COLOURS[1])[2]
     assert np.isclose(middle[:, 1], np.mean(errors)).any()
@@ -89,8 +79,9 @@ def test_differences_mean_and_interval_are_the_comparisons(
 ) -> None:
     figure = drawings["paired-differences"].figure
     for panel, question in zip(figure.axes, (TRUE_TIP, JOINT_ERROR), strict=True):
-        pairs = [("whole-hand", "paper-fig4")]
-        (comparison,) = compare_study(simulated, question, pairs, held_out=True)
+        own = answer(simulated, question)
+        assert own is not None
+        (comparison,) = own.overall
         assert comparison.statistics is not None
         assert comparison.statistics.interval is not None
         (places,) = dots_in(panel, COLOURS[1])
@@ -130,20 +121,18 @@ def test_joint_errors_and_stated_ones_are_the_tables(
     figure = drawings["joint-errors"].figure
     panel = figure.axes[1]
     joints = [label.get_text() for label in figure.axes[-1].get_xticklabels()]
-    rows = [
-        row for row in simulated.joint_errors if (row["model"], row["calibrated_on"]) == ("whole-hand", "rom")
-    ]
+    rows = rows_where(simulated.joint_errors, model="whole-hand", calibrated_on="rom")
     for joint, places in zip(joints, dots_in(panel, COLOURS[1]), strict=True):
-        expected = [row["error_mm"] for row in rows if row["joint"] == joint and row["error_mm"] is not None]
+        expected = [row["error_mm"] for row in rows_where(rows, joint=joint) if row["error_mm"] is not None]
         np.testing.assert_allclose(sorted(places[:, 1]), sorted(expected))
     stated = [line for line in panel.lines if line.get_color() == "black"]
     assert [list(line.get_ydata()) for line in stated] == [[1.0, 1.0]] * len(joints)
 
 
-def test_trust_counts_every_hand_of_the_study(measured: StudyResults) -> None:
+def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
     """Of four hands one failed wholly, and on another the ring DIP joint failed, the little one is weak."""
     with applied():
-        figure, _ = joint_trust(measured)
+        figure, _ = joint_trust(results)
     joints = [label.get_text() for label in figure.axes[-1].get_xticklabels()]
     shares = {
         str(bars.get_label()): dict(zip(joints, (bar.get_height() for bar in bars), strict=False))
@@ -175,7 +164,8 @@ def test_captions_state_n_units_what_is_missing_and_the_program(drawings: dict[s
         assert "simulated recordings of 8 subjects, 16 hands" in caption
         assert "Held out" in caption
         assert "Drawn by shukotsu" in caption
-    assert "S7 (paper-fig4 and whole-hand: failed: S7-left.csv" in drawings["models-by-digit"].caption
+    caption = drawings["models-by-digit"].caption
+    assert "Without a number: S7: whole-hand and paper-fig4: failed: S7-left.csv" in caption
     assert "n = 8" in drawings["paired-differences"].caption
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from report_samples.hand_tables import part_of, write_parts, write_plans, write_subject_tables
 from report_samples.made_study import HOSTILE, make_study
+from report_samples.read_page import rows_where
 
 from schemas.catalogue import BONE_POSES, JOINT_ANGLES, JOINT_SOLUTIONS, POSED_TIPS, POSES, TIPS
 from schemas.layout import read_layout
@@ -62,8 +63,7 @@ class MadeHands:
     def rows(self, model: str, table: Table, **wanted: Any) -> list[dict[str, Any]]:
         """Rows of a table of S01's right hand, those of which columns have these values."""
         wanted |= {"hand": "right", "model": model}
-        rows = rows_of(read_table(self.path(table, model, Hand("S01", "right")), table))
-        return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
+        return rows_where(rows_of(read_table(self.path(table, model, Hand("S01", "right")), table)), **wanted)
 
     def spoil(self, model: str, hand: Hand, table: Table, task: str | None = None, failure: str = "") -> None:
         """Take the rows of one task, or all, of a hand under a model out of a table, which may say why."""

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_samples.unpacked_motion import unpacked
 
-from stages.report.recording_page.angle_ranges import ANGLE_STEP_DEG, angle_blocks, angle_ranges
+from stages.report.recording_page.recording_content import ANGLE_STEP_DEG, angle_blocks, angle_ranges
 from stages.report.recording_results import JointAngles
 from stages.report.viewer.packed_motion import packed
 

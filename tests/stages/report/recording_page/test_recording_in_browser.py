@@ -164,20 +164,15 @@ def test_dragging_takes_the_hand_along(opened: WatchedPage) -> None:
     assert abs(index(opened) - 250) <= 1
 
 
-def test_the_cursor_moves_with_the_playing_hand(opened: WatchedPage) -> None:
+def test_the_cursor_moves_with_the_playing_hand_and_no_plot_is_drawn_anew(opened: WatchedPage) -> None:
     start = cursor(opened)
+    opened.value(COUNTED)
     opened.page.get_by_role("button", name="Play", exact=True).click()
     opened.wait(f"{VIEWER}.index > 60")
     opened.page.get_by_role("button", name="Pause").click()
     element = opened.page.locator(ERRORS)
     assert abs(cursor(opened) - at(element, index(opened))["x"]) < 1.5
     assert cursor(opened) > start + 30
-
-
-def test_playing_draws_no_plot_anew(opened: WatchedPage) -> None:
-    opened.value(COUNTED)
-    opened.value(f"{VIEWER}.play()")
-    opened.wait(f"{VIEWER}.index > 100")
     assert opened.value("strokes") == 0
 
 
@@ -334,8 +329,6 @@ def test_the_list_of_subjects_opens_the_other_page(opened: WatchedPage, hands: A
     opened.wait("!!document.querySelector('.drawn')")
     assert subjects.locator("option:checked").inner_text() == "S01"
     assert opened.page.locator("[rel=prev]").is_hidden()
-    opened.page.locator("[rel=next]").click()
-    opened.page.wait_for_url("**/sub-A*/right/opposition.html*")
 
 
 @pytest.mark.parametrize(
@@ -366,19 +359,19 @@ def test_a_finger_moves_the_hand_and_does_not_scroll_sideways(browser: Browser, 
         assert page.value(f"getComputedStyle(document.querySelector('{ERRORS}')).touchAction") == "pan-y"
 
 
-def test_without_scripts_still_pictures_are_seen(browser: Browser, pages: Path) -> None:
-    with watched(browser, java_script_enabled=False) as page:
+@pytest.mark.parametrize("on_paper", [True, False])
+def test_still_pictures_stand_on_paper_and_without_scripts(
+    browser: Browser, pages: Path, on_paper: bool
+) -> None:
+    with watched(browser, java_script_enabled=on_paper) as page:
         page.open(pages)
+        if on_paper:
+            page.wait("!!document.querySelector('.drawn')")
+            assert page.page.locator(".plots-still").is_hidden()
+            page.page.emulate_media(media="print")
         assert page.page.locator(".plots-still svg").first.is_visible()
         assert page.page.locator(ERRORS).is_hidden()
         assert page.page.locator("[data-switch]").is_hidden()
-
-
-def test_paper_has_the_still_pictures(opened: WatchedPage) -> None:
-    assert opened.page.locator(".plots-still").is_hidden()
-    opened.page.emulate_media(media="print")
-    assert opened.page.locator(".plots-still svg").first.is_visible()
-    assert opened.page.locator(ERRORS).is_hidden()
 
 
 def test_gaps_stay_gaps(opened: WatchedPage) -> None:

@@ -10,8 +10,7 @@ import pytest
 
 from schemas.results import Results
 from schemas.study import read_study
-from stages.report.links import Link, link
-from stages.report.recording_page.navigation import Navigation, navigation
+from stages.report.links import Link, Navigation, navigation
 from stages.report.study_results import StudyResults
 
 ODD = "Ä%2F é#?"
@@ -67,18 +66,6 @@ def test_the_links_of_a_page_lead_where_the_pages_are(study: StudyResults) -> No
         "/r/odd/report/sub-S1/left/opposition.html",
         "/r/odd/report/sub-S1/left/pinch_2.html",
     ]
-
-
-def test_percent_signs_and_letters_of_any_script_are_quoted() -> None:
-    paths = Results(Path("/r/odd"))
-    to = link(ODD, paths.report, paths.subject_page(ODD))
-    assert set("%#? ä") & set(to.href) == {"%"}
-    folder = paths.subject_pages(ODD).name
-    assert "%" in folder
-    assert (
-        unquote(urljoin("http://x/r/odd/report.html", to.href))
-        == f"http://x/r/odd/report/{folder}/subject.html"
-    )
 
 
 def test_an_excluded_or_calibrating_recording_is_linked_from_nowhere(study: StudyResults) -> None:

@@ -32,8 +32,8 @@ from stages.report.recording_results import read_recording
 from stages.report.study_results import StudyResults
 from stages.simulate.random_hand import BONES, DIGITS
 from stages.simulate.realism import Realism
-from stages.simulate.simulated_truth import write_truth
 from stages.simulate.simulation import Simulated, simulate
+from stages.simulate.written_truth import write_truth
 
 LAYOUT = read_layout("liberty16")
 MODELS = ("paper-fig3", "paper-fig4", "whole-hand")
@@ -82,7 +82,7 @@ def make_hand(folder: Path, hand: str, n_frames: int) -> KnownHand:
     key = {"subject": "01", "hand": hand}
     fitted = key | {"trial": "", "model": "whole-hand"}
     worn = [fitted | {"segment": f"{digit}_distal", "bone_tip_sd_mm": 2.5} for digit in DIGITS]
-    write_truth(folder / "truth", made.truth, made.written(), Provenance())
+    write_truth(folder / "truth", made, Provenance())
     of_truth = {
         table: [
             row | {"model": model} | ({"sd_mm": 1.5} if "sd_mm" in row else {})

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import WatchedPage, chromium, watched
-from report_samples.viewer_page import page_of_viewer
+from report_samples.small_page import page_of_viewer
 
 pytestmark = pytest.mark.slow
 
@@ -439,13 +439,9 @@ def test_it_fits_every_window_in_the_light_and_in_the_dark(
     assert columns[[0, -1]].sum() == 0
     ground = page.value("getComputedStyle(document.documentElement).backgroundColor")
     assert (sum(int(x) for x in re.findall(r"\d+", ground)) < 380) == (scheme == "dark")
-
-
-def test_colours_follow_the_reader_from_light_to_dark(page: WatchedPage) -> None:
-    page.page.emulate_media(color_scheme="light")
-    light = page.value(f"{VIEWER}.colours.digit")
-    page.page.emulate_media(color_scheme="dark")
-    page.wait(f"{VIEWER}.colours.digit[4][0] !== {light[4][0]}")
+    before = page.value(f"{VIEWER}.colours.digit[4][0]")
+    page.page.emulate_media(color_scheme="light" if scheme == "dark" else "dark")
+    page.wait(f"{VIEWER}.colours.digit[4][0] !== {before}")
 
 
 def test_two_viewers_on_a_page_go_their_own_ways(
@@ -491,53 +487,22 @@ def test_a_lost_picture_comes_back(page: WatchedPage) -> None:
     page.console.clear()
 
 
-@pytest.mark.parametrize(
-    "body", ["<img src='hand.html'>", "<script>console.warn('x')</script>", "<script>no()</script>"]
-)
-def test_a_page_that_complains_or_asks_for_more_does_not_go_unseen(
-    browser: Any, file: Path, tmp_path: Path, body: str
-) -> None:
-    shutil.copy(file, tmp_path)
-    (tmp_path / "bad.html").write_text(f"<link rel=icon href='data:,'>{body}", "utf-8")
-    with pytest.raises(AssertionError), watched(browser) as page:
-        page.open(tmp_path / "bad.html")
-
-
-def still_stands(page: WatchedPage) -> None:
-    assert page.page.locator(".viewer-still > svg").is_visible()
-    assert not page.page.locator("form").is_visible()
-    assert "whole-hand, frame" in page.page.locator(".viewer-still p").inner_text()
-
-
-def test_without_scripts_the_still_picture_stands(browser: Any, file: Path) -> None:
-    with watched(browser, java_script_enabled=False) as page:
+@pytest.mark.parametrize("lacking", ["scripts", "WebGL", "DecompressionStream", "a screen"])
+def test_where_nothing_can_move_the_still_picture_stands(browser: Any, file: Path, lacking: str) -> None:
+    with ExitStack() as stack:
+        if lacking == "WebGL":
+            browser = stack.enter_context(chromium("--disable-gpu", "--disable-3d-apis"))
+        page = stack.enter_context(watched(browser, java_script_enabled=lacking != "scripts"))
+        if lacking == "DecompressionStream":
+            page.page.add_init_script("delete window.DecompressionStream")
         page.open(file)
-        still_stands(page)
-        assert "where the browser runs scripts" in page.page.locator(".viewer-lacking").inner_text()
-
-
-@pytest.fixture(scope="module")
-def browser_without_webgl(browser: Any) -> Iterator[Any]:  # noqa: ARG001
-    """A browser that was told to draw nothing by WebGL; `browser` ends the driver of both."""
-    with chromium("--disable-gpu", "--disable-3d-apis") as started:
-        yield started
-
-
-def test_without_webgl_the_still_picture_stands(browser_without_webgl: Any, file: Path) -> None:
-    with watched(browser_without_webgl) as page:
-        page.open(file)
-        page.wait("document.body.innerText.includes('The hand does not move here')")
-        still_stands(page)
-
-
-def test_a_browser_too_old_to_unpack_leaves_the_still_picture(browser: Any, file: Path) -> None:
-    with watched(browser) as page:
-        page.page.add_init_script("delete window.DecompressionStream")
-        page.open(file)
-        page.wait("document.body.innerText.includes('The hand does not move here')")
-        still_stands(page)
-
-
-def test_printed_the_still_picture_stands(page: WatchedPage) -> None:
-    page.page.emulate_media(media="print")
-    still_stands(page)
+        if lacking == "a screen":
+            page.wait(f"!!{VIEWER}")
+            page.page.emulate_media(media="print")
+        elif lacking != "scripts":
+            page.wait("document.body.innerText.includes('The hand does not move here')")
+        assert page.page.locator(".viewer-still > svg").is_visible()
+        assert not page.page.locator("form").is_visible()
+        assert "whole-hand, frame" in page.page.locator(".viewer-still p").inner_text()
+        words = page.page.locator(".viewer-lacking").inner_text()
+        assert ("where the browser runs scripts" in words) == (lacking in ("scripts", "a screen"))

@@ -17,6 +17,7 @@ from report_samples.unpacked_motion import unpacked
 
 from skeleton.posing import Seat
 from skeleton.rotations import matrix
+from stages.report.hand_motion import thinned
 from stages.report.viewer.packed_motion import (
     ERROR_STEP_MM,
     FARTHEST_MM,
@@ -102,16 +103,6 @@ def test_what_rides_is_not_stored_frame_by_frame(right: Any) -> None:
     assert header["skeletons"][0]["seats"][tip] == [motion.receivers.index("middle_distal"), [0, 0, 0]]
 
 
-def test_what_rides_out_of_all_reach_has_no_place(right: Any) -> None:
-    motion = right.motion("paper-fig4")
-    far = Seat("a", "hand", np.array([0.0, 2 * FARTHEST_MM, 0.0]))
-    seats = (far, Seat("b", "forearm", np.zeros(3)), *motion.skeletons[0].seats[2:])
-    moved = replace(motion, skeletons=(replace(motion.skeletons[0], seats=seats),))
-    found = header_of(moved)[0]["skeletons"][0]["seats"]
-    assert found[:2] == [None, None]
-    assert None not in found[2:]
-
-
 def test_other_blocks_go_with_the_viewers_own(right: Any) -> None:
     motion = right.motion("paper-fig4")
     values = np.arange(240.0).reshape(120, 2, 1)
@@ -127,30 +118,22 @@ def test_other_blocks_go_with_the_viewers_own(right: Any) -> None:
         motion_text(motion, [], {"unit": np.nan})
 
 
-def test_what_is_out_of_all_reach_becomes_a_gap(right: Any) -> None:
-    motion = right.motion("whole-hand")
-    skeleton = motion.skeletons[0]
-    position = skeleton.position_mm.copy()
+def test_what_is_out_of_all_reach_has_no_place_or_becomes_a_gap(right: Any) -> None:
+    ridden, fitted = (motion := right.motion("paper-fig4", "whole-hand")).skeletons
+    far = Seat("a", "hand", np.array([0.0, 2 * FARTHEST_MM, 0.0]))
+    seats = (far, Seat("b", "forearm", np.zeros(3)), *ridden.seats[2:])
+    position = fitted.position_mm.copy()
     position[5, 2] = (0.0, 2 * FARTHEST_MM, 0.0)
-    moved = replace(motion, skeletons=(replace(skeleton, position_mm=position),))
-    _, found = header_of(moved)
-    assert np.isnan(found["points0"][5, 2]).all()
-    assert np.isfinite(found["points0"][4, 2]).all()
+    moved = (replace(ridden, seats=seats), replace(fitted, position_mm=position))
+    header, found = header_of(replace(motion, skeletons=moved))
+    assert [seat is None for seat in header["skeletons"][0]["seats"][:3]] == [True, True, False]
+    assert np.isnan(found["points1"][5, 2]).all()
+    assert np.isfinite(found["points1"][4, 2]).all()
 
 
 def test_one_frame_is_a_motion(right: Any) -> None:
     motion = right.motion("whole-hand")
-    one = replace(
-        motion,
-        frame=motion.frame[:1],
-        time_s=motion.time_s[:1],
-        receiver_mm=motion.receiver_mm[:1],
-        receiver_quaternion=motion.receiver_quaternion[:1],
-        skeletons=tuple(
-            replace(s, position_mm=s.position_mm[:1], tip_error_mm=s.tip_error_mm[:1])
-            for s in motion.skeletons
-        ),
-    )
+    one = thinned(motion, 1)
     header, found = header_of(one)
     assert found["points0"].shape == (1, 25, 3)
     assert all(np.isfinite(header["middle"] + header["half"]))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.tracker_streams import cosines, liberty_binary, pose, settings
+from fuzzing.tracker_streams import cosines, liberty_binary, pose, settings
 
 FRAMES = 6
 SEGMENTS = {1: "hand", 2: "index_proximal"}

@@ -1,0 +1,131 @@
+"""The exact truth beside a simulated recording, in the tables of the contract (model "truth").
+
+`joint_centres`: the centre is the origin of the child's bone frame. In the child's receiver frame, and in the
+parent's where the two bones share the joint, it is a constant; else (MCP joints seen from a hand whose palm
+moves, the thumb's skew CMC axes) the mean over the frames. Frames are those of the receivers as mounted,
+without skin artefact; `gap_rms_mm` is the gap that these centres have in the recording as written.
+`bone_lengths`: joint to joint; the last bone of a digit ends at the tip of the BONE, not at a receiver.
+`metacarpals`: length_mm is CMC to MCP; swing and twist are estimators' words and stay null.
+`tips`: the tip of the bone; error_mm is its distance to the distal receiver as recorded, and a true skeleton
+has no first-frame error.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schemas.catalogue import BONE_LENGTHS, FINGERTIP, JOINT_CENTRES, METACARPALS, TIPS
+from schemas.tables import Provenance, columns_from_rows, vector_columns, write_table
+from skeleton import rotations
+from skeleton.rotations import Array
+from stages.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
+from stages.simulate.simulation import Simulated
+
+MODEL_NAME = "truth"
+
+
+def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> None:
+    """Write the four truth tables into a folder, named as in the contract."""
+    for table, columns in (
+        (JOINT_CENTRES, columns_from_rows(JOINT_CENTRES, _joint_rows(simulated))),
+        (BONE_LENGTHS, columns_from_rows(BONE_LENGTHS, _bone_rows(simulated))),
+        (METACARPALS, _metacarpal_columns(simulated)),
+        (TIPS, _tip_columns(simulated)),
+    ):
+        write_table(folder / f"{table.name}.parquet", table, columns, provenance)
+
+
+def _joint_rows(simulated: Simulated) -> list[dict[str, Any]]:
+    return [
+        {
+            **_keys(simulated),
+            "joint": joint.name,
+            "parent_segment": joint.parent_segment,
+            "child_segment": joint.child_segment,
+            "dof": joint.dof,
+            **vector_columns("parent_", joint.parent_mm, "_mm"),
+            **vector_columns("child_", joint.child_mm, "_mm"),
+            **vector_columns("axis_parent_", joint.axis_parent),
+            **vector_columns("axis_child_", joint.axis_child),
+            "sd_mm": 0.0,
+            "gap_rms_mm": float(np.sqrt(np.mean(joint.gap_mm**2))),
+            "range_deg": joint.range_deg,
+            "n_frames": len(simulated.frame),
+            "source": "simulation",
+            "status": "ok",
+            "message": "" if joint.parent_segment else "no parent receiver",
+        }
+        for joint in simulated.truth.joints.values()
+    ]
+
+
+def _keys(simulated: Simulated) -> dict[str, str]:
+    return {"subject": simulated.subject, "hand": simulated.hand, "model": MODEL_NAME, "made_without": ""}
+
+
+def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:
+    """Rows of the bones; the vector of one that carries a receiver is in that receiver's frame."""
+    rows = []
+    for bone in range(BONES.index("thumb_metacarpal"), len(BONES)):
+        name, length_mm = BONES[bone], float(simulated.truth.hand.length_mm[bone])
+        row = {
+            **_keys(simulated),
+            "digit": name.split("_")[0],
+            "bone": name,
+            "starts_at": JOINTS[bone - 1],
+            "ends_at": FINGERTIP if bone in TIP_BONES else JOINTS[list(PARENT).index(bone)],
+            "length_mm": length_mm,
+            "sd_mm": 0.0,
+            "message": "",
+            "driven_by": name if name in simulated.truth.mounts.segments else "",
+        }
+        if row["driven_by"]:
+            to_bone = simulated.truth.mounts.quaternion[simulated.truth.mounts.segments.index(name)]
+            along = rotations.rotate(rotations.conjugate(to_bone), np.array([length_mm, 0.0, 0.0]))
+            row |= vector_columns("", along, "_mm")
+        rows.append(row)
+    return rows
+
+
+def _digit_columns(simulated: Simulated) -> dict[str, Any]:
+    """Key columns of a table with a row per digit and frame."""
+    n_rows = len(DIGITS) * len(simulated.frame)
+    keys = {**_keys(simulated), "task": simulated.task, "trial": ""}
+    return {
+        **{name: [value] * n_rows for name, value in keys.items()},
+        "digit": np.repeat(DIGITS, len(simulated.frame)).tolist(),
+        "frame": np.tile(simulated.frame, len(DIGITS)),
+    }
+
+
+def _by_digit(values: Array) -> Array:
+    """(T, 5, ...) -> (5 T, ...), digit after digit."""
+    return np.swapaxes(values, 0, 1).reshape(-1, *values.shape[2:])
+
+
+def _metacarpal_columns(simulated: Simulated) -> dict[str, Any]:
+    metacarpals = [BONES.index(f"{digit}_metacarpal") for digit in DIGITS]
+    quaternion = _by_digit(simulated.truth.bone_quaternion[:, metacarpals])
+    unknown = np.full(len(quaternion), np.nan)
+    return {
+        **_digit_columns(simulated),
+        **{f"q{part}": quaternion[:, i] for i, part in enumerate("wxyz")},
+        "swing_deg": unknown,
+        "twist_deg": unknown,
+        "length_mm": np.repeat(simulated.truth.hand.length_mm[metacarpals], len(simulated.frame)),
+        "flags": [""] * len(quaternion),
+    }
+
+
+def _tip_columns(simulated: Simulated) -> dict[str, Any]:
+    tip = _by_digit(simulated.truth.tip_mm)
+    return {
+        **_digit_columns(simulated),
+        "time_s": np.tile(simulated.time_s, len(DIGITS)),
+        **{f"tip_{axis}_mm": tip[:, i] for i, axis in enumerate("xyz")},
+        "error_mm": np.linalg.norm(tip - _by_digit(simulated.distal_mm), axis=-1),
+        "error_first_frame_mm": np.full(len(tip), np.nan),
+    }

@@ -1,0 +1,111 @@
+"""Receivers on the wrong side of the transmitter, in a file of any format: put back, or gaps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chains import random_chain
+from poses_columns import columns_of
+
+from stages.capture.hemispheres import link_sides
+from stages.capture.poses_table import poses_table
+from stages.capture.samples import NUMBERS, Samples
+
+Recorded = tuple[Samples, np.ndarray, dict[str, str]]
+
+
+def recorded(
+    seed: int, smear: float = 0.0, *, flipped: bool = True
+) -> tuple[Samples, np.ndarray, dict[str, str]]:
+    """A chain of four receivers before a transmitter; true poses (T, S, 7); parents.
+
+    Each that leaves x > 0 is reported as its mirror image, through a filter that takes some frames.
+    """
+    chain = random_chain(seed, 4, 600, noise_mm=0.5)
+    true = np.concatenate([chain.poses.position_mm, chain.poses.quaternion], -1)
+    true[..., :3] += np.array([0.0, 400.0, 300.0]) - chain.poses.position_mm.mean((0, 1))
+    seen = true.copy()
+    side = np.where(true[..., :1] < 0, -1.0, 1.0) if flipped else 1.0
+    seen[..., :3] *= side
+    for k in range(1, len(seen)):
+        seen[k, :, :3] = smear * seen[k - 1, :, :3] + (1 - smear) * seen[k, :, :3]
+    count, segments = len(seen), chain.poses.segments
+    samples = Samples(
+        segments,
+        np.repeat(np.arange(4), count),
+        np.tile(np.arange(count), 4),
+        np.tile(np.arange(count) / 240, 4),
+        np.concatenate(seen.swapaxes(0, 1)),
+        str,
+    )
+    return samples, true, dict(zip(segments[1:], segments, strict=False))
+
+
+def table(samples: Samples, parents: dict[str, str], *, repair: bool) -> tuple[np.ndarray, ...]:
+    """Positions (T, S, 3), validity (T, S) and flags (T, S) of the poses table."""
+    columns = columns_of(poses_table([samples], parents, repair_hemisphere=repair))
+    shape = len(samples.segments), -1
+    numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
+    flags = np.array(columns["flags"].to_pylist())
+    return numbers, columns["valid"].reshape(shape).T, flags.reshape(shape).T
+
+
+@pytest.mark.parametrize("smear", [0.0, 0.4])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_receiver_is_put_back(seed: int, smear: float) -> None:
+    """Whatever the first frame's side was, positions are the true ones, or all of them mirrored."""
+    samples, true, parents = recorded(seed, smear)
+    position_mm, valid, flags = table(samples, parents, repair=True)
+    assert valid.mean() > (0.9 if smear else 0.999)
+    assert (flags == "hemisphere-repaired").any()
+    off_mm = [np.abs(position_mm - sign * true[..., :3])[valid].max() for sign in (1, -1)]
+    assert min(off_mm) < (1e-9 if not smear else 60.0)
+    assert set(np.unique(flags)) <= {"", "hemisphere-repaired", "hemisphere-flip"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_unasked_they_are_gaps_and_what_is_left_is_on_one_side(seed: int) -> None:
+    samples, true, parents = recorded(seed)
+    position_mm, valid, flags = table(samples, parents, repair=False)
+    assert np.array_equal(valid, flags == "")
+    assert 0.4 < valid.mean() < 1.0
+    off_mm = [np.abs(position_mm - sign * true[..., :3])[valid].max() for sign in (1, -1)]
+    assert min(off_mm) < 1e-9
+
+
+@pytest.mark.parametrize("repair", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_happens_to_receivers_that_stay(seed: int, repair: bool) -> None:
+    samples, true, parents = recorded(seed, flipped=False)
+    position_mm, valid, flags = table(samples, parents, repair=repair)
+    assert valid.all()
+    assert (flags == "").all()
+    np.testing.assert_array_equal(position_mm, true[..., :3])
+
+
+def test_a_receiver_that_is_mirrored_throughout_is_put_back_where_that_is_asked_for() -> None:
+    """It never jumps; its joints close on the other sign alone."""
+    samples, true, parents = recorded(1, flipped=False)
+    numbers = samples.numbers.copy()
+    numbers[samples.segment == 2, :3] *= -1.0
+    position_mm, valid, flags = table(replace(samples, numbers=numbers), parents, repair=True)
+    assert valid.all()
+    np.testing.assert_array_equal(position_mm, true[..., :3])
+    assert (flags[:, 2] == "hemisphere-repaired").all()
+    assert (flags[:, [0, 1, 3]] == "").all()
+
+
+def test_a_receiver_without_a_joint_is_told_by_its_jumps() -> None:
+    samples, true, _ = recorded(2)
+    position_mm, valid, _ = table(samples, {}, repair=True)
+    first = np.sign(true[0, :, 0])
+    np.testing.assert_allclose(position_mm[valid], (first[:, None] * true[..., :3])[valid], atol=1e-9)
+
+
+def test_receivers_that_share_no_joint_tell_nothing() -> None:
+    rng = np.random.default_rng(0)
+    frame = np.arange(200)
+    poses = [np.concatenate([rng.normal(0, 300, (200, 3)), rng.normal(size=(200, 4))], -1) for _ in range(2)]
+    for own in poses:
+        own[:, 3:] /= np.linalg.norm(own[:, 3:], axis=-1, keepdims=True)
+    assert link_sides((frame, poses[0]), (frame, poses[1]), None) is None
