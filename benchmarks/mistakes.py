@@ -27,8 +27,8 @@ from stages.simulate.simulation import LAYOUT, simulate
 
 PAGE = "mistakes-benchmark.md"
 FIRST_SEED = 6000
-FRAMES = {"rom": 2400, "opposition": 1500}
-PAIRS = 10
+FRAMES = {"rom": 1800, "opposition": 1200}
+PAIRS = 4
 FINGERS = ("index", "middle", "ring", "little")
 
 Tally = tuple[str, bool, bool]
@@ -61,27 +61,35 @@ def run(n_hands: int = 30, write: bool = False, processes: int = 2) -> Iterator[
     """Give the tables over that many people, seeds from FIRST_SEED on."""
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         people = list(pool.map(one_person, range(FIRST_SEED, FIRST_SEED + n_hands)))
-    alarms, single, several, pairs = ([row for person in people for row in person[i]] for i in range(4))
-    tables = [
-        _table("One mistake", [*single, *several], f"{n_hands} people; a mistake each, drawn at random."),
-        _table("Two mistakes at once", pairs, "First: one of the two is named first. All: both are named."),
-        _alarm_table(alarms),
-    ]
+    tables = tables_of(people)
     yield from tables
     if write:
         write_tables(PAGE, tables, f"python -m benchmarks mistakes --hands {n_hands} --write")
 
 
+def tables_of(people: Sequence[tuple[list[Tally], list[Tally], list[Tally], list[Tally]]]) -> list[TextTable]:
+    """Give the tables of what `one_person` gives of each."""
+    alarms, single, several, pairs = ([row for person in people for row in person[i]] for i in range(4))
+    return [
+        _table(
+            "One mistake",
+            [*single, *several],
+            f"{len(people)} people; every mistake once each, what it concerns drawn at random.",
+        ),
+        _table("Two mistakes at once", pairs, "First: one of the two is named first. All: both are named."),
+        _alarm_table(alarms),
+    ]
+
+
 def one_person(seed: int) -> tuple[list[Tally], list[Tally], list[Tally], list[Tally]]:
     """Give the false alarms of a person's recordings, and what was said of mistakes planted in them."""
     rng = np.random.default_rng(seed)
+    task, hand = ("rom", "opposition")[seed % 2], ("right", "left")[seed // 2 % 2]
     alarms = [
         (f"{name}, {task}", bool(planted.findings()), False)
-        for hand in ("right", "left")
         for task in FRAMES
         for name, planted in faultless(seed, hand, task, rng)
     ]
-    task, hand = ("rom", "opposition")[seed % 2], ("right", "left")[seed // 2 % 2]
     plain = _planted(seed, hand, task)
     single = []
     for name, (kind, mistake) in MISTAKES.items():

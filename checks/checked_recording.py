@@ -53,12 +53,12 @@ def check_recording(
     layout: Layout,
     hand: str,
     orientation: Mapping[str, str] | None = None,
-    flipped: Mapping[str, int] | None = None,
+    left_out: Mapping[str, Mapping[str, int]] | None = None,
 ) -> CheckedRecording:
     """Test what was declared about a recording against its poses.
 
     orientation : that of the mapping that it was read with, its kind, axes and unit; None where it has none.
-    flipped : by segment, how many poses the import left out because they are on the transmitter's other side.
+    left_out : by flag, `hemisphere-flip` or `spike`, and segment: how many poses the import left out for it.
     """
     declared = orientation or {}
     euler = declared.get("axes", "") if declared.get("kind") == "euler" else ""
@@ -75,7 +75,7 @@ def check_recording(
         return CheckedRecording(tuple(angles), poses_digest(poses), None, None)
     findings, search = _explained(line, body, layout, segments, hand, euler)
     late = [
-        *_left_out(flipped or {}),
+        *_left_out(left_out or {}),
         *_frozen(poses),
         *_stays(line, segments),
         *_clock(line, clock),
@@ -204,16 +204,30 @@ def _stays(line: Timeline, segments: Sequence[str]) -> list[Finding]:
     return [Finding("receiver-stuck", SUSPECT if share[place] > MANY_STUCK else NOTE, message)]
 
 
-def _left_out(flipped: Mapping[str, int]) -> list[Finding]:
-    if not flipped:
-        return []
-    most = max(flipped, key=lambda segment: flipped[segment])
-    message = (
-        f"{sum(flipped.values())} poses, most of {most}, are on the other side of the transmitter and "
-        "are left out: the tracker took the wrong hemisphere; write `repair` in the column hemisphere of the "
-        "recordings sheet (or --repair-hemisphere) to put them back."
-    )
-    return [Finding("hemisphere", NOTE, message)]
+_LEFT_OUT = {
+    "hemisphere-flip": (
+        "hemisphere",
+        "on the other side of the transmitter",
+        "the tracker took the wrong hemisphere; write `repair` in the column hemisphere of the recordings sheet "
+        "(or --repair-hemisphere) to put them back",
+    ),
+    "spike": (
+        "spikes",
+        "where nothing can be",
+        "the tracker's field was probably disturbed; look for metal or a motor near the transmitter",
+    ),
+}
+"""By flag: the kind, what is seen, what it is and what to do."""
+
+
+def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
+    found = []
+    for flag, by_segment in left_out.items():
+        kind, seen, cure = _LEFT_OUT[flag]
+        count, most = sum(by_segment.values()), max(by_segment, key=lambda segment: by_segment[segment])
+        who = f"{count} poses, most of {most}, are" if count > 1 else f"One pose, of {most}, is"
+        found.append(Finding(kind, NOTE, f"{who} {seen} and left out: {cure}."))
+    return found
 
 
 def _frozen(poses: Poses) -> list[Finding]:

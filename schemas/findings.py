@@ -141,7 +141,7 @@ def mistakes_page() -> str:
         "whether joints turn as joints do. Where a mistake explains the poses decisively better than what",
         "was declared, it is named, in one sentence with what to write; then the next is looked for with",
         "the first one undone. `import`, `inspect` and `check_calibration` say the same. How often it is",
-        "right: [accuracy](accuracy.md).",
+        "right: [measured](mistakes-benchmark.md).",
         "",
         "A finding is `refused` (the recording is not used), `suspect` (it is solved and shown, and is in",
         "no headline and no statistic) or a `note`. A reason in the column `accept` of the recordings sheet",

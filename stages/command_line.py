@@ -214,10 +214,13 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 
     orientation = read_metadata(path)["parameters"].get("orientation")
     flags = read_table(path, POSES, ["segment", "flags"])
-    rows = flags.filter(pc.match_substring(flags["flags"], "hemisphere-flip"))
-    flipped = Counter(rows["segment"].to_pylist())
+    flagged = {
+        flag: Counter(flags.filter(pc.match_substring(flags["flags"], flag))["segment"].to_pylist())
+        for flag in ("hemisphere-flip", "spike")
+    }
+    left_out = {flag: counts for flag, counts in flagged.items() if counts}
     poses, side = read_poses(path, layout.measured), hand or recording_name(path).hand
-    return check_recording(poses, layout, side, orientation, flipped)
+    return check_recording(poses, layout, side, orientation, left_out)
 
 
 def config_files(arguments: argparse.Namespace) -> list[Path]:

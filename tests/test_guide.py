@@ -45,7 +45,9 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_files_of_the_project_are_where_the_guide_says(page: Path) -> None:
-    rooms = "schemas|anatomy|skeleton|trackers|stages|workflow|benchmarks|config|tests|container|profiles"
+    rooms = (
+        "schemas|checks|anatomy|skeleton|trackers|stages|workflow|benchmarks|config|tests|container|profiles"
+    )
     named = re.findall(rf"`((?:{rooms})/[\w./-]+)`", page.read_text("utf-8"))
     there = [path for path in named if "NAME" in path or (REPOSITORY / path.rstrip(".")).exists()]
     assert sorted(set(named) - set(there)) == []

@@ -103,6 +103,8 @@ def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> str:
         layout = plan.layouts[hand]
         found = [one for path in usable for one in command_line.checked_poses(path, layout).findings]
         return next((one.message for one in found if one.severity != NOTE), "")
+    if not plan.table(FINDINGS.name).is_file():
+        return ""
     names = {(hand, own.task, own.trial) for own in plan.all_calibrating(hand)}
     rows = rows_of(read_table(plan.table(FINDINGS.name), FINDINGS))
     standing = (row["message"] for row in rows

@@ -100,8 +100,11 @@ def test_severities(planted: Planted) -> None:
     poses = replace(planted.poses, position_mm=position, quaternion=quaternion, valid=dead)
     (finding,) = check_recording(poses, LAYOUT, "right").findings
     assert (finding.kind, finding.severity) == ("receiver-stuck", NOTE)
-    left_out = check_recording(planted.poses, LAYOUT, "right", flipped={"hand": 3}).findings
-    assert [(one.kind, one.severity) for one in left_out] == [("hemisphere", NOTE)]
+    left_out = {"hemisphere-flip": {"hand": 3}, "spike": {"ring_distal": 1}}
+    flip, spike = check_recording(planted.poses, LAYOUT, "right", left_out=left_out).findings
+    assert (flip.kind, flip.severity, spike.kind, spike.severity) == ("hemisphere", NOTE, "spikes", NOTE)
+    assert flip.message.startswith("3 poses, most of hand, are on the other side")
+    assert spike.message.startswith("One pose, of ring_distal, is where nothing can be")
 
 
 def test_a_digest_is_of_the_numbers_alone(planted: Planted) -> None:

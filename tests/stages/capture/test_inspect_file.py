@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,9 @@ from schemas.mapping import read_mapping
 from skeleton.rotations import matrix, unit
 from stages.capture.__main__ import main
 from stages.capture.samples import Samples
+from stages.simulate.realism import Realism
+from stages.simulate.recording import write_recording
+from stages.simulate.simulation import simulate
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 WHO = ["--layout", "arm", "--subject", "01", "--hand", "right", "--task", "rom"]
@@ -366,3 +370,28 @@ def test_real_files(real_data: Path, run: Run, file: str, facts: list[str]) -> N
     if "tidy" not in out:
         run.drafted(real_data / file)
         assert "CHECK" in str(yaml.safe_load(run.mapping.read_text()))
+
+
+def test_inspection_and_import_say_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a recording in metres, and of a left hand without and with a word on which hand it is."""
+    made = {hand: simulate("01", hand, "rom", 7, Realism.full(), 900) for hand in ("right", "left")}
+    metres = replace(made["right"], position_mm=made["right"].position_mm / 1000)
+    write_recording(tmp_path / "metres.csv", metres)
+    write_recording(tmp_path / "left.parquet", made["left"])
+    sentence = "units: The positions are 1000 times too small, in m and read as mm"
+
+    def said(*words: str) -> tuple[str, str]:
+        assert main([*words]) == 0
+        captured = capsys.readouterr()
+        return captured.out, captured.err
+
+    assert f"suspect: {sentence}" in said("inspect", str(tmp_path / "metres.csv"))[0]
+    who = ["--layout", "liberty16", "--subject", "01", "--hand", "right", "--task", "rom"]
+    poses = str(tmp_path / "poses.parquet")
+    printed = said("import", "--in", str(tmp_path / "metres.csv"), "--out", poses, *who)[1]
+    assert f"suspect: {tmp_path / 'metres.csv'}: {sentence}" in printed
+    assert f"suspect: {sentence}" in said("inspect", poses)[0]
+    left = said("inspect", str(tmp_path / "left.parquet"))[0]
+    assert "it looks like a left hand" in left
+    assert "suspect" not in left
+    assert "wrong-hand" in said("inspect", str(tmp_path / "left.parquet"), "--hand", "right")[0]

@@ -3,11 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
+from checked_hands import hand_of
+from checked_hands import write_poses as write_quaternions
 from simulated_poses import recorded, write_poses
 
+from benchmarks.mistakes import MISTAKES
 from schemas.catalogue import CALIBRATION_ADVICE, POSES
 from schemas.layout import read_layout
 from schemas.parts import Part, read_part
@@ -104,3 +108,11 @@ def test_a_plan_of_both_hands_has_a_part_for_each(
     assert capsys.readouterr().out.startswith("left hand\njoint ")
     assert read_part(out, CALIBRATION_ADVICE, Part("left", subject="01")).num_rows == 15
     assert read_part(out, CALIBRATION_ADVICE, Part("right", subject="01")).num_rows == 0
+
+
+def test_nothing_is_enough_while_a_finding_stands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = MISTAKES["x, y, z, w read as w, x, y, z"][1](hand_of(7), np.random.default_rng(0))
+    write_quaternions(tmp_path / "poses.parquet", wrong.poses, "right", "rom")
+    printed = checked(capsys, "--poses", str(tmp_path / "poses.parquet"))
+    assert "enough" not in printed
+    assert printed.count("nothing can be said before this is settled: The quaternions are read as w") == 15
