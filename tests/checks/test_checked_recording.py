@@ -29,7 +29,9 @@ def test_a_planted_mistake_is_named_alone(planted: Planted, name: str) -> None:
     assert "; " in findings[0].message
 
 
-@pytest.mark.parametrize(("hand", "task"), [("right", "opposition"), ("left", "rom")])
+@pytest.mark.parametrize(
+    ("hand", "task"), [("left", "rom"), pytest.param("right", "opposition", marks=pytest.mark.slow)]
+)
 def test_odd_hands_are_no_mistakes(hand: str, task: str) -> None:
     for name, own in faultless(8, hand, task, np.random.default_rng(8)):
         assert own.findings() == [], name
