@@ -421,7 +421,7 @@ def _table(title: str, tallies: Sequence[Tally], meaning: str) -> TextTable:
         by_name.setdefault(tally[0], []).append(tally)
     rows = [_shares(name, own) for name, own in by_name.items()]
     rows += [_shares("all", tallies)] if len(rows) > 1 else []
-    columns = (("planted", ""), ("hands", "d"), ("named first %", ".1f"), ("named at all %", ".1f"))
+    columns = ("planted", "hands:d", "named first %:.1f", "named at all %:.1f")
     return TextTable(title, columns, rows, meaning)
 
 
@@ -435,6 +435,6 @@ def _alarm_table(tallies: Sequence[Tally]) -> TextTable:
         by_name.setdefault(name, []).append(alarm)
     rows: list[tuple[Cell, ...]] = [(name, len(own), sum(own)) for name, own in by_name.items()]
     alarms = sum(alarm for _, alarm, _ in tallies)
-    columns = (("hand", ""), ("recordings", "d"), ("alarms", "d"))
+    columns = ("hand", "recordings:d", "alarms:d")
     meaning = f"{100 * alarms / len(tallies):.2f} % of the recordings of hands without a fault are suspected."
     return TextTable("False alarms", columns, [*rows, ("all", len(tallies), alarms)], meaning)

@@ -58,9 +58,6 @@ FROZEN_FRAMES = 240
 ROW_GROUP_FRAMES = 1 << 15
 """Two minutes at 240 Hz: who reads frame by frame holds a row group of every segment at once."""
 
-SAMPLED_FRAMES = 1000
-"""Frames, spread over the recording, that tell the receivers' extent and side of the transmitter."""
-
 MEMORY_BYTES = 2 << 20
 """How much of a segment's rows is kept in memory before it goes to a file."""
 
@@ -85,14 +82,13 @@ class PosesTable:
     """The poses table, to be written a row group at a time; no row group holds two segments.
 
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
-    frozen : segments whose rows are flagged so. span_mm : how far apart the receivers are, NaN where unknown.
+    frozen : segments whose rows are flagged so.
     frame : (T,) every frame that occurs with any segment, ascending.
     """
 
     segments: tuple[str, ...]
     usable: tuple[int, ...]
     frozen: tuple[str, ...]
-    span_mm: float
     frame: Integers
     _files: tuple[_RowFile, ...]
 
@@ -149,7 +145,6 @@ class _Segment:
     usable : rows that are valid; complete : those that have all their numbers; moves : whether these differ.
     bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
     and that length; bad_count : how many there are.
-    position_mm : (K, 3) in the frames from which the span is measured, NaN where it has none.
     flips : where it jumped to the other side of the transmitter.
     """
 
@@ -158,7 +153,6 @@ class _Segment:
     moves: bool
     bad: tuple[int, int, float] | None
     bad_count: int
-    position_mm: Array
     flips: list[Flip]
 
 
@@ -192,10 +186,7 @@ def poses_table(
         frames.append(np.unique(samples.frame))
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
-    sampled = frame[:: max(1, len(frame) // SAMPLED_FRAMES)]
-    segments = {
-        names[index]: _checked(files[index], sampled, hemispheres.get(index)) for index in sorted(files)
-    }
+    segments = {names[index]: _checked(files[index], hemispheres.get(index)) for index in sorted(files)}
     _refuse_bad_quaternions(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, repair=repair_hemisphere)
@@ -204,7 +195,6 @@ def poses_table(
         tuple(segments),
         tuple(0 if name in frozen else segment.usable for name, segment in segments.items()),
         frozen,
-        _span_mm([segment.position_mm for segment in segments.values()]),
         frame,
         tuple(files[index] for index in sorted(files)),
     )
@@ -223,7 +213,7 @@ def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]
         yield index, rows[samples.segment == index]
 
 
-def _checked(file: _RowFile, sampled: Integers, hemisphere: tuple[float, float, float] | None) -> _Segment:
+def _checked(file: _RowFile, hemisphere: tuple[float, float, float] | None) -> _Segment:
     """Bring a segment's rows into order, flag them and say what they say together."""
     rows = file.rows()
     rows = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
@@ -235,9 +225,6 @@ def _checked(file: _RowFile, sampled: Integers, hemisphere: tuple[float, float, 
     rows["flags"][believed[spikes(rows["numbers"][believed])]] |= _BIT["spike"]
     file.replace(rows)
     poses = rows["numbers"][complete]
-    position_mm = np.full((len(sampled), 3), np.nan)
-    _, to, of = np.intersect1d(sampled, rows["frame"], assume_unique=True, return_indices=True)
-    position_mm[to] = rows["numbers"][of, :3]
     usable = rows[complete & ~_unusable(rows)]
     optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
     flips = [] if optical else jumps(usable["frame"], usable["time_s"], usable["numbers"], hemisphere)
@@ -247,7 +234,6 @@ def _checked(file: _RowFile, sampled: Integers, hemisphere: tuple[float, float, 
         bool((poses != poses[:1]).any()),
         first,
         int(bad.sum()),
-        position_mm,
         flips,
     )
 
@@ -409,19 +395,6 @@ def _frozen_segments(segments: Mapping[str, _Segment], parents: Mapping[str, str
     """
     still = [name for name, own in segments.items() if not own.moves and own.complete >= FROZEN_FRAMES]
     return tuple(name for name in still if (parent := segments.get(parents.get(name, ""))) and parent.moves)
-
-
-def _span_mm(position_mm: Sequence[Array]) -> float:
-    """Largest extent of the receivers along an axis, S positions (K, 3) in, the median over frames out, mm.
-
-    NaN where no frame has three receivers.
-    """
-    every = np.stack(position_mm)
-    seen = np.isfinite(every).all(-1).sum(0) >= 3
-    if not seen.any():
-        return float("nan")
-    extent = np.nanmax(every[:, seen], axis=0) - np.nanmin(every[:, seen], axis=0)
-    return float(np.median(extent.max(-1)))
 
 
 def _columns(name: str, frame: Integers, rows: Rows, frozen: bool) -> dict[str, Any]:
