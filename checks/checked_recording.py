@@ -208,8 +208,8 @@ _LEFT_OUT = {
     "hemisphere-flip": (
         "hemisphere",
         "on the other side of the transmitter",
-        "the tracker took the wrong hemisphere; write `repair` in the column hemisphere of the recordings sheet "
-        "(or --repair-hemisphere) to put them back",
+        "the tracker took the wrong hemisphere; write `repair` in the column hemisphere of the recordings "
+        "sheet (or --repair-hemisphere) to put them back",
     ),
     "spike": (
         "spikes",
