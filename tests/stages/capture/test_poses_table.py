@@ -222,7 +222,6 @@ def test_parts_give_the_table_of_the_whole(
     random = np.random.default_rng(seed)
     samples = any_samples(random, order)
     pieces = cut(samples, random.integers(0, len(samples.segment) + 1, seed + 1).tolist())
-    monkeypatch.setattr("stages.capture.poses_table.SAMPLED_FRAMES", 3)  # so that few frames are many
     monkeypatch.setattr("stages.capture.poses_table.FROZEN_FRAMES", 2)
     whole = table_of(samples)
     monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 3)
