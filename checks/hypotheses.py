@@ -296,10 +296,8 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
             f"write `receiver_axes: {{{text}}}` in the layout",
         )  # fmt: skip
         for place, segment in enumerate(recorded.segments):
-            turns = np.tile(np.eye(3), (every, 1, 1))
-            turns[place] = turn
             yield Hypothesis(
-                "receiver-turned", 6.0, _turned(turns),
+                "receiver-turned", 6.0, _turned_at(place, turn),
                 f"the receiver {segment} seems to be turned on its bone by {how}",
                 f"write `receiver_axes: {{{text}}}` under the segment {segment} in the layout",
                 frozenset({place}),
@@ -308,6 +306,15 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
 
 def _turned(turns: Array) -> Callable[[Motion], Motion]:
     return lambda motion: replace(motion, rotation=motion.rotation @ turns)
+
+
+def _turned_at(place: int, turn: Array) -> Callable[[Motion], Motion]:
+    def undo(motion: Motion) -> Motion:
+        rotation = motion.rotation.copy()
+        rotation[:, place] = rotation[:, place] @ turn
+        return replace(motion, rotation=rotation)
+
+    return undo
 
 
 def _quarter_turns() -> list[Array]:

@@ -495,6 +495,7 @@ RECORDINGS = Table(
         Column("file", TEXT, "", "the recording's file, as in the sheet"),
         Column("status", TEXT, "", "used, excluded (by the sheet), refused (by a finding) or failed"),
         Column("n_frames", WHOLE, "", "frames of the recording"),
+        Column("n_receivers", WHOLE, "", "receivers of which a pose may be used"),
         _real("duration_s", "from the first device time to the last"),
         _real(
             "valid_percent",

@@ -30,6 +30,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
         "file": recording.file_as_written,
         "status": "used",
         "n_frames": 0,
+        "n_receivers": 0,
         "message": "",
     }
     if recording.exclude:
@@ -49,6 +50,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
     n_frames = table.num_rows // max(len(n_valid), 1)
     expected = (n_frames + parameters.get("missing_frames", 0)) * len({*n_valid, *absent})
     row["n_frames"] = n_frames
+    row["n_receivers"] = sum(1 for count in n_valid.values() if count)
     row["duration_s"] = _duration_s(table)
     row["valid_percent"] = 100.0 * sum(n_valid.values()) / expected if expected else None
     return row, problems

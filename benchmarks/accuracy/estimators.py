@@ -13,6 +13,7 @@ from benchmarks.accuracy.score import PHALANGES, Centre, Estimate, phalanges_mm
 from benchmarks.accuracy.trials import Trial
 from benchmarks.solvers import closed, solved_joints
 from schemas.layout import Joint, read_layout
+from schemas.model import read_model
 from schemas.poses import Poses
 from skeleton.rotations import Array, rotate
 from stages.fit_hand.building import Parts
@@ -20,12 +21,13 @@ from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.measurements import Measurement
 from stages.fit_hand.replaying import pose_hand
 from stages.fit_hand.sharing import share_lengths
-from stages.project_planes.plane import project
+from stages.project_planes.place import place_joint
 from stages.simulate.random_hand import BONES
 from stages.simulate.simulation import LAYOUT
 from stages.solve_joints.anatomical import HandSample, solve_hand
 from stages.solve_joints.closed import JointSolution
 from stages.solve_joints.moments import JointMoments
+from stages.solve_joints.solution_rows import solution_row
 from stages.solve_joints.solve import add_block
 
 PRIOR = "prior only"
@@ -93,20 +95,11 @@ def _peer_centre(name: str, pair: Poses) -> Centre:
 
 
 def _on_plane(joint: Joint, solution: JointSolution) -> Centre:
-    placed = project(
-        solution.p_mm,
-        solution.q_mm,
-        solution.null_parent,
-        solution.null_child,
-        solution.covariance_mm2,
-        float(np.radians(solution.axis_sd_deg)),
-        plane_point_mm=np.array(joint.plane.point_mm),
-        plane_normal=np.array(joint.plane.normal),
-        plane_in_parent=joint.plane.frame == "parent",
-    )
-    if placed is None:  # an axis in the plane itself: the point that the singular values give
+    row = place_joint(joint, read_layout(LAYOUT), solution_row(joint, solution), read_model(PAPER), None)
+    if row["status"] == "failed":  # an axis in the plane itself: the point that the singular values give
         return Centre(solution.p_mm, solution.q_mm, None, solution.null_child)
-    return Centre(placed.p_mm, placed.q_mm, placed.covariance_mm2, solution.null_child)
+    parent, child = (np.array([row[f"{half}_{axis}_mm"] for axis in "xyz"]) for half in ("parent", "child"))
+    return Centre(parent, child, np.reshape(row["covariance_mm2"], (6, 6)), solution.null_child)
 
 
 def anatomical(trial: Trial) -> Estimate:

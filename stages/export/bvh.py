@@ -26,8 +26,7 @@ from schemas.files import replacing
 from skeleton.rotations import Array, conjugate, matrix, multiply
 from stages.export.axes import UNITS_PER_MM, Target
 from stages.export.euler_angles import continuous_angles
-from stages.export.motion import MOVES_MM, SkeletonMotion, local_motion, rest_pose
-from stages.export.requirements import require_whole
+from stages.export.motion import MOVES_MM, SkeletonMotion, local_motion, require_whole, rest_pose
 from stages.export.resampling import largest_time_error_s
 from stages.export.rig_names import ascii_name
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
 from schemas import PROGRAM, VERSION
 from schemas.study import path_token
 from stages.export.axes import Target
@@ -52,6 +54,13 @@ def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -
         "not_in_the_file": list(dropped),
         "inputs_sha256": dict(origin.inputs),
     }
+
+
+def joint_facts(motion: SkeletonMotion, index: int) -> dict[str, Any]:
+    """What is known of a joint beside its name and place: its bone, degrees of freedom and axis (3,)."""
+    joint, axis = motion.joints[index], motion.axis[index]
+    freedom = {"degrees_of_freedom": joint.dof} if joint.dof else {}
+    return {"bone": joint.segment, **freedom, **({"axis": axis} if np.isfinite(axis).all() else {})}
 
 
 def facts_text(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -> str:

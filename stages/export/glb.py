@@ -23,10 +23,9 @@ from schemas import PROGRAM, VERSION
 from skeleton.rotations import Array, conjugate, matrix, rotate, unit
 from stages.export.axes import UNITS_PER_MM, Target
 from stages.export.bone_mesh import bone_mesh
-from stages.export.file_facts import facts
+from stages.export.file_facts import facts, joint_facts
 from stages.export.glb_document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from stages.export.motion import SkeletonMotion, local_motion, rest_pose
-from stages.export.requirements import require_times, require_whole
+from stages.export.motion import SkeletonMotion, local_motion, require_times, require_whole, rest_pose
 from stages.export.rigging import with_webxr_names
 
 MOVES_MM = 1e-6
@@ -100,11 +99,9 @@ def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
     nodes: list[dict[str, Any]] = []
     for index, joint in enumerate(motion.joints):
         place = motion.position_mm[0, 0] if joint.parent < 0 else motion.rest_offset_mm[index]
-        known: dict[str, Any] = {"bone": joint.segment}
-        if joint.dof:
-            known["degrees_of_freedom"] = joint.dof
-        if np.isfinite(motion.axis[index]).all():
-            known["axis"] = motion.axis[index].round(9).tolist()
+        known = joint_facts(motion, index)
+        if "axis" in known:
+            known["axis"] = known["axis"].round(9).tolist()
         node = {
             "name": joint.name,
             "translation": (place * _SCALE).tolist(),

@@ -22,12 +22,11 @@ from schemas.files import write_text
 from skeleton.rotations import Array, conjugate, rotate
 from stages.export.axes import Target
 from stages.export.file_facts import facts_text
-from stages.export.motion import SkeletonMotion
+from stages.export.motion import SkeletonMotion, require_whole
 from stages.export.opensim_joints import JointForm, joint_forms
 from stages.export.opensim_markers import Triad, triads
 from stages.export.opensim_model import VERSION, add, as_text, model_xml
 from stages.export.opensim_motion import seconds, seen_frames, write_mot, write_trc
-from stages.export.requirements import require_whole
 from stages.export.rig_names import plain_names
 
 NOMINAL = "masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone"

@@ -17,10 +17,9 @@ from schemas import PROGRAM, VERSION
 from schemas.files import replacing
 from skeleton.rotations import Array
 from stages.export.long_arrays import BLOCK_FRAMES
-from stages.export.motion import Bools, Origin, SkeletonMotion, known_points
+from stages.export.motion import Bools, Origin, SkeletonMotion, known_points, require_times
 from stages.export.opensim_joints import JointForm
 from stages.export.opensim_markers import Triad
-from stages.export.requirements import require_times
 
 ALONE_HZ = 60.0
 """Rate in the header of a file of one frame, whose rate nobody knows."""

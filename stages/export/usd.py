@@ -31,10 +31,9 @@ from schemas.files import replacing
 from skeleton.rotations import Array, matrix, multiply, rotate
 from stages.export.axes import UNITS_PER_MM, Target, upright
 from stages.export.bone_mesh import bone_mesh
-from stages.export.file_facts import facts
+from stages.export.file_facts import facts, joint_facts
 from stages.export.long_arrays import BLOCK_FRAMES
-from stages.export.motion import SkeletonMotion, Whole, local_motion, rest_pose
-from stages.export.requirements import require_times, require_whole
+from stages.export.motion import SkeletonMotion, Whole, local_motion, require_times, require_whole, rest_pose
 from stages.export.resampling import largest_time_error_s
 from stages.export.rig_names import plain_names
 from stages.export.rigging import with_webxr_names
@@ -197,11 +196,7 @@ def _skeleton(hand: _Hand) -> Iterator[str]:
     motion = hand.motion
     custom: dict[str, dict[str, Any]] = {}
     for index, joint in enumerate(motion.joints):
-        known: dict[str, Any] = {"name": joint.name, "bone": joint.segment}
-        if joint.dof:
-            known["degrees_of_freedom"] = joint.dof
-        if np.isfinite(motion.axis[index]).all():
-            known["axis"] = motion.axis[index]
+        known = {"name": joint.name, **joint_facts(motion, index)}
         custom[hand.joints[index].rpartition("/")[2]] = known
     local_mm = np.concatenate([hand.rest_mm[:1], motion.rest_offset_mm[1:]])
     local_turn = np.concatenate([hand.rest_turn[:1], motion.rest_rotation[1:]])

@@ -178,22 +178,19 @@ def view_base(layout: Layout) -> str:
 def thinned(motion: HandMotion, most: int) -> HandMotion:
     """Every n-th frame, n the smallest that leaves at most `most` frames; the frames keep their numbers."""
     every = -(-len(motion.frame) // most)
-    return motion if every <= 1 else _frames(motion, slice(None, None, every), every)
-
-
-def _frames(motion: HandMotion, rows: slice, every: int) -> HandMotion:
-    skeletons = (
-        replace(s, position_mm=s.position_mm[rows], tip_error_mm=s.tip_error_mm[rows])
-        for s in motion.skeletons
-    )
+    if every <= 1:
+        return motion
     return replace(
         motion,
-        frame=motion.frame[rows],
-        time_s=motion.time_s[rows],
+        frame=motion.frame[::every],
+        time_s=motion.time_s[::every],
         every=motion.every * every,
-        receiver_mm=motion.receiver_mm[rows],
-        receiver_quaternion=motion.receiver_quaternion[rows],
-        skeletons=tuple(skeletons),
+        receiver_mm=motion.receiver_mm[::every],
+        receiver_quaternion=motion.receiver_quaternion[::every],
+        skeletons=tuple(
+            replace(own, position_mm=own.position_mm[::every], tip_error_mm=own.tip_error_mm[::every])
+            for own in motion.skeletons
+        ),
     )
 
 

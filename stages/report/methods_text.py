@@ -40,12 +40,12 @@ def methods_text(results: StudyResults) -> list[str]:
 def _recorded(results: StudyResults) -> str:
     used = [row for row in results.recording_rows if row["status"] == "used"]
     made = "simulated" if results.simulated else "recorded"
-    receivers = sorted({len(layout.measured) for layout in results.layouts.values()})
-    worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:]))
+    receivers = sorted({row["n_receivers"] for row in used})
+    worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:])) or "no"
     tasks = Counter(row["task"] for row in used)
     text = (
         f"{capital(counted(len(results.hands), 'hand'))} of {counted(len(results.subjects), 'subject')} "
-        f"{'was' if len(results.hands) == 1 else 'were'} {made} with up to {worn} magnetic receivers a hand"
+        f"{'was' if len(results.hands) == 1 else 'were'} {made} with {worn} magnetic receivers a hand"
         f"{_rate(used)}, in {counted(len(used), 'recording')}"
     )
     if tasks:

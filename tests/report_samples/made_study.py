@@ -107,7 +107,14 @@ def lacking_text(table: Table) -> dict[str, str]:
 
 def _add_failed(rows: Rows, key: dict[str, str], file: str) -> None:
     message = f"{file}: row 7, column x_mm: 'n/a' is not a number"
-    row = key | {"role": "both", "file": file, "status": "failed", "n_frames": 0, "message": message}
+    row = key | {
+        "role": "both",
+        "file": file,
+        "status": "failed",
+        "n_frames": 0,
+        "n_receivers": 0,
+        "message": message,
+    }
     rows["recordings"].append(row)
     where = {**_who(key), "task": key["task"], "stage": "capture"}
     rows["problems"].append(where | {"severity": "refused", "message": message})
@@ -125,7 +132,7 @@ def _add_hand(
     layout = read_layout("liberty16")
     centres, receivers = hand_points(key["hand"])
     row = key | {"role": "both", "file": file, "status": "used", "message": "", "n_frames": n_frames}
-    rows["recordings"].append(row | {"duration_s": n_frames / 240, "valid_percent": 99.5})
+    rows["recordings"].append(row | {"duration_s": n_frames / 240, "valid_percent": 99.5, "n_receivers": 16})
     poses = results / f"sub-{path_token(key['subject'])}" / key["hand"] / key["task"] / "poses.parquet"
     columns = _resting_poses(layout, receivers, n_frames, rng)
     write_table(poses, POSES, columns, NO_SOURCE, row_group_rows=n_frames)

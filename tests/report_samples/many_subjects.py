@@ -51,7 +51,7 @@ def many_subjects(
             sheet += [f"{name}\t{hand}\topposition\tevaluation\t{name}-{hand}.csv"]
             sheet += [f"{name}\t{hand}\trom\tcalibration\t{name}-{hand}-rom.csv"]
             row = key | {"role": "evaluation", "file": f"{name}-{hand}.csv", "status": "used"}
-            rows["recordings"].append(row | {"n_frames": 900, "message": ""})
+            rows["recordings"].append(row | {"n_frames": 900, "n_receivers": 16, "message": ""})
             _add_hand(
                 rows, key, models, person, rng, simulated=simulated, lost=(name, hand) == ("S003", "left")
             )

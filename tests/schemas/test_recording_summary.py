@@ -47,6 +47,7 @@ def test_a_recording_without_problems(tmp_path: Path) -> None:
         "status": "used",
         "message": "",
         "n_frames": N_FRAMES,
+        "n_receivers": len(SEGMENTS),
         "duration_s": pytest.approx(39 / 240),
         "valid_percent": 100.0,
     }

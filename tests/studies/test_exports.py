@@ -22,8 +22,8 @@ FORMATS_ASKED = ("bvh", "glb", "osim", "c3d", "bids", "csv")
 def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     """Two subjects, one recording each; the second's index fingertip is lost every 50 frames."""
     folder = tmp_path_factory.mktemp("exports")
-    record(folder / "01.csv", subject="01", frames=120)
-    record(folder / "02.csv", subject="02", frames=120)
+    record(folder / "01.csv", subject="01", frames=700)
+    record(folder / "02.csv", subject="02", frames=700)
     lines = (folder / "02.csv").read_text("utf-8").splitlines()
     kept = [line for line in lines if ',"index_distal",' not in line or int(line.split(",")[0]) % 50]
     assert len(kept) < len(lines)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Wholes = npt.NDArray[np.int64]
+from trackers.protocols.records import Wholes
 
 SHORTEST_FIT_S = 30.0
 """Below this the delays' scatter moves the slope by more than a crystal is off (about 1e-4)."""

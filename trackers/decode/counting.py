@@ -8,12 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from trackers.protocols.records import NONE, Decoded, Records, Wholes, concatenated, empty_records
+from trackers.protocols.records import NONE, Bools, Decoded, Records, Wholes, concatenated, empty_records
 from trackers.protocols.stream_settings import StreamSettings
-
-Bools = npt.NDArray[np.bool_]
 
 LONGEST_GAP_S = 86_400.0
 """A counter that jumps by more than a day was not running: it was set anew."""

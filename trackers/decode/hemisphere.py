@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Wholes = npt.NDArray[np.int64]
+from trackers.protocols.records import Array, Wholes
 
 LONGEST_SMEAR = 12
 """Frames that a jump may take: the default filter takes 5 to 8."""

@@ -14,9 +14,7 @@ from trackers.archive import Archive
 from trackers.decode.hemisphere import flip_states
 from trackers.decode.stream import Block, Tally, blocks_of
 from trackers.decode.survey import Survey
-from trackers.protocols.records import NONE, Records
-
-Bools = npt.NDArray[np.bool_]
+from trackers.protocols.records import NONE, Bools, Records
 
 FLAGS = {
     "gap-before": "frames are missing between this record and the station's one before",

@@ -14,17 +14,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-import numpy.typing as npt
 
 from trackers.emulate.encoding import Block, Framing, Measured, encode
 from trackers.emulate.faults import Plug
 from trackers.emulate.pose_sources import Motion
 from trackers.families import FAMILIES, loaded
+from trackers.protocols.records import Array, Bools, Wholes
 from trackers.protocols.stream_settings import MM_PER_UNIT
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
-Wholes = npt.NDArray[np.int64]
 
 WRAP = 1 << 32
 BLOCK_CYCLES = 120
@@ -133,12 +129,12 @@ class EmulatedDevice(ABC):
             station.items = self.earlier_list
         self.start_stream()
 
-    def turns(self, cycles: Wholes, taking_part: Flags) -> Flags:
+    def turns(self, cycles: Wholes, taking_part: Bools) -> Bools:
         """Which of the stations that take part (T, S) send a record in which cycle: all in each."""
         del cycles
         return taking_part
 
-    def pose_counts(self, cycles: Wholes, taking_part: Flags) -> Wholes:
+    def pose_counts(self, cycles: Wholes, taking_part: Bools) -> Wholes:
         """Which step of the motion each cycle since its beginning (T,) measures."""
         del taking_part
         return cycles
@@ -206,7 +202,7 @@ class EmulatedDevice(ABC):
         """Drop what was encoded ahead, as before a setting changes."""
         self._ahead = None
 
-    def _plugged(self, cycles: Wholes) -> Flags:
+    def _plugged(self, cycles: Wholes) -> Bools:
         """Which stations of the device are plugged in, (T, S)."""
         since = cycles - (WRAP if self.first_stream is None else self.first_stream)
         plugged = np.tile(np.isin(list(self.stations), list(self.world.plugged)), (len(cycles), 1))

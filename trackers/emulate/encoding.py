@@ -11,10 +11,7 @@ import numpy.typing as npt
 
 from skeleton import rotations
 from trackers.protocols.output_items import CONSTANT_BYTES, EXTENDED, OutputItems
-
-Array = npt.NDArray[np.float64]
-Wholes = npt.NDArray[np.int64]
-Bytes = npt.NDArray[np.uint8]
+from trackers.protocols.records import Array, Bytes, Wholes
 
 
 @dataclass(frozen=True)

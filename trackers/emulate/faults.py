@@ -61,13 +61,8 @@ class Plug:
         return self.time.cycle(rate_hz) + (round(DETECTION_S * rate_hz) if self.is_in else 0)
 
 
-@dataclass(frozen=True)
-class Edit:
-    """At `position` of a cycle's bytes `removed` bytes go and `inserted` come in their place."""
-
-    position: int
-    removed: int
-    inserted: bytes
+Edit = tuple[int, int, bytes]
+"""A place in a cycle's bytes, how many of them go there, and what comes instead."""
 
 
 @dataclass(frozen=True)
@@ -91,14 +86,14 @@ class LineFault:
         by_record = self.kind == "garbage" and self.time is None
         places = self._places(len(starts) if by_record else len(data), since, rate_hz, rng)
         if self.kind == "drop-bytes":
-            return [Edit(at, 1, b"") for at in places]
+            return [(at, 1, b"") for at in places]
         if self.kind == "flip-bytes":
-            return [Edit(at, 1, bytes([data[at] ^ rng.randint(1, 255)])) for at in places]
+            return [(at, 1, bytes([data[at] ^ rng.randint(1, 255)])) for at in places]
         if self.kind == "duplicate-bytes":
-            return [Edit(at, 0, data[at : at + 1]) for at in places]
+            return [(at, 0, data[at : at + 1]) for at in places]
         if by_record:
-            return [Edit(starts[nth], 0, rng.randbytes(rng.randint(1, 40))) for nth in places]
-        return [Edit(0, 0, rng.randbytes(len(places)))] if places else []
+            return [(starts[nth], 0, rng.randbytes(rng.randint(1, 40))) for nth in places]
+        return [(0, 0, rng.randbytes(len(places)))] if places else []
 
     def _places(self, count: int, since: int, rate_hz: float, rng: random.Random) -> list[int]:
         """Which of that many places are hit in the cycle, in ascending order."""
@@ -129,13 +124,13 @@ def damaged(
     for number, fault in enumerate(faults):
         rng = random.Random((seed * 1_000_003 + since) * 64 + number)
         edits += fault.edits(data, starts, since, rate_hz, rng)
-    edits.sort(key=lambda edit: edit.position)
+    edits.sort(key=lambda edit: edit[0])
     out, done = bytearray(), 0
-    for edit in edits:
-        if edit.position < done:
+    for position, removed, inserted in edits:
+        if position < done:
             continue  # another fault took that byte already
-        out += data[done : edit.position] + edit.inserted
-        done = edit.position + edit.removed
+        out += data[done:position] + inserted
+        done = position + removed
     return bytes(out + data[done:])
 
 

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from skeleton import rotations
-
-Array = npt.NDArray[np.float64]
-Wholes = npt.NDArray[np.int64]
+from trackers.protocols.records import Array, Wholes
 
 MAX_STATION = 16
 PERIOD_CYCLES = 960

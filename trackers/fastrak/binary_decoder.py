@@ -14,9 +14,9 @@ import numpy as np
 
 from trackers.fastrak.items import ITEMS, LINE_END, OUTPUT_ITEMS, SPACE
 from trackers.protocols.output_items import CONSTANT_BYTES, read_binary_records
-from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps
-from trackers.protocols.records import Decoded, Wholes
-from trackers.protocols.resync import NO, UNKNOWN, YES, Bools, Starts, Verdicts, walk
+from trackers.protocols.piecewise import PiecewiseDecoder, gaps
+from trackers.protocols.records import Bools, Bytes, Decoded, Wholes
+from trackers.protocols.resync import NO, UNKNOWN, YES, Starts, Verdicts, walk
 from trackers.protocols.stream_settings import StreamSettings
 
 _IS_STATUS = np.isin(np.arange(256), list(b" ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"))

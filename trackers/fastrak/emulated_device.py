@@ -13,15 +13,14 @@ import numpy as np
 
 from trackers.emulate.device import (
     EmulatedDevice,
-    Flags,
     RefusedError,
     StationSettings,
-    Wholes,
     World,
     parsed_numbers,
 )
 from trackers.emulate.encoding import Framing
 from trackers.fastrak.items import ITEMS, OUTPUT_ITEMS
+from trackers.protocols.records import Bools, Wholes
 
 MISSING, NOT_A_NUMBER, OUT_OF_RANGE, UNKNOWN = -1, -2, -3, -99
 """The manual's error codes."""
@@ -61,12 +60,12 @@ class EmulatedFastrak(EmulatedDevice):
         del single
         return _FRAMING
 
-    def turns(self, cycles: Wholes, taking_part: Flags) -> Flags:
+    def turns(self, cycles: Wholes, taking_part: Bools) -> Bools:
         """Which station sends in each cycle."""
         rank = np.cumsum(taking_part, 1) - 1
         return np.asarray(taking_part & (rank == (cycles % _shared_by(taking_part))[:, None]))
 
-    def pose_counts(self, cycles: Wholes, taking_part: Flags) -> Wholes:
+    def pose_counts(self, cycles: Wholes, taking_part: Bools) -> Wholes:
         """A whole round of the stations is one step of the motion."""
         return np.asarray(cycles // _shared_by(taking_part))
 
@@ -106,7 +105,7 @@ class EmulatedFastrak(EmulatedDevice):
         return f"2{first}S{flags:03X}000 F3{stations:X}  {'EMU1':6}{name:32}\r\n".encode()
 
 
-def _shared_by(taking_part: Flags) -> Wholes:
+def _shared_by(taking_part: Bools) -> Wholes:
     return np.asarray(np.maximum(1, taking_part.sum(1)))
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from trackers.liberty.items import HEADER_BYTES, OUTPUT_ITEMS, QUATERNION, SINGLE, STREAMED, TAGS
 from trackers.protocols.output_items import read_binary_records
-from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps
-from trackers.protocols.records import Decoded, Records, Wholes
-from trackers.protocols.resync import NO, YES, Bools, Starts, Verdicts, walk
+from trackers.protocols.piecewise import PiecewiseDecoder, gaps
+from trackers.protocols.records import Bools, Bytes, Decoded, Records, Wholes
+from trackers.protocols.resync import NO, YES, Starts, Verdicts, walk
 from trackers.protocols.stream_settings import StreamSettings
 
 _IS_RECORD = np.isin(np.arange(256), [STREAMED, SINGLE])

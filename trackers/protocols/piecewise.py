@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from trackers.protocols.records import Decoded, Skipped, concatenated
-
-Bytes = npt.NDArray[np.uint8]
+from trackers.protocols.records import Bytes, Decoded, Skipped, concatenated
 
 PIECE_BYTES = 1 << 18
 """Longer pieces are decoded in parts, so that the memory that decoding takes has a bound."""

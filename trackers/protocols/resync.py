@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-Wholes = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
+from trackers.protocols.records import Bools, Wholes
+
 Verdicts = npt.NDArray[np.int8]
 
 NO, UNKNOWN, YES = 0, 1, 2

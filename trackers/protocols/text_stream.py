@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps
+from trackers.protocols.piecewise import PiecewiseDecoder, gaps
 from trackers.protocols.pose_numbers import fill_in
-from trackers.protocols.records import Decoded, Records, empty_records
+from trackers.protocols.records import Bytes, Decoded, Records, empty_records
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 
 from schemas.errors import InputError
 from skeleton.rotations import conjugate
-from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps
+from trackers.protocols.piecewise import PiecewiseDecoder, gaps
 from trackers.protocols.pose_numbers import doubtful_poses
-from trackers.protocols.records import Decoded, Records, Wholes, empty_records
+from trackers.protocols.records import Bytes, Decoded, Records, Wholes, empty_records
 from trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
 STATIONS = range(1, 127)

@@ -12,9 +12,9 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
-from trackers.protocols.piecewise import Bytes, PiecewiseDecoder, gaps, rows_at
+from trackers.protocols.piecewise import PiecewiseDecoder, gaps, rows_at
 from trackers.protocols.pose_numbers import doubtful_poses
-from trackers.protocols.records import Decoded, Records, Reply, Wholes, concatenated, empty_records
+from trackers.protocols.records import Bytes, Decoded, Records, Reply, Wholes, concatenated, empty_records
 from trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
 COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"

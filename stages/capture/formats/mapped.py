@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,12 +17,6 @@ from skeleton.rotations import Array
 from stages.capture.samples import ReadingOptions, Samples, did_you_mean, joined, segments_of_names
 
 Integers = npt.NDArray[np.int64]
-
-LONGEST_STEP_S, SHORTEST_STEP_S = 0.1, 2e-4
-FARTHEST_MM, NEAREST_MM = 2000.0, 3.0
-"""Median time steps, and distances of receivers on one body, beyond which a unit is doubted."""
-
-_COMPARED_FRAMES = 1000
 
 IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -108,11 +101,8 @@ def samples_of_tracks(
     """Put the tracks of the mapping's receivers, in its order, and its fixed segments into samples.
 
     place : row -> file and line. A fixed segment has the identity pose in every frame that there is, at the
-    time of the first receiver that has the frame. Times and distances that make a unit of the mapping
-    doubtful are noted.
+    time of the first receiver that has the frame.
     """
-    if mapping.config:  # a file that describes itself says its units, too
-        notes = [*notes, *_time_doubts(tracks, mapping), *_distance_doubts(tracks, mapping)]
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
@@ -132,39 +122,3 @@ def samples_of_tracks(
         for segment, track in zip(segments.tolist(), every, strict=True)
     ]
     return replace(joined(parts), place=lambda sample: place(int(rows[sample])), notes=tuple(notes))
-
-
-def _time_doubts(tracks: Sequence[Track], mapping: FileMapping) -> list[str]:
-    steps = [np.diff(np.unique(track.time_s[np.isfinite(track.time_s)])) for track in tracks]
-    medians = [float(np.median(step)) for step in steps if len(step)]
-    step_s = float(np.median(medians)) if medians else LONGEST_STEP_S
-    if SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
-        return []
-    key = "time_unit" if "time_unit" in mapping.details else "the rate"
-    return [f"the median time step is {step_s:.3g} s, a rate of {1 / step_s:.2g} Hz; is {key} right?"]
-
-
-def _distance_doubts(tracks: Sequence[Track], mapping: FileMapping) -> list[str]:
-    """Doubt the unit where the nearest or the farthest two receivers are not as on one body."""
-    names = list(mapping.receivers)
-    every = np.unique(np.concatenate([track.frame for track in tracks]))
-    frames = every[:: max(1, len(every) // _COMPARED_FRAMES)]
-    position_mm = np.full((len(tracks), len(frames), 3), np.nan)
-    for place, track in zip(position_mm, tracks, strict=True):
-        _, at, of = np.intersect1d(frames, track.frame, return_indices=True)
-        place[at] = track.numbers[of, :3]
-    median_mm = {}
-    for i, j in itertools.combinations(range(len(tracks)), 2):
-        distance = np.linalg.norm(position_mm[i] - position_mm[j], axis=-1)
-        if np.isfinite(distance).any():
-            median_mm[f"{names[i]} and {names[j]}"] = float(np.nanmedian(distance))
-    if not median_mm:
-        return []
-    nearest, farthest = min(median_mm, key=median_mm.__getitem__), max(median_mm, key=median_mm.__getitem__)
-    odd = [nearest] if median_mm[nearest] < NEAREST_MM else []
-    odd += [farthest] if median_mm[farthest] > FARTHEST_MM else []
-    return [
-        f"{pair} are {median_mm[pair]:.3g} mm apart in the median; is position_unit "
-        f"({mapping.config['position_unit']}) right?"
-        for pair in odd
-    ]

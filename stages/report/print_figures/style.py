@@ -24,6 +24,13 @@ from matplotlib.ticker import NullLocator
 from stages.report.palette import INK, RULE, SOFT, Look
 from stages.report.pictures.scale import Scale, plain
 
+Array = npt.NDArray[np.float64]
+
+_LOG_RATIO = 20.0
+_GOLDEN = (5**0.5 - 1) / 2
+FEWEST_FOR_QUARTILES = 4
+MANY = 40
+
 ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 175.0
 LARGE_PT, SMALL_PT = 8.0, 7.0
 
@@ -159,14 +166,6 @@ def _characters() -> frozenset[int]:
     for name in (FONT, *_installed()):
         found |= font_manager.get_font(font_manager.findfont(name)).get_charmap().keys()
     return frozenset(found)
-
-
-Array = npt.NDArray[np.float64]
-
-_LOG_RATIO = 20.0
-_GOLDEN = (5**0.5 - 1) / 2
-FEWEST_FOR_QUARTILES = 4
-MANY = 40
 
 
 def dots(axes: Axes, x: Array, y: Array, colour: str) -> None:

@@ -33,6 +33,9 @@ from stages.report.templates import render
 from stages.report.viewer.packed_motion import Block
 from stages.report.viewer.view import View, view_of
 
+ANGLE_STEP_DEG = 0.1
+"""As the page prints angles: rounded to it once, they show the table's own digits."""
+PERCENTILES = (0, 5, 50, 95, 100)
 SENSES = {
     "flexion": "flexion is positive, extension negative",
     "abduction": "ulnar deviation is positive, radial deviation negative",
@@ -145,11 +148,6 @@ def _evidence_part(title: str, model: ModelResults) -> dict[str, Any]:
     summary = f"{model.name}: {counted(len(model.joints), 'joint')}, {doubtful or 'none'} of them doubtful"
     table = evidence_table(f"What the calibration says of each joint, {model.name}.", model)
     return {"summary": summary, "chart": chart, "table": table}
-
-
-ANGLE_STEP_DEG = 0.1
-"""As the page prints angles: rounded to it once, they show the table's own digits."""
-PERCENTILES = (0, 5, 50, 95, 100)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import pytest
 from stages.capture.spikes import spikes
 
 
-def swinging(n_frames: int = 40, rate_hz: float = 240.0) -> np.ndarray:
+def swinging(n_frames: int = 240, rate_hz: float = 240.0) -> np.ndarray:
     """Poses (N, 7) of a receiver that moves at 1 m/s and turns at 1 rad/s."""
     time_s = np.arange(n_frames) / rate_hz
     half, none = time_s / 2, np.zeros(n_frames)
@@ -24,7 +24,7 @@ def test_a_spike_is_its_frames_alone(length: int, kind: str, rate_hz: float) -> 
     assert np.flatnonzero(spikes(poses)).tolist() == [*range(10, 10 + length)]
 
 
-@pytest.mark.parametrize(("end", "moved_mm"), [(40, 1e4), (16, 1e4), (11, 50.0), (10, 0.0)])
+@pytest.mark.parametrize(("end", "moved_mm"), [(240, 1e4), (16, 1e4), (11, 50.0), (10, 0.0)])
 def test_a_jump_that_stays_and_a_small_one_are_none(end: int, moved_mm: float) -> None:
     poses = swinging()
     poses[10:end, 0] += moved_mm

@@ -102,13 +102,6 @@ def test_a_file_of_one_rate_needs_one(name: str, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FORMATS)
-def test_a_hundred_thousand_frames(name: str, tmp_path: Path) -> None:
-    write(moving_fingers(100_000, slip_mm=0.5, rate_hz=240), name, tmp_path)
-    assert sum(map(len, files(tmp_path).values())) > 10_000_000
-
-
 def test_names_of_formats_come_joined_by_commas() -> None:
     assert chosen_formats(" bvh, glb,bvh ,") == ["bvh", "glb"]
     for names in ("", " , ", "bvh,fbx"):

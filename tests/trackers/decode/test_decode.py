@@ -47,6 +47,14 @@ def test_a_faultless_capture(tmp_path: Path) -> None:
     assert table["button"].null_count == 1440
 
 
+def test_what_inspect_says_of_a_capture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "a.arrows", [cycle(frame) for frame in range(240)])
+    assert main(["inspect", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "liberty in binary, 240 Hz, positions in cm, stations 1, 2, 3, output list 8,9,11,3,7\n" in told
+    assert "frames 0 to 239, 1.00 s\nrecords of each station: 1: 240, 2: 240, 3: 240\n" in told
+
+
 def test_the_same_capture_gives_the_same_bytes(tmp_path: Path) -> None:
     for name in "ab":
         write(tmp_path / f"{name}" / "rom.arrows", [cycle(frame, pose=circling) for frame in range(1000)])
