@@ -160,7 +160,7 @@ def test_the_priors_hand_is_scored_where_it_was_posed(results: Results) -> None:
             assert 0 < row["true_tip_mean_mm"] < 20
             assert row["wrist_mcp_sd_mm"] > 0
             assert 0 < row["metacarpal_deg"] < 45
-            assert row["n_frames"] == N_FRAMES
+            assert row["n_frames"] == -(-N_FRAMES // 3)  # every third: at most 80 of a recording
 
 
 def test_joints_are_held_against_the_truth(subject: PlannedSubject, results: Results) -> None:

@@ -32,7 +32,7 @@ def test_the_prior_moves_nothing(tmp_path: Path) -> None:
     assert ratio[0] == pytest.approx(210 / 189)
     assert lengths["index_middle"] == pytest.approx(22.38)
     tips = rows["prior_posed_tips"]
-    assert len(tips) == 5 * 125
+    assert len(tips) == 5 * 63
     for digit in LAYOUT.digits:
         error, left_out = (
             np.mean([row[name] for row in tips if row["digit"] == digit])
