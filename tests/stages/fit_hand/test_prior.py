@@ -39,7 +39,7 @@ def test_the_prior_moves_nothing(tmp_path: Path) -> None:
             for name in ("error_mm", "error_left_out_mm")
         )
         assert 0 < error < left_out < 20, digit
-    assert len(rows["prior_bone_poses"]) == 20 * 125
+    assert len(rows["prior_bone_poses"]) == 20 * 63
 
 
 def test_a_prior_that_cannot_be_had_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
