@@ -95,6 +95,9 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
         before, after = (np.median(np.linalg.norm(explained.centre_mm[i], axis=-1)) for i in (0, row))
         return f"joints come out {before:.2g} mm from the receivers, put right {after:.0f} mm"
     gained = [part[row] - part[0] for part in (explained.closing, explained.placed, explained.turning)]
+    closes = explained.gap_mm[row] < 0.8 * explained.gap_mm[0]
+    if body.known.all():  # of a hand whose size was absurd a gap may close better and be as wide
+        gained[0] = np.where(closes, gained[0], -np.inf)
     measure, joint = np.unravel_index(int(np.argmax(gained)), np.shape(gained))
     name = body.names[joint]
     if measure == 0 or not body.known[joint]:
