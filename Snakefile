@@ -126,10 +126,28 @@ rule capture:  # section 2: a recording -> its poses
         " > /dev/null 2> {log:q}"
 
 
+rule plan_check:  # the same about its recordings alone, so that a model does not concern what is found in them
+    output:
+        f"{subject}/plan_of_recordings.json",
+    log:
+        f"{logs}/plan_check/sub-{{subject}}.log",
+    params:
+        code=code_digest("workflow.write_plan"),
+        plan=study.recordings_plan,
+        study=study.file,
+        results=results,
+        subject=study.subject,
+    message:
+        "plan_check: subject {wildcards.subject}"
+    shell:
+        f"{run} workflow.write_plan --study {{params.study:q}} --results {{params.results:q}}"
+        " --subject {params.subject:q} --recordings --out {output:q} 2> {log:q}"
+
+
 rule check_recordings:  # not in the paper: what was declared, against what the poses say
     input:
         study.poses,
-        plan=f"{subject}/plan.json",
+        plan=f"{subject}/plan_of_recordings.json",
     output:
         f"{subject}/findings.parquet",
     log:

@@ -13,6 +13,7 @@ from unittest import mock
 
 import numpy as np
 
+from benchmarks.believed_joints import Believed, believed_joints, believed_table
 from benchmarks.benchmark_table import Cell, TextTable, write_tables
 from checks.checked_recording import check_recording
 from checks.compared_recordings import compared
@@ -23,6 +24,7 @@ from skeleton.rotations import Array, about_axis, conjugate, from_matrix, matrix
 from stages.simulate import random_hand, task_motion
 from stages.simulate.random_hand import JOINTS, Hand
 from stages.simulate.realism import Realism
+from stages.simulate.simulated_truth import TrueJoint
 from stages.simulate.simulation import LAYOUT, simulate
 
 PAGE = "mistakes-benchmark.md"
@@ -37,16 +39,25 @@ Tally = tuple[str, bool, bool]
 
 @dataclass(frozen=True)
 class Planted:
-    """Poses after a mistake, the hand as declared, and what the mapping says of orientations."""
+    """Poses after a mistake, the hand as declared, what the mapping says of orientations, the true joints."""
 
     poses: Poses
     hand: str
     orientation: Mapping[str, str] = field(default_factory=dict)
+    truth: Mapping[str, TrueJoint] = field(default_factory=dict)
 
     def findings(self) -> list[Finding]:
         """Give what is found, notes left out but those of receivers that hang."""
         found = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.orientation).findings
         return [one for one in found if one.severity != NOTE or one.kind == "receiver-stuck"]
+
+
+@dataclass(frozen=True)
+class Person:
+    """Of one: tallies of alarms, of one mistake, of mistakes among several recordings and of two at once."""
+
+    tallies: tuple[list[Tally], list[Tally], list[Tally], list[Tally]]
+    believed: list[Believed]
 
 
 Mistake = Callable[[Planted, np.random.Generator], Planted]
@@ -67,9 +78,11 @@ def run(n_hands: int = 30, write: bool = False, processes: int = 2) -> Iterator[
         write_tables(PAGE, tables, f"python -m benchmarks mistakes --hands {n_hands} --write")
 
 
-def tables_of(people: Sequence[tuple[list[Tally], list[Tally], list[Tally], list[Tally]]]) -> list[TextTable]:
+def tables_of(people: Sequence[Person]) -> list[TextTable]:
     """Give the tables of what `one_person` gives of each."""
-    alarms, single, several, pairs = ([row for person in people for row in person[i]] for i in range(4))
+    alarms, single, several, pairs = (
+        [row for person in people for row in person.tallies[i]] for i in range(4)
+    )
     return [
         _table(
             "One mistake",
@@ -78,17 +91,20 @@ def tables_of(people: Sequence[tuple[list[Tally], list[Tally], list[Tally], list
         ),
         _table("Two mistakes at once", pairs, "First: one of the two is named first. All: both are named."),
         _alarm_table(alarms),
+        believed_table([row for person in people for row in person.believed]),
     ]
 
 
-def one_person(seed: int) -> tuple[list[Tally], list[Tally], list[Tally], list[Tally]]:
-    """Give the false alarms of a person's recordings, and what was said of mistakes planted in them."""
+def one_person(seed: int) -> Person:
+    """Give the false alarms of a person's recordings, what was said of mistakes in them, and what is ok."""
     rng = np.random.default_rng(seed)
     task, hand = ("rom", "opposition")[seed % 2], ("right", "left")[seed // 2 % 2]
-    alarms = [
-        (f"{name}, {task}", bool(planted.findings()), False)
-        for task in FRAMES
-        for name, planted in faultless(seed, hand, task, rng)
+    odd = [(f"{name}, {own}", one) for own in FRAMES for name, one in faultless(seed, hand, own, rng)]
+    alarms = [(name, bool(planted.findings()), False) for name, planted in odd]
+    believed = [
+        row
+        for name, planted in odd
+        for row in believed_joints(name, planted.poses, planted.hand, planted.truth)
     ]
     plain = _planted(seed, hand, task)
     single = []
@@ -96,7 +112,7 @@ def one_person(seed: int) -> tuple[list[Tally], list[Tally], list[Tally], list[T
         kinds = [one.kind for one in mistake(plain, rng).findings()]
         single.append((f"{kind}: {name}", kinds[:1] == [kind], kind in kinds))
     pairs = [_pair(plain, rng) for _ in range(PAIRS)]
-    return alarms, single, _several(seed, hand), pairs
+    return Person((alarms, single, _several(seed, hand), pairs), believed)
 
 
 def _pair(plain: Planted, rng: np.random.Generator) -> Tally:
@@ -153,13 +169,16 @@ def faultless(seed: int, hand: str, task: str, rng: np.random.Generator) -> Iter
 def _planted(seed: int, hand: str, task: str, *, artefact: float = 1.0, forearm: bool = False) -> Planted:
     made = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], forearm=forearm)
     valid = np.ones(made.position_mm.shape[:2], bool)
-    return Planted(
-        Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid), hand
-    )
+    poses = Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
+    return Planted(poses, hand, truth=made.truth.joints)
 
 
 def _scaled(planted: Planted, factor: float) -> Planted:
-    return _with(planted, position_mm=planted.poses.position_mm * factor)
+    truth = {
+        name: replace(joint, parent_mm=factor * joint.parent_mm, child_mm=factor * joint.child_mm)
+        for name, joint in planted.truth.items()
+    }
+    return replace(_with(planted, position_mm=planted.poses.position_mm * factor), truth=truth)
 
 
 def _with(planted: Planted, **arrays: Any) -> Planted:

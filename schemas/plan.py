@@ -213,6 +213,11 @@ class StudyPlans:
             "sheets": {name: _relative(study.sheets[name]) for name in HAND_SHEETS if name in study.sheets},
         }
 
+    def recordings_content(self, subject: str) -> dict[str, Any]:
+        """Give the plan of a subject's recordings alone, without models, sizes and what was measured."""
+        nothing: dict[str, Any] = {"models": [], "sheets": {}, **dict.fromkeys(SIZES)}
+        return self.content(subject) | nothing | {name: [] for name in HAND_SHEETS}
+
     def fit_content(self, subject: str, hand: str, model: str) -> dict[str, Any]:
         """Give the plan of a fit of a hand: with its model alone, and that hand unless lengths are shared."""
         content = self.content(subject)

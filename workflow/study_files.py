@@ -68,6 +68,10 @@ class StudyFiles:
         """Digest of the subject's whole plan."""
         return plan_digest(self._contents[wildcards.subject])
 
+    def recordings_plan(self, wildcards: Wildcards) -> str:
+        """Digest of what the subject's plan says of its recordings."""
+        return plan_digest(self._study_plans.recordings_content(self.subject(wildcards)))
+
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """A recording's file and mapping, those that are there or are simulated: a missing one must not stop
         the others.

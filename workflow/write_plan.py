@@ -23,18 +23,21 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--subject", required=True, help="the subject, as in the recordings sheet")
     parser.add_argument("--hand", choices=("right", "left"), help="for a fit of the whole hand: which")
     parser.add_argument("--model", help="for a fit of the whole hand: under which model")
+    parser.add_argument("--recordings", action="store_true", help="for their check: of the recordings alone")
     parser.add_argument("--out", type=Path, required=True, help="the plan to write")
     return parser
 
 
 def write_plan(arguments: argparse.Namespace) -> None:
-    """Read the study, write the subject's plan, or that of a fit of one hand under one model."""
+    """Read the study, write the subject's plan, or that of its recordings or of a fit alone."""
     from schemas.files import write_text
     from schemas.plan import StudyPlans, plan_text
     from schemas.study import read_study
 
     plans = StudyPlans(read_study(arguments.study), arguments.results)
     content = plans.content(arguments.subject)
+    if arguments.recordings:
+        content = plans.recordings_content(arguments.subject)
     if arguments.model is not None:
         content = plans.fit_content(arguments.subject, arguments.hand, arguments.model)
     write_text(arguments.out, plan_text(content))

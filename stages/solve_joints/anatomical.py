@@ -51,7 +51,9 @@ LITTLE_RANGE_DEG = 10.0
 MOSTLY = 0.5
 """Share of the prior's variance across the axis from which a centre is called the prior's."""
 
-LARGE_SD_MM = 4.0
+LARGE_SD_MM = 3.1
+"""From which on the 95 % radius of a centre is more than 5 mm: too far to be called ok."""
+
 UNKNOWN_MM2 = 100.0**2
 """Prior variance above which anatomy expects nothing of a centre, and the last fit stands in for it."""
 

@@ -1,19 +1,43 @@
 """The benchmark of mistakes: what its tables count."""
 
-from benchmarks.mistakes import tables_of
+import numpy as np
+
+from benchmarks.believed_joints import believed_joints
+from benchmarks.mistakes import Person, tables_of
+from schemas.poses import Poses
+from stages.simulate.realism import Realism
+from stages.simulate.simulation import simulate
 
 
 def test_shares_and_alarms_are_counted_by_name() -> None:
-    person = (
+    tallies = (
         [("usual hand, rom", False, False), ("stiff, rom", True, False)],
         [("units: metres", True, True), ("units: cm", False, True)],
         [("same-file: third of three", True, True)],
         [("two of different kinds", True, False)],
     )
-    single, pairs, alarms = tables_of([person, person])
+    person = Person(
+        tallies, [("usual hand, rom", "rigid", 2.0, True), ("usual hand, rom", "rigid", 6.0, False)]
+    )
+    single, pairs, alarms, believed = tables_of([person, person])
     assert single.rows[0] == ("units: metres", 2, 100.0, 100.0)
     assert single.rows[1] == ("units: cm", 2, 0.0, 100.0)
     assert single.rows[-1][:2] == ("all", 6)
     assert list(pairs.rows) == [("two of different kinds", 2, 100.0, 0.0)]
     assert list(alarms.rows)[-1] == ("all", 4, 2)
     assert alarms.meaning.startswith("50.00 %")
+    assert believed.rows[0] == ("rigid", "all", 4, 4.0, 6.0, 2, 50.0)
+
+
+def test_joints_called_ok_are_held_against_the_truth() -> None:
+    """All three models, of a hand as it is and of one that is 5 % larger than its truth."""
+    made = simulate("01", "right", "rom", 3, Realism.full(), 900)
+    valid = np.ones(made.position_mm.shape[:2], bool)
+    medians_mm = []
+    for factor in (1.0, 1.05):
+        position_mm = made.position_mm * factor
+        poses = Poses(made.segments, made.frame, made.time_s, position_mm, made.quaternion, valid)
+        rows = list(believed_joints("usual", poses, "right", made.truth.joints))
+        assert {model for _, model, _, _ in rows} == {"paper-fig4", "anatomical", "whole-hand"}
+        medians_mm.append(np.median([error_mm for _, model, error_mm, _ in rows if model == "whole-hand"]))
+    assert 0.3 < medians_mm[0] < 1.7 < medians_mm[1]

@@ -24,7 +24,8 @@ ROWS = [
     "late\tright\trom\tboth\tlate.csv",
 ]
 CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t{}\t0\t0\n"
-AFTER_CAPTURE = {"check_calibration", "solve_joints", "fit_prior", "fit_hand"}
+CHECKED = {"plan_check", "check_recordings"}
+AFTER_CAPTURE = {"check_recordings", "check_calibration", "solve_joints", "fit_prior", "fit_hand"}
 AFTER_SOLVING = {"project_planes", "estimate_metacarpals", "evaluate_tips", "evaluate_skeletons"}
 AT_THE_END = {"gather", "report", "subject_pages", "print_figures"}
 EVERYTHING = {"capture", *AFTER_CAPTURE, *AFTER_SOLVING, *AT_THE_END}
@@ -141,12 +142,13 @@ def test_every_table_is_declared(unchanged: StudyRun) -> None:
     ("table", "rules"),
     [
         ("sub-01/right/rom/poses.parquet", {"capture"}),
-        ("sub-01/joint_solutions.parquet", {"plan", "capture", "solve_joints"}),
-        (f"sub-01/fits/right/{FITTED}/receivers.parquet", {"plan_fit", "capture", "fit_hand"}),
+        ("sub-01/joint_solutions.parquet", {"plan", "capture", "solve_joints"} | CHECKED),
+        (f"sub-01/fits/right/{FITTED}/receivers.parquet", {"plan_fit", "capture", "fit_hand"} | CHECKED),
         (
             "sub-01/tips.parquet",
             {"plan", "plan_fit", "capture", "solve_joints", "project_planes", "fit_hand"}
-            | {"estimate_metacarpals", "evaluate_tips"},
+            | {"estimate_metacarpals", "evaluate_tips"}
+            | CHECKED,
         ),
     ],
 )
@@ -292,7 +294,7 @@ def test_one_subject_more_runs_that_subject_only(study: StudyRun) -> None:
     shutil.copy(study.folder / "02.csv", study.folder / "03.csv")
     _edit(study.folder / "twice.tsv", lambda text: f"{text}03\tright\trom\tboth\t03.csv\n")
     jobs = study.planned()
-    assert _rules(jobs) == {"plan", "plan_fit", *EVERYTHING}
+    assert _rules(jobs) == {"plan", "plan_fit", "plan_check", *EVERYTHING}
     assert _subjects(jobs) == {"03"}
 
 
@@ -341,7 +343,7 @@ def test_until_a_rule_stops_there(study: StudyRun) -> None:
     done = study.snakemake("--until", "solve_joints")
     assert done.returncode == 0, done.stderr
     names = {path.name for path in study.results.folder.rglob("*.parquet")}
-    assert names == {"poses.parquet", "joint_solutions.parquet"}
+    assert names == {"poses.parquet", "findings.parquet", "joint_solutions.parquet"}
 
 
 def test_delete_all_output_leaves_no_result(study: StudyRun) -> None:
