@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 
-from schemas.model import SkeletonModel
 from schemas.study import Hand
 from stages.report.skeleton_tables import NO_JOINT
 from stages.report.study_results import Row, StudyResults
@@ -54,7 +53,7 @@ def verdicts(results: StudyResults, hand: Hand, model: str) -> list[Verdict]:
             if (distance := _apart_mm(row, rows.get(row["joint"]))) is not None
         }
         farthest = max(apart, key=lambda name: apart[name], default="")
-        believed, why = _judged(row, results.models[model])
+        believed, why = _judged(row)
         found.append(Verdict(row["joint"], believed, why, row["sd_mm"], apart.get(farthest), farthest))
     return found
 
@@ -109,7 +108,7 @@ def believed_text(results: StudyResults, hand: Hand, model: str) -> str:
     return f"{sum(v.believed == BELIEVED for v in found)} of {len(found)}" if found else DASH
 
 
-def _judged(row: Row, model: SkeletonModel) -> tuple[str, str]:
+def _judged(row: Row) -> tuple[str, str]:
     """The verdict on a row of joint_centres and the reason."""
     message = row["message"].rstrip(".")
     if row["status"] == "failed":
@@ -121,9 +120,6 @@ def _judged(row: Row, model: SkeletonModel) -> tuple[str, str]:
         return CARE, "No error is stated for its place."
     words = f"Its place is known to {number(sd)} mm (1 sigma, 3-D)"
     remark = f"; {message}." if message else "."
-    if model.solver != "anatomical":
-        why = f"The stated {number(sd)} mm is the scatter of the gap alone"
-        return CARE, f"{why}, without skin or receivers{remark}"
     if sd > SMALL_SD_MM:
         return CARE, f"{words}, more than {SMALL_SD_MM:g} mm{remark}"
     return BELIEVED, words + remark
