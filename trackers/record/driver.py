@@ -69,6 +69,8 @@ class Driver(ABC):
             if baud != first_baud and baud is not None:
                 port.set_baud(baud)
             identity, heard = attempt()
+            if identity is None and heard:  # a busy host may have read the answer too late
+                identity, heard = attempt()
             if identity is not None:
                 if baud != first_baud:
                     self.warnings.append(
