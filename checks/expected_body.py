@@ -14,7 +14,7 @@ import numpy.typing as npt
 from anatomy import average_hand as average
 from anatomy.known_digits import known_digits, root_of
 from schemas.layout import Digit, Joint, Layout
-from skeleton.rotations import Array
+from skeleton.rotations import Array, cross_matrix
 
 SHARED = 7
 """What all joints of a hand share: its scale, and where the hand's receiver sits and how it is turned."""
@@ -136,10 +136,10 @@ def _expect_wrist(body: ExpectedBody, place: int, hand_mount_mm: Array) -> None:
 
 def _share_root(body: ExpectedBody, place: int, end: int) -> None:
     """A joint in the frame of the hand's receiver moves as that one is shifted and turned."""
-    x, y, z = body.centre_mm[place, end]
-    turned = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # its columns: centre x axis
     body.gain[place, end, :, 1:4] = ROOM * np.diag(average.HAND_MOUNT_SD_MM)
-    body.gain[place, end, :, 4:7] = ROOM * average.MOUNT_TURN_SD_RAD * turned
+    body.gain[place, end, :, 4:7] = (
+        ROOM * average.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[place, end])
+    )
 
 
 def _height_mm(segment: str) -> float:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 STAGE = "check_recordings"
@@ -156,16 +155,3 @@ def mistakes_page() -> str:
     ]
     lines += [f"| `{name}` | {kind.meaning} | {kind.cause} | {kind.cure} |" for name, kind in KINDS.items()]
     return "\n".join(lines) + "\n"
-
-
-def suspect_hands(problems: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], str]:
-    """Give the hands that judge nothing, (subject, hand) with the first suspect finding's sentence as reason.
-
-    problems : rows of the problems table.
-    """
-    reasons: dict[tuple[str, str], str] = {}
-    for row in problems:
-        if row["stage"] == STAGE and row["severity"] in (SUSPECT, REFUSED):
-            where = f"{row['task']}: " if row["task"] else ""
-            reasons.setdefault((row["subject"], row["hand"]), where + row["message"])
-    return reasons

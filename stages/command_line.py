@@ -169,7 +169,7 @@ def _recorded(record: bool) -> Iterator[list[str]]:
             raise
         messages.append(str(error))
         print(f"error: {error}", file=sys.stderr)
-    except Exception as error:
+    except Exception as error:  # also a bug must not cost the study its other parts
         if not record:
             raise
         traceback.print_exc()

@@ -13,7 +13,7 @@ from schemas.errors import InputError
 from schemas.layout import Layout, read_layout
 from schemas.mapping import mapping_from_config
 from stages.capture.formats.readers import find_reader
-from stages.capture.samples import ReadingOptions, Samples
+from stages.capture.samples import Samples
 
 ARM = read_layout("arm")
 LIBERTY = read_layout("liberty16")
@@ -22,7 +22,7 @@ LIBERTY = read_layout("liberty16")
 def read(path: Path, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> Samples:
     """Read a recording by the content of a mapping, or by its ending."""
     checked = None if mapping is None else mapping_from_config(mapping, "mapping.yaml")
-    return find_reader(path, "auto", checked)(path, layout, ReadingOptions(checked))
+    return find_reader(path, "auto", checked)(path, layout, checked)
 
 
 def refuse(path: Path, message: str, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> None:

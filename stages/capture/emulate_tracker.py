@@ -231,11 +231,10 @@ def read_motion(path: Path, layout_name: str, *, loop: bool = False, last_statio
 
     from schemas.layout import read_layout
     from stages.capture.formats.readers import AUTO, find_reader
-    from stages.capture.samples import ReadingOptions
     from trackers.emulate.pose_sources import recorded_motion
 
     layout = read_layout(layout_name)
-    samples = find_reader(path, AUTO)(path, layout, ReadingOptions())
+    samples = find_reader(path, AUTO)(path, layout, None)
     receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
     receivers[receivers > last_station] = 0
     station = receivers[samples.segment]

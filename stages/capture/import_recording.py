@@ -65,16 +65,14 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from schemas.mapping import read_mapping
     from stages.capture.formats.readers import find_parts_reader
     from stages.capture.poses_table import poses_table
-    from stages.capture.samples import ReadingOptions
 
     layout = read_layout(arguments.layout)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
-    options = ReadingOptions(mapping)
     remarks = _Remarks()
 
     def parts() -> Iterator[Samples]:
-        for part in read(arguments.file, layout, options):
+        for part in read(arguments.file, layout, mapping):
             remarks.notes.extend(part.notes)
             remarks.losses.extend(part.losses)
             remarks.missing_frames += part.missing_frames

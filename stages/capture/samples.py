@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from schemas.errors import InputError
 from schemas.layout import Layout
-from schemas.mapping import FileMapping
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
@@ -71,14 +70,8 @@ def joined(parts: Iterable[Samples]) -> Samples:
         tuple(note for part in every for note in part.notes),
         tuple(loss for part in every for loss in part.losses),
         sum(part.missing_frames for part in every),
+        {index: vector for part in every for index, vector in part.hemispheres.items()},
     )
-
-
-@dataclass(frozen=True)
-class ReadingOptions:
-    """What a reader gets beside the file: the lab's mapping."""
-
-    mapping: FileMapping | None = None
 
 
 def segments_of_names(

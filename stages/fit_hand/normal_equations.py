@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array
+from skeleton.rotations import Array, cross_matrix
 from stages.fit_hand.operations import Branch, Index, Reached, cross
 
 Rows = Index | npt.NDArray[np.bool_] | slice
@@ -145,26 +145,18 @@ def log_rotation(rotation: Array) -> Array:
 def exp_rotation(vector: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    K = _cross_matrix(vector)
+    K = cross_matrix(vector)
     return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * K @ K)
 
 
 def _inverse_left_jacobian(vector: Array) -> Array:
     """How a rotation vector changes with a small turn applied on the left, (..., 3, 3)."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    K = _cross_matrix(vector)
+    K = cross_matrix(vector)
     small = angle < 1e-3
     safe = np.where(small, 1.0, angle)
     factor = np.where(small, 1 / 12, 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe)))
     return np.asarray(np.eye(3) - K / 2 + factor * (K @ K))
-
-
-def _cross_matrix(vector: Array) -> Array:
-    """Matrices (..., 3, 3) that give the cross product with vectors (..., 3)."""
-    K = np.zeros((*vector.shape[:-1], 3, 3))
-    K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
-    K[..., 1, 0], K[..., 2, 0], K[..., 2, 1] = vector[..., 2], -vector[..., 1], vector[..., 0]
-    return K
 
 
 def residuals(problem: Problem, point: Point) -> Residuals:

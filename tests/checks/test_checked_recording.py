@@ -15,7 +15,7 @@ from schemas.layout import layout_from_config, read_layout
 from schemas.poses import Poses
 from skeleton.rotations import from_matrix, matrix, multiply
 from stages.capture.formats.readers import find_parts_reader
-from stages.capture.samples import ReadingOptions, joined
+from stages.capture.samples import joined
 
 LAYOUT = read_layout("liberty16")
 
@@ -130,7 +130,7 @@ def test_nothing_is_said_of_nothing(planted: Planted) -> None:
 def arm_poses(real_data: Path, side: str) -> Poses:
     path = real_data / "upper_limb_poses" / f"racing_{side}.csv"
     layout = read_layout("arm")
-    samples = joined(find_parts_reader(path, "auto", None)(path, layout, ReadingOptions()))
+    samples = joined(find_parts_reader(path, "auto", None)(path, layout, None))
     shape = (-1, len(layout.measured))
     order = np.lexsort((samples.segment, samples.frame))
     numbers = samples.numbers[order].reshape(*shape, 7)

@@ -25,7 +25,6 @@ from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.mapping import mapping_from_config
 from stages.capture.formats.readers import find_reader
-from stages.capture.samples import ReadingOptions
 from trackers.archive import open_archive
 
 Files = Mapping[str, bytes]
@@ -145,7 +144,7 @@ def _reader(name: str) -> Target:
             Path(folder.name, file).write_bytes(data)
         path = Path(folder.name, recording.path)
         try:
-            samples = find_reader(path, "auto", mapping)(path, layout, ReadingOptions(mapping))
+            samples = find_reader(path, "auto", mapping)(path, layout, mapping)
         except InputError as error:
             if "\n" in str(error):
                 raise AssertionError("the sentence has several lines") from error

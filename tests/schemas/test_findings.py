@@ -1,6 +1,6 @@
 """Findings: what accepting one does, which hands judge nothing, and the kinds that users rely on."""
 
-from schemas.findings import KINDS, NOTE, REFUSED, SUSPECT, Finding, mistakes_page, suspect_hands
+from schemas.findings import KINDS, NOTE, REFUSED, SUSPECT, Finding, mistakes_page
 
 ROW = {"subject": "01", "hand": "right", "task": "", "stage": "check_recordings", "severity": SUSPECT}
 
@@ -21,14 +21,3 @@ def test_accepting_makes_a_suspect_finding_a_note_with_the_reason() -> None:
     for severity in (REFUSED, NOTE):
         assert Finding("units", severity, "Seen.").accepted("why").severity == severity
     assert Finding("units", SUSPECT, "Seen.").accepted("").severity == SUSPECT
-
-
-def test_suspect_hands_are_named_with_their_first_reason() -> None:
-    rows = [
-        ROW | {"hand": "left", "severity": NOTE, "message": "a note"},
-        ROW | {"task": "rom, 2", "message": "swapped"},
-        ROW | {"task": "grip", "message": "later"},
-        ROW | {"subject": "02", "severity": REFUSED, "message": "jumps"},
-        ROW | {"subject": "03", "stage": "capture", "severity": REFUSED, "message": "no such file"},
-    ]
-    assert suspect_hands(rows) == {("01", "right"): "rom, 2: swapped", ("02", "right"): "jumps"}

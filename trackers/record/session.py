@@ -83,7 +83,7 @@ def record(
             settings = _set_up(plan, driver, conversation, terminal)
             archive.flush()
             _count_down(plan.countdown_s, terminal, stop, conversation)
-        except BaseException as error:
+        except BaseException as error:  # no file stays where there is no frame
             _abandon(archive, conversation.gone)
             if isinstance(error, StoppedError):
                 return Ending(stop.reason, False, None)
@@ -98,7 +98,7 @@ def record(
         session = _Session(plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns)
         try:
             return session.run()
-        except BaseException as error:
+        except BaseException as error:  # whatever ends the session, what was received is kept
             session.rescue(error)
             raise
     finally:
@@ -250,7 +250,7 @@ class _Session:
             return
         try:
             work()
-        except Exception as error:
+        except Exception as error:  # a fault of the view, whatever it is
             self._view_failed = True
             reason = f"{type(error).__name__}: {error}"
             self._archive.event("view-failed", time.monotonic_ns(), reason=reason)

@@ -24,7 +24,7 @@ from stages.capture.formats.mapped import (
     samples_of_tracks,
 )
 from stages.capture.formats.orientation import proper_rotations
-from stages.capture.samples import ReadingOptions, Samples, did_you_mean
+from stages.capture.samples import Samples, did_you_mean
 
 _MIPS = 86
 """Processor type of files whose numbers have their high byte first."""
@@ -55,13 +55,13 @@ class C3dFile:
         return len(self.points)
 
 
-def read_c3d(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
+def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
     """Read clusters and rotations as the mapping names them (C3D user guide, www.c3d.org).
 
     Frames keep the file's numbers, times count from the first frame stored. Raises InputError where the
     file is no C3D file, states another unit, or has no such label.
     """
-    mapping = required_mapping(path, options, "a C3D file")
+    mapping = required_mapping(path, mapping, "a C3D file")
     mapped_segments(mapping, layout)
     file = open_c3d(path)
     _check_unit(file, mapping)

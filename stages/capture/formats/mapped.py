@@ -14,7 +14,7 @@ from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
 from skeleton.rotations import Array
-from stages.capture.samples import ReadingOptions, Samples, did_you_mean, joined, segments_of_names
+from stages.capture.samples import Samples, did_you_mean, joined, segments_of_names
 
 Integers = npt.NDArray[np.int64]
 
@@ -42,14 +42,14 @@ class Track:
         return Track(row, frame, time_s, self.numbers[samples], marks)
 
 
-def required_mapping(path: Path, options: ReadingOptions, what: str) -> FileMapping:
+def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> FileMapping:
     """Give the mapping; InputError where there is none, `what` naming the kind of file."""
-    if options.mapping is None:
+    if mapping is None:
         raise InputError(
             f"{path}: {what} needs a mapping that says its units and receivers; "
             f"`python -m stages.capture inspect {path} --write-mapping mapping.yaml` writes one to edit"
         )
-    return options.mapping
+    return mapping
 
 
 def implied_mapping(where: str, format_: str, key: str, names: Sequence[str]) -> FileMapping:

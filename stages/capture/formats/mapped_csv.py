@@ -22,7 +22,7 @@ from stages.capture.formats.mapped import (
 )
 from stages.capture.formats.orientation import quaternions
 from stages.capture.formats.text_table import TextTable, open_text
-from stages.capture.samples import ReadingOptions, Samples, did_you_mean
+from stages.capture.samples import Samples, did_you_mean
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
@@ -46,9 +46,9 @@ class _Source:
         return [*self.position, *self.orientation, *single]
 
 
-def read_mapped_csv(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
+def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
     """Read a table as the mapping's `csv` group says. Raises InputError where the table is another."""
-    mapping = required_mapping(path, options, "a table that is no tidy recording")
+    mapping = required_mapping(path, mapping, "a table that is no tidy recording")
     mapped_segments(mapping, layout)
     table = mapping.details
     text = open_text(path, table)

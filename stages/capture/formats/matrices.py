@@ -15,7 +15,7 @@ from schemas.mapping import FileMapping
 from skeleton.rotations import Array, from_matrix
 from stages.capture.formats.mapped import Track, mapped_segments, required_mapping, samples_of_tracks
 from stages.capture.formats.orientation import proper_rotations
-from stages.capture.samples import ReadingOptions, Samples
+from stages.capture.samples import Samples
 
 _BOTTOM = (0.0, 0.0, 0.0, 1.0)
 _BOTTOM_TOLERANCE = 1e-6
@@ -34,13 +34,13 @@ class Matrices:
         return f"{path}: line {line}"
 
 
-def read_matrices(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
+def read_matrices(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
     """Read matrices [R t; 0 0 0 1]; a sample has one for each of the mapping's receivers, in their order.
 
     Frames are counted from 0; times are frames over the mapping's rate_hz, or none. A matrix of NaN is a
     gap. Raises InputError at the first matrix that is no pose.
     """
-    mapping = required_mapping(path, options, "a file of matrices")
+    mapping = required_mapping(path, mapping, "a file of matrices")
     mapped_segments(mapping, layout)
     matrices = open_matrices(path, mapping.details["pattern"])
     numbers = _poses(matrices, mapping)

@@ -30,7 +30,7 @@ from stages.capture.formats.motion_sidecars import (
 from stages.capture.formats.orientation import quaternions
 from stages.capture.formats.text_table import TextTable
 from stages.capture.poses_table import FLAGS
-from stages.capture.samples import ReadingOptions, Samples
+from stages.capture.samples import Samples
 
 SECONDS_SHIFT = {"s": 0, "ms": -3, "us": -6}
 
@@ -38,7 +38,7 @@ _SEEN_AGAIN = ("missing", "time-missing", "time-not-increasing", "frozen")
 """Flags that follow from the numbers and times themselves: they are told anew when a file is read."""
 
 
-def read_motion_bids(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
+def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
     """Read a motion.tsv with its channels.tsv, channels.json and motion.json.
 
     Without a mapping every tracked point must be a segment of the layout. Times are those of the LATENCY
@@ -49,7 +49,7 @@ def read_motion_bids(path: Path, layout: Layout, options: ReadingOptions) -> Sam
     sidecars = read_sidecars(path)
     where = str(sidecars.channels_path)
     known = sidecars.points()
-    mapping = options.mapping or implied_mapping(where, "motion-bids", "tracked_point", known)
+    mapping = mapping or implied_mapping(where, "motion-bids", "tracked_point", known)
     names = [name_in_file(mapping, segment, "tracked_point", known, where) for segment in mapping.receivers]
     points = [find_point(sidecars, name, mapping) for name in names]
     check_frames(sidecars, points)

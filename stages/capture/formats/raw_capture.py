@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from schemas.errors import InputError
 from schemas.layout import Layout
-from stages.capture.samples import ReadingOptions, Samples, segments_of_stations
+from schemas.mapping import FileMapping
+from stages.capture.samples import Samples, segments_of_stations
 from trackers.archive import open_archive
 from trackers.decode.findings import findings
 from trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
@@ -21,7 +22,7 @@ _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
 
 
-def read_capture(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
+def read_capture(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
     """Read a raw capture part by part; the first part has what is to be said of the whole.
 
     A record whose station or frame cannot be believed is left out and counted. Raises InputError where the

@@ -13,10 +13,10 @@ from schemas.errors import InputError
 if TYPE_CHECKING:
     from schemas.layout import Layout
     from schemas.mapping import FileMapping
-    from stages.capture.samples import ReadingOptions, Samples
+    from stages.capture.samples import Samples
 
-    Reader = Callable[[Path, Layout, ReadingOptions], Samples]
-    PartsReader = Callable[[Path, Layout, ReadingOptions], Iterator[Samples]]
+    Reader = Callable[[Path, Layout, FileMapping | None], Samples]
+    PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
     else:
         chosen = FORMATS[_format_by_ending(path) if name == AUTO else name]
     read = getattr(importlib.import_module(chosen.module), chosen.function)
-    return read if chosen.in_parts else lambda path, layout, options: iter([read(path, layout, options)])
+    return read if chosen.in_parts else lambda path, layout, mapping: iter([read(path, layout, mapping)])
 
 
 def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
@@ -73,7 +73,7 @@ def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Re
     from stages.capture.samples import joined
 
     read = find_parts_reader(path, name, mapping)
-    return lambda path, layout, options: joined(read(path, layout, options))
+    return lambda path, layout, mapping: joined(read(path, layout, mapping))
 
 
 def _format_by_ending(path: Path) -> str:

@@ -14,11 +14,11 @@ import pyarrow.parquet as pq
 
 from schemas.errors import InputError
 from schemas.layout import Layout
+from schemas.mapping import FileMapping
 from stages.capture.formats.cells import Cells
 from stages.capture.formats.text_table import open_tidy_csv
 from stages.capture.samples import (
     NUMBERS,
-    ReadingOptions,
     Samples,
     segments_of_names,
     segments_of_stations,
@@ -37,12 +37,12 @@ _COMMENTS = ("#", "%", "//")
 """What the first line of a table with comments starts with."""
 
 
-def read_csv(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
+def read_csv(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
     """Read a tidy CSV file (UTF-8, commas, decimal points) in parts. Raises InputError where it is none."""
     return _parts(csv_blocks(path), path, layout)
 
 
-def read_parquet(path: Path, layout: Layout, _options: ReadingOptions) -> Iterator[Samples]:
+def read_parquet(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
     """Read a tidy Parquet file in parts. Raises InputError where it is none."""
     return _parts(parquet_blocks(path), path, layout)
 

@@ -17,7 +17,7 @@ from skeleton.rotations import Array
 from stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
 from stages.capture.formats.orientation import quaternions
 from stages.capture.formats.xdf_streams import SAMPLE_BYTES, Channel, Stream, read_streams, whole_chunks_of
-from stages.capture.samples import ReadingOptions, Samples, did_you_mean
+from stages.capture.samples import Samples, did_you_mean
 
 POSITION = ("positionx", "positiony", "positionz")
 QUATERNION = ("orientationa", "orientationb", "orientationc", "orientationd")
@@ -26,16 +26,16 @@ QUATERNION = ("orientationa", "orientationb", "orientationc", "orientationd")
 EULER = ("orientationp", "orientationh", "orientationr")
 
 
-def read_xdf(path: Path, layout: Layout, options: ReadingOptions) -> Samples:
+def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
     """Read a MoCap stream: PositionX, Y, Z and OrientationA, B, C, D of every marker or object.
 
     Without a mapping each must be a segment of the layout. Time stamps are those of the file, corrected by
     its clock offsets where it has any, and not smoothed; samples are counted from 0 as frames; NaN is a gap.
     Raises InputError where the stream is not to be told, is damaged or has a unit that is not known.
     """
-    stream = _chosen_stream(path, options.mapping)
+    stream = _chosen_stream(path, mapping)
     where = f"{path}: stream {stream.name}"
-    mapping = options.mapping or implied_mapping(where, "xdf", "value", owners(stream))
+    mapping = mapping or implied_mapping(where, "xdf", "value", owners(stream))
     if (mapping.orientation or {}).get("kind", "quaternion") != "quaternion":
         raise InputError(f"{mapping.where}: orientation.kind: must be quaternion; others of XDF are not read")
     names = [name_in_file(mapping, key, "value", owners(stream), where) for key in mapping.receivers]

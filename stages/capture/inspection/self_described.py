@@ -13,7 +13,6 @@ from schemas.mapping import UNIT_NAMES
 from stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
 from stages.capture.formats.readers import AUTO, find_reader
 from stages.capture.inspection.description import CHECK, Description, draft
-from stages.capture.samples import ReadingOptions
 
 
 def describe_motion_bids(path: Path, layout: Layout) -> Description:
@@ -81,7 +80,7 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
 
 def _reads_without_mapping(path: Path, layout: Layout) -> bool:
     try:
-        find_reader(path, AUTO)(path, layout, ReadingOptions())
+        find_reader(path, AUTO)(path, layout, None)
     except InputError:
         return False
     return True

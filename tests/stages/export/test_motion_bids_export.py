@@ -23,7 +23,6 @@ from schemas.layout import read_layout
 from schemas.mapping import mapping_from_config
 from skeleton.rotations import angle, conjugate, multiply
 from stages.capture.formats.motion_tsv import read_motion_bids
-from stages.capture.samples import ReadingOptions
 from stages.export.axes import Target
 from stages.export.motion import SkeletonMotion
 from stages.export.motion_bids import DESCRIPTION, recording_path, write, write_dataset_files
@@ -154,7 +153,7 @@ def test_the_skeleton_comes_back(known: KnownHand, tmp_path: Path, model: str) -
 
 def check_receivers(folder: Path, motion: SkeletonMotion) -> None:
     """That our import has the receivers' numbers to the last bit, frames and times."""
-    samples = read_motion_bids(receivers_path(folder, motion), LAYOUT, ReadingOptions())
+    samples = read_motion_bids(receivers_path(folder, motion), LAYOUT, None)
     there = motion.receivers
     for index, segment in enumerate(there.segments):
         rows = samples.segment == samples.segments.index(segment)
@@ -198,7 +197,7 @@ def test_our_import_reads_joints_by_a_mapping(tmp_path: Path) -> None:
         "position_unit": "m",
         "receivers": {"hand": {"tracked_point": "index_mcp"}},
     }
-    options = ReadingOptions(mapping_from_config(told, "mapping.yaml"))
+    options = mapping_from_config(told, "mapping.yaml")
     samples = read_motion_bids(skeleton_path(tmp_path, motion), LAYOUT, options)
     np.testing.assert_allclose(samples.numbers[:, :3], motion.position_mm[:, 2], rtol=0, atol=1e-6)
     np.testing.assert_allclose(samples.numbers[:, 3:], motion.quaternion[:, 2], rtol=0, atol=1e-8)

@@ -14,7 +14,6 @@ from schemas.errors import InputError
 from schemas.layout import read_layout
 from skeleton.rotations import angle, conjugate, matrix, multiply, unit
 from stages.capture.formats.c3d import read_c3d
-from stages.capture.samples import ReadingOptions
 
 RNG = np.random.default_rng(9)
 FRAMES = 12
@@ -168,7 +167,7 @@ def test_files_that_are_no_c3d_or_cut_off(tmp_path: Path) -> None:
         refuse(tmp_path / "broken.c3d", message, ARM, config())
     refuse(tmp_path / "no.c3d", "no such file", ARM, config())
     with pytest.raises(InputError, match="a C3D file needs a mapping"):
-        read_c3d(path, ARM, ReadingOptions())
+        read_c3d(path, ARM, None)
 
 
 GAPS_MM = {"forearm": {"right": 7.3, "left": 6.5}, "hand": {"right": 4.7, "left": 6.5}}

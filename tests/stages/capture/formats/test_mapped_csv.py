@@ -11,7 +11,7 @@ from recording_files import ARM, of
 from schemas.errors import InputError
 from skeleton.rotations import matrix, unit
 from stages.capture.formats.mapped_csv import read_mapped_csv
-from stages.capture.samples import ReadingOptions, Samples
+from stages.capture.samples import Samples
 
 ANGLES = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
 WIDE = {
@@ -263,7 +263,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "odd.txt").write_bytes("Größe".encode("latin-1"))
     recording_files.refuse(tmp_path / "odd.txt", "line 1: is not UTF-8 text", ARM, WIDE)
     with pytest.raises(InputError, match="needs a mapping that says its units"):
-        read_mapped_csv(tmp_path / "odd.txt", ARM, ReadingOptions())
+        read_mapped_csv(tmp_path / "odd.txt", ARM, None)
     message = "fixed: segment 'bench' is not in layout arm"
     refuse(tmp_path, HEADER + ROWS, changed(WIDE, fixed=["bench"]), message)
 

@@ -13,7 +13,7 @@ from schemas.errors import InputError
 from schemas.layout import Layout, read_layout
 from skeleton.rotations import matrix, rotate, unit
 from stages.capture.formats.matrices import read_matrices
-from stages.capture.samples import ReadingOptions, Samples
+from stages.capture.samples import Samples
 
 RNG = np.random.default_rng(8)
 QUATERNIONS = unit(RNG.normal(size=(6, 4)))
@@ -137,7 +137,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     refuse(tmp_path / "no.txt", "no such file")
     refuse(tmp_path / "no.txt", "receivers: segment 'hnad' is not in layout arm", config("hnad"))
     with pytest.raises(InputError, match=r"needs a mapping .* inspect .*no.txt --write-mapping mapping.yaml"):
-        read_matrices(tmp_path / "no.txt", ARM, ReadingOptions())
+        read_matrices(tmp_path / "no.txt", ARM, None)
 
 
 def test_a_pointer_pivots_as_published(real_data: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from schemas.layout import Layout
 from stages.capture.formats.readers import find_reader
 from stages.capture.formats.text_table import open_tidy_csv
 from stages.capture.formats.tidy import parquet_blocks, read_samples, wanted_columns
-from stages.capture.samples import ReadingOptions, Samples, joined
+from stages.capture.samples import Samples, joined
 
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 ROW = "{frame},0.5,{segment},1,2,3,1,0,0,0\n"
@@ -217,13 +217,13 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         refuse(path, message)
     for name in ("csv", "parquet"):
         with pytest.raises(InputError, match="directory"):
-            find_reader(tmp_path, name)(tmp_path, LIBERTY, ReadingOptions())
+            find_reader(tmp_path, name)(tmp_path, LIBERTY, None)
 
 
 def test_the_format_goes_by_the_ending_unless_given(tmp_path: Path) -> None:
     for name, given in (("a.CSV", "auto"), ("a.txt", "csv")):
         (tmp_path / name).write_text(TWO_ROWS)
-        assert len(find_reader(tmp_path / name, given)(tmp_path / name, LIBERTY, ReadingOptions()).frame) == 2
+        assert len(find_reader(tmp_path / name, given)(tmp_path / name, LIBERTY, None).frame) == 2
     parquet(tmp_path).rename(tmp_path / "a.pq")
     assert len(read(tmp_path / "a.pq").frame) == 2
     with pytest.raises(InputError, match=r"a\.txt: the ending '\.txt' .* give --format csv or parquet"):
