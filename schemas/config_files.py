@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from schemas.errors import InputError
+from schemas.errors import InputError, no_such_file
 
 SCHEMA_FOLDER = Path(__file__).parent / "json"
 CONFIG_FOLDER = Path(__file__).parent.parent / "config"
@@ -50,12 +50,17 @@ def read_yaml(path: Path, kind: str) -> Any:
     Raises InputError where the file is absent, is not YAML or gives a key twice.
     """
     try:
-        return yaml.load(path.read_text("utf-8"), Loader=_StrictLoader)
+        text = path.read_text("utf-8")
     except FileNotFoundError as error:
-        raise InputError(f"{path}: no such {kind} file") from error
+        raise InputError(no_such_file(path, f"{kind} file")) from error
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as text ({error})") from error
+    try:
+        return yaml.load(text, Loader=_StrictLoader)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that no calendar has
+        for number, line in enumerate(text.splitlines(), 1):
+            if "\t" in line[: len(line) - len(line.lstrip())]:
+                raise InputError(f"{path}: line {number} begins with a tab; YAML wants blanks") from error
         raise InputError(f"{path}: not valid YAML: {_one_line(str(error))}") from error
 
 
@@ -99,6 +104,7 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     if path.is_file():
         return path
     near = _nearest(name, shipped(kind))
+    near += "; folders are separated by / and not by \\" if "\\" in name else ""
     raise InputError(
         f"{kind} {name!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"
@@ -108,6 +114,15 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
 def _nearest(word: str, known: list[str]) -> str:
     close = difflib.get_close_matches(word, known, 1)
     return f"; did you mean {close[0]!r}?" if close else ""
+
+
+_IN_WORDS = {
+    "^[A-Za-z0-9][A-Za-z0-9._-]*$": "a name of letters A to Z, digits, '.', '_' and '-' that begins with a "
+    "letter or a digit",
+    "^[a-z][a-z0-9_]*$": "a name of small letters, digits and '_' that begins with a letter",
+    "^[XYZ]{3}$": "three of the letters X, Y and Z",
+}
+"""What the patterns of the schemas mean."""
 
 
 def _sentence(error: Any) -> str:
@@ -121,6 +136,8 @@ def _sentence(error: Any) -> str:
     if error.validator == "required":
         absent = [key for key in error.validator_value if key not in error.instance]
         return f"{prefix}the key {', '.join(map(repr, absent))} is missing"
+    if error.validator == "pattern" and error.validator_value in _IN_WORDS:
+        return f"{prefix}{error.instance!r} is not {_IN_WORDS[error.validator_value]}"
     if error.validator in ("minItems", "maxItems") and error.instance:
         bound = "at least" if error.validator == "minItems" else "at most"
         meaning = error.schema.get("description", "a list of that length")

@@ -24,6 +24,12 @@ class TableError(InputError):
     """
 
 
+def no_such_file(path: object, what: str = "file") -> str:
+    """Say that a file is not there, and what may be wrong with how it is written."""
+    hint = "; folders are separated by / and not by \\" if "\\" in str(path) else ""
+    return f"{path}: no such {what}{hint}"
+
+
 def guess(word: str, known: Sequence[str]) -> str:
     """Say what a word that is not known may stand for: the nearest known one, or else all of them."""
     close = difflib.get_close_matches(word, known, 1)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schemas.errors import InputError
+from schemas.errors import InputError, no_such_file
 
 MAX_MESSAGES = 10
 
@@ -188,7 +188,7 @@ def read_sheet(path: Path | None, sheet: Sheet) -> list[Row]:
     try:
         text = path.read_text("utf-8-sig")
     except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected the sheet of {sheet.name}") from error
+        raise InputError(f"{no_such_file(path)}; expected the sheet of {sheet.name}") from error
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as UTF-8 text ({error})") from error
     numbered = [

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from schemas.errors import InputError, no_such_file
 from stages import command_line
 from stages.capture.formats.readers import AUTO, FORMATS
 
@@ -66,6 +67,8 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from stages.capture.formats.readers import find_parts_reader
     from stages.capture.poses_table import poses_table
 
+    if "\\" in str(arguments.file) and not arguments.file.exists():
+        raise InputError(f"{no_such_file(arguments.file)}; expected a recording")
     layout = read_layout(arguments.layout)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
