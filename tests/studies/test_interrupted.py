@@ -1,4 +1,4 @@
-"""A run that is killed, one beside another, results removed meanwhile, names that mean something to Snakemake."""
+"""A run that is killed, one beside another, results removed meanwhile, names that Snakemake has uses for."""
 
 from __future__ import annotations
 
