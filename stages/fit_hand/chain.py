@@ -97,7 +97,7 @@ def _base(builder: Builder, root: str, wrist_mm: Array | None) -> Sequence[Step]
     """The root's own receiver: somewhere on the hand, or (None) the root itself."""
     if wrist_mm is None:
         return [Mark(receiver(root))]
-    return builder.receiver_steps(root, [builder.scale.times(-float(v)) for v in wrist_mm], (), 0.0)
+    return builder.receiver_steps(root, [builder.scale.times(-float(v)) for v in wrist_mm])
 
 
 def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:

@@ -49,9 +49,9 @@ class Settings:
     and residuals are found (0: as published), and the parts of the model in use.
     """
 
-    n_frames: int = 150
+    n_frames: int = 100
     most_steps: int = 25
-    rounds: int = 2
+    rounds: int = 4
     parts: Parts = field(default_factory=Parts)
 
 
@@ -244,7 +244,7 @@ def _with_own_scales(problem: Problem, model: HandModel, solution: Solution, pub
     point, current = solution.point, solution.residuals
     reduced = reduce(problem, point, current, np.zeros(len(point.y)))
     covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
-    precision = prior_precision(model.unknowns.groups, point.x, covariance)
+    precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
     sd = residual_sd(problem, point, current, reduced, published_sd)
     return replace(problem, sd=sd, precision=precision)
 

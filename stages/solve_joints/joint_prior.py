@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anatomy.average_hand import BONE_KINDS, CMC_RANGE_DEG, DIGITS, HEIGHT_MM
+from anatomy.average_hand import BONE_KINDS, CMC_RANGE_DEG, DIGITS, HEIGHT_MM, PLACE_ALONG
 from schemas.layout import Joint, Layout
-from skeleton.rotations import Array, unit
+from skeleton.rotations import Array
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,10 @@ class Bone:
 
     @property
     def mount_mm(self) -> Array:
-        """The receiver's place in the bone's frame: mid-bone, above the line between the joints."""
-        return np.array([self.length_mm / 2, 0.0, HEIGHT_MM[BONE_KINDS.index(self.kind)]])
+        """The receiver's place in the bone's frame: above the line between the joints."""
+        return np.array(
+            [self.length_mm * PLACE_ALONG[self.kind], 0.0, HEIGHT_MM[BONE_KINDS.index(self.kind)]]
+        )
 
 
 def average_bones(hand: str, *, thumb_faces_nail: bool = False) -> dict[str, Bone]:
@@ -50,7 +52,7 @@ def average_bones(hand: str, *, thumb_faces_nail: bool = False) -> dict[str, Bon
         thumb = digit == "thumb"
         frames = replace(average, faces_nail=thumb and thumb_faces_nail).frames() * np.outer(mirror, mirror)
         starts = average.joints_mm() * mirror
-        axes = unit(np.array(average.flexion_axes)) * mirror * mirror[1]  # mirrored as pseudo-vectors
+        axes = average.flexion_axes * mirror * mirror[1]  # mirrored as pseudo-vectors
         kinds = [kind for kind in BONE_KINDS if not (thumb and kind == "middle")]
         for kind, *own in zip(kinds, frames, starts, average.lengths_mm, axes, strict=True):
             bones[f"{digit}_{kind}"] = Bone(digit, kind, *own)
