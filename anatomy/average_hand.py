@@ -1,8 +1,7 @@
-"""The average adult hand, how hands differ from it, where receivers sit on it and how skin moves them.
+"""The average adult hand as the estimators expect it: how hands differ, where receivers sit, how skin moves.
 
-Every number once. The simulator draws hands around them and the estimators weigh recordings against them;
-where an estimator assumes something else than is drawn, both numbers stand here, each with its own name, the
-simulator's with DRAWN. Who reads what: tests/anatomy/test_average_hand.py.
+What estimators weigh recordings against. The simulator reads none of it: `anatomy.drawn_hands` says whom it
+draws. Who reads what: tests/anatomy/test_average_hand.py.
 
 Frame of the hand: right hand, origin at the wrist centre, x distal, y towards the thumb, z dorsal; mm. All
 lengths grow with one scale, 1 for the average hand; a left hand is the mirror image.
@@ -143,12 +142,6 @@ PRO_SUPINATION = 0.8
 CMC_RANGE_DEG = {"index": 11.0, "middle": 7.0, "ring": 20.0, "little": 27.0}
 """Range of flexion of the fingers' CMC joints (El-shennawy)."""
 
-DRAWN_WRIST_AXES = ((0.10, 0.97, 0.22), (-0.10, 0.0, 1.0), (1.0, 0.0, 0.0))
-"""Axes of flexion, abduction and axial rotation of the wrist, in the hand's frame (ours)."""
-
-DRAWN_PAD_DEPTH_MM = {"thumb": 8.0, "index": 6.5, "middle": 6.5, "ring": 6.5, "little": 6.0}
-"""Of the pad that touches under the line of joints (ours)."""
-
 # --- how hands differ ------------------------------------------------------------------------------------
 
 SCALE_SD = 0.08
@@ -160,33 +153,24 @@ SCALE_SD_BY_LENGTH, SCALE_SD_BY_BREADTH = 0.04, 0.06
 LENGTH_SD = 0.05
 """Of a bone's length, relative, once the hand's size is known (same source: lengths correlate strongly)."""
 
-DRAWN_SIDE_SD, DRAWN_SIDE_LIMIT = 0.0012, 0.0024
-"""Of a bone's length, relative, between the two hands of a person, who differ by less than 0.5 %."""
-
-BASE_SD_MM, DRAWN_BASE_SD_MM = 1.5, 1.0
+BASE_SD_MM = 1.5
 """Of a metacarpal's base about its share of the hand's breadth and length (ours)."""
 
 JOINTWISE_BASE_SD_MM = 2.5
 """Of any joint on the hand about its place, the hand's size apart (ours): of an MCP joint, what the base, the
 direction and the length of its metacarpal come to, which the joint-by-joint estimator does not tell apart."""
 
-DIRECTION_SD_RAD, DRAWN_DIRECTION_SD_RAD = float(np.radians(3.0)), 0.03
+DIRECTION_SD_RAD = float(np.radians(3.0))
 """Of a digit's direction in the flat hand, either way (ours: neighbours lie 5 to 8 deg apart)."""
 
-AXIS_SD_RAD, DRAWN_AXIS_SD_RAD = float(np.radians(5.0)), 0.05
+AXIS_SD_RAD = float(np.radians(5.0))
 """Of a joint's axis either way: that of a finger's hinge varies by about 5 deg even as it turns."""
 
 SKEW_SD_MM = 1.5
 """Of the distance of the thumb's CMC axes (Chang & Pollard)."""
 
-PRO_SUPINATION_SD, DRAWN_PRO_SUPINATION_SD = 0.35, 0.15
+PRO_SUPINATION_SD = 0.35
 """Of the pro-supination per flexion (ours)."""
-
-DRAWN_WOBBLE_SD_RAD = 0.05
-"""Abduction and axial rotation of a hinge at 90 deg of flexion: its helical axis varies by about 5 deg."""
-
-DRAWN_AXIAL_COUPLING = (0.10, 0.05, 0.05)
-"""Axial rotation of MCP joints and the thumb's CMC: per abduction, the sd of that, sd per flexion (ours)."""
 
 JOINT_SLIDE_SD_MM = 0.5
 """Translation of a joint's centre per rad: hinge axes of finger joints move by less than 0.75 mm."""
@@ -199,31 +183,22 @@ MOUNT_SD_MM = (3.2, 1.6, 1.3)
 MOUNT_TURN_SD_RAD = float(np.radians(6.0 / np.sqrt(3.0)))
 """6 deg away from the bone's axes in all, per component (our trials)."""
 
-DRAWN_MOUNT_TURN_DEG = (3.0, 8.0)
-"""Least and largest angle by which a receiver is turned away from the bone's axes (our trials)."""
-
-DRAWN_HAND_MOUNT_MM, DRAWN_FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
-"""Receivers on the back of the hand and on the forearm, from the wrist centre (ours)."""
-
 HAND_MOUNT_SD_MM = (8.0, 5.0, 4.0)
 """Of the receiver on the back of the hand about its nominal place (ours)."""
 
 # --- how skin moves receivers ----------------------------------------------------------------------------
 # Markers on a finger keep their spacing to 5 % in a pinch (Yang), 2 mm along a proximal phalanx; excursions
 # are linear in flexion with R^2 of 0.89 to 0.97 (Zhang), mostly along the bone, about a millimetre at
-# mid-bone. What is drawn saturates and lags, which no estimator assumes, so that none is judged by its own
-# assumptions.
+# mid-bone.
 # JOINTWISE: assumed by the joint-by-joint estimator, whose skin has one looseness for the whole hand.
 
 SLIDE_SD_MM, JOINTWISE_SLIDE_SD_MM = (1.0, 0.3, 0.4), (1.0, 0.45, 0.45)
-DRAWN_SLIDE_SD_MM = (1.0, 0.25, 0.4)
 """Of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
 
 TILT_SD, JOINTWISE_TILT_SD = (0.03, 0.05, 0.03), 0.05
-DRAWN_TILT_SD = (0.03, 0.04, 0.02)
 """Turn of a receiver in rad per rad of an adjacent joint, about x, y, z of its bone (Metcalf)."""
 
-DISTAL_TILT, DRAWN_DISTAL_TILT = -0.11 / 2, -0.06
+DISTAL_TILT = -0.11 / 2
 """Of a distal receiver with its own joint: markers under-read DIP flexion by 11 % (Metcalf), of which the
 other half is the middle phalanx's."""
 
@@ -231,14 +206,11 @@ UNDER_READING, UNDER_READING_SD = -0.15, 0.12
 """Share of the CMC's motion that a receiver over the thumb's metacarpal adds, which is less than none: it
 is known to lag by 20 to 40 %, of which slide and tilt take some."""
 
-DRAWN_UNDER_READING = (0.20, 0.40)
-"""Least and largest share of the CMC's motion that this receiver does not follow."""
-
-JOINTWISE_NAIL, DRAWN_NAIL = 0.6, 0.3
+JOINTWISE_NAIL = 0.6
 """Of the usual slide and tilt: a distal phalanx's, whose nail holds the receiver (ours)."""
 
-JOINTWISE_THENAR, DRAWN_THENAR, DRAWN_LITTLE = 1.5, 1.6, 1.5
-"""The same of the thumb's metacarpal, where muscles swell, and of the little finger (ours)."""
+JOINTWISE_THENAR = 1.5
+"""The same of the thumb's metacarpal, where muscles swell (ours)."""
 
 PALM_SLIDE_SD_MM, UNKNOWN_SLIDE_SD_MM = 0.5, 2.0
 """The same of a receiver on the palm, whose skin is tight, and on a segment that is not known (ours)."""
@@ -246,15 +218,6 @@ PALM_SLIDE_SD_MM, UNKNOWN_SLIDE_SD_MM = 0.5, 2.0
 SKIN_BENT, JOINTWISE_SKIN_BENT = 0.26, 0.5
 """Share of a slide that is not linear in the angle: the root of what R^2 0.89 to 0.97 leave (Zhang); for the
 joint-by-joint estimator of the lowest R^2, with a margin for lag."""
-
-DRAWN_SATURATION_RAD = 0.9
-"""Angle towards which the skin's motion with a joint saturates (ours)."""
-
-DRAWN_LAG_S, DRAWN_LAG_SHARE = 0.25, 0.3
-"""Time by which skin lags behind its joint, and the share of it that does (ours)."""
-
-DRAWN_WANDER_MM, DRAWN_WANDER_DEG, DRAWN_WANDER_S = 0.3, 0.4, 0.4
-"""Sd of a receiver's place and turn that follow no joint, and the time over which they last (ours)."""
 
 # --- how joints are held in a recording ------------------------------------------------------------------
 

@@ -11,20 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from anatomy.average_hand import (
-    DRAWN_DISTAL_TILT,
-    DRAWN_LAG_S,
-    DRAWN_LAG_SHARE,
-    DRAWN_LITTLE,
-    DRAWN_NAIL,
-    DRAWN_SATURATION_RAD,
-    DRAWN_SLIDE_SD_MM,
-    DRAWN_THENAR,
-    DRAWN_TILT_SD,
-    DRAWN_UNDER_READING,
-    DRAWN_WANDER_DEG,
-    DRAWN_WANDER_MM,
-    DRAWN_WANDER_S,
+from anatomy.drawn_hands import (
+    DISTAL_TILT,
+    LAG_S,
+    LAG_SHARE,
+    LITTLE,
+    NAIL,
+    SATURATION_RAD,
+    SLIDE_SD_MM,
+    THENAR,
+    TILT_SD,
+    UNDER_READING,
+    WANDER_DEG,
+    WANDER_MM,
+    WANDER_S,
 )
 from skeleton import rotations
 from skeleton.rotations import Array
@@ -60,14 +60,14 @@ class Skin:
 def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
     """Draw a hand's skin; the same in each of the hand's recordings."""
     rng = generator(seed, "skin", subject, side)
-    slide = rng.standard_normal((len(BONES), 2, 3)) * DRAWN_SLIDE_SD_MM
-    tilt = rng.standard_normal((len(BONES), 2, 3)) * DRAWN_TILT_SD
-    under_reading = min(0.9, scale * rng.uniform(*DRAWN_UNDER_READING))
+    slide = rng.standard_normal((len(BONES), 2, 3)) * SLIDE_SD_MM
+    tilt = rng.standard_normal((len(BONES), 2, 3)) * TILT_SD
+    under_reading = min(0.9, scale * rng.uniform(*UNDER_READING))
     distal = np.array([bone.endswith("_distal") for bone in BONES])
     looseness = scale * np.array([_looseness(bone) for bone in BONES])
     slide *= looseness[:, None, None]
     tilt *= looseness[:, None, None]
-    tilt[distal, 0, 1] += scale * DRAWN_DISTAL_TILT
+    tilt[distal, 0, 1] += scale * DISTAL_TILT
     joint = np.array([_adjacent_joints(bone) for bone in range(len(BONES))])
     absent = joint < 0
     slide[absent], tilt[absent] = 0.0, 0.0
@@ -76,10 +76,10 @@ def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale
 
 
 def _looseness(bone: str) -> float:
-    loose = DRAWN_LITTLE if bone.startswith("little") else 1.0
+    loose = LITTLE if bone.startswith("little") else 1.0
     if bone == "thumb_metacarpal":
-        return DRAWN_THENAR
-    return loose * (DRAWN_NAIL if bone.endswith("_distal") else 1.0)
+        return THENAR
+    return loose * (NAIL if bone.endswith("_distal") else 1.0)
 
 
 def _adjacent_joints(bone: int) -> tuple[int, int]:
@@ -99,8 +99,8 @@ def displaced(
     n_frames, n_receivers = position_mm.shape[:2]
     wander = _wander(rng, n_frames, n_receivers * 6).reshape(n_frames, n_receivers, 2, 3)
     wander *= skin.looseness[:, None, None]
-    slide = np.einsum("tsa,sax->tsx", drive, skin.slide_mm) + DRAWN_WANDER_MM * wander[:, :, 0]
-    turn = np.einsum("tsa,sax->tsx", drive, skin.tilt) + np.radians(DRAWN_WANDER_DEG) * wander[:, :, 1]
+    slide = np.einsum("tsa,sax->tsx", drive, skin.slide_mm) + WANDER_MM * wander[:, :, 0]
+    turn = np.einsum("tsa,sax->tsx", drive, skin.tilt) + np.radians(WANDER_DEG) * wander[:, :, 1]
     return position_mm + rotations.rotate(quaternion, slide), turned(quaternion, turn)
 
 
@@ -141,13 +141,9 @@ def noisy(
 
 def _drive(flexion_rad: Array) -> Array:
     """What moves the skin, (T, J): flexion, saturating, partly lagging behind."""
-    direct = DRAWN_SATURATION_RAD * np.tanh(flexion_rad / DRAWN_SATURATION_RAD)
+    direct = SATURATION_RAD * np.tanh(flexion_rad / SATURATION_RAD)
     start = direct[:1]
-    return np.asarray(
-        start
-        + (1 - DRAWN_LAG_SHARE) * (direct - start)
-        + DRAWN_LAG_SHARE * _lagged(direct - start, DRAWN_LAG_S)
-    )
+    return np.asarray(start + (1 - LAG_SHARE) * (direct - start) + LAG_SHARE * _lagged(direct - start, LAG_S))
 
 
 def _lagged(signal: Array, lag_s: float) -> Array:
@@ -162,10 +158,10 @@ def _lagged(signal: Array, lag_s: float) -> Array:
 
 def _wander(rng: np.random.Generator, n_frames: int, n_signals: int) -> Array:
     """Stationary first-order autoregressive signals (T, N) of sd 1."""
-    settle = int(8 * DRAWN_WANDER_S * RATE_HZ)
-    keep = np.exp(-1.0 / (DRAWN_WANDER_S * RATE_HZ))
+    settle = int(8 * WANDER_S * RATE_HZ)
+    keep = np.exp(-1.0 / (WANDER_S * RATE_HZ))
     white = rng.standard_normal((settle + n_frames, n_signals))
-    return np.asarray(_lagged(white, DRAWN_WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep)))
+    return np.asarray(_lagged(white, WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep)))
 
 
 def seen_through_skin(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from anatomy import average_hand as average
+from anatomy import drawn_hands as drawn
 from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.random_hand import BONES, Hand
@@ -40,9 +40,9 @@ def mounts_of(
 ) -> Mounts:
     """Put the receivers at mid-bone, above the joint line; unless planes are exact, a little off."""
     rng = generator(seed, "mounts", subject, side)
-    misplaced = average.MOUNT_SD_MM * np.clip(rng.standard_normal((len(BONES), 3)), -2.5, 2.5)
+    misplaced = drawn.MOUNT_SD_MM * np.clip(rng.standard_normal((len(BONES), 3)), -2.5, 2.5)
     direction = rotations.unit(rng.standard_normal((len(BONES), 3)))
-    angle = np.radians(rng.uniform(*average.DRAWN_MOUNT_TURN_DEG, len(BONES)))
+    angle = np.radians(rng.uniform(*drawn.MOUNT_TURN_DEG, len(BONES)))
     misturned = rotations.about_axis(direction, angle)
     position = np.array([_nominal_mm(bone, hand) for bone in BONES])
     if realism.exact_planes:
@@ -55,8 +55,8 @@ def mounts_of(
 
 def _nominal_mm(bone: str, hand: Hand) -> tuple[float, float, float]:
     if bone == "hand":
-        return average.DRAWN_HAND_MOUNT_MM
+        return drawn.HAND_MOUNT_MM
     if bone == "forearm":
-        return average.DRAWN_FOREARM_MOUNT_MM
-    height = average.HEIGHT_MM[average.BONE_KINDS.index(bone.split("_")[1])] * hand.scale
+        return drawn.FOREARM_MOUNT_MM
+    height = drawn.HEIGHT_MM[drawn.BONE_KINDS.index(bone.split("_")[1])] * hand.scale
     return (0.5 * float(hand.length_mm[BONES.index(bone)]), 0.0, height)

@@ -4,7 +4,7 @@ Frames: one per bone, origin at the centre of its proximal joint, x along the bo
 the flexion axis made perpendicular to x, so that a positive flexion turns x towards the palm. The hand's
 frame has its origin at the wrist centre. Right hand: y towards the thumb; the left hand is the mirror image.
 
-The numbers that hands are drawn around are those of `anatomy.average_hand`.
+The numbers that hands are drawn around are those of `anatomy.drawn_hands`.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy import average_hand as average
+from anatomy import drawn_hands as drawn
 from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
 
-DIGITS = tuple(average.AVERAGE_DIGITS)
+DIGITS = tuple(drawn.MIXED_TABLE)
 FINGERS = DIGITS[1:]
 
 # Joint j moves bone j + 1. Joints stand in levels outward from the body, so that a level is posed at once.
@@ -61,7 +61,7 @@ class Hand:
     length_mm : (B,) to the next joint, or to the bone's tip; 0 for forearm and hand.
     pad_mm : (5, 3) where each digit's pad touches, in its distal bone's frame.
     coupling : (J, 4) involuntary motion: axial per abduction, axial per flexion, and the wobble of the hinge,
-    abduction and axial rotation in rad at 90 deg. scale : the hand's size, 1 for the average.
+    abduction and axial rotation in rad at 90 deg. scale : the hand's size, 1 for the drawn.
     """
 
     side: str
@@ -78,7 +78,7 @@ class Hand:
 def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
     """Give the hand of a subject; the two sides' bones differ by less than 0.5 % in length."""
     rng = generator(seed, "anatomy", subject)
-    scale = float(np.exp(average.SCALE_SD * _clipped(rng, ())))
+    scale = float(np.exp(drawn.SCALE_SD * _clipped(rng, ())))
     lengths = _lengths_mm(rng, scale) * _side_factors(subject, side, seed)
     centres = _centres_mm(rng, lengths, scale)
     axes = _flexion_axes(rng, centres, realism)
@@ -102,24 +102,24 @@ def _chain(digit: str) -> list[int]:
 def _lengths_mm(rng: np.random.Generator, scale: float) -> Array:
     lengths = np.zeros(len(BONES))
     for digit in DIGITS:
-        lengths[np.array(_chain(digit)) + 1] = average.AVERAGE_DIGITS[digit].lengths_mm
-    return np.asarray(lengths * scale * (1.0 + average.LENGTH_SD * _clipped(rng, (len(BONES),))))
+        lengths[np.array(_chain(digit)) + 1] = drawn.MIXED_TABLE[digit].lengths_mm
+    return np.asarray(lengths * scale * (1.0 + drawn.LENGTH_SD * _clipped(rng, (len(BONES),))))
 
 
 def _side_factors(subject: str, side: str, seed: int) -> Array:
     numbers = generator(seed, "side", subject, side).standard_normal(len(BONES))
-    limit = average.DRAWN_SIDE_LIMIT
-    return np.asarray(1.0 + np.clip(average.DRAWN_SIDE_SD * numbers, -limit, limit))
+    limit = drawn.SIDE_LIMIT
+    return np.asarray(1.0 + np.clip(drawn.SIDE_SD * numbers, -limit, limit))
 
 
 def _centres_mm(rng: np.random.Generator, lengths_mm: Array, scale: float) -> Array:
     """Ends of every bone at neutral, right hand, in the hand's frame: (B, 2, 3), proximal and distal."""
     centres = np.zeros((len(BONES), 2, 3))
     for digit in DIGITS:
-        own = average.AVERAGE_DIGITS[digit]
-        here = np.array(own.base_mm) * scale + average.DRAWN_BASE_SD_MM * _clipped(rng, (3,))
+        own = drawn.MIXED_TABLE[digit]
+        here = own.base_mm * scale + drawn.BASE_SD_MM * _clipped(rng, (3,))
         # one tilt for the whole digit keeps it straight
-        directions = rotations.unit(own.directions() + average.DRAWN_DIRECTION_SD_RAD * _clipped(rng, (3,)))
+        directions = rotations.unit(own.directions + drawn.DIRECTION_SD_RAD * _clipped(rng, (3,)))
         for joint, direction in zip(_chain(digit), directions, strict=True):
             there = here + lengths_mm[joint + 1] * direction
             centres[joint + 1] = here, there
@@ -130,11 +130,11 @@ def _centres_mm(rng: np.random.Generator, lengths_mm: Array, scale: float) -> Ar
 def _flexion_axes(rng: np.random.Generator, centres_mm: Array, realism: Realism) -> Array:
     """Flexion axes at neutral, right hand, in the hand's frame, (J, 3)."""
     axes = np.zeros((len(JOINTS), 3))
-    axes[WRIST] = average.DRAWN_WRIST_AXES[FLEXION]
+    axes[WRIST] = drawn.WRIST_AXES[FLEXION]
     for digit in DIGITS:
-        axes[_chain(digit)] = average.AVERAGE_DIGITS[digit].flexion_axes
-    drawn = average.DRAWN_AXIS_SD_RAD * _clipped(rng, (len(JOINTS), 3))
-    axes = rotations.unit(rotations.unit(axes) + drawn)
+        axes[_chain(digit)] = drawn.MIXED_TABLE[digit].flexion_axes
+    off = drawn.AXIS_SD_RAD * _clipped(rng, (len(JOINTS), 3))
+    axes = rotations.unit(rotations.unit(axes) + off)
     if realism.perpendicular_mcp:
         for digit in DIGITS:
             cmc, mcp = _chain(digit)[:2]
@@ -157,13 +157,13 @@ def _coupling(rng: np.random.Generator) -> Array:
     coupling = np.zeros((len(JOINTS), 4))
     for j, joint in enumerate(JOINTS):
         if joint == "thumb_cmc" or joint.endswith("_mcp"):
-            per_abduction, sd, flexion_sd = average.DRAWN_AXIAL_COUPLING
+            per_abduction, sd, flexion_sd = drawn.AXIAL_COUPLING
             coupling[j] = (per_abduction + sd * numbers[j, 0], flexion_sd * numbers[j, 1], 0.0, 0.0)
         elif joint.endswith("_cmc"):  # pro-supination comes with flexion
-            sd = average.DRAWN_PRO_SUPINATION_SD
-            coupling[j] = (0.0, average.PRO_SUPINATION + sd * numbers[j, 1], 0.0, 0.0)
+            sd = drawn.PRO_SUPINATION_SD
+            coupling[j] = (0.0, drawn.PRO_SUPINATION + sd * numbers[j, 1], 0.0, 0.0)
         elif joint != "wrist":
-            coupling[j, 2:] = average.DRAWN_WOBBLE_SD_RAD * numbers[j, 2:]
+            coupling[j, 2:] = drawn.WOBBLE_SD_RAD * numbers[j, 2:]
     return coupling
 
 
@@ -183,7 +183,7 @@ def _assemble(
         thumb = JOINTS.index("thumb_cmc")
         across = rotations.unit(np.cross(triples[thumb, FLEXION], triples[thumb, ABDUCTION]))
         # an offset is a true vector: where axes mirror as pseudo-vectors, their product has the wrong sign
-        skew[thumb] = average.SKEW_MM * (-across if side == "left" else across)
+        skew[thumb] = drawn.SKEW_MM * (-across if side == "left" else across)
     origin = centres[1:, 0] - centres[PARENT, 0]
     pads = np.array([_pad_mm(*pair, scale) for pair in zip(DIGITS, lengths[TIP_BONES], strict=True)])
     return Hand(
@@ -204,16 +204,17 @@ def _second_and_third_axes(side: str, frames: Array, axes: Array) -> tuple[Array
     mirror = np.array([-1.0, 1.0, -1.0]) if side == "left" else np.ones(3)
     sign = -1.0 if side == "left" else 1.0
     abduction, axial = sign * frames[1:, :, 2], sign * frames[1:, :, 0]
-    abduction[WRIST] = rotations.unit(np.array(average.DRAWN_WRIST_AXES[ABDUCTION])) * mirror
+    abduction[WRIST] = rotations.unit(np.array(drawn.WRIST_AXES[ABDUCTION])) * mirror
     thumb = JOINTS.index("thumb_cmc")
-    flexion = axes[thumb]
-    across = _perpendicular(np.array(average.AVERAGE_DIGITS["thumb"].second_axis) * mirror, flexion)
-    skew = np.radians(average.SKEW_DEG)
+    flexion, second = axes[thumb], drawn.MIXED_TABLE["thumb"].second_axis
+    assert second is not None
+    across = _perpendicular(second * mirror, flexion)
+    skew = np.radians(drawn.SKEW_DEG)
     abduction[thumb] = np.cos(skew) * flexion + np.sin(skew) * across
     return abduction, axial
 
 
 def _pad_mm(digit: str, length_mm: float, scale: float) -> tuple[float, float, float]:
     """Where the digit's pad touches: under the distal third of its last bone."""
-    soft_tip_mm = average.AVERAGE_DIGITS[digit].soft_tip_mm
-    return (0.7 * length_mm + 0.3 * soft_tip_mm * scale, 0.0, -average.DRAWN_PAD_DEPTH_MM[digit] * scale)
+    soft_tip_mm = drawn.MIXED_TABLE[digit].soft_tip_mm
+    return (0.7 * length_mm + 0.3 * soft_tip_mm * scale, 0.0, -drawn.PAD_DEPTH_MM[digit] * scale)
