@@ -11,11 +11,11 @@ from benchmarks.accuracy.polynomial_skin import slipped
 from benchmarks.accuracy.scenarios import SATURATING, Scenario
 from schemas.layout import read_layout
 from schemas.poses import Poses
-from skeleton.rotations import Array, about_axis, angle, unit
+from skeleton.rotations import Array, unit
 from stages.simulate.artefact import distorted, noisy, seen_through_skin, skin_of, turned, under_read
 from stages.simulate.forward import bone_poses
 from stages.simulate.mounts import Mounts, mounts_of
-from stages.simulate.random_hand import FINGERS, FLEXION, JOINTS, Hand, hand_of
+from stages.simulate.random_hand import DIGITS, FINGERS, FLEXION, JOINTS, Hand, hand_of
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
 from stages.simulate.simulated_truth import Truth
@@ -24,7 +24,6 @@ from stages.simulate.task_motion import RATE_HZ, Motion, move
 
 SUBJECT = "01"
 N_FRAMES = 6000
-SOFT_TIP_MM, WRIST_TO_CMC_MM = 3.95, 13.5
 _BURST_S = 0.25
 
 
@@ -42,11 +41,11 @@ class Trial:
 
 def record(seed: int, hand: str, scenario: Scenario, n_frames: int = N_FRAMES) -> Trial:
     """Simulate a hand in a scenario; with the default scenario exactly what `stages.simulate` makes."""
-    realism = replace(Realism.full(), artefact=scenario.artefact, field_distortion=scenario.field)
+    realism = Realism(artefact=scenario.artefact, field_distortion=scenario.field, mounts=scenario.mounts)
     layout = read_layout(LAYOUT)
     segments = tuple(s for s in layout.measured if not layout.segments[s].optional)
     anatomy = hand_of(SUBJECT, hand, seed, realism)
-    mounts = _mounts(anatomy, seed, hand, segments, realism, scenario.mounts)
+    mounts = mounts_of(SUBJECT, hand, seed, anatomy, segments, realism)
     motion = move(SUBJECT, hand, scenario.task, seed, anatomy, realism, n_frames)
     if scenario.dip_range_deg is not None:
         motion = replace(motion, angles_rad=with_dip_range(motion.angles_rad, scenario.dip_range_deg))
@@ -66,7 +65,9 @@ def record(seed: int, hand: str, scenario: Scenario, n_frames: int = N_FRAMES) -
 def true_length_mm(hand: Hand) -> float:
     """Length of a hand from the wrist centre to the middle finger's soft tip, all bones in line."""
     middle = [i + 1 for i, joint in enumerate(JOINTS) if joint.startswith("middle_")]
-    return float(hand.length_mm[middle].sum() + hand.scale * (SOFT_TIP_MM + WRIST_TO_CMC_MM))
+    to_base_mm = hand.origin_mm[JOINTS.index("middle_cmc"), 0]
+    soft_tip_mm = hand.soft_tip_mm[DIGITS.index("middle")]
+    return float(to_base_mm + hand.length_mm[middle].sum() + soft_tip_mm)
 
 
 def with_dip_range(angles_rad: Array, range_deg: float) -> Array:
@@ -76,19 +77,6 @@ def with_dip_range(angles_rad: Array, range_deg: float) -> Array:
         moved = angles_rad[:, joint] - angles_rad[0, joint]
         scaled[:, joint] = angles_rad[0, joint] + moved * np.radians(range_deg) / np.ptp(moved[:, FLEXION])
     return scaled
-
-
-def _mounts(
-    anatomy: Hand, seed: int, hand: str, segments: tuple[str, ...], realism: Realism, scale: float
-) -> Mounts:
-    """Receivers misplaced and turned `scale` times as far as the simulator puts them."""
-    own = mounts_of(SUBJECT, hand, seed, anatomy, segments, realism)
-    if scale == 1.0:
-        return own
-    nominal = mounts_of(SUBJECT, hand, seed, anatomy, segments, replace(realism, exact_planes=True))
-    position = nominal.position_mm + scale * (own.position_mm - nominal.position_mm)
-    turned_by = scale * angle(own.quaternion)
-    return replace(own, position_mm=position, quaternion=about_axis(unit(own.quaternion[:, 1:]), turned_by))
 
 
 def _through_skin(
