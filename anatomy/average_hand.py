@@ -3,18 +3,22 @@
 What estimators weigh recordings against. The simulator reads none of it: `anatomy.drawn_hands` says whom it
 draws. Who reads what: tests/anatomy/test_average_hand.py.
 
-Frame of the hand: right hand, origin at the wrist centre, x distal, y towards the thumb, z dorsal; mm. All
-lengths grow with one scale, 1 for the average hand; a left hand is the mirror image.
+Frame of the hand: right hand, origin at the wrist centre, which is the centre of the capitate's head, x
+distal, y towards the thumb, z dorsal; mm. All lengths grow with one scale, 1 for the average hand; a left
+hand is the mirror image. A length is one between centres of rotation, which lie inside the heads of the
+bones: a bone as an X-ray shows it is 2.5 mm shorter (phalanges) or 7 mm longer (metacarpals).
 
-Sources: Buryanov & Kotiuk 2010 (X-ray, 66 adults, joint to joint); Buchholz et al. 1992; MyoHand (Apache-2.0,
-its numbers turned into this frame); Chang & Pollard 2008; Hollister et al. 1992; El-shennawy et al. 2001;
-Yang et al. 2002; Zhang et al. 2003; Metcalf et al. 2020. "Ours": chosen by us, from trials or by judgement.
+Sources: CT of ten hands (OpenHands, Munyebvu et al. 2024) and two more with metacarpals (DiffAutoKin), on
+whose meshes centres and axes were fitted; MyoHand (Apache-2.0), its numbers turned into this frame; Buryanov
+& Kotiuk 2010 (X-ray, 66 adults, joint to joint); Buchholz et al. 1992; Chang & Pollard 2008; Hollister et al.
+1992; El-shennawy et al. 2001; Yang et al. 2002; Zhang et al. 2003; Metcalf et al. 2020. "Ours": chosen by us,
+from trials or by judgement.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,105 +31,148 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class DigitAnatomy:
-    """A digit of the average hand, from the joint at its base outward.
+    """A digit of the average hand, straight, from the joint at its base outward; B bones, hand's frame.
 
-    base_mm : (3,) first joint, the CMC. points_mm : the joints after it and the tip of a larger hand, of
-    which only the directions between them are used. flexion_axes : one per joint, in the hand's frame with
-    the digit straight. lengths_mm : one per bone, to the next joint or to the bone's tip. soft_tip_mm : skin
-    and pulp beyond the bone's tip. second_axis : of the first joint, where that one is skew. faces_nail :
-    whether the frame of the first bone, a thumb's metacarpal, faces as those of the phalanges do, y nearest
-    the second joint's axis (`skeleton.thumb_facing`).
+    base_mm : (3,) first joint, the CMC. directions : (B, 3) unit vectors along the bones, distally.
+    flexion_axes : (B, 3) unit, of the joints at the bones' proximal ends. lengths_mm : (B,) between joint
+    centres, the last to the bone's tip. soft_tip_mm : skin and pulp beyond it. second_axis : (3,) of the
+    first joint, where that one is skew. faces_nail : whether the frame of the first bone, a thumb's
+    metacarpal, faces as those of the phalanges do, y nearest the second joint's axis
+    (`skeleton.thumb_facing`).
     """
 
-    base_mm: Vector
-    points_mm: tuple[Vector, ...]
-    flexion_axes: tuple[Vector, ...]
-    lengths_mm: tuple[float, ...]
+    base_mm: Array
+    directions: Array
+    flexion_axes: Array
+    lengths_mm: Array
     soft_tip_mm: float
-    second_axis: Vector | None = None
+    second_axis: Array | None = None
     faces_nail: bool = False
 
     def frames(self) -> Array:
         """Bone frames (B, 3, 3) in the hand's frame, digit straight: x distal, y nearest the flexion axis."""
-        x = self.directions()
-        axes = unit(np.array(self.flexion_axes))
+        x, axes = self.directions, self.flexion_axes.copy()
         if self.faces_nail:
             axes[0] = axes[1]
         y = unit(axes - (axes * x).sum(-1, keepdims=True) * x)
         return np.stack([x, y, np.cross(x, y)], -1)
 
-    def directions(self) -> Array:
-        """Unit vectors (B, 3) along the bones, distally."""
-        return unit(np.diff(np.vstack([self.base_mm, self.points_mm]), axis=0))
-
     def joints_mm(self) -> Array:
         """Joints (B, 3) from the wrist centre, digit straight: bone after bone from the base."""
-        bones = np.array(self.lengths_mm)[:, None] * self.directions()
+        bones = self.lengths_mm[:, None] * self.directions
         return np.asarray(self.base_mm + np.cumsum(bones, axis=0) - bones)
 
 
-AVERAGE_DIGITS: Mapping[str, DigitAnatomy] = {
-    "thumb": DigitAnatomy(
-        (25.0, 26.5, -10.5),
-        ((54.2, 43.0, -23.2), (80.1, 57.0, -33.3), (100.1, 67.0, -41.3)),
-        ((-0.732, 0.496, 0.468), (-0.203, 0.084, -0.975), (-0.480, 0.050, -0.876)),
-        (46.22, 31.57, 21.67),
-        5.67,
-        (0.665, -0.042, 0.745),
-    ),
-    "index": DigitAnatomy(
-        (13.5, 10.6, 2.0),
-        ((80.9, 22.2, 11.0), (122.2, 29.7, 18.3), (147.1, 33.0, 19.5), (165.1, 35.0, 19.5)),
-        ((-0.10, 0.995, 0.0),) * 4,
-        (68.12, 39.78, 22.38, 15.82),
-        3.84,
-    ),
-    "middle": DigitAnatomy(
-        (13.5, 0.0, 3.0),
-        ((80.6, 4.7, 11.5), (124.8, 6.4, 17.7), (153.8, 7.7, 19.7), (172.8, 9.7, 18.7)),
-        ((0.0, 1.0, 0.0),) * 4,
-        (64.60, 44.63, 26.33, 17.40),
-        3.95,
-    ),
-    "ring": DigitAnatomy(
-        (13.5, -10.8, 2.0),
-        ((79.3, -9.9, 5.7), (119.5, -13.4, 7.0), (144.3, -15.7, 7.6), (162.3, -16.7, 8.6)),
-        ((0.0, 0.90, 0.43),) * 4,
-        (58.00, 41.37, 25.65, 17.30),
-        3.95,
-    ),
-    "little": DigitAnatomy(
-        (13.5, -18.7, -1.0),
-        ((71.2, -19.5, -3.4), (106.7, -24.8, -6.3), (127.4, -27.7, -8.5), (144.4, -28.7, -11.5)),
-        ((0.0, 0.825, 0.565),) * 3 + ((0.227, 0.643, 0.731),),
-        (53.69, 32.74, 18.11, 15.96),
-        3.73,
-    ),
-}
-"""Lengths of bones and of the soft tip: Buryanov & Kotiuk. Bases: Buchholz, shares of the hand's length
-(distal) and breadth (lateral); the thumb's base, the joints and tips after it and the axes: MyoHand."""
+CAPITATE_TO_CREASE_MM = 6.0
+"""The distal wrist crease, from which people measure a hand, lies so far proximal of the wrist centre."""
+
+SOURCE_SCALE = 1.035
+"""Of the average hand over the one whose palm is taken: their index proximal phalanges compared."""
 
 
-def _base_on_line(digit: DigitAnatomy) -> DigitAnatomy:
-    """The finger with its base as deep as the line from the wrist centre to its MCP joint, to 0.1 mm."""
-    x, y, _ = digit.base_mm
-    knuckle = digit.points_mm[0]
-    return replace(digit, base_mm=(x, y, round(x * knuckle[2] / knuckle[0], 1)))
+def _thumb() -> DigitAnatomy:
+    """The thumb: its CMC centre half way between the two skew axes, a little proximal of the bone's facet."""
+    facet, mcp, ip, tip = np.array(
+        [(15.43, 20.77, -9.41), (45.17, 38.56, -23.76), (71.60, 53.08, -34.45), (89.10, 63.19, -41.60)]
+    )
+    base = SOURCE_SCALE * facet - 1.7 * unit(mcp - facet)
+    return DigitAnatomy(
+        base,
+        unit(np.array([mcp - facet, ip - mcp, tip - ip])),
+        unit(np.array([(-0.732, 0.496, 0.468), (-0.203, 0.084, -0.975), (-0.480, 0.050, -0.876)])),
+        np.array([39.0, 33.8, 25.2]),
+        5.7,
+        np.array([0.665, -0.042, 0.745]),
+    )
+
+
+def _finger(
+    joints_mm: tuple[Vector, Vector, Vector, Vector],
+    lengths_mm: tuple[float, float, float, float],
+    soft_tip_mm: float,
+    mcp_axis: Vector,
+    oblique_deg: tuple[float, float],
+    twist_deg: float,
+    lean_deg: float,
+) -> DigitAnatomy:
+    """A finger from its CMC, MCP, PIP and DIP joint, of which the palm is taken and directions beyond it.
+
+    oblique_deg : by which the radial end of the PIP and the DIP axis lies distal of a right angle to the bone
+    that the joint moves. twist_deg : of the DIP axis after the PIP axis, about the bone between them.
+    lean_deg : of the distal phalanx towards the radial side.
+    """
+    cmc, mcp, pip, dip = np.array(joints_mm)
+    proximal, middle = unit(pip - mcp), unit(dip - pip)
+    lateral = unit(np.array(mcp_axis) - (np.array(mcp_axis) @ middle) * middle)
+    dorsal = np.cross(middle, lateral)
+    oblique, (twist, lean) = np.radians(oblique_deg), np.radians([twist_deg, lean_deg])
+    distal = np.cos(lean) * middle + np.sin(lean) * lateral
+    twisted = np.cos(twist) * lateral + np.sin(twist) * dorsal
+    twisted = unit(twisted - (twisted @ distal) * distal)
+    axes = [
+        np.array(mcp_axis),
+        np.array(mcp_axis),
+        np.cos(oblique[0]) * lateral + np.sin(oblique[0]) * middle,
+        np.cos(oblique[1]) * twisted + np.sin(oblique[1]) * distal,
+    ]
+    directions = np.array([unit(mcp - SOURCE_SCALE * cmc), proximal, middle, distal])
+    return DigitAnatomy(
+        SOURCE_SCALE * cmc, directions, unit(np.array(axes)), np.array(lengths_mm), soft_tip_mm
+    )
 
 
 DIGITS: Mapping[str, DigitAnatomy] = {
-    name: digit if name == "thumb" else _base_on_line(digit) for name, digit in AVERAGE_DIGITS.items()
+    "thumb": _thumb(),
+    "index": _finger(
+        ((15.19, 10.16, 1.51), (75.5, 20.3, 10.2), (116.3, 28.3, 17.2), (140.3, 31.3, 18.8)),
+        (59.0, 43.7, 24.9, 19.6),
+        3.8,
+        (-0.10, 0.995, 0.0),
+        (-5.0, -1.3),
+        11.1,
+        -3.2,
+    ),
+    "middle": _finger(
+        ((15.35, -0.45, 4.24), (74.4, 0.4, 11.3), (118.9, 2.0, 17.2), (146.7, 3.5, 19.3)),
+        (58.0, 48.2, 29.4, 21.1),
+        4.0,
+        (0.0, 1.0, 0.0),
+        (-2.1, -0.8),
+        8.1,
+        -2.5,
+    ),
+    "ring": _finger(
+        ((16.71, -9.44, 1.97), (73.5, -15.3, 5.0), (112.7, -18.5, 6.1), (137.3, -20.7, 6.9)),
+        (52.0, 44.7, 28.2, 21.1),
+        4.0,
+        (0.0, 0.90, 0.43),
+        (3.0, 1.8),
+        -0.9,
+        4.4,
+    ),
+    "little": _finger(
+        ((14.67, -15.58, -2.73), (65.1, -24.9, -4.8), (100.1, -30.1, -7.4), (120.4, -33.1, -9.3)),
+        (48.0, 36.3, 20.4, 19.1),
+        3.7,
+        (0.0, 0.825, 0.565),
+        (4.4, 3.3),
+        -1.3,
+        8.0,
+    ),
 }
-"""As the estimators expect them: how deep a finger's CMC joint lies under the back of the hand is not
-published, so it is that of the line from wrist to MCP joint (ours)."""
+"""Lengths between centres, bone tips, obliquities, twist and lean: CT of three sets of public bone meshes and
+X-ray lengths turned into those between centres, pooled. Palm, directions and MCP axes: MyoHand, its knuckles
+20, 17 and 16 mm apart as in CT. Soft tips: Buryanov & Kotiuk."""
 
 AVERAGE_LENGTH_MM = (
-    DIGITS["middle"].base_mm[0] + sum(DIGITS["middle"].lengths_mm) + DIGITS["middle"].soft_tip_mm
+    CAPITATE_TO_CREASE_MM
+    + float(DIGITS["middle"].base_mm[0] + DIGITS["middle"].lengths_mm.sum())
+    + DIGITS["middle"].soft_tip_mm
 )
-"""Wrist centre to the tip of the middle finger, hand of scale 1."""
+"""Distal wrist crease to the skin of the middle finger's tip, as people measure it; hand of scale 1."""
 
-AVERAGE_BREADTH_MM = 84.0
-"""Of the hand to which the lateral offsets of the bases belong (Buchholz)."""
+AVERAGE_BREADTH_MM = 82.0
+"""Across the knuckles of digits 2 to 5, skin and all, of a hand of that length (ours, from anthropometry)."""
 
 BONE_KINDS = ("metacarpal", "proximal", "middle", "distal")
 HEIGHT_MM = (8.5, 8.0, 7.0, 6.0)
@@ -150,11 +197,21 @@ SCALE_SD = 0.08
 SCALE_SD_BY_LENGTH, SCALE_SD_BY_BREADTH = 0.04, 0.06
 """Of the skeleton's scale when the hand's length or breadth is known: a crease is not a joint (ours)."""
 
-LENGTH_SD = 0.05
-"""Of a bone's length, relative, once the hand's size is known (same source: lengths correlate strongly)."""
+LENGTH_SD_MM: Mapping[str, float] = {"metacarpal": 2.5, "proximal": 1.4, "middle": 1.2, "distal": 1.4}
+"""Of a bone's length between people, once the hand's size is known (CT, X-ray; by kind)."""
 
-BASE_SD_MM = 1.5
-"""Of a metacarpal's base about its share of the hand's breadth and length (ours)."""
+SOURCE_SD_MM: Mapping[str, float] = {"metacarpal": 3.5, "proximal": 1.3, "middle": 0.9, "distal": 1.3}
+"""By how much all lengths of a kind may be off together: how far inside their heads centres lie, of which
+sources differ by 2 to 9 mm."""
+
+THUMB_METACARPAL_SD_MM = 3.5
+"""Of the thumb's first length: where along the bone its CMC axes lie is known to 4 mm."""
+
+JOINTWISE_LENGTH_SD = 0.055
+"""Of a bone's length, relative: both together, for the joint-by-joint estimator."""
+
+BASE_SD_MM = 2.0
+"""Of a metacarpal's base about that of the average palm (ours; three hands differ by as much)."""
 
 JOINTWISE_BASE_SD_MM = 2.5
 """Of any joint on the hand about its place, the hand's size apart (ours): of an MCP joint, what the base, the
@@ -177,8 +234,16 @@ JOINT_SLIDE_SD_MM = 0.5
 
 # --- where receivers sit ---------------------------------------------------------------------------------
 
-MOUNT_SD_MM = (3.2, 1.6, 1.3)
-"""A receiver put on by eye at mid-bone: along the bone, across it, and in height over it (our trials)."""
+PLACE_ALONG: Mapping[str, float] = {"metacarpal": 0.5, "proximal": 0.5, "middle": 0.5, "distal": 0.6}
+"""Of the bone's length at which a receiver sits, by kind of bone: mid-bone; on the last one the nail draws it
+distally (ours)."""
+
+MOUNT_SD_MM = (3.4, 1.7, 2.0)
+"""A receiver put on by eye: along the bone, across it, and in height over it (our trials; the housings of
+receivers are of several heights)."""
+
+HABIT_SHARE = 0.5
+"""Of that variance, which all receivers of a hand have in common: one person puts them all on (ours)."""
 
 MOUNT_TURN_SD_RAD = float(np.radians(6.0 / np.sqrt(3.0)))
 """6 deg away from the bone's axes in all, per component (our trials)."""
@@ -221,8 +286,9 @@ joint-by-joint estimator of the lowest R^2, with a margin for lag."""
 
 # --- how joints are held in a recording ------------------------------------------------------------------
 
-PHALANX_DEG, METACARPAL_DEG, PALM_DEG = (30.0, 50.0), (0.0, 30.0), (5.0, 10.0)
-ABDUCTION_DEG, AXIAL_DEG = (0.0, 15.0), (0.0, 5.0)
+PHALANX_DEG, METACARPAL_DEG, PALM_DEG, STILL_PALM_DEG = (30.0, 50.0), (0.0, 30.0), (5.0, 10.0), (0.0, 3.0)
+ABDUCTION_DEG, AXIAL_DEG, HINGE_DEG = (0.0, 15.0), (0.0, 5.0), (0.0, 3.0)
 """Mean and sd of a joint angle over a recording: flexion of MCP, PIP, DIP and IP joints (0 to 100 deg), of a
-thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27); abduction (15 to 25 either way); axial rotation,
-which nobody does at will."""
+thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27) and of CMC 2 and 3 (11 and 7); abduction (15 to 25
+either way); axial rotation, which nobody does at will; abduction and axial rotation of a hinge, whose axis
+varies by about 5 deg as it turns."""
