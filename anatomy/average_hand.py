@@ -36,7 +36,8 @@ class DigitAnatomy:
     base_mm : (3,) first joint, the CMC. directions : (B, 3) unit vectors along the bones, distally.
     flexion_axes : (B, 3) unit, of the joints at the bones' proximal ends. lengths_mm : (B,) between joint
     centres, the last to the bone's tip. soft_tip_mm : skin and pulp beyond it. second_axis : (3,) of the
-    first joint, where that one is skew. faces_nail : whether the frame of the first bone, a thumb's
+    first joint, where that one is skew. bone_heights_mm : (B,) of the dorsal side of each bone, half way
+    along it, over the line between its ends. faces_nail : whether the frame of the first bone, a thumb's
     metacarpal, faces as those of the phalanges do, y nearest the second joint's axis
     (`skeleton.thumb_facing`).
     """
@@ -46,6 +47,7 @@ class DigitAnatomy:
     flexion_axes: Array
     lengths_mm: Array
     soft_tip_mm: float
+    bone_heights_mm: Array
     second_axis: Array | None = None
     faces_nail: bool = False
 
@@ -62,6 +64,20 @@ class DigitAnatomy:
         bones = self.lengths_mm[:, None] * self.directions
         return np.asarray(self.base_mm + np.cumsum(bones, axis=0) - bones)
 
+    def mounts_mm(self) -> Array:
+        """Where receivers sit (B, 3), in the bones' frames: on the nail, and half way along the others."""
+        mounts = np.zeros((len(self.lengths_mm), 3))
+        mounts[:, 0] = MOUNT_SHARE * self.lengths_mm
+        mounts[-1, 0] = NAIL_SHARE * self.lengths_mm[-1]
+        mounts[:, 2] = self.bone_heights_mm + COVER_MM
+        return mounts
+
+
+MOUNT_SHARE, NAIL_SHARE = 0.5, 0.6
+"""Of a bone's length at which its receiver sits; on the last bone the nail draws it distally (ours)."""
+
+COVER_MM = 3.5
+"""Skin and half a receiver's housing, between the bone and the point that is tracked (ours)."""
 
 CAPITATE_TO_CREASE_MM = 6.0
 """The distal wrist crease, from which people measure a hand, lies so far proximal of the wrist centre."""
@@ -82,6 +98,7 @@ def _thumb() -> DigitAnatomy:
         unit(np.array([(-0.732, 0.496, 0.468), (-0.203, 0.084, -0.975), (-0.480, 0.050, -0.876)])),
         np.array([39.0, 33.8, 25.2]),
         5.7,
+        np.array([8.1, 4.7, 1.5]),
         np.array([0.665, -0.042, 0.745]),
     )
 
@@ -89,6 +106,7 @@ def _thumb() -> DigitAnatomy:
 def _finger(
     joints_mm: tuple[Vector, Vector, Vector, Vector],
     lengths_mm: tuple[float, float, float, float],
+    bone_heights_mm: tuple[float, float, float, float],
     soft_tip_mm: float,
     mcp_axis: Vector,
     oblique_deg: tuple[float, float],
@@ -117,7 +135,12 @@ def _finger(
     ]
     directions = np.array([unit(mcp - SOURCE_SCALE * cmc), proximal, middle, distal])
     return DigitAnatomy(
-        SOURCE_SCALE * cmc, directions, unit(np.array(axes)), np.array(lengths_mm), soft_tip_mm
+        SOURCE_SCALE * cmc,
+        directions,
+        unit(np.array(axes)),
+        np.array(lengths_mm),
+        soft_tip_mm,
+        np.array(bone_heights_mm),
     )
 
 
@@ -126,6 +149,7 @@ DIGITS: Mapping[str, DigitAnatomy] = {
     "index": _finger(
         ((15.19, 10.16, 1.51), (75.5, 20.3, 10.2), (116.3, 28.3, 17.2), (140.3, 31.3, 18.8)),
         (59.0, 43.7, 24.9, 19.6),
+        (8.0, 7.0, 3.8, 1.5),
         3.8,
         (-0.10, 0.995, 0.0),
         (-5.0, -1.3),
@@ -135,6 +159,7 @@ DIGITS: Mapping[str, DigitAnatomy] = {
     "middle": _finger(
         ((15.35, -0.45, 4.24), (74.4, 0.4, 11.3), (118.9, 2.0, 17.2), (146.7, 3.5, 19.3)),
         (58.0, 48.2, 29.4, 21.1),
+        (8.0, 7.0, 4.1, 1.4),
         4.0,
         (0.0, 1.0, 0.0),
         (-2.1, -0.8),
@@ -144,6 +169,7 @@ DIGITS: Mapping[str, DigitAnatomy] = {
     "ring": _finger(
         ((16.71, -9.44, 1.97), (73.5, -15.3, 5.0), (112.7, -18.5, 6.1), (137.3, -20.7, 6.9)),
         (52.0, 44.7, 28.2, 21.1),
+        (8.0, 6.3, 4.0, 1.6),
         4.0,
         (0.0, 0.90, 0.43),
         (3.0, 1.8),
@@ -153,6 +179,7 @@ DIGITS: Mapping[str, DigitAnatomy] = {
     "little": _finger(
         ((14.67, -15.58, -2.73), (65.1, -24.9, -4.8), (100.1, -30.1, -7.4), (120.4, -33.1, -9.3)),
         (48.0, 36.3, 20.4, 19.1),
+        (8.0, 5.4, 3.4, 1.8),
         3.7,
         (0.0, 0.825, 0.565),
         (4.4, 3.3),
@@ -161,8 +188,9 @@ DIGITS: Mapping[str, DigitAnatomy] = {
     ),
 }
 """Lengths between centres, bone tips, obliquities, twist and lean: CT of three sets of public bone meshes and
-X-ray lengths turned into those between centres, pooled. Palm, directions and MCP axes: MyoHand, its knuckles
-20, 17 and 16 mm apart as in CT. Soft tips: Buryanov & Kotiuk."""
+X-ray lengths turned into those between centres, pooled. Heights: the same CT; of proximal phalanges and
+metacarpals the index's and the thumb's alone. Palm, directions and MCP axes: MyoHand, its knuckles 20, 17 and
+16 mm apart as in CT. Soft tips: Buryanov & Kotiuk."""
 
 AVERAGE_LENGTH_MM = (
     CAPITATE_TO_CREASE_MM
@@ -175,13 +203,10 @@ AVERAGE_BREADTH_MM = 82.0
 """Across the knuckles of digits 2 to 5, skin and all, of a hand of that length (ours, from anthropometry)."""
 
 BONE_KINDS = ("metacarpal", "proximal", "middle", "distal")
-HEIGHT_MM = (8.5, 8.0, 7.0, 6.0)
-"""Of a receiver over the line of joints, by kind of bone: half the thickness of the finger there and half
-the receiver's housing (ours)."""
-
 SKEW_MM, SKEW_DEG = 4.6, 87.0
-"""The thumb's CMC axes pass each other at this distance and angle (Chang & Pollard), the abduction axis on
-the metacarpal's side (Hollister)."""
+"""The thumb's CMC axes pass each other at this distance and angle (Chang & Pollard). That which flexes and
+extends the thumb, its second axis here, lies in the trapezium, the other in the metacarpal (Hollister; the
+saddles of three hands)."""
 
 PRO_SUPINATION = 0.8
 """Pro-supination per flexion of CMC 4 and 5: ranges of 27 and 22 deg over 20 and 27 (El-shennawy)."""
@@ -234,10 +259,6 @@ JOINT_SLIDE_SD_MM = 0.5
 
 # --- where receivers sit ---------------------------------------------------------------------------------
 
-PLACE_ALONG: Mapping[str, float] = {"metacarpal": 0.5, "proximal": 0.5, "middle": 0.5, "distal": 0.6}
-"""Of the bone's length at which a receiver sits, by kind of bone: mid-bone; on the last one the nail draws it
-distally (ours)."""
-
 MOUNT_SD_MM = (3.4, 1.7, 2.0)
 """A receiver put on by eye: along the bone, across it, and in height over it (our trials; the housings of
 receivers are of several heights)."""
@@ -267,7 +288,7 @@ DISTAL_TILT = -0.11 / 2
 """Of a distal receiver with its own joint: markers under-read DIP flexion by 11 % (Metcalf), of which the
 other half is the middle phalanx's."""
 
-UNDER_READING, UNDER_READING_SD = -0.15, 0.12
+UNDER_READING, UNDER_READING_SD = -0.25, 0.12
 """Share of the CMC's motion that a receiver over the thumb's metacarpal adds, which is less than none: it
 is known to lag by 20 to 40 %, of which slide and tilt take some."""
 
@@ -292,3 +313,9 @@ ABDUCTION_DEG, AXIAL_DEG, HINGE_DEG = (0.0, 15.0), (0.0, 5.0), (0.0, 3.0)
 thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27) and of CMC 2 and 3 (11 and 7); abduction (15 to 25
 either way); axial rotation, which nobody does at will; abduction and axial rotation of a hinge, whose axis
 varies by about 5 deg as it turns."""
+
+
+def looseness(segment):
+    if segment == "thumb_metacarpal":
+        return 1.6
+    return (1.3 if segment.startswith("little") else 1.0) * (0.6 if segment.endswith("distal") else 1.0)

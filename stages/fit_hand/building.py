@@ -199,6 +199,7 @@ class Builder:
         """Give what the skin adds, an unknown of that sd per rad of each drive."""
         if not self.parts.skin:
             return ()
+        sd *= prior.looseness(segment)
         return tuple(
             Term(sd, self.unknowns.add(group, f"{segment} {n}"), state) for n, state in enumerate(drives)
         )

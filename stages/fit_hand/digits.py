@@ -123,10 +123,9 @@ class _DigitChain:
 
     def _receiver(self, k: int, length: Amount) -> tuple[Step, ...]:
         """The receiver of bone k: at mid-bone, over it, its skin driven by the joints at both ends."""
-        kind = self._kind(k)
-        is_last = kind == "distal"
-        height_mm = prior.HEIGHT_MM[prior.BONE_KINDS.index(kind)]
-        place = (length.times(prior.PLACE_ALONG[kind]), Amount(0.0, ()), self.builder.scale.times(height_mm))
+        is_last = k == len(self.digit.segments) - 1
+        share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
+        place = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
         drives = [
             self.flexions[joint]
@@ -134,7 +133,7 @@ class _DigitChain:
             if joint in self.flexions and segment in self.builder.seen
         ]
         own_tilt = prior.DISTAL_TILT if is_last else 0.0
-        return self.builder.receiver_steps(self.digit.segments[k], place, drives, kind, own_tilt)
+        return self.builder.receiver_steps(self.digit.segments[k], place, drives, self._kind(k), own_tilt)
 
 
 class _Joint:
@@ -142,8 +141,8 @@ class _Joint:
 
     Flexion about an axis that may be tilted; abduction about the child's dorsal axis, carried by flexion, and
     axial rotation about its long axis, carried by both; a hinge has these too, within a few degrees, since
-    its axis varies as it turns. Skew axes pass each other, and the centre is half way between them. CMC
-    joints without a receiver pronate as they flex; where the layout has them still, they move too little to
+    its axis varies as it turns. Skew axes pass each other: the second, in the parent, carries the first, and
+    the centre is half way between them. CMC joints without a receiver pronate as they flex; where the layout has them still, they move too little to
     be told from skin and are no joint of the tables, but their motion is not taken for that of another.
     """
 
@@ -204,25 +203,26 @@ class _Joint:
             Operation(False, axis, 0.0, (Term(prior.JOINT_SLIDE_SD_MM, unknown, self.flexion),))
             for axis, unknown in zip(np.eye(3), self.slides, strict=False)
         ]
-        half = [] if self.skew is None else [along(self.skew_axis, self.skew.times(-0.5))]
         mark = [] if under_reading or not self.moves else [Mark(axis_frame(self.name))]
-        flex = by_state(self.axis, self.flexion, self._lag(self.flexion, under_reading))
-        steps += [*half, *tilted(across_of(self.axis), self.tilts, [*mark, flex])]
+        turn = by_state(self.axis, self.flexion, self._lag(self.flexion, under_reading))
+        flex = tilted(across_of(self.axis), self.tilts, [*mark, turn])
         if self.ratio is not None:
             pronation = (
                 Term(prior.PRO_SUPINATION, None, self.flexion),
                 Term(prior.PRO_SUPINATION_SD, self.ratio, self.flexion),
             )
-            steps.append(Operation(True, self.rest[:, 0], 0.0, pronation))
-        if self.skew is not None:
-            steps.append(along(self.skew_axis, self.skew))
-        if self.others is not None:
-            abduction, axial = self.others
-            abduct = [by_state(self.second, abduction, self._lag(abduction, under_reading))]
-            skew = self.skew is not None
-            steps += tilted(across_of(self.second), self.second_tilts, abduct) if skew else abduct
-            steps.append(by_state(self.rest[:, 0], axial, self._lag(axial, under_reading)))
-        return [*steps, *half, Turn(self.rest)]
+            flex.append(Operation(True, self.rest[:, 0], 0.0, pronation))
+        if self.others is None:
+            return [*steps, *flex, Turn(self.rest)]
+        abduction, axial = self.others
+        abduct: list[Step] = [by_state(self.second, abduction, self._lag(abduction, under_reading))]
+        roll = by_state(self.rest[:, 0], axial, self._lag(axial, under_reading))
+        if self.skew is None:
+            return [*steps, *flex, *abduct, roll, Turn(self.rest)]
+        back = along(self.skew_axis, self.skew.times(-0.5))
+        abduct = tilted(across_of(self.second), self.second_tilts, abduct)
+        across = along(self.skew_axis, self.skew)
+        return [*steps, back, *abduct, across, *flex, roll, back, Turn(self.rest)]
 
     def _lag(self, state: int, under_reading: bool) -> tuple[Term, ...]:
         """Share of a joint angle that the receiver does not follow."""
