@@ -235,13 +235,18 @@ METACARPALS = Table(
 TIPS = Table(
     "tips",
     2,
-    "the replayed fingertip, least-squares binding",
+    "the replayed tip (the distal receiver's origin), least-squares binding",
     (
         *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
         _real("time_s", "device time as recorded"),
-        *_xyz("tip_", "mm", "replayed fingertip in the transmitter frame, least-squares binding"),
+        *_xyz(
+            "tip_",
+            "mm",
+            "replayed tip as the paper has it, the origin of the distal receiver and neither the bone's end "
+            "nor the skin's, in the transmitter frame, least-squares binding",
+        ),
         _real("error_mm", "its distance to the distal receiver"),
         _real("error_first_frame_mm", "the same with the paper's first-frame binding"),
     ),
@@ -338,7 +343,7 @@ RECEIVERS = Table(
         ),
         *_xyz("bone_tip_", "mm", "a digit's last: end of the bone in the receiver's own frame"),
         _real("bone_tip_sd_mm", "1-sigma error of that in 3-D"),
-        *_xyz("soft_tip_", "mm", "a digit's last: end of the digit, skin and all, likewise"),
+        *_xyz("soft_tip_", "mm", "a digit's last: end of the digit, skin and all (skin_tip), likewise"),
         _real("soft_tip_sd_mm", "1-sigma error of that in 3-D"),
         _real("residual_mm", "rms per component of its position about the fitted hand"),
         _real("residual_deg", "rms per component of its rotation about the fitted hand"),
@@ -402,14 +407,15 @@ BONE_POSES = Table(
 
 POSED_TIPS = Table(
     "posed_tips",
-    2,
-    "a tip of the fitted hand, posed with all receivers",
+    3,
+    "both tips, of bone and of skin, of a digit of the fitted hand, posed with all receivers",
     (
         *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
         _real("time_s", "device time as recorded"),
-        *_xyz("tip_", "mm", "end of the distal bone in the transmitter frame"),
+        *_xyz("tip_", "mm", "end of the distal bone, under the skin, in the transmitter frame"),
+        *_xyz("skin_tip_", "mm", "end of the digit, skin and all, in the transmitter frame"),
         _real("error_mm", "from where the hand says that the distal receiver is to where it is"),
         _real(
             "error_left_out_mm",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,18 @@ from schemas.poses import Poses, RecordingName, frame_count, pose_blocks, record
 from skeleton.joint_angles import angles_of_hand, mirrored
 from skeleton.rotations import Array, from_matrix, multiply, rotate
 from stages.fit_hand.building import KINDS
-from stages.fit_hand.fingertips import Fingertips
+from stages.fit_hand.fingertips import BONE, TIP, Fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.operations import Index
+from stages.fit_hand.receiver_frames import MIRROR
 from stages.fit_hand.replaying import PosedHand, pose_hand
 
 BLOCK_FRAMES = 1 << 14
 LEFT_OUT_FRAMES = 512
 """Frames of a recording, evenly spaced, that are posed without the distal receivers' positions as well."""
+
+ENDS = {BONE: "tip", TIP: "skin_tip"}
+"""Where a digit ends, and what its columns of posed_tips begin with."""
 
 Columns = dict[str, Any]
 
@@ -38,12 +42,11 @@ def posed_blocks(tips: Fingertips, path: Path) -> Iterator[dict[str, Columns]]:
     first = 0
     for poses in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
+        ends_mm = {part: _carried_mm(tips, posed, poses, part) for part in ENDS}
         yield {
             "joint_angles": angle_columns(name, fit, posed, poses),
             "bone_poses": bone_columns(name, posed, poses),
-            "posed_tips": tip_columns(
-                name, fit, posed, poses, left_out, _carried_tips_mm(tips, posed, poses)
-            ),
+            "posed_tips": tip_columns(name, fit, posed, poses, left_out, ends_mm),
         }
         first += len(poses.frame)
 
@@ -71,12 +74,17 @@ def bone_columns(name: RecordingName, posed: PosedHand, poses: Poses) -> Columns
 
 
 def tip_columns(
-    name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, left_out: Index, tips_mm: Array
+    name: RecordingName,
+    fit: HandFit,
+    posed: PosedHand,
+    poses: Poses,
+    left_out: Index,
+    ends_mm: Mapping[str, Array],
 ) -> Columns:
     """Columns of posed_tips for the frames of poses, digit after digit.
 
-    left_out : rows that are posed without the distal receivers' positions as well. tips_mm : (T, D, 3) ends
-    of the last bones of the digits of `tipped`.
+    left_out : rows that are posed without the distal receivers' positions as well. ends_mm : (T, D, 3) of the
+    digits of `tipped`, by the column's prefix (`ENDS`).
     """
     digits = tipped(fit)
     receivers = [posed.receivers.index(digit.tip) for digit in digits]
@@ -86,11 +94,14 @@ def tip_columns(
     error_mm = np.linalg.norm(posed.receiver_mm[:, receivers] - measured, axis=-1)
     left_out_mm = np.full(valid.shape, np.nan)
     left_out_mm[left_out] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[left_out], axis=-1)
-    tip = _stacked(tips_mm)
     return {
         **_keys(name, "digit", [digit.name for digit in digits], poses),
         "time_s": np.tile(poses.time_s, len(digits)),
-        **{f"tip_{axis}_mm": tip[:, index] for index, axis in enumerate("xyz")},
+        **{
+            f"{prefix}_{axis}_mm": _stacked(ends_mm[part])[:, index]
+            for part, prefix in ENDS.items()
+            for index, axis in enumerate("xyz")
+        },
         "error_mm": _stacked(np.where(valid, error_mm, np.nan)),
         "error_left_out_mm": _stacked(np.where(valid, left_out_mm, np.nan)),
         "residual_mm": np.tile(posed.residual_mm, len(digits)),
@@ -103,22 +114,33 @@ def tipped(fit: HandFit) -> list[Digit]:
     return [digit for digit in evidence.layout.digits.values() if digit.tip in evidence.model.receivers]
 
 
-def bone_tips_mm(fit: HandFit, posed: PosedHand) -> Array:
-    """Ends (T, D, 3) of the posed last bones of the digits of `tipped`; NaN without known anatomy."""
+def posed_ends_mm(tips: Fingertips, posed: PosedHand) -> dict[str, Array]:
+    """Ends (T, D, 3) of the posed last bones and of the skin beyond them, of the digits of `tipped`, by part
+    (`ENDS`); NaN without known anatomy.
+    """
+    return {part: _posed_mm(tips, posed, part) for part in ENDS}
+
+
+def _posed_mm(tips: Fingertips, posed: PosedHand, part: str) -> Array:
+    """Ends (T, D, 3) of one part, carried by the posed last bones."""
+    fit, digits = tips.fit, list(tips.digits)
+    mirrored_y = MIRROR if fit.evidence.convention.left else np.ones(3)
     out = np.full((len(posed.posed), len(tipped(fit)), 3), np.nan)
     for index, digit in enumerate(tipped(fit)):
         if digit.tip in posed.bones:
             last, along = posed.bones.index(digit.tip), np.array([fit.bones[digit.tip].length_mm, 0.0, 0.0])
+            if part == TIP:
+                along += tips.offsets_mm[digits.index(digit.name), 0] * mirrored_y
             turned = rotate(posed.bone_quaternion[:, last], along)
             out[:, index] = posed.bone_position_mm[:, last] + turned
     return out
 
 
-def _carried_tips_mm(tips: Fingertips, posed: PosedHand, poses: Poses) -> Array:
-    """Ends (T, D, 3) of the last bones, carried by the distal receiver, which follows its bone better than
-    the whole hand says; by the posed bone where that receiver is not valid.
+def _carried_mm(tips: Fingertips, posed: PosedHand, poses: Poses, part: str) -> Array:
+    """Ends (T, D, 3) of one part, carried by the distal receiver, which follows its bone better than the
+    whole hand says; by the posed bone where that receiver is not valid.
     """
-    out, carried = bone_tips_mm(tips.fit, posed), tips.in_transmitter(poses)
+    out, carried = _posed_mm(tips, posed, part), tips.in_transmitter(poses, part)
     for index, digit in enumerate(tipped(tips.fit)):
         if digit.name in tips.digits:
             own = carried[:, list(tips.digits).index(digit.name)]
