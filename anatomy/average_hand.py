@@ -222,7 +222,9 @@ joint-by-joint estimator of the lowest R^2, with a margin for lag."""
 # --- how joints are held in a recording ------------------------------------------------------------------
 
 PHALANX_DEG, METACARPAL_DEG, PALM_DEG = (30.0, 50.0), (0.0, 30.0), (5.0, 10.0)
+DIP_PER_PIP, DIP_BY_PIP_SD_DEG = 2 / 3, 15.0
 ABDUCTION_DEG, AXIAL_DEG = (0.0, 15.0), (0.0, 5.0)
 """Mean and sd of a joint angle over a recording: flexion of MCP, PIP, DIP and IP joints (0 to 100 deg), of a
-thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27); abduction (15 to 25 either way); axial rotation,
+thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27); of a finger's DIP joint given its PIP joint's, a
+link of free flexion that breaks on contact; abduction (15 to 25 either way); axial rotation,
 which nobody does at will."""

@@ -374,9 +374,11 @@ GAINS = Table(
     ("subject", "hand", "model", "made_without", "quantity"),
 )
 
+IN_THIS_FRAME = "in this frame, by the receivers valid in it and what the fit leaves open"
+
 JOINT_ANGLES = Table(
     "joint_angles",
-    2,
+    3,
     "the joint's angles with the fitted hand",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -385,13 +387,16 @@ JOINT_ANGLES = Table(
         _real("flexion_deg", "flexion positive, extension negative (docs/joint-angles.md)"),
         _real("abduction_deg", "abduction or deviation, signed as docs/joint-angles.md says"),
         _real("rotation_deg", "axial rotation, signed as docs/joint-angles.md says"),
+        _real("flexion_sd_deg", f"1-sigma error of flexion_deg {IN_THIS_FRAME}"),
+        _real("abduction_sd_deg", "the same of abduction_deg"),
+        _real("rotation_sd_deg", "the same of rotation_deg"),
     ),
     ("subject", "hand", "task", "trial", "model", "made_without", "joint", "frame"),
 )
 
 BONE_POSES = Table(
     "bone_poses",
-    2,
+    3,
     "a bone of the fitted hand, posed with all receivers",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -401,6 +406,8 @@ BONE_POSES = Table(
             "", "mm", "centre of the bone's proximal joint (of the hand: the wrist) in the transmitter frame"
         ),
         *_quaternion("bone (x distal, z dorsal) to transmitter frame"),
+        _real("sd_mm", f"1-sigma error of the centre in 3-D {IN_THIS_FRAME}"),
+        _real("turn_sd_deg", "the same of the rotation, root of the sum over three axes"),
     ),
     ("subject", "hand", "task", "trial", "model", "made_without", "segment", "frame"),
 )
@@ -416,6 +423,8 @@ POSED_TIPS = Table(
         _real("time_s", "device time as recorded"),
         *_xyz("tip_", "mm", "end of the distal bone, under the skin, in the transmitter frame"),
         *_xyz("skin_tip_", "mm", "end of the digit, skin and all, in the transmitter frame"),
+        _real("tip_sd_mm", f"1-sigma error of the bone's end in 3-D {IN_THIS_FRAME}"),
+        _real("skin_tip_sd_mm", "the same of the skin's end"),
         _real("error_mm", "from where the hand says that the distal receiver is to where it is"),
         _real(
             "error_left_out_mm",

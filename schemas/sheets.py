@@ -95,7 +95,13 @@ RECORDINGS = Sheet(
         Cell("role", _one_of("calibration", "evaluation", "both"), "what the recording is for"),
         Cell("file", _text, "the recording, relative to the study file"),
         Cell("trial", _text, "which repetition, where a task was recorded more than once", False, ""),
-        Cell("layout", _text, "the layout of this recording, where it is not the study's", False, ""),
+        Cell(
+            "layout",
+            _text,
+            "the layout of this recording, where it is not the study's; one hand's may wear fewer receivers",
+            False,
+            "",
+        ),
         Cell(
             "format",
             _one_of("auto", "csv", "parquet", "capture", "motion-bids", "xdf"),
