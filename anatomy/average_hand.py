@@ -308,14 +308,21 @@ joint-by-joint estimator of the lowest R^2, with a margin for lag."""
 # --- how joints are held in a recording ------------------------------------------------------------------
 
 PHALANX_DEG, METACARPAL_DEG, PALM_DEG, STILL_PALM_DEG = (30.0, 50.0), (0.0, 30.0), (5.0, 10.0), (0.0, 3.0)
+DIP_PER_PIP, DIP_BY_PIP_SD_DEG = 2 / 3, 15.0
 ABDUCTION_DEG, AXIAL_DEG, HINGE_DEG = (0.0, 15.0), (0.0, 5.0), (0.0, 3.0)
 """Mean and sd of a joint angle over a recording: flexion of MCP, PIP, DIP and IP joints (0 to 100 deg), of a
-thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27) and of CMC 2 and 3 (11 and 7); abduction (15 to 25
-either way); axial rotation, which nobody does at will; abduction and axial rotation of a hinge, whose axis
-varies by about 5 deg as it turns."""
+thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27) and of CMC 2 and 3 (11 and 7); of a finger's DIP
+joint given its PIP joint's, a link of free flexion that breaks on contact; abduction (15 to 25 either way);
+axial rotation, which nobody does at will; abduction and axial rotation of a hinge, whose axis varies by about
+5 deg as it turns."""
+
+THENAR, LITTLE, NAIL = 1.6, 1.3, 0.6
+"""Of the usual slide and tilt of skin: that over the thumb's metacarpal, where muscles swell, over the little
+finger, and over a last phalanx, whose nail holds its receiver (ours)."""
 
 
-def looseness(segment):
+def looseness(segment: str) -> float:
+    """How far skin moves over a segment's bone, 1 for a typical one."""
     if segment == "thumb_metacarpal":
-        return 1.6
-    return (1.3 if segment.startswith("little") else 1.0) * (0.6 if segment.endswith("distal") else 1.0)
+        return THENAR
+    return (LITTLE if segment.startswith("little") else 1.0) * (NAIL if segment.endswith("_distal") else 1.0)

@@ -108,8 +108,11 @@ class Study:
         return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
 
     def layout_of(self, hand: Hand) -> Path:
-        """The one layout of the hand's recordings."""
-        return self._by_hand[hand][0].layout
+        """The layout of the hand's recordings; of several that which wears most receivers."""
+        layouts = list(dict.fromkeys(recording.layout for recording in self._by_hand[hand]))
+        if len(layouts) == 1:
+            return layouts[0]
+        return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
 
 
 def path_token(text: str) -> str:
@@ -217,10 +220,10 @@ def _recordings(sheet: Path, folder: Path, layout: Path) -> tuple[Recording, ...
             row["accept"],
         )
         first, line = layouts.setdefault(recording.hand, (own, row.line))
-        if first != own:
+        if first != own and not read_layout(own.absolute()).is_as(read_layout(first.absolute())):
             raise InputError(
-                f"{sheet}: row {row.line}, column layout: {own.stem} is not {first.stem}, "
-                f"the layout of row {line}; all recordings of a hand share one"
+                f"{sheet}: row {row.line}, column layout: {own.stem} has other bodies, joints or digits than "
+                f"{first.stem}, the layout of row {line}; layouts of a hand may differ in the receivers worn"
             )
         line = paths.setdefault((recording.hand.folder.casefold(), recording.name.casefold()), row.line)
         if line != row.line:

@@ -59,11 +59,15 @@ class Unknowns:
 
 @dataclass
 class States:
-    """What y holds: joint, kind and prior (mean, sd) in rad of every joint angle."""
+    """What y holds: joint, kind and prior (mean, sd) in rad of every joint angle.
+
+    follows : of a state that is expected at so many times another, that one and the ratio.
+    """
 
     names: list[tuple[str, str]] = field(default_factory=list)
     mean: list[float] = field(default_factory=list)
     sd: list[float] = field(default_factory=list)
+    follows: dict[int, tuple[int, float]] = field(default_factory=dict)
 
     def add(self, joint: str, kind: str, mean_deg: float, sd_deg: float) -> int:
         """Add a state; give its index."""
@@ -71,6 +75,26 @@ class States:
         self.mean.append(float(np.radians(mean_deg)))
         self.sd.append(float(np.radians(sd_deg)))
         return len(self.names) - 1
+
+    def follow(self, state: int, other: int, ratio: float, sd_deg: float) -> None:
+        """Expect a state at so many times another, to an sd, instead of at a mean of its own."""
+        self.follows[state] = other, ratio
+        self.mean[state], self.sd[state] = ratio * self.mean[other], float(np.radians(sd_deg))
+
+    def sd_over(self, samples: float) -> Array:
+        """Priors' sd (S,) in a recording of so many independent samples: how a joint follows another is one
+        fact of a person, however often it shows.
+        """
+        sd = np.array(self.sd)
+        sd[list(self.follows)] *= np.sqrt(samples)
+        return sd
+
+    def link(self) -> Array:
+        """Matrix (S, S) that takes states less their means to what their prior says has the sd `sd`."""
+        link = np.eye(len(self.names))
+        for state, (other, ratio) in self.follows.items():
+            link[state, other] = -ratio
+        return link
 
 
 @dataclass(frozen=True)

@@ -66,8 +66,10 @@ def open_tables(
 
 
 def joint_rows(fit: HandFit) -> list[Row]:
-    """Rows of joint_centres: joints between two receivers, those under the palm, and fixed centres."""
-    groups = (fit.joints, fit.summary.palm, fit.summary.fixed)
+    """Rows of joint_centres: joints between two receivers, those that lack one, those under the palm, and
+    fixed centres.
+    """
+    groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
     return [_joint_row(joint) for group in groups for joint in group.values()]
 
 
