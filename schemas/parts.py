@@ -10,6 +10,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from schemas.tables import (
     columns_from_rows,
     naming_damage,
     open_table,
+    rows_of,
     table_writer,
 )
 
@@ -130,15 +132,157 @@ def one_hand_of(path: Path, table: Table, subject: str | None, hand: str | None)
     return matching[0]
 
 
+class PartsReader:
+    """A subject table that is open for reading; see `open_parts`."""
+
+    def __init__(self, path: Path, table: Table, file: pq.ParquetFile) -> None:
+        self._path, self._table, self._file = path, table, file
+        self._parts = _parts_of(file, path)
+
+    def rows(self, part: Part) -> list[dict[str, Any]]:
+        """Give one part's rows of a short table, which is read as a whole the first time.
+
+        Raises InputError as `part` does.
+        """
+        _check_part(self._parts, part, self._path)
+        return self._rows.get(tuple(_named_keys(self._table, part).values()), [])
+
+    @cached_property
+    def _rows(self) -> dict[tuple[str, ...], list[dict[str, Any]]]:
+        """Rows by the keys of their parts."""
+        with naming_damage(self._path):
+            read = self._file.read(use_threads=False)
+        names = [*_named_keys(self._table, Part(""))]
+        by_part: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+        for row in rows_of(read):
+            by_part.setdefault(tuple(row[name] for name in names), []).append(row)
+        return by_part
+
+    def part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
+        """Read one part's rows, or only some of their columns.
+
+        Raises InputError where the table lacks the part, or says that the part failed.
+        """
+        _check_part(self._parts, part, self._path)
+        keys = _named_keys(self._table, part)
+        return self._filtered(self._groups_with(keys), keys, columns)
+
+    def recording(
+        self,
+        part: Part,
+        task: str,
+        trial: str,
+        by: str,
+        columns: Sequence[str],
+        n_frames: int | None = None,
+        between: tuple[int, int] | None = None,
+    ) -> dict[str, Array]:
+        """Read numbers of one recording from a frame-by-frame table.
+
+        by : the column that names what there are rows of (segment, digit or joint). Gives (T, len(columns))
+        by that name, in the order of the file, null as NaN. between : the first and the last frame to read,
+        all unless told. Raises InputError as `part`, and where n_frames is given and rows are missing.
+        """
+        _check_part(self._parts, part, self._path)
+        keys = _named_keys(self._table, part) | {"task": task, "trial": trial}
+        pieces: dict[str, list[Array]] = {}
+        groups = self._groups_with(keys, {} if between is None else {"frame": between})
+        for group, mixed in groups.items():  # one at a time: together they take several times the result
+            for name, numbers in self._numbers(group, mixed, keys, by, columns, between).items():
+                pieces.setdefault(name, []).append(numbers)
+        found = {name: np.concatenate(own) if own[1:] else own[0] for name, own in pieces.items()}
+        for name, own in found.items():
+            if n_frames is not None and len(own) != n_frames:
+                raise TableError(
+                    f"{self._path}: {task}{trial and ', '}{trial}, {name}: has {len(own)} frames and the "
+                    f"recording {n_frames}; remove it and run the study again"
+                )
+        return found
+
+    def _numbers(
+        self,
+        group: int,
+        mixed: Sequence[str],
+        keys: Mapping[str, str],
+        by: str,
+        columns: Sequence[str],
+        between: tuple[int, int] | None,
+    ) -> dict[str, Array]:
+        """Columns (N, C) of the rows with those keys of one row group, by name; see `recording`."""
+        ends = self._ends(group, by)
+        one_name = ends is not None and ends[0] == ends[1]
+        needed = [*columns, *["frame"] * (between is not None), *[by] * (not one_name)]
+        rows = self._filtered({group: mixed}, keys, [*dict.fromkeys(needed)])
+        if between is not None:
+            frame = rows.column("frame").to_numpy()
+            rows = rows.filter(pa.array((frame >= between[0]) & (frame <= between[1])))
+        if ends is None or not one_name:
+            return numbers_by_name(rows, by, columns)
+        return {ends[0]: _numbers(rows, columns)} if rows.num_rows else {}
+
+    def _filtered(
+        self, groups: Mapping[int, Sequence[str]], keys: Mapping[str, str], columns: Sequence[str] | None
+    ) -> pa.Table:
+        """Rows with those keys of those row groups (see `_groups_with`)."""
+        mixed = {name for group in groups.values() for name in group}  # to read texts costs more than numbers
+        wanted = None if columns is None else [*dict.fromkeys([*mixed, *columns])]
+        with naming_damage(self._path):
+            rows = self._file.read_row_groups([*groups], wanted, use_threads=False)
+        matches = np.ones(rows.num_rows, bool)
+        for name in mixed:
+            matches &= pc.equal(rows.column(name), keys[name]).to_numpy()
+        rows = rows if matches.all() else rows.filter(pa.array(matches))
+        return rows if columns is None else rows.select(list(columns))
+
+    def _groups_with(
+        self, keys: Mapping[str, str], between: Mapping[str, tuple[int, int]] | None = None
+    ) -> dict[int, list[str]]:
+        """Row groups that may hold rows with those keys, and with a number between those two; of each those
+        keys that some of its rows may not have.
+        """
+        wanted = {name: (value, value) for name, value in keys.items()} | dict(between or {})
+        groups = {}
+        for group in range(self._file.num_row_groups):
+            mixed = []
+            for name, ends in wanted.items():
+                own = self._ends(group, name)
+                if own is not None and (own[0] > ends[1] or own[1] < ends[0]):
+                    break
+                if own != ends and name in keys:
+                    mixed.append(name)
+            else:
+                groups[group] = mixed
+        return groups
+
+    def _ends(self, group: int, name: str) -> tuple[Any, Any] | None:
+        """The least and the largest value of a column in a row group; None where not known of every row."""
+        known = self._file.metadata.row_group(group).column(self._place[name]).statistics
+        return None if known is None or not known.has_min_max or known.null_count else (known.min, known.max)
+
+    @cached_property
+    def _place(self) -> dict[str, int]:
+        """Places of the columns in a row group."""
+        schema = self._file.schema
+        return {schema.column(index).path: index for index in range(len(schema))}
+
+
+@contextmanager
+def open_parts(path: Path, table: Table) -> Iterator[PartsReader]:
+    """Open a subject table to read several of its parts or recordings.
+
+    Raises InputError where the file is not that table or lists no parts.
+    """
+    with open_table(path, table) as file:
+        yield PartsReader(path, table, file)
+
+
 def read_part(path: Path, table: Table, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
     """Read one part's rows, or only some of their columns.
 
     Raises InputError where the file is not that table, lacks the part, or says that the part failed.
     """
-    with open_table(path, table) as file:
-        _check_part(_parts_of(file, path), part, path)
-        keys = _named_keys(table, part)
-        return _filtered(path, file, _groups_with(file, keys), keys, columns)
+    with open_parts(path, table) as parts:
+        return parts.part(part, columns)
 
 
 def read_recording(
@@ -152,40 +296,24 @@ def read_recording(
     n_frames: int | None = None,
     between: tuple[int, int] | None = None,
 ) -> dict[str, Array]:
-    """Read numbers of one recording from a frame-by-frame table.
+    """Read numbers of one recording from a frame-by-frame table, see `PartsReader.recording`.
 
-    by : the column that names what there are rows of (segment, digit or joint). Gives (T, len(columns)) by
-    that name, in the order of the file, null as NaN. between : the first and the last frame to read, all
-    unless told. Raises InputError as `read_part`, and where n_frames is given and rows are missing.
+    Raises InputError as that and `open_parts` do.
     """
-    with open_table(path, table) as file:
-        _check_part(_parts_of(file, path), part, path)
-        keys = _named_keys(table, part) | {"task": task, "trial": trial}
-        pieces: dict[str, list[Array]] = {}
-        # one group at a time: together they take several times the result
-        for group in _groups_with(file, keys, {} if between is None else {"frame": between}):
-            rows = _filtered(path, file, [group], keys, [*dict.fromkeys([by, "frame", *columns])])
-            if between is not None:
-                frame = rows.column("frame").to_numpy()
-                rows = rows.filter(pa.array((frame >= between[0]) & (frame <= between[1])))
-            for name, numbers in _by_name(rows, by, columns).items():
-                pieces.setdefault(name, []).append(numbers)
-    found = {name: np.concatenate(pieces.pop(name)) for name in list(pieces)}
-    for name, own in found.items():
-        if n_frames is not None and len(own) != n_frames:
-            raise TableError(
-                f"{path}: {task}{trial and ', '}{trial}, {name}: has {len(own)} frames and the recording "
-                f"{n_frames}; remove it and run the study again"
-            )
-    return found
+    with open_parts(path, table) as parts:
+        return parts.recording(part, task, trial, by, columns, n_frames, between)
 
 
-def _by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
-    """Columns (N, C) of the rows of each name, in the order in which names appear."""
-    numbers = np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
+def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
+    """Columns (N, C) of the rows of each name in the column `by`, in the order in which names appear."""
+    numbers = _numbers(rows, columns)
     names = rows.column(by).combine_chunks().dictionary_encode()
     codes = names.indices.to_numpy()
     return {name: numbers[codes == code] for code, name in enumerate(names.dictionary.to_pylist())}
+
+
+def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:
+    return np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
 
 
 def _named_keys(table: Table, part: Part) -> dict[str, str]:
@@ -211,43 +339,3 @@ def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
         raise TableError(
             f"{path}: does not list its parts ({error!r}); remove it and run the study again"
         ) from error
-
-
-def _filtered(
-    path: Path,
-    file: pq.ParquetFile,
-    groups: Sequence[int],
-    keys: Mapping[str, str],
-    columns: Sequence[str] | None,
-) -> pa.Table:
-    """Rows with those keys of those row groups."""
-    wanted = None if columns is None else [*dict.fromkeys([*keys, *columns])]
-    with naming_damage(path):
-        rows = file.read_row_groups(groups, wanted, use_threads=False)
-    matches = np.ones(rows.num_rows, bool)
-    for name, value in keys.items():
-        matches &= pc.equal(rows.column(name), value).to_numpy()
-    rows = rows if matches.all() else rows.filter(pa.array(matches))
-    return rows if columns is None else rows.select(list(columns))
-
-
-def _groups_with(
-    file: pq.ParquetFile, keys: Mapping[str, str], between: Mapping[str, tuple[int, int]] | None = None
-) -> list[int]:
-    """Row groups that may hold rows with those keys, and with a number between those two."""
-    wanted = {name: (value, value) for name, value in keys.items()} | dict(between or {})
-    groups = range(file.num_row_groups)
-    return [group for group in groups if _may_hold(file.metadata.row_group(group), wanted)]
-
-
-def _may_hold(group: pq.RowGroupMetaData, wanted: Mapping[str, tuple[Any, Any]]) -> bool:
-    """Whether the least and the largest values of a row group leave room for what is wanted."""
-    for index in range(group.num_columns):
-        column = group.column(index)
-        ends = wanted.get(column.path_in_schema)
-        known = column.statistics
-        if ends is None or known is None or not known.has_min_max:
-            continue
-        if known.min > ends[1] or known.max < ends[0]:
-            return False
-    return True

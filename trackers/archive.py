@@ -59,6 +59,7 @@ class ArchiveWriter:
 
     about : JSON types that say what the recording is (port, program's options, note); kept in the schema.
     utc_offset_ns : gives UTC minus monotonic time; another one makes an archive that is the same every time.
+    waiting_bytes : what the next `flush` will append, without what stands beside it.
 
     Raises InputError where the file exists already or cannot be written; when the disk is full, `flush`
     raises OSError and the file ends with the last whole batch.
@@ -73,6 +74,7 @@ class ArchiveWriter:
         self.path = path
         self._utc_offset_ns = utc_offset_ns
         self._rows: list[tuple[int, int, int, bytes]] = []
+        self.waiting_bytes = 0
         self._schema = _schema(about)
         self._synced = 0.0
         try:
@@ -118,6 +120,7 @@ class ArchiveWriter:
             ]
             self._append(pa.record_batch(arrays, schema=self._schema).serialize().to_pybytes())
             self._rows.clear()
+            self.waiting_bytes = 0
         if time.monotonic() - self._synced >= SYNC_SECONDS:
             self._sync()
 
@@ -131,8 +134,14 @@ class ArchiveWriter:
         finally:
             os.close(self._file)
 
+    def discard(self) -> None:
+        """Leave no file: nothing was recorded, and the next attempt may use the name."""
+        os.close(self._file)
+        self.path.unlink(missing_ok=True)
+
     def _add(self, kind: int, data: bytes, host_ns: int) -> None:
         self._rows.append((host_ns, self._utc_offset_ns(), kind, data))
+        self.waiting_bytes += len(data)
 
     def _append(self, data: bytes) -> None:
         """Write all of it or nothing: half a batch would hide what follows."""

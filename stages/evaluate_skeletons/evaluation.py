@@ -9,7 +9,13 @@ from schemas.plan import SubjectPlan
 from schemas.poses import RecordingName
 from schemas.study import Recording
 from stages.evaluate_skeletons.references import distal_receiver_row, true_skeleton_row
-from stages.evaluate_skeletons.scored_skeleton import Row, ScoredSkeleton, read_prior, read_skeleton
+from stages.evaluate_skeletons.scored_skeleton import (
+    OpenTables,
+    Row,
+    ScoredSkeleton,
+    read_prior,
+    read_skeleton,
+)
 from stages.evaluate_skeletons.scores import EvaluatedRecording, evaluated_recording, score_skeleton
 from stages.evaluate_skeletons.truth import Truth, read_truth
 from stages.evaluate_skeletons.truth_errors import joint_errors, truth_for
@@ -20,14 +26,15 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
 
     Raises TableError where a table is not what it should be, InputError where a truth is not.
     """
-    skeletons = [read_skeleton(plan, part) for part in plan.parts() if part.hand == hand]
-    skeletons += filter(None, [read_prior(plan, hand)])
     truths = _truths(plan, hand)
-    scores = [
-        row
-        for recording in plan.evaluated(hand)
-        for row in _score_rows(evaluated_recording(plan, recording, truths.get(recording)), skeletons)
-    ]
+    with OpenTables() as tables:
+        skeletons = [read_skeleton(tables, plan, part) for part in plan.parts() if part.hand == hand]
+        skeletons += filter(None, [read_prior(tables, plan, hand)])
+        scores = [
+            row
+            for recording in plan.evaluated(hand)
+            for row in _score_rows(evaluated_recording(plan, recording, truths.get(recording)), skeletons)
+        ]
     errors = []
     for skeleton in skeletons:
         truth = truth_for(skeleton.tasks, list(truths.values()))

@@ -16,7 +16,7 @@ from stages.evaluate_skeletons.scores import (
     true_tip_numbers,
     wrist_mcp_sd,
 )
-from stages.evaluate_skeletons.truth import at_frames, directions
+from stages.evaluate_skeletons.truth import at_frames
 
 DISTAL_RECEIVER, TRUE_SKELETON = "distal-receiver", "true-skeleton"
 
@@ -52,7 +52,7 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None
         return None
     measured = [name for name in digit.segments if recording.layout.segments[name].measured]
     usable = all_valid(poses, (digit.base, *measured))
-    bone = true.metacarpal_mm * directions(at_frames(true.metacarpal, true.frame, poses.frame))
+    bone = true.metacarpal_mm * at_frames(true.metacarpal, true.frame, poses.frame)
     replayed = ride(poses, digit.base, _true_base(digit, joints, bone, poses)) + bone
     for segment in digit.segments[1:-1]:
         replayed = replayed + rotate(

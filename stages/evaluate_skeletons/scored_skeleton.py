@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,10 +19,10 @@ from schemas.catalogue import (
     TIPS,
 )
 from schemas.errors import InputError, TableError
-from schemas.parts import Part, read_part, read_recording
+from schemas.parts import Part, PartsReader, open_parts
 from schemas.plan import SubjectPlan
 from schemas.poses import RecordingName
-from schemas.tables import Table, rows_of
+from schemas.tables import Table
 from skeleton.digit_chain import Rows
 from skeleton.rotations import Array
 
@@ -57,25 +58,42 @@ def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
         return None
 
 
+class OpenTables(ExitStack):
+    """A subject's tables, shared by all skeletons: each opened when first read, and closed with this."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._readers: dict[Path, PartsReader] = {}
+
+    def reader(self, path: Path, table: Table) -> PartsReader:
+        """Give the table of that file. Raises InputError as `open_parts` does."""
+        if path not in self._readers:
+            self._readers[path] = self.enter_context(open_parts(path, table))
+        return self._readers[path]
+
+
 @dataclass(frozen=True)
 class PartTable:
     """A table's file, and the part of it that is read; a part that failed is empty, its message a reason."""
 
+    tables: OpenTables
     path: Path
     table: Table
     part: Part
 
-    def rows(self, key: str, reasons: list[str]) -> dict[str, Row]:
-        """Rows of the part, by a column."""
-        rows = readable(lambda: rows_of(read_part(self.path, self.table, self.part)), reasons)
-        return {row[key]: row for row in rows or ()}
+    def rows(self, reasons: list[str]) -> list[Row]:
+        """Rows of the part."""
+        return readable(lambda: self._reader().rows(self.part), reasons) or []
 
     def columns(
         self, name: RecordingName, by: str, columns: Sequence[str], reasons: list[str]
     ) -> dict[str, Array]:
         """Numbers (T, columns) of one recording by digit or segment."""
-        key = (self.path, self.table, self.part, name.task, name.trial, by, columns)
-        return readable(lambda: read_recording(*key), reasons) or {}
+        key = (self.part, name.task, name.trial, by, columns)
+        return readable(lambda: self._reader().recording(*key), reasons) or {}
+
+    def _reader(self) -> PartsReader:
+        return self.tables.reader(self.path, self.table)
 
 
 @dataclass(frozen=True)
@@ -108,18 +126,18 @@ class ScoredSkeleton:
         return self.reference or name.task not in self.tasks
 
 
-def read_skeleton(plan: SubjectPlan, part: Part) -> ScoredSkeleton:
+def read_skeleton(tables: OpenTables, plan: SubjectPlan, part: Part) -> ScoredSkeleton:
     """Read the short tables of a skeleton; `message` says which parts failed.
 
     Raises TableError where a table is not what it should be.
     """
 
     def of(table: Table) -> PartTable:
-        return PartTable(plan.table(table.name), table, part)
+        return PartTable(tables, plan.table(table.name), table, part)
 
     reasons: list[str] = []
-    stated = Stated(of(JOINT_CENTRES).rows("joint", reasons), of(BONE_LENGTHS).rows("bone", reasons))
-    errors = readable(lambda: rows_of(read_part(plan.table(TIP_ERRORS.name), TIP_ERRORS, part)), reasons)
+    stated = _stated(of, reasons)
+    errors = of(TIP_ERRORS).rows(reasons)
     model = plan.models[part.model]
     posed_tips = plan.fit_table(part.hand, part.model, POSED_TIPS.name)
     calibrating = plan.calibrating(part.hand, part.model, part.made_without)
@@ -130,13 +148,13 @@ def read_skeleton(plan: SubjectPlan, part: Part) -> ScoredSkeleton:
         stated=stated,
         tips=of(TIPS),
         metacarpals=of(METACARPALS),
-        posed_tips=None if model.fitting is None else PartTable(posed_tips, POSED_TIPS, part),
-        tip_messages={(row["task"], row["trial"], row["digit"]): row["message"] for row in errors or ()},
+        posed_tips=None if model.fitting is None else PartTable(tables, posed_tips, POSED_TIPS, part),
+        tip_messages={(row["task"], row["trial"], row["digit"]): row["message"] for row in errors},
         message=joined(reasons),
     )
 
 
-def read_prior(plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
+def read_prior(tables: OpenTables, plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
     """Read the hand that anatomy expects, as `stages.fit_hand.prior` wrote it, a reference for all models.
 
     None for a layout whose digits have no known anatomy; a hand that failed has no tables and a message.
@@ -147,10 +165,11 @@ def read_prior(plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
         return None
 
     def of(table: Table) -> PartTable:
-        return PartTable(plan.table(f"prior_{PRIOR_NAMES.get(table.name, table.name)}"), table, part)
+        path = plan.table(f"prior_{PRIOR_NAMES.get(table.name, table.name)}")
+        return PartTable(tables, path, table, part)
 
     reasons: list[str] = []
-    stated = Stated(of(JOINT_CENTRES).rows("joint", reasons), of(BONE_LENGTHS).rows("bone", reasons))
+    stated = _stated(of, reasons)
     unknown = "no published anatomy of this digit"
     return ScoredSkeleton(
         part=part,
@@ -168,6 +187,11 @@ def read_prior(plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
         message=joined(reasons),
         reference=True,
     )
+
+
+def _stated(of: Callable[[Table], PartTable], reasons: list[str]) -> Stated:
+    joints, bones = of(JOINT_CENTRES).rows(reasons), of(BONE_LENGTHS).rows(reasons)
+    return Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
 
 
 def joined(reasons: Sequence[str]) -> str:

@@ -108,13 +108,15 @@ def tip_numbers(replayed: Array | None, own: Array | None) -> Row:
     """
     nothing = np.empty(0)
     replay = nothing if replayed is None else known(replayed[:, 0])
+    row = mean_and_p95("replay", replay)
     if own is replayed:
-        left_out, posed = replay, nothing
+        posed, left_out = nothing, {name.replace("replay", "left_out"): row[name] for name in row}
     else:
-        left_out, posed = (nothing, nothing) if own is None else (known(own[:, -1]), known(own[:, 0]))
+        posed, tried = (nothing, nothing) if own is None else (known(own[:, 0]), own[:, -1])
+        left_out = mean_and_p95("left_out", tried)
     return {
-        **mean_and_p95("replay", replay),
-        **mean_and_p95("left_out", left_out),
+        **row,
+        **left_out,
         "posed_mean_mm": float(posed.mean()) if len(posed) else None,
         "n_frames": max(len(replay), len(posed)),
     }
@@ -128,9 +130,9 @@ def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigi
 
 def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> float | None:
     """Mean angle between unit directions (T, 3) and the metacarpal's true ones; None without a frame."""
-    truth = directions(at_frames(true.metacarpal, true.frame, frame))
-    across = np.linalg.norm(np.cross(direction, truth), axis=-1)
-    angle = known(np.degrees(np.arctan2(across, (direction * truth).sum(-1))))
+    truth = at_frames(true.metacarpal, true.frame, frame)
+    apart, together = (np.linalg.norm(own, axis=-1) for own in (direction - truth, direction + truth))
+    angle = known(np.degrees(2 * np.arctan2(apart, together)))
     return float(angle.mean()) if len(angle) else None
 
 

@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIPS
 from schemas.errors import InputError
+from schemas.parts import numbers_by_name
 from schemas.poses import Poses, RecordingName
-from schemas.tables import Table, column_array, read_table, rows_of
+from schemas.tables import Table, read_table, rows_of
 from skeleton.rotations import Array, rotate
 from stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, Stated
 
@@ -28,7 +29,7 @@ class TrueDigit:
     """One digit over the T frames of a recording, in the transmitter's frame.
 
     frame : (T,) in increasing order. tip_mm : (T, 3) end of the distal bone; to_receiver_mm : (T,) its
-    distance to the distal receiver as recorded. metacarpal : (T, 4) bone (x distal) to transmitter;
+    distance to the distal receiver as recorded. metacarpal : (T, 3) where the bone points, a unit vector;
     metacarpal_mm : its length, CMC to MCP.
     """
 
@@ -95,6 +96,8 @@ def at_frames(values: Array, known: npt.NDArray[np.int64], wanted: npt.NDArray[n
     """Rows of `values` (T, ...), which are of the frames `known` (in increasing order), at the frames wanted;
     NaN where one is not known.
     """
+    if np.array_equal(known, wanted):
+        return values
     if not len(known):
         return np.full((len(wanted), *values.shape[1:]), np.nan)
     place = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
@@ -115,17 +118,15 @@ def _digits(folder: Path) -> dict[str, TrueDigit]:
     for digit in tips.keys() & metacarpals.keys():
         tip, bone = tips[digit], metacarpals[digit]
         frame = tip[:, 0].astype(np.int64)
-        quaternion = at_frames(bone[:, 1:5], bone[:, 0].astype(np.int64), frame)
-        digits[digit] = TrueDigit(frame, tip[:, 1:4], tip[:, 4], quaternion, float(bone[0, 5]))
+        metacarpal = at_frames(directions(bone[:, 1:5]), bone[:, 0].astype(np.int64), frame)
+        digits[digit] = TrueDigit(frame, tip[:, 1:4], tip[:, 4], metacarpal, float(bone[0, 5]))
     return digits
 
 
 def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, Array]:
     """Numbers (T, columns) of each digit."""
     rows = read_table(folder / f"{table.name}.parquet", table, ["digit", *columns])
-    numbers = np.stack([np.asarray(column_array(rows, name), float) for name in columns], -1)
-    digits = np.array(rows.column("digit").to_pylist(), object)
-    return {digit: numbers[digits == digit] for digit in dict.fromkeys(digits)}
+    return numbers_by_name(rows, "digit", columns)
 
 
 def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str, str], shift: int) -> float:

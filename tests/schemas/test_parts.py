@@ -16,6 +16,7 @@ from schemas.parts import (
     PARTS_KEY,
     Part,
     one_hand_of,
+    open_parts,
     part_metadata,
     parts_writer,
     read_part,
@@ -74,6 +75,17 @@ def test_parts_come_back_with_their_parameters(short: Path) -> None:
     }
     assert read_table(short, SHORT).num_rows == 3
     assert pq.ParquetFile(short).num_row_groups == 1
+
+
+def test_parts_of_a_table_that_stays_open(short: Path) -> None:
+    """The same rows and the same refusals as part by part."""
+    with open_parts(short, SHORT) as parts:
+        for part in (WHOLE, LEFT, Part("left", "rigid", "rom", "01"), WHOLE):
+            assert parts.rows(part) == list(rows_of(read_part(short, SHORT, part)))
+        with pytest.raises(InputError, match=r"^no recording calibrates$"):
+            parts.rows(WITHOUT)
+        with pytest.raises(TableError, match=r"short.parquet: has no rows of subject 02"):
+            parts.rows(Part("right", "rigid", "", "02"))
 
 
 @pytest.mark.parametrize(
@@ -216,6 +228,20 @@ def test_one_recordings_numbers(long: Path) -> None:
     assert read_recording(long, METACARPALS, LEFT, "opposition", "", "digit", TURNS, 3) == {}
     metadata = pq.ParquetFile(long).metadata
     assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [5, 5, 4, 3, 5, 6]
+
+
+def test_recordings_that_share_a_row_group(tmp_path: Path, long: Path) -> None:
+    """Whatever wrote the file: rows of another recording, part or digit beside them are nobody else's."""
+    path, rows = tmp_path / "together.parquet", pq.read_table(long)
+    listed = pq.read_metadata(long).metadata[PARTS_KEY.encode()]
+    pq.write_table(rows.replace_schema_metadata(rows.schema.metadata | {PARTS_KEY: listed}), path)
+    assert pq.read_metadata(path).num_row_groups == 1
+    for part, task, trial, digit in LONG:
+        found = read_recording(path, METACARPALS, part, task, trial, "digit", TURNS)
+        assert set(found) == {own[3] for own in LONG if own[:3] == (part, task, trial)}
+        np.testing.assert_array_equal(found[digit], LONG[part, task, trial, digit])
+    between = read_recording(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], between=(2, 3))
+    np.testing.assert_array_equal(between["index"][:, 0], LONG[LEFT, "rom", "", "index"][2:4, 0])
 
 
 def test_other_numbers_of_frames_are_refused(long: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -144,7 +145,9 @@ class ChunkDecoder:
         if len(records):
             arrival = np.searchsorted(self._ends, records.offset + records.size)
             host_ns = np.array(self._arrivals, np.int64)[arrival]
-            first = int(arrival[-1])
-            del self._ends[:first], self._arrivals[:first]
+        skipped_to = decoded.skipped[-1].offset + decoded.skipped[-1].size if decoded.skipped else 0
+        decided = max(skipped_to, int((records.offset + records.size).max(initial=0)))
+        first = bisect_left(self._ends, decided)
+        del self._ends[:first], self._arrivals[:first]
         records, host_ns, out_of_order = self._counter.number(decoded, host_ns, final=final)
         return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)

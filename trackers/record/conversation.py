@@ -15,6 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
+from schemas.errors import InputError
 from trackers.record.port import Port, PortGoneError
 
 if TYPE_CHECKING:
@@ -24,6 +25,16 @@ Answer = TypeVar("Answer")
 
 SILENCE_S = 0.3
 """A tracker that sends nothing for so long does not stream."""
+
+
+MOST_WAITING_BYTES = 16 << 20
+"""What comes while so much waits to be kept is dropped and counted: half a minute of the fastest tracker."""
+
+MOST_BEFORE_FRAMES_BYTES = 32 << 20
+"""No tracker sends so much while it is set up, not even one that was left streaming."""
+
+ANSWER_BYTES = 1 << 16
+"""No answer is longer."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +53,8 @@ class Conversation:
     """A port that is read from now on until `close`, whoever listens.
 
     archive : keeps all that passes, where that is wanted. stopped() : whether the user has asked for the end.
-    gone : why the port is gone, and when [ns]; None while it is there.
+    gone : why the port is gone, and when [ns]; None while it is there. dropped_bytes : that came faster than
+    they could be kept. frames_began : whether any number of bytes may come.
     """
 
     def __init__(
@@ -53,6 +65,10 @@ class Conversation:
     ) -> None:
         self.port = port
         self.gone: tuple[str, int] | None = None
+        self.dropped_bytes = 0
+        self.frames_began = False
+        self._queued_bytes = 0  # of the reader's thread alone, as the other is of the listener's
+        self._taken_bytes = 0
         self._archive = archive
         self._stopped = stopped
         self._chunks: queue.SimpleQueue[Chunk] = queue.SimpleQueue()
@@ -72,7 +88,10 @@ class Conversation:
             except PortGoneError as error:
                 self.gone = (str(error), time.monotonic_ns())
                 return
-            if data:
+            if self._queued_bytes - self._taken_bytes > MOST_WAITING_BYTES:
+                self.dropped_bytes += len(data)
+            elif data:
+                self._queued_bytes += len(data)
                 self._chunks.put(Chunk(data, time.monotonic_ns()))
 
     def send(self, data: bytes) -> int:
@@ -84,12 +103,12 @@ class Conversation:
         return host_ns
 
     def keep(self, wait_s: float = 0.0) -> list[Chunk]:
-        """Keep all that came, and give it; waits so long for a first chunk."""
+        """Keep all that has come by now, and give it; waits so long for a first chunk."""
         chunks = []
         with suppress(queue.Empty):
             chunks.append(self._chunks.get(timeout=wait_s) if wait_s > 0 else self._chunks.get_nowait())
-            while True:
-                chunks.append(self._chunks.get_nowait())
+            chunks += [self._chunks.get_nowait() for _ in range(self._chunks.qsize())]
+        self._taken_bytes += sum(len(chunk.data) for chunk in chunks)
         if self._archive is not None:
             for chunk in chunks:
                 self._archive.received(chunk.data, chunk.host_ns)
@@ -98,7 +117,8 @@ class Conversation:
     def receive(self, wait_s: float) -> bytes:
         """Give the bytes that came.
 
-        Raises PortGoneError where no more can come, StoppedError where none is wanted.
+        Raises PortGoneError where no more can come, StoppedError where none is wanted, InputError where more
+        has come than a tracker sends while it is set up.
         """
         return b"".join(chunk.data for chunk in self.listen(wait_s))
 
@@ -109,6 +129,11 @@ class Conversation:
             raise PortGoneError(self.gone[0])
         if self._stopped():
             raise StoppedError
+        if self._taken_bytes > MOST_BEFORE_FRAMES_BYTES and not self.frames_began:
+            raise InputError(
+                f"{self.port.name}: what answers is no tracker: it sent {self._taken_bytes >> 20} MB before "
+                "it could be set up; check --port"
+            )
         return chunks
 
     def finish(self) -> None:
@@ -144,4 +169,5 @@ class Conversation:
                 answer = answer_in(got)
                 if answer is not None:
                     return answer
+                got = got[-ANSWER_BYTES:]
         return None

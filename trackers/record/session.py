@@ -31,8 +31,10 @@ FLUSH_S = 0.25
 VIEW_S = 0.2
 LOG_S = 1.0
 CLOCK_JUMP_NS = 100_000_000
-LAST_BYTES_S = 2.0
+LAST_BYTES_S = 0.5
 SILENCE_S = 0.3
+MOST_WAITING_BYTES = 8 << 20
+"""More is written and decoded before its time, so that memory has a bound whatever comes."""
 
 PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 
@@ -84,7 +86,7 @@ def record(
             archive.flush()
             _count_down(plan.countdown_s, terminal, stop, conversation)
         except BaseException as error:  # no file stays where there is no frame
-            _abandon(archive, conversation.gone)
+            archive.discard()
             if isinstance(error, StoppedError):
                 return Ending(stop.reason, False, None)
             if isinstance(error, PortGoneError):
@@ -129,13 +131,6 @@ def _count_down(seconds: int, terminal: Terminal, stop: StopRequest, conversatio
             conversation.receive(min(rest, TICK_S))
 
 
-def _abandon(archive: ArchiveWriter, gone: tuple[str, int] | None) -> None:
-    """Leave no file where there is no frame: the next attempt may use the name again."""
-    with suppress(OSError):
-        archive.close({"reason": gone[0] if gone else "not started"}, time.monotonic_ns())
-    archive.path.unlink(missing_ok=True)
-
-
 @dataclass
 class _Session:
     """From the first frame to the last."""
@@ -150,6 +145,7 @@ class _Session:
     _utc_offset_ns: Callable[[], int]
     _view_failed: bool = False
     _failure: str = ""
+    _dropped_bytes: int = 0
     _absent: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
@@ -190,6 +186,7 @@ class _Session:
             self._archive.close({"reason": f"internal error ({error!r})"}, time.monotonic_ns())
 
     def _start(self) -> None:
+        self._conversation.frames_began = True
         self._conversation.keep()
         now_ns = time.monotonic_ns()
         for note in self._plan.notes:
@@ -242,7 +239,22 @@ class _Session:
         if not self._view_failed:
             for chunk in chunks:
                 self._decoder.add(chunk.data, chunk.host_ns)
+        if self._archive.waiting_bytes > MOST_WAITING_BYTES:
+            self._flush()
+        if self._decoder.waiting_bytes > MOST_WAITING_BYTES:
+            self._guarded(self._look)
+        self._watch_dropped()
         return chunks
+
+    def _watch_dropped(self) -> None:
+        """Note what came faster than it could be kept."""
+        dropped = self._conversation.dropped_bytes - self._dropped_bytes
+        if not dropped:
+            return
+        if not self._dropped_bytes:
+            self._notice("bytes come faster than they can be kept; some are lost")
+        self._dropped_bytes += dropped
+        self._archive.event("bytes-dropped", time.monotonic_ns(), bytes=dropped)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do something for the eyes: a fault in it is reported, ends the view, and never costs a byte."""
@@ -321,6 +333,8 @@ class _Session:
         self._guarded(lambda: self._count(final=True))
         totals = self._statistics.totals(end_ns)
         self._notices += display.advice(totals, self._settings)
+        if self._dropped_bytes:
+            self._notices.append(f"{self._dropped_bytes} bytes came faster than they could be kept; lost")
         reason = self._failure or self._stop.reason
         try:
             self._archive.close({"reason": reason, "notices": self._notices, **totals}, time.monotonic_ns())
@@ -331,9 +345,14 @@ class _Session:
         return Ending(reason, bool(self._failure), totals, tuple(self._notices))
 
     def _keep_last(self) -> None:
-        """Keep what still comes until the tracker is silent."""
+        """Keep what still comes until the tracker is silent; what comes in a flood is no last bytes."""
         heard = start = time.monotonic()
-        while time.monotonic() - start < LAST_BYTES_S and time.monotonic() - heard < SILENCE_S:
+        dropped = self._conversation.dropped_bytes
+        while (
+            self._conversation.dropped_bytes == dropped
+            and time.monotonic() - start < LAST_BYTES_S
+            and time.monotonic() - heard < SILENCE_S
+        ):
             if self._keep(TICK_S):
                 heard = time.monotonic()
             elif self._conversation.gone:

@@ -14,7 +14,7 @@ from stages.evaluate_skeletons.scores import (
     true_tip_numbers,
     wrist_mcp_sd,
 )
-from stages.evaluate_skeletons.truth import TrueDigit, at_frames, directions
+from stages.evaluate_skeletons.truth import DISTAL, TrueDigit, at_frames, directions
 
 LAYOUT = read_layout("liberty16")
 NAN = float("nan")
@@ -27,7 +27,7 @@ def turned(*degrees: float) -> np.ndarray:
 
 def true_digit(frame: list[int], tip_mm: list[list[float]]) -> TrueDigit:
     n = len(frame)
-    return TrueDigit(np.array(frame), np.array(tip_mm), np.zeros(n), np.tile(UPRIGHT, (n, 1)), 60.0)
+    return TrueDigit(np.array(frame), np.array(tip_mm), np.zeros(n), np.tile(DISTAL, (n, 1)), 60.0)
 
 
 def test_a_replay_is_its_own_left_out_error() -> None:
