@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
+from schemas.parquet_files import naming_damage, open_parquet
 from stages.capture.formats.cells import Cells
 from stages.capture.formats.text_table import open_tidy_csv
 from stages.capture.samples import (
@@ -56,7 +57,7 @@ def csv_blocks(path: Path) -> Iterator[Cells]:
 def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
     """Give the columns of a tidy recording, some rows at a time, in whatever number types they are."""
     start = 0
-    with open_parquet(path) as file:
+    with open_recording(path) as file:
         names = wanted_columns(path, file.schema_arrow.names)
         for batch in file.iter_batches(block_rows, columns=names):
             yield Cells(path, pa.Table.from_batches([batch]), partial(_numbered_row, path, start))
@@ -68,15 +69,14 @@ def _numbered_row(path: Path, start: int, row: int) -> str:
 
 
 @contextmanager
-def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
+def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a Parquet file. Raises InputError where it is absent, is none or is damaged further on."""
-    try:
-        with pq.ParquetFile(path, buffer_size=_READ_BYTES, pre_buffer=False) as file:
-            yield file
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected a recording") from error
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{path}: not a readable Parquet file ({error}); copy it again") from error
+    expected, remedy = "a recording", "copy it again"
+    with (
+        naming_damage(path, InputError, remedy),
+        open_parquet(path, expected, InputError, remedy, _READ_BYTES) as file,
+    ):
+        yield file
 
 
 def _parts(blocks: Iterable[Cells], path: Path, layout: Layout) -> Iterator[Samples]:
