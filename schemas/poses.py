@@ -20,7 +20,8 @@ import pyarrow.parquet as pq
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
-from schemas.parquet_files import naming_damage
+from schemas.layout import Layout
+from schemas.parquet_files import naming_damage, open_parquet
 from schemas.tables import column_array, open_table, read_metadata
 
 Array = npt.NDArray[np.float64]
@@ -171,6 +172,22 @@ def pose_blocks(
                     known = block.time_s[at]
                     np.copyto(known, piece["time_s"], where=np.isnan(known))
             yield block
+
+
+def check_layout(path: Path, layout: Layout) -> None:
+    """Raise TableError where a poses file was made with another layout and lacks segments of this one.
+
+    A layout that measures fewer of the segments will do.
+    """
+    with open_parquet(path, f"a {POSES.name} table") as file:  # also one without rows
+        segments = _row_groups(path, file)
+    made_with = read_metadata(path)["parameters"].get("layout", layout.name)
+    lacking = [name for name in layout.measured if name not in segments]
+    if segments and made_with != layout.name and lacking:
+        raise TableError(
+            f"{path}: was imported with layout {made_with} and has no {lacking[0]}; layout {layout.name} "
+            f"measures {', '.join(layout.measured)}; import the recording with it"
+        )
 
 
 def frame_count(path: Path) -> int:
