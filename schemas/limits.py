@@ -27,11 +27,16 @@ CONFIG_DEPTH = 40
 CONFIG_VALUES = 100_000
 """Values in a configuration, an alias counted as all that it stands for."""
 
+LARGEST_WHOLE = 10**18
+"""A whole number in a configuration: what a column of a table holds."""
+
+LINE_LETTERS = 1_000_000
+"""A line of a table: sixteen receivers' poses take 2000."""
+
 SHEET_BYTES = 50 * 10**6
-NAME_LETTERS = 100
-"""A subject's, a task's, a study's name: it becomes a part of a path."""
-CELL_LETTERS = 100_000
-COLUMNS = 20_000
+FILE_NAME_BYTES = 255
+NAMES_BYTES = 180
+"""Subject, task and trial together, as they stand in the name of a file, which takes 255 and says more."""
 
 FARTHEST_MM = 100_000.0
 """No tracker reaches a hundred metres; squares of much larger numbers overflow."""
@@ -50,7 +55,10 @@ def check_regular(path: Path, expected: str) -> int:
 
     Raises InputError where it is no regular file, FileNotFoundError and other OSErrors as the system does.
     """
-    found = path.stat()
+    try:
+        found = path.stat()
+    except ValueError as error:  # a zero byte in the path
+        raise InputError(f"{path}: no file can have this name; expected {expected}") from error
     if not stat.S_ISREG(found.st_mode):
         kind = _KINDS.get(stat.S_IFMT(found.st_mode), "no regular file")
         raise InputError(f"{path}: is {kind}; expected {expected}, a regular file")

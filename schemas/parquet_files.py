@@ -20,10 +20,13 @@ import pyarrow.parquet as pq
 
 from schemas.errors import InputError, TableError
 from schemas.files import file_state
+from schemas.limits import check_expansion, check_regular
+from schemas.text_files import reading
 
 _MARK = b"SHUKOTSU SHA-256"
 _DIGEST_BYTES = 32
 _PIECE_BYTES = 1 << 20
+_VALUE_BYTES = 8
 _END_BYTES = 8
 """The footer's length and the letters that end every Parquet file."""
 
@@ -85,20 +88,25 @@ def open_parquet(
     """Open a Parquet file for reading piece by piece; `expected` and `remedy` are for the sentences.
 
     buffer_size : how many bytes of a column are read at a time, 0 for all of a row group's.
-    Raises `error` where the file is absent, is none, or is damaged.
+    Raises `error` where the file is absent, is none, is damaged, or holds far more than its size.
     """
     try:
-        with naming_damage(path, error, remedy, "not a readable Parquet file"):
+        with reading(path, expected), naming_damage(path, error, remedy, "not a readable Parquet file"):
+            check_regular(path, expected)
             if not is_intact(path):
                 raise error(f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy}")
-            return pq.ParquetFile(
+            file = pq.ParquetFile(
                 path,
                 buffer_size=buffer_size,
                 pre_buffer=False,  # not far ahead: some are read in parts
                 page_checksum_verification=True,
             )
-    except FileNotFoundError as absent:
-        raise error(f"{path}: no such file; expected {expected}") from absent
+        check_expansion(path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy)
+    except error:
+        raise
+    except InputError as refused:
+        raise error(str(refused)) from refused
+    return file
 
 
 @contextmanager
@@ -111,7 +119,7 @@ def naming_damage(
     """Turn what goes wrong when a Parquet file is read into an `error` that names it."""
     try:
         yield
-    except (FileNotFoundError, MemoryError):
+    except (FileNotFoundError, InputError, MemoryError):
         raise
     except (OSError, ValueError, pa.ArrowException) as damage:
         raise error(f"{path}: {what} ({damage}); {remedy}") from damage

@@ -26,6 +26,7 @@ from schemas import PROGRAM, VERSION
 from schemas.errors import InputError
 from schemas.limits import check_regular
 from schemas.tables import METADATA_KEY
+from schemas.text_files import reading
 
 SCHEMA_NAME, SCHEMA_VERSION = "capture", 2
 FIRST_VERSION = 1
@@ -256,14 +257,11 @@ class Archive:
 
 def open_archive(path: Path) -> Archive:
     """Open an archive. Raises InputError where the file is absent or does not begin as one."""
-    try:
-        check_regular(path, "a raw capture")
+    with reading(path, "a raw capture"):
+        if not check_regular(path, "a raw capture"):
+            raise InputError(f"{path}: is empty; expected a raw capture")
         with path.open("rb") as file:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected a raw capture") from error
-    except (OSError, ValueError) as error:  # ValueError: an empty file
-        raise InputError(f"{path}: cannot be read ({error}); expected a raw capture") from error
     buffer = pa.py_buffer(mapped)
     not_one = InputError(f"{path}: does not begin as a raw capture does; expected what `record` writes")
     schema, first = _schema_at_start(buffer)
