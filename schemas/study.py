@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from schemas.config_files import check_config, config_path, read_config
-from schemas.errors import InputError, guess
+from schemas.errors import InputError, guess, listed
 from schemas.layout import Layout, read_layout
+from schemas.limits import NAMES_BYTES
 from schemas.model import SkeletonModel, read_model
 from schemas.sheets import HAND_SHEETS, RECORDINGS, SHEETS, Row, read_sheet
 
@@ -98,7 +99,7 @@ class Study:
         recordings = tuple(r for r in self.recordings if r.hand.subject == subject)
         if not recordings:
             raise InputError(
-                f"study {self.name}: has no subject {subject!r}; expected one of {', '.join(self.subjects)}"
+                f"study {self.name}: has no subject {subject!r}; expected one of {listed(self.subjects)}"
             )
         return replace(self, recordings=recordings)
 
@@ -224,6 +225,13 @@ def _recordings(sheet: Path, folder: Path, layout: Path) -> tuple[Recording, ...
             raise InputError(
                 f"{sheet}: row {row.line}, column layout: {own.stem} has other bodies, joints or digits than "
                 f"{first.stem}, the layout of row {line}; layouts of a hand may differ in the receivers worn"
+            )
+        names = (recording.hand.subject, recording.task, recording.trial)
+        n_bytes = sum(len(path_token(name).encode()) for name in names)
+        if n_bytes > NAMES_BYTES:
+            raise InputError(
+                f"{sheet}: row {row.line}: subject, task and trial have {n_bytes} bytes in the names of "
+                f"files; expected at most {NAMES_BYTES}"
             )
         line = paths.setdefault((recording.hand.folder.casefold(), recording.name.casefold()), row.line)
         if line != row.line:

@@ -103,12 +103,13 @@ def test_several_mistakes_are_told_together() -> None:
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no\.yaml: no such study file"):
+    with pytest.raises(InputError, match=r"no\.yaml: no such file; expected a study file"):
         read_config(tmp_path / "no.yaml", "study")
     (tmp_path / "latin.yaml").write_bytes(b"study: \xe9")
-    for path in (tmp_path, tmp_path / "latin.yaml"):
-        with pytest.raises(InputError, match="cannot be read as text"):
-            read_config(path, "study")
+    with pytest.raises(InputError, match=r"latin\.yaml: line 1: is not UTF-8 text; save it as UTF-8"):
+        read_config(tmp_path / "latin.yaml", "study")
+    with pytest.raises(InputError, match="is a folder; expected a study file, a regular file"):
+        read_config(tmp_path, "study")
 
 
 def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from stages.capture.formats.mapped import (
     samples_of_tracks,
 )
 from stages.capture.formats.orientation import quaternions
-from stages.capture.formats.text_table import TextTable, open_text
+from stages.capture.formats.text_table import TextTable, open_table_text
 from stages.capture.samples import Samples, did_you_mean
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -51,7 +51,7 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     mapping = required_mapping(path, mapping, "a table that is no tidy recording")
     mapped_segments(mapping, layout)
     table = mapping.details
-    text = open_text(path, table)
+    text = open_table_text(path, table)
     frame, receiver = (_title(text, table, key, f"{mapping.where}: csv") for key in ("frame", "receiver"))
     sources = _sources(text, mapping)
     titles = [title for title in (frame, receiver) if title is not None]

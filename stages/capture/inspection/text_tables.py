@@ -12,7 +12,7 @@ from schemas.errors import InputError
 from schemas.layout import Layout
 from skeleton.rotations import Array
 from stages.capture.formats.cells import Cells
-from stages.capture.formats.text_table import open_text
+from stages.capture.formats.text_table import open_table_text
 from stages.capture.inspection.column_roles import Roles, find_roles
 from stages.capture.inspection.description import CHECK, Description, draft, extent_line, rate_line
 from stages.capture.inspection.text_form import TextForm, detect_form
@@ -28,7 +28,7 @@ REPEATED_SHARE = 0.2
 def describe_table(path: Path, layout: Layout) -> Description:
     """Say what the columns of a table seem to be. Raises InputError where the text is no table."""
     form = detect_form(path)
-    text = open_text(path, form.config())
+    text = open_table_text(path, form.config())
     cells = text.cells(text.titles)
     numbers = _numbers(cells, text.titles)
     roles = find_roles(text.titles, numbers)
