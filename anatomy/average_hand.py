@@ -76,6 +76,10 @@ class DigitAnatomy:
 MOUNT_SHARE, NAIL_SHARE = 0.5, 0.6
 """Of a bone's length at which its receiver sits; on the last bone the nail draws it distally (ours)."""
 
+NAIL_SLOPE_DEG = 6.0
+"""By which the back of a last phalanx falls towards its tip, and a receiver on it: 2.7 mm over the joint, 1.5
+half way along (CT)."""
+
 COVER_MM = 3.5
 """Skin and half a receiver's housing, between the bone and the point that is tracked (ours)."""
 
@@ -259,7 +263,7 @@ JOINT_SLIDE_SD_MM = 0.5
 
 # --- where receivers sit ---------------------------------------------------------------------------------
 
-MOUNT_SD_MM = (3.4, 1.7, 2.0)
+MOUNT_SD_MM = (3.5, 2.0, 2.0)
 """A receiver put on by eye: along the bone, across it, and in height over it (our trials; the housings of
 receivers are of several heights)."""
 

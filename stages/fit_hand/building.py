@@ -199,7 +199,8 @@ class Builder:
             skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
         for i, axis in enumerate(np.eye(3)):
-            turn = self._put_on(Amount(0.0, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
+            slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
+            turn = self._put_on(Amount(slope, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
             skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
             if i == 1 and own_tilt and drives and self.parts.skin:
                 ((_, people),) = self.shared(

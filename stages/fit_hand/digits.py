@@ -142,8 +142,9 @@ class _Joint:
     Flexion about an axis that may be tilted; abduction about the child's dorsal axis, carried by flexion, and
     axial rotation about its long axis, carried by both; a hinge has these too, within a few degrees, since
     its axis varies as it turns. Skew axes pass each other: the second, in the parent, carries the first, and
-    the centre is half way between them. CMC joints without a receiver pronate as they flex; where the layout has them still, they move too little to
-    be told from skin and are no joint of the tables, but their motion is not taken for that of another.
+    the centre is half way between them. CMC joints without a receiver pronate as they flex; where the layout
+    has them still, they move too little to be told from skin and are no joint of the tables, but their motion
+    is not taken for that of another.
     """
 
     def __init__(

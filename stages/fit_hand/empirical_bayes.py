@@ -32,6 +32,10 @@ unknowns are what a scale has whose logarithm differs by a half between people."
 LEAST_SAMPLES = 5.0
 _NO_MOTION = 1e-12
 
+PSEUDO_TURNS = 100.0
+"""Weight of a receiver's residual in position in that of its rotation, as of so many residuals: both grow
+together, and joints that turn about three axes leave next to nothing of a rotation unexplained."""
+
 SD_LIMITS = (0.02, 6.0)
 """No receiver's residual is trusted to be smaller or larger than so many times the published one: 0.01 mm are
 less than any tracker's noise."""
@@ -93,14 +97,16 @@ def residual_sd(
             ok = problem.frames.valid[:, s]
             if not ok.any():
                 continue
+            expected, pseudo = (
+                1.0,
+                PSEUDO_RESIDUALS,
+            )  # of the published variance: position first, then rotation
             for kind in (0, 1):
                 rows = slice(3 * kind, 3 * kind + 3)
-                squares = (
-                    float((weight[i, :, None] * r[i, :, rows] ** 2)[ok].sum()) * problem.sd[s, kind] ** 2
-                )
-                left = float((1 - leverage.reshape(len(ok), -1, 6)[:, i, rows])[ok].sum())
-                pseudo_squares = PSEUDO_RESIDUALS * published[s, kind] ** 2
-                variance = (squares + pseudo_squares) / (max(left, 0.0) + PSEUDO_RESIDUALS)
-                limits = np.array(SD_LIMITS) * published[s, kind]
-                out[s, kind] = np.clip(np.sqrt(variance), *limits)
+                squares = float((weight[i, :, None] * r[i, :, rows] ** 2)[ok].sum())
+                squares *= (problem.sd[s, kind] / published[s, kind]) ** 2
+                left = max(0.0, float((1 - leverage.reshape(len(ok), -1, 6)[:, i, rows])[ok].sum()))
+                share = (squares + pseudo * expected) / (left + pseudo)
+                out[s, kind] = published[s, kind] * np.clip(np.sqrt(share), *SD_LIMITS)
+                expected, pseudo = share, PSEUDO_TURNS
     return out
