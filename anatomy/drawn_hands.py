@@ -496,7 +496,8 @@ its bone's back 8 mm higher, skin and half a receiver), and how hands differ (ou
 # --- how skin moves receivers ----------------------------------------------------------------------------
 # Markers on a finger keep their spacing to 5 % in a pinch (Yang), 2 mm along a proximal phalanx; excursions
 # are linear in flexion with R^2 of 0.89 to 0.97 (Zhang), mostly along the bone, about a millimetre at
-# mid-bone. What is drawn saturates and lags, which no estimator assumes.
+# mid-bone. Three laws are drawn (`stages.simulate.moving_skin`): one saturates and lags in part; one bends,
+# is crossed and slips; one lags altogether and pulls neighbours.
 
 SLIDE_SD_MM = (1.0, 0.25, 0.4)
 """Of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
@@ -525,3 +526,21 @@ LAG_S, LAG_SHARE = 0.25, 0.3
 
 WANDER_MM, WANDER_DEG, WANDER_S = 0.3, 0.4, 0.4
 """Sd of a receiver's place and turn that follow no joint, and the time over which they last (ours)."""
+
+PHASE_LAG_S, PHASE_SHARE = 0.15, 0.8
+"""Of the law whose skin is late altogether: by how much, and how far it goes per rad of the usual slide and
+tilt, which saturate (ours)."""
+
+WEB_SHARE, PALM_SHARE = {"metacarpal": 0.4, "proximal": 0.4, "middle": 0.15}, 0.25
+"""Of the usual slide and tilt, with the MCP and PIP joints of neighbouring digits, by kind of bone, through
+the web; and of the receiver on the back of the hand, with each MCP joint and the thumb's CMC (ours)."""
+
+BENT_SHARES = (0.6, 0.55, 0.55)
+"""Of the law with a quadratic: shares of the usual slide and tilt in its linear, quadratic and crossed terms,
+together about 1 at one radian (ours)."""
+
+HYSTERESIS, LOOP_RAD = 0.4, 0.33
+"""Of the same: how far the skin stays behind, over the angle, and within which it turns round (ours)."""
+
+TAILED_WANDER_S, SLIPS, SLIP_MM = 1.5, 3, 0.2
+"""Of the same: the time over which its wander lasts, and how often and how far a receiver slips (ours)."""
