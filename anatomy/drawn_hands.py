@@ -397,6 +397,10 @@ PRO_SUPINATION = 0.8
 WRIST_AXES = ((0.10, 0.97, 0.22), (-0.10, 0.0, 1.0), (1.0, 0.0, 0.0))
 """Axes of flexion, abduction and axial rotation of the wrist, in the hand's frame (ours)."""
 
+CREASE_MM = 6.5
+"""Of the distal wrist crease, from which hands are measured, proximal of the wrist centre: 6 to 7 mm (shares
+of Buchholz)."""
+
 PAD_DEPTH_MM = {"thumb": 8.0, "index": 6.5, "middle": 6.5, "ring": 6.5, "little": 6.0}
 """Of the pad that touches under the line of joints (ours)."""
 
@@ -485,12 +489,12 @@ tails (Student's t, 4 degrees of freedom) and this sd."""
 NAIL_OWN = 0.5
 """Of that, on a nail, which has the receiver's size and slope (ours)."""
 
-HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
+HAND_MOUNT_MM, FOREARM_MOUNT_MM = (28.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
 """Nominal places of the receivers on the back of the hand and on the forearm, from the wrist centre
 (ours)."""
 
 HAND_RISE_MM, HAND_MOUNT_SD_MM = 4.0, (5.0, 3.0, 2.0)
-"""By how much the back of a hand is higher than that (CT: third metacarpal 7 mm over the wrist centre there,
+"""By how much the back of a hand is higher than that (CT: third metacarpal 6 mm over the wrist centre there,
 its bone's back 8 mm higher, skin and half a receiver), and how hands differ (ours)."""
 
 # --- how skin moves receivers ----------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import numpy.typing as npt
 
+from anatomy.drawn_hands import CREASE_MM
 from benchmarks.accuracy.scenarios import Scenario
 from schemas.poses import Poses, read_poses
 from skeleton.rotations import Array, unit
@@ -70,11 +71,11 @@ def _imported(made: Simulated) -> Poses:
 
 
 def true_length_mm(hand: Hand) -> float:
-    """Length of a hand from the wrist centre to the middle finger's soft tip, all bones in line."""
+    """Length of a hand from the wrist's crease to the middle finger's soft tip, all bones in line."""
     middle = [i + 1 for i, joint in enumerate(JOINTS) if joint.startswith("middle_")]
     to_base_mm = hand.origin_mm[JOINTS.index("middle_cmc"), 0]
     soft_tip_mm = hand.soft_tip_mm[DIGITS.index("middle")]
-    return float(to_base_mm + hand.length_mm[middle].sum() + soft_tip_mm)
+    return float(CREASE_MM * hand.scale + to_base_mm + hand.length_mm[middle].sum() + soft_tip_mm)
 
 
 def with_dip_range(angles_rad: Array, range_deg: float) -> Array:
