@@ -397,6 +397,10 @@ PRO_SUPINATION = 0.8
 WRIST_AXES = ((0.10, 0.97, 0.22), (-0.10, 0.0, 1.0), (1.0, 0.0, 0.0))
 """Axes of flexion, abduction and axial rotation of the wrist, in the hand's frame (ours)."""
 
+CREASE_MM = 6.5
+"""Of the distal wrist crease, from which hands are measured, proximal of the wrist centre: 6 to 7 mm (shares
+of Buchholz)."""
+
 PAD_DEPTH_MM = {"thumb": 8.0, "index": 6.5, "middle": 6.5, "ring": 6.5, "little": 6.0}
 """Of the pad that touches under the line of joints (ours)."""
 
@@ -485,18 +489,19 @@ tails (Student's t, 4 degrees of freedom) and this sd."""
 NAIL_OWN = 0.5
 """Of that, on a nail, which has the receiver's size and slope (ours)."""
 
-HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
+HAND_MOUNT_MM, FOREARM_MOUNT_MM = (28.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
 """Nominal places of the receivers on the back of the hand and on the forearm, from the wrist centre
 (ours)."""
 
 HAND_RISE_MM, HAND_MOUNT_SD_MM = 4.0, (5.0, 3.0, 2.0)
-"""By how much the back of a hand is higher than that (CT: third metacarpal 7 mm over the wrist centre there,
+"""By how much the back of a hand is higher than that (CT: third metacarpal 6 mm over the wrist centre there,
 its bone's back 8 mm higher, skin and half a receiver), and how hands differ (ours)."""
 
 # --- how skin moves receivers ----------------------------------------------------------------------------
 # Markers on a finger keep their spacing to 5 % in a pinch (Yang), 2 mm along a proximal phalanx; excursions
 # are linear in flexion with R^2 of 0.89 to 0.97 (Zhang), mostly along the bone, about a millimetre at
-# mid-bone. What is drawn saturates and lags, which no estimator assumes.
+# mid-bone. Three laws are drawn (`stages.simulate.moving_skin`): one saturates and lags in part; one bends,
+# is crossed and slips; one lags altogether and pulls neighbours.
 
 SLIDE_SD_MM = (1.0, 0.25, 0.4)
 """Of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
@@ -525,3 +530,21 @@ LAG_S, LAG_SHARE = 0.25, 0.3
 
 WANDER_MM, WANDER_DEG, WANDER_S = 0.3, 0.4, 0.4
 """Sd of a receiver's place and turn that follow no joint, and the time over which they last (ours)."""
+
+PHASE_LAG_S, PHASE_SHARE = 0.15, 0.8
+"""Of the law whose skin is late altogether: by how much, and how far it goes per rad of the usual slide and
+tilt, which saturate (ours)."""
+
+WEB_SHARE, PALM_SHARE = {"metacarpal": 0.4, "proximal": 0.4, "middle": 0.15}, 0.25
+"""Of the usual slide and tilt, with the MCP and PIP joints of neighbouring digits, by kind of bone, through
+the web; and of the receiver on the back of the hand, with each MCP joint and the thumb's CMC (ours)."""
+
+BENT_SHARES = (0.6, 0.55, 0.55)
+"""Of the law with a quadratic: shares of the usual slide and tilt in its linear, quadratic and crossed terms,
+together about 1 at one radian (ours)."""
+
+HYSTERESIS, LOOP_RAD = 0.4, 0.33
+"""Of the same: how far the skin stays behind, over the angle, and within which it turns round (ours)."""
+
+TAILED_WANDER_S, SLIPS, SLIP_MM = 1.5, 3, 0.2
+"""Of the same: the time over which its wander lasts, and how often and how far a receiver slips (ours)."""

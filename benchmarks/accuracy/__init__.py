@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from benchmarks.accuracy.running import run
+from benchmarks.accuracy.scenarios import BY_KEY, Scenario
 
 __all__ = ["add_options", "run"]
 
@@ -25,6 +26,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     people.add_argument(
         "--seeds", type=_range, help=f"first-last, both included, in place of --hands from {FIRST_SEED}"
     )
+    parser.add_argument(
+        "--scenarios",
+        type=_scenarios,
+        help=f"run these alone, side by side, e.g. ct,blend: {', '.join(BY_KEY)}",
+    )
     parser.add_argument("--write", action="store_true", help="refresh docs/accuracy.md and .svg, too")
 
 
@@ -39,3 +45,10 @@ def _range(text: str) -> range:
     if not first.isdigit() or not (last or first).isdigit() or int(last or first) < int(first):
         raise argparse.ArgumentTypeError(f"{text!r} is no range of seeds; expected e.g. 5000-5009")
     return range(int(first), int(last or first) + 1)
+
+
+def _scenarios(text: str) -> list[Scenario]:
+    unknown = [key for key in text.split(",") if key not in BY_KEY]
+    if unknown:
+        raise argparse.ArgumentTypeError(f"{unknown[0]!r} is no scenario; expected of {', '.join(BY_KEY)}")
+    return [BY_KEY[key] for key in text.split(",")]

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from anatomy.drawn_hands import BLEND
 
+SATURATING, POLYNOMIAL, PHASE_LAG = "saturating", "polynomial", "phase-lag"
+SKIN_LAWS = (SATURATING, POLYNOMIAL, PHASE_LAG)
+
 
 @dataclass(frozen=True)
 class Realism:
@@ -19,9 +22,11 @@ class Realism:
     mounts : scale of how far receivers are misplaced; at 0 they sit exactly: axes along the bone, no lateral
         offset, so that the sagittal plane of the receiver (y = 0) holds the centre of the bone's proximal
         joint.
+    skin : law by which skin moves receivers, one of SKIN_LAWS.
     artefact : scale of the skin artefact, 1 for a typical hand.
     noise : scale of the tracker's white noise.
     field_distortion : scale of the static distortion of the magnetic field.
+    faults : scale of what the tracker loses and gets wrong: poses not given, signs flipped, spikes.
     """
 
     mobile_palm: bool = True
@@ -29,9 +34,11 @@ class Realism:
     perpendicular_mcp: bool = False
     anatomy: str = BLEND
     mounts: float = 1.0
+    skin: str = SATURATING
     artefact: float = 1.0
     noise: float = 1.0
     field_distortion: float = 1.0
+    faults: float = 0.0
 
     @classmethod
     def full(cls) -> Realism:

@@ -12,10 +12,10 @@ from schemas.errors import InputError
 from schemas.layout import read_layout
 from skeleton import rotations
 from stages.simulate import simulation
-from stages.simulate.artefact import NOISE_DEG, NOISE_MM
 from stages.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import Simulated
+from stages.simulate.tracker_errors import NOISE_DEG, NOISE_MM
 
 EXACT, FULL = Realism.exact(), Realism.full()
 SHORT = 600
