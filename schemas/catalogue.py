@@ -374,6 +374,26 @@ GAINS = Table(
     ("subject", "hand", "model", "made_without", "quantity"),
 )
 
+RECEIVER_COSTS = Table(
+    "receiver_costs",
+    1,
+    "what a task would lose with fewer receivers than the calibration: one left out, or a smaller layout",
+    (
+        *OF_SKELETON,
+        Column(
+            "without", TEXT, "", "the segment whose receiver is left out; empty: none, or a layout is worn"
+        ),
+        Column("layout", TEXT, "", "the smaller layout that is worn; empty: what the calibration had"),
+        Column("n_receivers", WHOLE, "", "receivers worn in the task"),
+        Column("centre_sd_mm", REAL, "mm", "1-sigma error of the moving joints' centres in the task, rms"),
+        Column("flexion_sd_deg", REAL, "deg", "1-sigma error of their flexion, rms"),
+        Column("joint", TEXT, "", "the joint whose flexion loses most"),
+        Column("joint_centre_sd_mm", REAL, "mm", "1-sigma error of its centre"),
+        Column("joint_flexion_sd_deg", REAL, "deg", "1-sigma error of its flexion"),
+    ),
+    ("subject", "hand", "model", "made_without", "without", "layout"),
+)
+
 IN_THIS_FRAME = "in this frame, by the receivers valid in it and what the fit leaves open"
 
 JOINT_ANGLES = Table(
@@ -555,6 +575,7 @@ TABLES = {
         CALIBRATION_ADVICE,
         RECEIVERS,
         GAINS,
+        RECEIVER_COSTS,
         JOINT_ANGLES,
         BONE_POSES,
         POSED_TIPS,

@@ -7,7 +7,7 @@ import argparse
 from benchmarks.accuracy.running import run
 from benchmarks.accuracy.scenarios import BY_KEY, Scenario
 
-__all__ = ["add_options", "run"]
+__all__ = ["add_options", "add_people", "run"]
 
 FIRST_SEED = 5010
 """Of the documented run; seeds below are for development."""
@@ -15,6 +15,17 @@ FIRST_SEED = 5010
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the benchmark."""
+    add_people(parser)
+    parser.add_argument(
+        "--scenarios",
+        type=_scenarios,
+        help=f"run these alone, side by side, e.g. ct,blend: {', '.join(BY_KEY)}",
+    )
+    parser.add_argument("--write", action="store_true", help="refresh docs/accuracy.md and .svg, too")
+
+
+def add_people(parser: argparse.ArgumentParser) -> None:
+    """Declare which simulated people are taken."""
     people = parser.add_mutually_exclusive_group()
     people.add_argument(
         "--hands",
@@ -26,12 +37,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     people.add_argument(
         "--seeds", type=_range, help=f"first-last, both included, in place of --hands from {FIRST_SEED}"
     )
-    parser.add_argument(
-        "--scenarios",
-        type=_scenarios,
-        help=f"run these alone, side by side, e.g. ct,blend: {', '.join(BY_KEY)}",
-    )
-    parser.add_argument("--write", action="store_true", help="refresh docs/accuracy.md and .svg, too")
 
 
 def _hands(text: str) -> range:

@@ -11,7 +11,7 @@ set of valid receivers, and each frame takes that of the nearest.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from schemas.layout import Digit
 from skeleton.joint_angles import joint_angles
 from skeleton.rotations import Array, about_axis, matrix, multiply
 from stages.fit_hand.building import bone
+from stages.fit_hand.facing import facing_nails, side_of
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.normal_equations import Frames, Point, reduce, residuals
 from stages.fit_hand.operations import Index, cross
@@ -37,7 +38,7 @@ _NUDGE_RAD = 1e-5
 
 
 @dataclass(frozen=True)
-class Spread:
+class _Spread:
     """Errors of F posed frames as linear maps of N standard normal numbers, of a right hand always.
 
     bones : names; shift_mm, turn_rad : (F, B, 3, N) of each bone's proximal joint and of its rotation;
@@ -66,16 +67,10 @@ class PosedErrors:
     tips_mm: Array
 
 
-def posed_errors(
-    tips: Fingertips, posed: PosedHand, frames: Frames, facing: Array, rests: Mapping[str, Array]
-) -> PosedErrors:
-    """Errors of frames as `pose_hand` posed them.
-
-    frames : that they were posed from. facing : (F, B, 4) rotations of the bones between which angles are
-    measured, and rests : those between them at zero (`joint_angles`).
-    """
+def posed_errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
+    """Errors of frames as `pose_hand` posed them. frames : that they were posed from."""
     chosen, nearest = _postures(posed, frames.valid)
-    few = _errors(tips, _taken(posed, chosen), frames.take(chosen), facing[chosen], rests)
+    few = _errors(tips, posed_frames(posed, chosen), frames.take(chosen))
 
     def of_all(values: Array) -> Array:
         out = values[nearest] if len(values) else np.zeros((len(nearest), *values.shape[1:]))
@@ -111,21 +106,32 @@ def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, In
     return np.array(chosen, int), nearest
 
 
-def _taken(posed: PosedHand, rows: Index) -> PosedHand:
+def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
     """Some of the posed frames."""
     names = ("angles_rad", "bone_position_mm", "bone_quaternion", "receiver_mm", "residual_mm", "posed")
     return replace(posed, **{name: getattr(posed, name)[rows] for name in names})
 
 
-def _errors(
-    tips: Fingertips, posed: PosedHand, frames: Frames, facing: Array, rests: Mapping[str, Array]
-) -> PosedErrors:
+def errors_with(tips: Fingertips, posed: PosedHand, worn: Sequence[str]) -> PosedErrors:
+    """Errors of postures, were just these receivers worn and measured where the hand has them."""
+    model, convention, point = tips.fit.evidence.model, tips.fit.evidence.convention, _point(tips, posed)
+    shape = (len(posed.posed), len(model.receivers))
+    rotation, place_mm = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
+    for branch, receivers in zip(model.branches, tips.fit.evidence.problem.receivers, strict=True):
+        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+        for mark, s in receivers:
+            rotation[:, s], place_mm[:, s] = reached.rotation[mark], reached.position_mm[mark]
+    valid = np.broadcast_to([name in worn for name in convention.receivers], shape)
+    return _errors(tips, posed, Frames(rotation, place_mm, valid))
+
+
+def _errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
     """Errors of every frame by a map of its own."""
-    spread = spread_of(tips, posed, frames)
+    spread = _spread_of(tips, posed, frames)
     return PosedErrors(
         _norm(spread.shift_mm),
         np.degrees(_norm(spread.turn_rad)),
-        dict(_angle_errors_deg(tips, posed, spread, facing, rests)),
+        dict(_angle_errors_deg(tips, posed, spread)),
         _tip_errors_mm(tips, posed, spread, frames),
     )
 
@@ -135,7 +141,7 @@ def _norm(maps: Array) -> Array:
     return np.asarray(np.sqrt((maps**2).sum((-1, -2))))
 
 
-def spread_of(tips: Fingertips, posed: PosedHand, frames: Frames) -> Spread:
+def _spread_of(tips: Fingertips, posed: PosedHand, frames: Frames) -> _Spread:
     """How posed frames may be off. frames : the receivers' poses, of which those valid count."""
     evidence = tips.fit.evidence
     problem = replace(
@@ -170,7 +176,7 @@ def spread_of(tips: Fingertips, posed: PosedHand, frames: Frames) -> Spread:
             by_root = _by_root(point, reached.position_mm[mark] - point.root_mm)
             spread[name] = by_x[index] @ dx[branch.unknowns] + by_y[index] @ dy + by_root @ d_root
     together = np.stack([spread[name] for name in posed.bones], 1)
-    return Spread(posed.bones, together[:, :, :3], together[:, :, 3:], states, unknowns)
+    return _Spread(posed.bones, together[:, :, :3], together[:, :, 3:], states, unknowns)
 
 
 def _point(tips: Fingertips, posed: PosedHand) -> Point:
@@ -196,13 +202,11 @@ def _by_root(point: Point, arm_mm: Array) -> Array:
     return out
 
 
-def _angle_errors_deg(
-    tips: Fingertips, posed: PosedHand, spread: Spread, facing: Array, rests: Mapping[str, Array]
-) -> Iterator[tuple[str, Array]]:
+def _angle_errors_deg(tips: Fingertips, posed: PosedHand, spread: _Spread) -> Iterator[tuple[str, Array]]:
     """Errors (F, 3) of the angles of each joint that moves."""
-    evidence, layout = tips.fit.evidence, tips.fit.evidence.layout
-    hand = "left" if evidence.convention.left else "right"
-    known = known_digits(layout)
+    layout = tips.fit.evidence.layout
+    facing, rests = facing_nails(tips.fit, posed)
+    hand, known = side_of(tips.fit), known_digits(layout)
     for digit in known:
         for parent, child, joint in zip(
             (digit.base, *digit.segments), digit.segments, digit.joints, strict=False
@@ -235,7 +239,7 @@ def _by_turn(parent: Array, child: Array, hand: str, rest: Array) -> Array:
     return np.stack(columns, -1)
 
 
-def _tip_errors_mm(tips: Fingertips, posed: PosedHand, spread: Spread, frames: Frames) -> Array:
+def _tip_errors_mm(tips: Fingertips, posed: PosedHand, spread: _Spread, frames: Frames) -> Array:
     """Errors (F, D, 2) in 3-D of the ends of bone and skin: carried by the distal receiver where it is valid
     (`Fingertip`), else by the posed bone.
     """
@@ -251,7 +255,7 @@ def _tip_errors_mm(tips: Fingertips, posed: PosedHand, spread: Spread, frames: F
     return out
 
 
-def _end(tips: Fingertips, posed: PosedHand, spread: Spread, digit: Digit, part: int) -> Array:
+def _end(tips: Fingertips, posed: PosedHand, spread: _Spread, digit: Digit, part: int) -> Array:
     """Map (F, 3, N) of the end of a digit's last bone (part 0) or of its skin (1), carried by that bone."""
     last = posed.bones.index(digit.tip)
     n_x = len(tips.fit.evidence.posterior.x)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from anatomy.known_digits import known_digits, rest_rotations
+from anatomy.known_digits import known_digits
 from schemas.layout import Digit, Layout
 from schemas.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
-from skeleton.joint_angles import angles_of_hand, mirrored
-from skeleton.rotations import Array, from_matrix, multiply, rotate
+from skeleton.joint_angles import angles_of_hand
+from skeleton.rotations import Array, rotate
 from stages.fit_hand.building import KINDS
+from stages.fit_hand.facing import facing_nails, side_of
 from stages.fit_hand.fingertips import BONE, TIP, Fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.frame_uncertainty import PosedErrors, posed_errors
@@ -45,7 +45,7 @@ def posed_blocks(tips: Fingertips, path: Path) -> Iterator[dict[str, Columns]]:
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
         ends_mm = {part: _carried_mm(tips, posed, poses, part) for part in ENDS}
         frames = fit.evidence.convention.frames(poses)
-        errors = posed_errors(tips, posed, frames, *_facing_nails(fit, posed))
+        errors = posed_errors(tips, posed, frames)
         yield {
             "joint_angles": angle_columns(name, fit, posed, poses, errors),
             "bone_poses": bone_columns(name, posed, poses, errors),
@@ -58,9 +58,9 @@ def angle_columns(
     name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
 ) -> Columns:
     """Columns of joint_angles for the frames of poses, joint after joint; errors : where they are known."""
-    layout, (bones, rests) = fit.evidence.layout, _facing_nails(fit, posed)
+    layout, (bones, rests) = fit.evidence.layout, facing_nails(fit, posed)
     angles = _turns_deg(posed, layout)
-    angles |= angles_of_hand(posed.bones, bones, bones[:, 0], layout, _side(fit), rests)
+    angles |= angles_of_hand(posed.bones, bones, bones[:, 0], layout, side_of(fit), rests)
     unknown = np.full((len(poses.frame), 3), np.nan)
     sd_deg = {joint: unknown if errors is None else errors.angles_deg[joint] for joint in angles}
     columns = _keys(name, "joint", list(angles), poses)
@@ -191,22 +191,3 @@ def _turns_deg(posed: PosedHand, layout: Layout) -> dict[str, Array]:
             own = turns.setdefault(joint, np.full((len(posed.posed), 3), np.nan))
             own[:, KINDS.index(kind)] = np.degrees(posed.angles_rad[:, index])
     return turns
-
-
-def _side(fit: HandFit) -> str:
-    return "left" if fit.evidence.convention.left else "right"
-
-
-def _facing_nails(fit: HandFit, posed: PosedHand) -> tuple[Array, dict[str, Array]]:
-    """Bones' postures (T, B, 4) and rests with the thumb's metacarpal facing as its phalanges do.
-
-    So that its angles bear the right names, whichever way its receiver faces.
-    """
-    hand = _side(fit)
-    layout, own, bones = fit.evidence.layout, fit.evidence.model.anatomy, posed.bone_quaternion.copy()
-    nails = {name: replace(digit, faces_nail=digit.second_axis is not None) for name, digit in own.items()}
-    for digit in known_digits(layout):
-        turn = from_matrix(own[digit.name].frames()[0].T @ nails[digit.name].frames()[0])
-        index = posed.bones.index(digit.segments[0])
-        bones[:, index] = multiply(bones[:, index], mirrored(turn) if hand == "left" else turn)
-    return bones, rest_rotations(layout, hand, nails)
