@@ -8,7 +8,7 @@ sys.path.insert(0, workflow.basedir)
 
 from schemas.errors import InputError
 from schemas.results import FIT_TABLES, PRIOR_TABLES
-from workflow import warm_process
+from workflow import one_run, warm_process
 from workflow.code_digest import code_digest, write_cache
 from workflow.study_files import StudyFiles
 
@@ -16,6 +16,10 @@ try:
     study = StudyFiles.of(
         workflow.configfiles, config, Path(workflow.basedir, "config", "demo.yaml")
     )
+    if workflow.is_main_process:
+        note = one_run.clear_the_way(study.results.folder, sys.argv[1:])
+        if note:
+            print(f"note: {note}", file=sys.stderr)
 except InputError as error:
     print(f"error: {error}", file=sys.stderr)
     sys.exit(2)
@@ -34,8 +38,22 @@ shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} OMP_NUM_THREADS=
 
 
 onstart:
+    one_run.hold(study.results.folder)
     write_cache()
     warm_process.start()
+
+
+onsuccess:
+    gone = one_run.gone(job.output for job in workflow.dag.finished_jobs)
+    if gone:
+        print(f"error: {gone}", file=sys.stderr)
+        sys.exit(1)
+
+
+onerror:
+    gone = one_run.gone(job.output for job in workflow.dag.finished_jobs)
+    if gone:
+        print(f"error: {gone}", file=sys.stderr)
 
 
 wildcard_constraints:
@@ -49,6 +67,9 @@ wildcard_constraints:
 rule all:
     input:
         f"{results}/report.html",
+        f"{results}/resolved.yaml",
+        study.study_tables,
+        study.all_plans,
         study.tables,
         study.subject_pages,
         study.figures,

@@ -185,6 +185,13 @@ class StudyFiles:
         """Plans of all subjects."""
         return [str(self.results.plan(subject)) for subject in self.study.subjects]
 
+    @property
+    def all_plans(self) -> list[str]:
+        """Plans of all subjects, of their recordings and of their fits."""
+        fits = {Path(path).with_name("plan.json").as_posix() for path in self._of_all(self.fits)}
+        recordings = [str(Path(path).with_name("plan_of_recordings.json")) for path in self.plans]
+        return [*self.plans, *recordings, *sorted(fits)]
+
     def gathered(self, _: Wildcards = None) -> list[str]:
         """Tables of all subjects that the study's tables are gathered from."""
         return [

@@ -1,0 +1,119 @@
+"""A run of a study: no other run of it beside it, and what it made still there when it ends.
+
+Snakemake locks the files of a run and does not say for whom, so that after a kill nobody knows whether the
+lock still holds. Here a run also holds a lock of the system, which ends with its process, however that ends.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import re
+import socket
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+from schemas.errors import InputError
+
+FOLDER = Path(".snakemake")
+LOOKS = re.compile(
+    r"-[pqrkFn]*n[pqrkFn]*|-S|-D|-l|--(dag|d3dag|filegraph|rulegraph|summary|detailed-summary|report|archive|"
+    r"lint|unlock|nolock|dry-run|dryrun|cleanup-metadata|list.*)(=.*)?"
+)
+"""Options of Snakemake with which it makes nothing, or is to mind no lock."""
+MOST_NAMED = 3
+_PATIENCE_S = 1.0
+
+_held: list[TextIO] = []
+"""Open as long as this process lives."""
+
+
+def clear_the_way(results: Path, words: Sequence[str]) -> str:
+    """Remove what a killed run of the study has left of Snakemake's locks; give a sentence that says so.
+
+    results : the study's folder. words : of Snakemake's command line. Raises InputError where another run of
+    the study is under way, unless this one only looks.
+    """
+    try:
+        file = _file_of(results).open("r", encoding="utf-8")
+    except OSError:  # there was no run
+        return ""
+    with file:
+        run = _read(file)
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            if any(map(LOOKS.fullmatch, words)):
+                return ""
+            raise InputError(
+                f"study {results.name}: another run of it is under way (process {run.get('process', '?')} on "
+                f"{run.get('host', 'this machine')}); wait for its end, or stop that one first"
+            ) from error
+        except OSError:  # a file system without locks
+            return ""
+        if run.get("host") != socket.gethostname():  # a system's lock need not reach to another machine
+            return ""
+        if not _remove_locks(results):
+            return ""
+    return f"the run of process {run['process']} was killed; its lock is removed, and this one goes on"
+
+
+def hold(results: Path) -> None:
+    """Hold the study until this process ends; where that cannot be, Snakemake's own lock is all there is."""
+    path, end = _file_of(results), time.monotonic() + _PATIENCE_S
+    path.parent.mkdir(parents=True, exist_ok=True)
+    file = path.open("a+", encoding="utf-8")
+    while True:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except OSError:
+            if time.monotonic() > end:
+                file.close()
+                return
+            time.sleep(0.05)  # somebody may just be looking whether it is held
+    file.truncate(0)
+    json.dump({"process": os.getpid(), "host": socket.gethostname()}, file)
+    file.flush()
+    _held.append(file)
+
+
+def gone(outputs: Iterable[Iterable[str]]) -> str:
+    """Say which of the files that jobs have made are gone; empty where none is.
+
+    outputs : of each job, as Snakemake has them: those in a storage elsewhere are not looked for here.
+    """
+    made = {path for files in outputs for path in files if not getattr(path, "is_storage", False)}
+    missing = sorted(str(path) for path in made if not os.path.lexists(path))
+    if not missing:
+        return ""
+    more = f" and {len(missing) - MOST_NAMED} more" if len(missing) > MOST_NAMED else ""
+    return (
+        f"{', '.join(missing[:MOST_NAMED])}{more}: made by this run and removed while it went on; "
+        "run the same command again, which makes what is missing"
+    )
+
+
+def _file_of(results: Path) -> Path:
+    return FOLDER / f"shukotsu-run-{results.name}.json"
+
+
+def _read(file: TextIO) -> dict[str, Any]:
+    try:
+        run = json.load(file)
+    except ValueError:
+        return {}
+    return run if isinstance(run, dict) else {}
+
+
+def _remove_locks(results: Path) -> list[Path]:
+    """Remove Snakemake's locks of files of that study."""
+    start, removed = f"{results.as_posix()}/", []
+    for path in sorted((FOLDER / "locks").glob("*.lock")):
+        if any(line.startswith(start) for line in path.read_text("utf-8").splitlines()):
+            path.unlink()
+            removed.append(path)
+    return removed
