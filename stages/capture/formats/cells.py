@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from schemas.bids.decimals import NotANumberError, numbers_of
-from schemas.errors import InputError
+from schemas.errors import InputError, shortened
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
 """What people and programs write for "no value"."""
@@ -114,6 +114,7 @@ class Cells:
     def _refusal(self, name: str, row: int, expected: str) -> InputError:
         cell = self._columns[name][row].as_py()
         cell = cell.strip() if isinstance(cell, str) else cell
+        cell = shortened(cell, 60) if isinstance(cell, str) else cell
         what = "is empty" if cell is None else f"is {cell!r}"
         return InputError(f"{self.place(row)}, column {name}: {what}; expected {expected}")
 
