@@ -56,7 +56,7 @@ class Cells:
         return self._reals[name]
 
     def times_of_day_s(self, name: str) -> npt.NDArray[np.float64]:
-        """Times as hh:mm:ss, with or without decimals, (N,) in s; NaN where empty; after midnight they go on."""
+        """Times as hh:mm:ss, with or without decimals, (N,) in s; NaN where empty; midnight adds a day."""
         text = _trimmed(self._columns[name].cast(pa.string()), self._empty or ())
         parts = pc.extract_regex(text, _TIME_OF_DAY)
         odd = pc.and_(pc.is_null(parts), pc.is_valid(text))
