@@ -16,9 +16,9 @@ from schemas.errors import InputError
 MEMORY_PER_BYTE, MEMORY_BYTES = 4, 300 * 10**6
 """A reader needs at most so many bytes a byte of its file, and so many besides."""
 
-MOST_EXPANSION = 200
+MOST_EXPANSION = 30
 """A table of so many times the bytes of its file, and MEMORY_BYTES besides, is no recording: those shrink to
-a tenth at the most, and what repeats one number for hours measures nothing."""
+a fifth, and what repeats one number for hours measures nothing."""
 
 CONFIG_BYTES = 2 * 10**6
 """A study, layout, model or mapping."""
@@ -38,8 +38,8 @@ FILE_NAME_BYTES = 255
 NAMES_BYTES = 180
 """Subject, task and trial together, as they stand in the name of a file, which takes 255 and says more."""
 
-FARTHEST_MM = 100_000.0
-"""No tracker reaches a hundred metres; squares of much larger numbers overflow."""
+FARTHEST_MM = 1e8
+"""A hundred kilometres: what is left of a motion laboratory where millimetres are given as metres."""
 
 _KINDS = {
     stat.S_IFIFO: "a pipe",

@@ -139,6 +139,13 @@ def run(
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
+    except MemoryError as error:
+        print(
+            f"error: not enough memory ({error or 'none is left'}); run fewer jobs at once, give the job "
+            "more of it, or cut the recording",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_INPUT
     return 0
 
 
@@ -158,11 +165,14 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
 
 @contextmanager
 def _recorded(record: bool) -> Iterator[list[str]]:
-    """Keep and print the message of what is raised inside; raise it without `record`, and a TableError."""
+    """Keep and print the message of what is raised inside; raise it without `record`.
+
+    A TableError is raised, and that memory ran out: no result of the subject's, and another time it may not.
+    """
     messages: list[str] = []
     try:
         yield messages
-    except TableError:
+    except (TableError, MemoryError):
         raise
     except InputError as error:
         if not record:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 from small_study import write_plans, write_study
 
@@ -14,6 +15,7 @@ from schemas.catalogue import CALIBRATION_ADVICE, JOINT_CENTRES, POSES
 from schemas.errors import InputError, TableError
 from schemas.files import write_text
 from schemas.layout import read_layout
+from schemas.parquet_files import naming_damage
 from schemas.parts import Part, part_metadata, parts_writer, read_part
 from schemas.plan import read_plan
 from schemas.tables import Provenance, columns_from_rows, write_table, write_table_in_parts
@@ -146,6 +148,21 @@ def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
         command_line.provenance_of(plan, [other, table], [recording])
     with pytest.raises(TableError, match=r"joint_centres\.parquet: was not made from the same files as"):
         command_line.check_made_together(table, other)
+
+
+def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """Never recorded as a result, and never called damage."""
+
+    def work(_: argparse.Namespace) -> None:
+        raise pa.ArrowMemoryError("malloc of size 99 failed")
+
+    arguments = argparse.Namespace(record_failure=True)
+    assert command_line.run(arguments, work, lambda *_: pytest.fail("recorded")) == 2
+    assert capsys.readouterr().err.startswith(
+        "error: not enough memory (malloc of size 99 failed); run fewer"
+    )
+    with pytest.raises(MemoryError), naming_damage(Path("a.parquet")):
+        work(arguments)
 
 
 # --- failing ----------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -124,8 +125,9 @@ class TextTable:
 
     def _place(self, row: int) -> str:
         """File and line of a row, as an editor counts lines."""
-        for line, _ in itertools.islice(self._records(), row, None):
-            return f"{self.path}: line {line}"
+        with suppress(csv.Error):  # a cell that is too long, in a row before
+            for line, _ in itertools.islice(self._records(), row, None):
+                return f"{self.path}: line {line}"
         return f"{self.path}: row {row + 1}"
 
     def _refuse_lines(self, error: Exception) -> None:
