@@ -91,19 +91,23 @@ SOURCE_SCALE = 1.035
 
 
 def _thumb() -> DigitAnatomy:
-    """The thumb: its CMC centre half way between the two skew axes, a little proximal of the bone's facet."""
-    facet, mcp, ip, tip = np.array(
-        [(15.43, 20.77, -9.41), (45.17, 38.56, -23.76), (71.60, 53.08, -34.45), (89.10, 63.19, -41.60)]
+    """A straight thumb, its CMC centre half way between its two skew axes, a little proximal of the facet.
+
+    These lie as its saddle does: one along the back of the metacarpal's base, one across it.
+    """
+    facet_mm, along = np.array([16.0, 21.0, -10.0]), unit(np.array([0.80, 0.39, -0.44]))
+    ip, mcp = (
+        unit(axis - (axis @ along) * along)
+        for axis in (np.array([-0.57, 0.09, -0.81]), np.array([-0.40, 0.09, -0.91]))
     )
-    base = SOURCE_SCALE * facet - 1.7 * unit(mcp - facet)
     return DigitAnatomy(
-        base,
-        unit(np.array([mcp - facet, ip - mcp, tip - ip])),
-        unit(np.array([(-0.732, 0.496, 0.468), (-0.203, 0.084, -0.975), (-0.480, 0.050, -0.876)])),
+        facet_mm - 1.7 * along,
+        np.tile(along, (3, 1)),
+        np.array([np.cross(along, ip), mcp, ip]),
         np.array([39.0, 33.8, 25.2]),
         5.7,
         np.array([8.1, 4.7, 1.5]),
-        np.array([0.665, -0.042, 0.745]),
+        -ip,
     )
 
 
@@ -194,7 +198,8 @@ DIGITS: Mapping[str, DigitAnatomy] = {
 """Lengths between centres, bone tips, obliquities, twist and lean: CT of three sets of public bone meshes and
 X-ray lengths turned into those between centres, pooled. Heights: the same CT; of proximal phalanges and
 metacarpals the index's and the thumb's alone. Palm, directions and MCP axes: MyoHand, its knuckles 20, 17 and
-16 mm apart as in CT. Soft tips: Buryanov & Kotiuk."""
+16 mm apart as in CT. The thumb's direction, IP and CMC axes: CT of two hands and MyoHand's; its MCP axis
+between its IP axis and MyoHand's. Soft tips: Buryanov & Kotiuk."""
 
 AVERAGE_LENGTH_MM = (
     CAPITATE_TO_CREASE_MM
@@ -252,8 +257,9 @@ DIRECTION_SD_RAD = float(np.radians(3.0))
 AXIS_SD_RAD = float(np.radians(5.0))
 """Of a joint's axis either way: that of a finger's hinge varies by about 5 deg even as it turns."""
 
-SKEW_SD_MM = 1.5
-"""Of the distance of the thumb's CMC axes (Chang & Pollard)."""
+SKEW_SD_MM, SKEW_AXIS_SD_RAD = 2.0, float(np.radians(10.0))
+"""Of the distance of the thumb's CMC axes (Chang & Pollard), and of each: CT and models differ by 20 deg and
+more."""
 
 PRO_SUPINATION_SD = 0.35
 """Of the pro-supination per flexion (ours)."""

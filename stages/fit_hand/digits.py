@@ -167,7 +167,8 @@ class _Joint:
         known, free = builder.layout.joints[joint], builder.free
         self.moves = bool(known.dof)
         builder.axes[joint] = axis
-        self.tilts = [free(0.0, prior.AXIS_SD_RAD, "axis", f"{joint} {n}") for n in (1, 2)]
+        sd = prior.AXIS_SD_RAD if second is None else prior.SKEW_AXIS_SD_RAD
+        self.tilts = [free(0.0, sd, "axis", f"{joint} {n}") for n in (1, 2)]
         if not builder.layout.segments[known.child].measured:
             self.ratio = builder.unknowns.add("pro-supination", joint)
             return
@@ -191,7 +192,7 @@ class _Joint:
         self.skew_axis = unit(np.cross(self.axis, self.second))
         self.skew = builder.free(prior.SKEW_MM, prior.SKEW_SD_MM, "skew", self.name)
         self.second_tilts = [
-            builder.free(0.0, prior.AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
+            builder.free(0.0, prior.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
         ]
         if builder.parts.pivot:
             self.under = builder.unknowns.add("under-reading", self.name)
