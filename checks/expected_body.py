@@ -95,16 +95,15 @@ def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: 
     body.known[place] = True
     body.rest[place] = frames[bone] if on_root else frames[bone - 1].T @ frames[bone]
     body.sd_mm[place] = THUMB_SD_MM if thumb else PHALANX_SD_MM
-    child = np.array([-anatomy.lengths_mm[bone] / 2, 0.0, -_height_mm(joint.child)])
+    ends, mounts = anatomy.lengths_mm[:, None] * [1.0, 0.0, 0.0], anatomy.mounts_mm()
     if on_root:
         body.sd_mm[place, 0] = ON_HAND_SD_MM * (1.5 if thumb else 1.0)
         parent = anatomy.joints_mm()[bone]
         body.centre_mm[place, 0] = parent - _hand_mount_mm(layout)
         _share_root(body, place, 0)
     else:
-        parent = np.array([anatomy.lengths_mm[bone - 1] / 2, 0.0, -_height_mm(joint.parent_receiver)])
-        body.centre_mm[place, 0] = parent
-    body.centre_mm[place, 1] = child
+        body.centre_mm[place, 0] = (ends - mounts)[bone - 1]
+    body.centre_mm[place, 1] = -mounts[bone]
     body.gain[place, :, :, 0] = FREE_SCALE_SD * body.centre_mm[place]
     kind = joint.name.rsplit("_", 1)[-1]
     body.flexion_deg[place] = (THUMB_FLEXION_DEG if thumb else FLEXION_DEG).get(kind, (-90.0, 120.0))
@@ -140,9 +139,3 @@ def _share_root(body: ExpectedBody, place: int, end: int) -> None:
     body.gain[place, end, :, 4:7] = (
         ROOM * average.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[place, end])
     )
-
-
-def _height_mm(segment: str) -> float:
-    kind = segment.rsplit("_", 1)[-1]
-    known = kind in average.BONE_KINDS
-    return average.HEIGHT_MM[average.BONE_KINDS.index(kind)] if known else average.HEIGHT_MM[1]

@@ -235,13 +235,18 @@ METACARPALS = Table(
 TIPS = Table(
     "tips",
     2,
-    "the replayed fingertip, least-squares binding",
+    "the replayed tip (the distal receiver's origin), least-squares binding",
     (
         *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
         _real("time_s", "device time as recorded"),
-        *_xyz("tip_", "mm", "replayed fingertip in the transmitter frame, least-squares binding"),
+        *_xyz(
+            "tip_",
+            "mm",
+            "replayed tip as the paper has it, the origin of the distal receiver and neither the bone's end "
+            "nor the skin's, in the transmitter frame, least-squares binding",
+        ),
         _real("error_mm", "its distance to the distal receiver"),
         _real("error_first_frame_mm", "the same with the paper's first-frame binding"),
     ),
@@ -338,7 +343,7 @@ RECEIVERS = Table(
         ),
         *_xyz("bone_tip_", "mm", "a digit's last: end of the bone in the receiver's own frame"),
         _real("bone_tip_sd_mm", "1-sigma error of that in 3-D"),
-        *_xyz("soft_tip_", "mm", "a digit's last: end of the digit, skin and all, likewise"),
+        *_xyz("soft_tip_", "mm", "a digit's last: end of the digit, skin and all (skin_tip), likewise"),
         _real("soft_tip_sd_mm", "1-sigma error of that in 3-D"),
         _real("residual_mm", "rms per component of its position about the fitted hand"),
         _real("residual_deg", "rms per component of its rotation about the fitted hand"),
@@ -369,9 +374,31 @@ GAINS = Table(
     ("subject", "hand", "model", "made_without", "quantity"),
 )
 
+RECEIVER_COSTS = Table(
+    "receiver_costs",
+    1,
+    "what a task would lose with fewer receivers than the calibration: one left out, or a smaller layout",
+    (
+        *OF_SKELETON,
+        Column(
+            "without", TEXT, "", "the segment whose receiver is left out; empty: none, or a layout is worn"
+        ),
+        Column("layout", TEXT, "", "the smaller layout that is worn; empty: what the calibration had"),
+        Column("n_receivers", WHOLE, "", "receivers worn in the task"),
+        Column("centre_sd_mm", REAL, "mm", "1-sigma error of the moving joints' centres in the task, rms"),
+        Column("flexion_sd_deg", REAL, "deg", "1-sigma error of their flexion, rms"),
+        Column("joint", TEXT, "", "the joint whose flexion loses most"),
+        Column("joint_centre_sd_mm", REAL, "mm", "1-sigma error of its centre"),
+        Column("joint_flexion_sd_deg", REAL, "deg", "1-sigma error of its flexion"),
+    ),
+    ("subject", "hand", "model", "made_without", "without", "layout"),
+)
+
+IN_THIS_FRAME = "in this frame, by the receivers valid in it and what the fit leaves open"
+
 JOINT_ANGLES = Table(
     "joint_angles",
-    2,
+    3,
     "the joint's angles with the fitted hand",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -380,13 +407,16 @@ JOINT_ANGLES = Table(
         _real("flexion_deg", "flexion positive, extension negative (docs/joint-angles.md)"),
         _real("abduction_deg", "abduction or deviation, signed as docs/joint-angles.md says"),
         _real("rotation_deg", "axial rotation, signed as docs/joint-angles.md says"),
+        _real("flexion_sd_deg", f"1-sigma error of flexion_deg {IN_THIS_FRAME}"),
+        _real("abduction_sd_deg", "the same of abduction_deg"),
+        _real("rotation_sd_deg", "the same of rotation_deg"),
     ),
     ("subject", "hand", "task", "trial", "model", "made_without", "joint", "frame"),
 )
 
 BONE_POSES = Table(
     "bone_poses",
-    2,
+    3,
     "a bone of the fitted hand, posed with all receivers",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -396,20 +426,25 @@ BONE_POSES = Table(
             "", "mm", "centre of the bone's proximal joint (of the hand: the wrist) in the transmitter frame"
         ),
         *_quaternion("bone (x distal, z dorsal) to transmitter frame"),
+        _real("sd_mm", f"1-sigma error of the centre in 3-D {IN_THIS_FRAME}"),
+        _real("turn_sd_deg", "the same of the rotation, root of the sum over three axes"),
     ),
     ("subject", "hand", "task", "trial", "model", "made_without", "segment", "frame"),
 )
 
 POSED_TIPS = Table(
     "posed_tips",
-    2,
-    "a tip of the fitted hand, posed with all receivers",
+    3,
+    "both tips, of bone and of skin, of a digit of the fitted hand, posed with all receivers",
     (
         *OF_SKELETON_IN_RECORDING,
         DIGIT,
         FRAME,
         _real("time_s", "device time as recorded"),
-        *_xyz("tip_", "mm", "end of the distal bone in the transmitter frame"),
+        *_xyz("tip_", "mm", "end of the distal bone, under the skin, in the transmitter frame"),
+        *_xyz("skin_tip_", "mm", "end of the digit, skin and all, in the transmitter frame"),
+        _real("tip_sd_mm", f"1-sigma error of the bone's end in 3-D {IN_THIS_FRAME}"),
+        _real("skin_tip_sd_mm", "the same of the skin's end"),
         _real("error_mm", "from where the hand says that the distal receiver is to where it is"),
         _real(
             "error_left_out_mm",
@@ -540,6 +575,7 @@ TABLES = {
         CALIBRATION_ADVICE,
         RECEIVERS,
         GAINS,
+        RECEIVER_COSTS,
         JOINT_ANGLES,
         BONE_POSES,
         POSED_TIPS,

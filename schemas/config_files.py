@@ -8,13 +8,16 @@ from __future__ import annotations
 import difflib
 import json
 import math
+import os
 from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from schemas.errors import InputError, no_such_file
+from schemas import limits
+from schemas.errors import InputError, shortened
+from schemas.text_files import read_text
 
 SCHEMA_FOLDER = Path(__file__).parent / "json"
 CONFIG_FOLDER = Path(__file__).parent.parent / "config"
@@ -49,19 +52,62 @@ def read_yaml(path: Path, kind: str) -> Any:
 
     Raises InputError where the file is absent, is not YAML or gives a key twice.
     """
+    text = read_text(path, f"a {kind} file", limits.CONFIG_BYTES)
     try:
-        text = path.read_text("utf-8")
-    except FileNotFoundError as error:
-        raise InputError(no_such_file(path, f"{kind} file")) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as text ({error})") from error
-    try:
-        return yaml.load(text, Loader=_StrictLoader)
+        _check_nesting(text)
+        loader = _StrictLoader(text)
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _count_values(node, {})
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        raise InputError(f"{path}: not valid YAML: {_place_and_problem(error)}") from error
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that no calendar has
-        for number, line in enumerate(text.splitlines(), 1):
-            if "\t" in line[: len(line) - len(line.lstrip())]:
-                raise InputError(f"{path}: line {number} begins with a tab; YAML wants blanks") from error
-        raise InputError(f"{path}: not valid YAML: {_one_line(str(error))}") from error
+        raise InputError(f"{path}: not valid YAML: {error}") from error
+
+
+def _check_nesting(text: str) -> None:
+    """Raise YAMLError where lists and mappings are too deep in each other for what comes after, in C."""
+    depth = 0
+    event: Any
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > limits.CONFIG_DEPTH:
+            problem = f"lists and groups are nested deeper than {limits.CONFIG_DEPTH}"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
+
+
+def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
+    """Give the number of values in a node, an alias counted as what it stands for.
+
+    Raises YAMLError where they are too many, or where an alias stands for what holds it.
+    """
+    known = counted.get(id(node))
+    if known is not None:
+        return known
+    counted[id(node)] = limits.CONFIG_VALUES  # while it is being counted: an alias in itself has no end
+    parts = node.value if isinstance(node, yaml.CollectionNode) else ()
+    inside = [part for pair in parts for part in pair] if isinstance(node, yaml.MappingNode) else parts
+    total = 1 + sum(_count_values(part, counted) for part in inside)
+    if total > limits.CONFIG_VALUES:
+        raise yaml.MarkedYAMLError(
+            problem=f"stands for more than {limits.CONFIG_VALUES} values", problem_mark=node.start_mark
+        )
+    counted[id(node)] = total
+    return total
+
+
+def _place_and_problem(error: yaml.MarkedYAMLError) -> str:
+    """What is wrong, in the words of the parser, and where, as an editor counts lines."""
+    mark = error.problem_mark or error.context_mark
+    where = f" (line {mark.line + 1}, column {mark.column + 1})" if mark is not None else ""
+    problem = error.problem or error.context or "damaged"
+    tab = "; indent with blanks, not with tabs" if "'\\t'" in problem or "tab character" in problem else ""
+    return f"{problem}{where}{tab}"
 
 
 def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[str, Any]:
@@ -78,10 +124,13 @@ def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
     """Check a loaded configuration against its schema and fill in the defaults; `where` names the file."""
     import jsonschema  # slow to import
 
+    odd = _odd_values(loaded)
+    if odd:
+        raise InputError(f"{where}: " + "; ".join(odd[:5]))
     schema = json_schema(kind)
     validator = jsonschema.Draft202012Validator(schema)
     errors = sorted(validator.iter_errors(loaded), key=lambda e: [str(part) for part in e.absolute_path])
-    sentences = list(dict.fromkeys(_sentence(error) for error in errors)) or _not_finite(loaded)
+    sentences = list(dict.fromkeys(_sentence(error) for error in errors))
     if sentences:
         raise InputError(f"{where}: " + "; ".join(sentences[:5]))
     filled: dict[str, Any] = _with_defaults(loaded, schema, schema)
@@ -101,12 +150,11 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     if name in shipped(kind):
         return CONFIG_FOLDER / f"{kind}s" / f"{name}.yaml"
     path = folder / name
-    if path.is_file():
+    if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
     near = _nearest(name, shipped(kind))
-    near += "; folders are separated by / and not by \\" if "\\" in name else ""
     raise InputError(
-        f"{kind} {name!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
+        f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"
     )
 
@@ -137,26 +185,28 @@ def _sentence(error: Any) -> str:
         absent = [key for key in error.validator_value if key not in error.instance]
         return f"{prefix}the key {', '.join(map(repr, absent))} is missing"
     if error.validator == "pattern" and error.validator_value in _IN_WORDS:
-        return f"{prefix}{error.instance!r} is not {_IN_WORDS[error.validator_value]}"
+        return f"{prefix}{shortened(repr(error.instance), 100)} is not {_IN_WORDS[error.validator_value]}"
     if error.validator in ("minItems", "maxItems") and error.instance:
         bound = "at least" if error.validator == "minItems" else "at most"
         meaning = error.schema.get("description", "a list of that length")
         return f"{prefix}has {len(error.instance)}; expected {bound} {error.validator_value}: {meaning}"
-    return f"{prefix}{_one_line(error.message)}"
+    if error.validator == "maxLength":
+        return f"{prefix}has {len(error.instance)} letters; expected at most {error.validator_value}"
+    return f"{prefix}{shortened(error.message, 200)}"
 
 
-def _not_finite(value: Any, place: str = "") -> list[str]:
-    """Name every .nan and .inf, which JSON Schema lets pass as numbers."""
+def _odd_values(value: Any, place: str = "") -> list[str]:
+    """Name what JSON Schema lets pass or trips over: .nan, .inf, huge numbers, control characters."""
     if isinstance(value, float) and not math.isfinite(value):
         return [f"{place}: is {value}; expected a finite number"]
+    if isinstance(value, int) and abs(value) > limits.LARGEST_WHOLE:
+        return [f"{place}: is a number of more than {len(str(limits.LARGEST_WHOLE)) - 1} digits"]
+    if isinstance(value, str) and any(ord(c) < 32 and c not in "\n\t" for c in value):
+        return [f"{place}: holds a control character"]
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [
-        text for key, part in parts for text in _not_finite(part, f"{place}.{key}" if place else str(key))
+        text for key, part in parts for text in _odd_values(part, f"{place}.{key}" if place else str(key))
     ]
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
 
 
 def _with_defaults(value: Any, schema: dict[str, Any], root: dict[str, Any]) -> Any:

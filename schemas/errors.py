@@ -5,16 +5,29 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
+MOST_LETTERS = 400
+"""Of a message. What it names stands at its start and what to do at its end, so the middle is left out."""
+
 
 class InputError(Exception):
     """Bad input or configuration, told in one sentence that names the place and says what to do.
 
     Command lines print the sentence and end with exit code 2; nothing else does. A line break or a run of
-    blanks in what is quoted (another library's message) becomes one blank.
+    blanks in what is quoted (another library's message) becomes one blank, a control character or half a
+    character a question mark, and a long quotation is cut (MOST_LETTERS).
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.split()))
+        text = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+        super().__init__(shortened(text, MOST_LETTERS))
+
+
+def shortened(text: str, most: int) -> str:
+    """Leave out the middle of a text that has more letters."""
+    if len(text) <= most:
+        return text
+    cut, end = " [...] ", most // 3
+    return f"{text[: most - end - len(cut)].rstrip()}{cut}{text[-end:].lstrip()}"
 
 
 class TableError(InputError):
@@ -24,10 +37,11 @@ class TableError(InputError):
     """
 
 
-def no_such_file(path: object, what: str = "file") -> str:
-    """Say that a file is not there, and what may be wrong with how it is written."""
-    hint = "; folders are separated by / and not by \\" if "\\" in str(path) else ""
-    return f"{path}: no such {what}{hint}"
+def listed(names: Sequence[str], most: int = 8) -> str:
+    """Name the first of what a file holds, and how many more there are; "none" where it holds nothing."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    short = (name if len(name) <= 40 else f"{name[:37]}..." for name in names[:most])
+    return (", ".join(short) or "none") + more
 
 
 def guess(word: str, known: Sequence[str]) -> str:

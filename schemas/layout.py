@@ -6,7 +6,7 @@ Nothing here knows a hand: a layout is any tree of segments with chains that end
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,10 @@ _AXES: dict[str, Vector] = {"distal": (1.0, 0.0, 0.0), "lateral": (0.0, 1.0, 0.0
 
 @dataclass(frozen=True)
 class Segment:
-    """A bone's rigid body; its receiver's axes by what they point at."""
+    """A bone's rigid body; its receiver's axes by what they point at.
+
+    receiver, left_receiver : the tracker's station number, of a left hand where that has its own.
+    """
 
     name: str
     receiver: int | None
@@ -34,6 +37,7 @@ class Segment:
     distal: Vector
     lateral: Vector
     dorsal: Vector
+    left_receiver: int | None = None
 
     @property
     def axes(self) -> npt.NDArray[np.float64]:
@@ -111,8 +115,34 @@ class Layout:
 
     @property
     def measured(self) -> tuple[str, ...]:
-        """Segments that carry a receiver, in the layout's order."""
+        """Segments that carry a receiver, optional ones among them, in the layout's order."""
         return tuple(s.name for s in self.segments.values() if s.measured)
+
+    @property
+    def expected(self) -> tuple[str, ...]:
+        """Segments of which a recording should hold poses: measured and not optional."""
+        return tuple(name for name in self.measured if not self.segments[name].optional)
+
+    def of_hand(self, hand: str) -> Layout:
+        """The layout with the station numbers of a right or left hand."""
+        if hand != "left":
+            return self
+        segments = {
+            name: replace(own, receiver=own.left_receiver or own.receiver)
+            for name, own in self.segments.items()
+        }
+        return replace(self, segments=segments)
+
+    def is_as(self, other: Layout) -> bool:
+        """Whether both have the same bodies, joints and digits, so that they may differ only in which
+        receivers are worn and what their station numbers are.
+        """
+        bodies, others = (
+            {s.name: (s.measured, *(s.axes.ravel() if s.measured else ())) for s in own.segments.values()}
+            for own in (self, other)
+        )
+        joined = (self.joints, self.digits, self.wrist) == (other.joints, other.digits, other.wrist)
+        return joined and list(bodies.items()) == list(others.items())
 
     @property
     def solvable(self) -> tuple[Joint, ...]:
@@ -161,19 +191,20 @@ def _segment(name: str, part: dict[str, Any], axes: dict[str, Vector], where: st
                     f"{where}: segments.{name}: receiver_axes distal, lateral and dorsal must be unit "
                     f"vectors at right angles; {first} and {second} are not"
                 )
-    return Segment(name, part.get("receiver"), part["measured"], part["optional"], **own)
+    worn = part.get("receiver"), part["measured"], part["optional"]
+    return Segment(name, *worn, **own, left_receiver=part.get("left_receiver"))
 
 
 def _check_receivers(segments: dict[str, Segment], where: str) -> None:
     seen: dict[int, str] = {}
     for segment in segments.values():
-        if segment.receiver is not None:
-            if segment.receiver in seen:
-                raise InputError(
-                    f"{where}: segments {seen[segment.receiver]} and {segment.name} "
-                    f"both name receiver {segment.receiver}"
-                )
-            seen[segment.receiver] = segment.name
+        for number in (segment.receiver, segment.left_receiver):
+            if number is not None:
+                if number in seen:
+                    raise InputError(
+                        f"{where}: segments {seen[number]} and {segment.name} both name receiver {number}"
+                    )
+                seen[number] = segment.name
 
 
 def _tree(config: dict[str, Any], segments: dict[str, Segment], where: str) -> dict[str, dict[str, Any]]:

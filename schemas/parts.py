@@ -21,12 +21,12 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from schemas.errors import InputError, TableError
+from schemas.parquet_files import naming_damage
 from schemas.tables import (
     Provenance,
     Table,
     arrow_table,
     columns_from_rows,
-    naming_damage,
     open_table,
     rows_of,
     table_writer,

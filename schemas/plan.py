@@ -27,6 +27,7 @@ from schemas.results import FIT_TABLES
 from schemas.sheets import HAND_SHEETS, SHEETS, Row, read_sheet
 from schemas.study import Hand, Recording, Study, path_token
 from schemas.tables import read_table, rows_of
+from schemas.text_files import read_text
 
 VERSION = 1
 SIZES = ("hand_length_mm", "hand_breadth_mm")
@@ -319,10 +320,9 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
     checked : leave out the recordings that the findings beside it refuse, as all stages do that come after.
     """
     try:
-        content = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; run the study to write the subject's plan") from error
-    except (OSError, ValueError) as error:
+        remedy = "run the study to write the subject's plan"
+        content = json.loads(read_text(path, "a subject's plan", remedy=remedy))
+    except (ValueError, RecursionError) as error:
         raise InputError(
             f"{path}: not a subject's plan ({error}); remove it and run the study again"
         ) from error

@@ -20,7 +20,9 @@ import pyarrow.parquet as pq
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
-from schemas.tables import column_array, naming_damage, open_table, read_metadata
+from schemas.layout import Layout
+from schemas.parquet_files import naming_damage, open_parquet
+from schemas.tables import column_array, open_table, read_metadata
 
 Array = npt.NDArray[np.float64]
 
@@ -104,13 +106,12 @@ def recording_name(path: Path) -> RecordingName:
     metadata = read_metadata(path)
     if metadata["schema"] != POSES.name:
         raise TableError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
-    parameters = metadata.get("parameters", {})
-    try:
-        return RecordingName(
-            parameters["subject"], parameters["hand"], parameters["task"], parameters["trial"]
-        )
-    except KeyError as error:
-        raise TableError(f"{path}: its metadata lacks {error}; make it with stages.capture") from error
+    parameters = metadata["parameters"]
+    names = {name: parameters.get(name) for name in ("subject", "hand", "task", "trial")}
+    for name, text in names.items():
+        if not isinstance(text, str):
+            raise TableError(f"{path}: its metadata lacks {name!r}; make it with stages.capture")
+    return RecordingName(**names)
 
 
 def read_poses(path: Path, segments: Sequence[str]) -> Poses:
@@ -173,10 +174,26 @@ def pose_blocks(
             yield block
 
 
+def check_layout(path: Path, layout: Layout) -> None:
+    """Raise TableError where a poses file was made with another layout and lacks segments of this one.
+
+    A layout that measures fewer of the segments will do.
+    """
+    with open_parquet(path, f"a {POSES.name} table") as file:  # also one without rows
+        segments = _row_groups(path, file)
+    made_with = read_metadata(path)["parameters"].get("layout", layout.name)
+    lacking = [name for name in layout.measured if name not in segments]
+    if segments and made_with != layout.name and lacking:
+        raise TableError(
+            f"{path}: was imported with layout {made_with} and has no {lacking[0]}; layout {layout.name} "
+            f"measures {', '.join(layout.measured)}; import the recording with it"
+        )
+
+
 def frame_count(path: Path) -> int:
     """Give the number of frames of a poses file, which its footer tells."""
     with open_table(path, POSES) as file:
-        groups = next(iter(_row_groups(file).values()), [])
+        groups = next(iter(_row_groups(path, file).values()), [])
         return sum(file.metadata.row_group(group).num_rows for group in groups)
 
 
@@ -221,7 +238,7 @@ def _rows_by_segment(
     path: Path, file: pq.ParquetFile, segments: Sequence[str], columns: Sequence[str]
 ) -> dict[str, _SegmentRows]:
     """Those of the segments that have a row; InputError where they have not equally many."""
-    groups = _row_groups(file)
+    groups = _row_groups(path, file)
     found = {
         segment: _SegmentRows(path, file, groups[segment], columns)
         for segment in segments
@@ -233,14 +250,18 @@ def _rows_by_segment(
     return found
 
 
-def _row_groups(file: pq.ParquetFile) -> dict[str, list[int]]:
-    """Which row groups hold each segment (a row group never holds two)."""
+def _row_groups(path: Path, file: pq.ParquetFile) -> dict[str, list[int]]:
+    """Which row groups hold each segment. Raises TableError where one holds two, or does not say which."""
     column = file.schema_arrow.get_field_index("segment")
     groups: dict[str, list[int]] = {}
     for index in range(file.metadata.num_row_groups):
         group = file.metadata.row_group(index)
-        if group.num_rows:
-            groups.setdefault(group.column(column).statistics.min, []).append(index)
+        if not group.num_rows:
+            continue
+        known = group.column(column).statistics
+        if known is None or not known.has_min_max or known.min != known.max:
+            raise TableError(f"{path}: a row group holds several segments; make it with stages.capture")
+        groups.setdefault(known.min, []).append(index)
     return groups
 
 

@@ -5,16 +5,17 @@ Every cell is checked; a message names the file, the row (as an editor counts li
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schemas.errors import InputError, no_such_file
+from schemas import limits
+from schemas.errors import InputError, listed
+from schemas.text_files import read_text
 
-MAX_MESSAGES = 10
+MAX_MESSAGES = 5
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,12 @@ def _text(text: str) -> str:
     return text
 
 
+def _path(text: str) -> str:
+    if max(len(part.encode()) for part in text.split("/")) > limits.FILE_NAME_BYTES:
+        raise ValueError(f"has a part of more than {limits.FILE_NAME_BYTES} bytes, which no file's name has")
+    return _text(text)
+
+
 def _one_of(*words: str) -> Callable[[str], str]:
     def read(text: str) -> str:
         if text not in words:
@@ -95,7 +102,13 @@ RECORDINGS = Sheet(
         Cell("role", _one_of("calibration", "evaluation", "both"), "what the recording is for"),
         Cell("file", _text, "the recording, relative to the study file"),
         Cell("trial", _text, "which repetition, where a task was recorded more than once", False, ""),
-        Cell("layout", _text, "the layout of this recording, where it is not the study's", False, ""),
+        Cell(
+            "layout",
+            _path,
+            "the layout of this recording, where it is not the study's; one hand's may wear fewer receivers",
+            False,
+            "",
+        ),
         Cell(
             "format",
             _one_of("auto", "csv", "parquet", "capture", "motion-bids", "xdf"),
@@ -162,7 +175,13 @@ TOUCHES = Sheet(
         Cell("task", _text, "the recording in which the fingertip was touched, or touched something"),
         Cell("trial", _text, "its repetition, where it has one", False, ""),
         Cell("digit", _text, "the digit, as the layout names it"),
-        Cell("part", _one_of("tip", "pad"), "what touched: the very tip, or the pad", False, "pad"),
+        Cell(
+            "part",
+            _one_of("tip", "pad"),
+            "what touched: tip, the very end of the digit, skin and all, or pad",
+            False,
+            "tip",
+        ),
         Cell("from_s", _number, "begin of the touch, device time of the recording"),
         Cell("to_s", _number, "its end"),
         Cell("x_mm", _number, "the point in the transmitter frame, x"),
@@ -181,24 +200,13 @@ HAND_SHEETS = ("corrections", "measurements", "touches")
 def read_sheet(path: Path | None, sheet: Sheet) -> list[Row]:
     """Read a sheet (UTF-8, tab-separated, a header line; empty lines are skipped); no path, no rows.
 
-    Raises InputError that names every bad cell (the first ten) by file, row and column.
+    Raises InputError that names every bad cell (the first five) by file, row and column.
     """
     if path is None:
         return []
-    try:
-        text = path.read_text("utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError(f"{no_such_file(path)}; expected the sheet of {sheet.name}") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as UTF-8 text ({error})") from error
+    text = read_text(path, f"the sheet of {sheet.name}", limits.SHEET_BYTES)
     numbered = [
-        (
-            number,
-            [
-                cell.strip()
-                for cell in next(csv.reader([line.rstrip("\r")], delimiter="\t", quoting=csv.QUOTE_NONE))
-            ],
-        )
+        (number, [cell.strip() for cell in line.split("\t")])
         for number, line in enumerate(text.split("\n"), 1)
         if line.strip()
     ]
@@ -228,14 +236,14 @@ def _check_header(path: Path, sheet: Sheet, header: list[str]) -> None:
     if missing:
         hint = "; are the columns separated by tabs?" if len(header) == 1 else ""
         raise InputError(
-            f"{path}: row 1: column {', '.join(missing)} is missing; found {', '.join(header)}{hint}"
+            f"{path}: row 1: column {', '.join(missing)} is missing; found {listed(header)}{hint}"
         )
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
-        raise InputError(f"{path}: row 1: column {', '.join(twice)} is given twice")
+        raise InputError(f"{path}: row 1: column {listed(twice)} is given twice")
     odd = [name for name in header if name not in known]
     if odd and not sheet.more_columns:
-        raise InputError(f"{path}: row 1: unknown column {', '.join(odd)}; known are {', '.join(known)}")
+        raise InputError(f"{path}: row 1: unknown column {listed(odd)}; known are {', '.join(known)}")
 
 
 def _read_row(sheet: Sheet, header: list[str], line: int, cells: list[str]) -> tuple[Row, list[str]]:

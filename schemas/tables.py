@@ -21,6 +21,7 @@ import pyarrow.parquet as pq
 from schemas import PROGRAM, VERSION
 from schemas.errors import InputError, TableError
 from schemas.files import file_sha256, files_in, replacing
+from schemas.parquet_files import naming_damage, open_parquet, store_digest
 
 METADATA_KEY = b"shukotsu"
 """Schema-level metadata: one JSON object, for programs that do not keep Arrow's field metadata."""
@@ -172,18 +173,9 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
         return file.read(columns=None if columns is None else list(columns), use_threads=threads)
 
 
-@contextmanager
-def naming_damage(path: Path) -> Iterator[None]:
-    """Turn the error of a Parquet file that cannot be read to its end into a TableError that names it."""
-    try:
-        yield
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TableError(f"{path}: damaged Parquet file ({error}); make it again") from error
-
-
 def open_table(path: Path, table: Table) -> pq.ParquetFile:
     """Open a table for reading piece by piece, its schema checked as `read_table` does."""
-    file = open_parquet(path, table.name)
+    file = open_parquet(path, f"a {table.name} table")
     try:
         _check_schema(path, table, file.schema_arrow)
     except InputError:
@@ -192,23 +184,13 @@ def open_table(path: Path, table: Table) -> pq.ParquetFile:
     return file
 
 
-def open_parquet(path: Path, name: str = "Parquet") -> pq.ParquetFile:
-    """Open a Parquet file; `name` is the table that the TableError of one that is none says was expected."""
-    try:
-        return pq.ParquetFile(path, pre_buffer=False)  # not far ahead: some are read in parts
-    except FileNotFoundError as error:
-        raise TableError(f"{path}: no such file; expected a {name} table") from error
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TableError(f"{path}: not a readable Parquet file ({error}); make it again") from error
-
-
 def read_metadata(path: Path) -> dict[str, Any]:
-    """Give the JSON object that this program wrote into the file; InputError where there is none."""
-    try:
-        schema = pq.read_schema(path)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TableError(f"{path}: not a readable Parquet file ({error}); make it again") from error
-    return _metadata(path, schema)
+    """Give the JSON object that this program wrote into the file; InputError where there is none.
+
+    All that `Table.arrow_schema` and `Provenance.metadata` write is there, and of its type.
+    """
+    with open_parquet(path, f"a table of {PROGRAM}") as file:
+        return _metadata(path, file.schema_arrow)
 
 
 def rows_of(table: pa.Table) -> Iterator[dict[str, Any]]:
@@ -276,18 +258,18 @@ def table_writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.Par
             encodings[column.name] = "BYTE_STREAM_SPLIT"
         elif pa.types.is_integer(column.type):
             encodings[column.name] = "DELTA_BINARY_PACKED"
-    with (
-        replacing(path) as temporary,
-        pq.ParquetWriter(
+    with replacing(path) as temporary:
+        with pq.ParquetWriter(
             temporary,
             schema,
             compression="zstd",
             compression_level=3,
             use_dictionary=[c.name for c in table.columns if pa.types.is_string(c.type)],
             column_encoding=encodings,
-        ) as writer,
-    ):
-        yield writer
+            write_page_checksum=True,
+        ) as writer:
+            yield writer
+        store_digest(temporary)
 
 
 def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
@@ -296,8 +278,25 @@ def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
         raise TableError(
             f"{path}: a Parquet file, but not one that {PROGRAM} wrote (no {METADATA_KEY.decode()} metadata)"
         )
-    loaded: dict[str, Any] = json.loads(raw)
-    return loaded
+    program = {"program": "", "program_version": ""}
+    try:
+        loaded = json.loads(raw)
+        whole: dict[str, Any] = {**program, "inputs": [], "parameters": {}, "columns": {}, **loaded}
+        entries = [(entry, ("file", "sha256")) for entry in whole["inputs"]]
+        entries += [(entry, ("unit", "description")) for entry in whole["columns"].values()]
+        checked = all(isinstance(text, str) for text in (whole["schema"], whole.get("failure", "")))
+        checked &= all(isinstance(whole[name], str) for name in program)
+        checked &= all(isinstance(entry[name], str) for entry, names in entries for name in names)
+        checked &= isinstance(whole["schema_version"], int) and isinstance(whole["parameters"], dict)
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise _damaged_metadata(path) from error
+    if not checked:
+        raise _damaged_metadata(path)
+    return whole
+
+
+def _damaged_metadata(path: Path) -> TableError:
+    return TableError(f"{path}: its {METADATA_KEY.decode()} metadata are damaged; make it again")
 
 
 def _check_schema(path: Path, table: Table, schema: pa.Schema) -> None:

@@ -76,9 +76,12 @@ def read_motion(
 
     if plan.models[model_name].fitting is not None:
         bones, tips = (plan.fit_table(hand, model_name, table.name) for table in (BONE_POSES, POSED_TIPS))
+        prefixes = ("tip", "skin_tip")
+        both = series(tips, POSED_TIPS, "digit", [f"{p}_{axis}_mm" for p in prefixes for axis in "xyz"])
         return Motion(
             bone_poses=series(bones, BONE_POSES, "segment", ("x_mm", "y_mm", "z_mm", *_QUATERNION)),
-            tips=series(tips, POSED_TIPS, "digit", ("tip_x_mm", "tip_y_mm", "tip_z_mm")),
+            tips={digit: ends[:, :3] for digit, ends in both.items()},
+            skin_tips={digit: ends[:, 3:] for digit, ends in both.items()},
         )
     if not any(digit.metacarpal for digit in plan.layouts[hand].digits.values()):
         return Motion()

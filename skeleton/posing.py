@@ -47,21 +47,24 @@ class Motion:
     """What the tables hold of a recording frame by frame, at the T frames of its poses, NaN in gaps.
 
     metacarpals : (T, 4) quaternions bone to transmitter, by digit. bone_poses : (T, 7) of fitted bones by
-    segment, mm then quaternion. tips : (T, 3) mm of fitted digits, by digit.
+    segment, mm then quaternion. tips, skin_tips : (T, 3) mm of fitted digits, by digit: ends of their last
+    bones, and of the skin beyond them.
     """
 
     metacarpals: Mapping[str, Array] = field(default_factory=dict)
     bone_poses: Mapping[str, Array] = field(default_factory=dict)
     tips: Mapping[str, Array] = field(default_factory=dict)
+    skin_tips: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class SkeletonJoint:
     """A joint, and the bone that starts there.
 
-    name : as the layout calls the joint, `<digit>_tip` a tip. parent : index of the joint before it, -1 where
-    there is none. segment : the bone; a tip's is that which it ends. digit : empty for the root. tip :
-    whether it is the end of a digit. dof : degrees of freedom that the model gave it, 0 where none are known.
+    name : as the layout calls the joint; `<digit>_tip` is where a digit's bones end and `<digit>_skin_tip`,
+    after it, where its skin does. parent : index of the joint before it, -1 where there is none. segment :
+    the bone; a tip's is that which it ends. digit : empty for the root. tip : whether it is such an end. dof
+    : degrees of freedom that the model gave it, 0 where none are known.
     """
 
     name: str
@@ -79,8 +82,9 @@ class PosedBones:
     position_mm : (T, J, 3) of the joints and quaternion : (T, J, 4) unit (w, x, y, z) of the bone frames,
     both in the transmitter frame, NaN where not known; a tip has its bone's quaternion. rest_offset_mm : (J,
     3) each joint in its parent's bone frame by the bone's length; zeros for the root, all NaN for a digit's
-    first joint, of which no table but the motion tells, and (NaN, 0, 0) where the bone before has no length.
-    axis : (J, 3) unit, in its own bone frame, of a joint of one degree of freedom; NaN where there is none.
+    first joint and for the skin beyond its last bone, of which no table but the motion tells, and (NaN, 0, 0)
+    where the bone before has no length. axis : (J, 3) unit, in its own bone frame, of a joint of one degree
+    of freedom; NaN where there is none.
     left_out : digits that are not among the joints, and why. root_failure : why the root has no position, or
     empty.
     """
@@ -135,7 +139,7 @@ def pose_bones(skeleton: Skeleton, poses: Poses, motion: Motion) -> PosedBones:
     model asks for a first joint of its own that no receiver measures.
     """
     if skeleton.model.fitting is not None:
-        return fitted_bones(skeleton, poses, motion.bone_poses, motion.tips)
+        return fitted_bones(skeleton, poses, motion)
     return ridden_bones(skeleton, poses, motion.metacarpals)
 
 
@@ -162,14 +166,12 @@ def ridden_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, Arr
     return build.bones(_root_failure(skeleton))
 
 
-def fitted_bones(
-    skeleton: Skeleton, poses: Poses, bone_poses: Mapping[str, Array], tips: Mapping[str, Array]
-) -> PosedBones:
+def fitted_bones(skeleton: Skeleton, poses: Poses, motion: Motion) -> PosedBones:
     """Poses of the bones of a hand that was fitted as a whole: as the fit posed them.
 
-    bone_poses, tips : see `Motion`. The axis of a hinge is that which its bones turn about.
+    The axis of a hinge is that which its bones turn about.
     """
-    layout, count = skeleton.layout, len(poses.frame)
+    layout, count, bone_poses = skeleton.layout, len(poses.frame), motion.bone_poses
     name, segment = root_names(layout)
     root = bone_poses.get(segment, np.full((count, 7), np.nan))
     build = _Builder([_Bone(SkeletonJoint(name, -1, segment), root[:, :3], root[:, 3:], np.zeros(3))])
@@ -180,10 +182,12 @@ def fitted_bones(
             continue
         series = [bone_poses.get(own, np.full((count, 7), np.nan)) for own in digit.segments]
         placed = [_Placed(pose[:, :3], pose[:, 3:]) for pose in series]
-        end = tips.get(digit.name, np.full((count, 3), np.nan))
+        end = motion.tips.get(digit.name, np.full((count, 3), np.nan))
         rows = [skeleton.bones.get((digit.name, own), {}) for own in digit.segments]
         lengths_mm = [_number(row.get("length_mm")) for row in rows]
         build.add_digit(skeleton, digit, [*placed, _Placed(end, placed[-1].quaternion)], lengths_mm)
+        if digit.name in motion.skin_tips:
+            build.add_skin_tip(motion.skin_tips[digit.name])
     bones = build.bones("")
     return replace(bones, axis=axes_turned_about(bones))
 
@@ -268,6 +272,12 @@ class _Builder:
             offset = np.array([length_mm, 0.0, 0.0])
         tip = SkeletonJoint(f"{digit.name}_tip", parent, digit.tip, digit.name, tip=True)
         self._bones.append(_Bone(tip, placed[-1].position_mm, placed[-1].quaternion, offset))
+
+    def add_skin_tip(self, position_mm: Array) -> None:
+        """Add where the skin of the digit added last ends, (T, 3)."""
+        tip = self._bones[-1]
+        joint = replace(tip.joint, name=f"{tip.joint.digit}_skin_tip", parent=len(self._bones) - 1)
+        self._bones.append(_Bone(joint, position_mm, tip.quaternion, np.full(3, np.nan)))
 
     def _bone_of(self, segment: str) -> int:
         """Index of the joint that this segment's bone starts at, -1 where there is none."""

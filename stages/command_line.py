@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from schemas.layout import Layout
     from schemas.parts import Part, PartsWriter
     from schemas.plan import SubjectPlan
-    from schemas.tables import Table
+    from schemas.tables import Provenance, Table
 
 EXIT_BAD_INPUT = 2
 
@@ -139,6 +139,13 @@ def run(
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
+    except MemoryError as error:
+        print(
+            f"error: not enough memory ({error or 'none is left'}); run fewer jobs at once, give the job "
+            "more of it, or cut the recording",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_INPUT
     return 0
 
 
@@ -158,11 +165,14 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
 
 @contextmanager
 def _recorded(record: bool) -> Iterator[list[str]]:
-    """Keep and print the message of what is raised inside; raise it without `record`, and a TableError."""
+    """Keep and print the message of what is raised inside; raise it without `record`.
+
+    A TableError is raised, and that memory ran out: no result of the subject's, and another time it may not.
+    """
     messages: list[str] = []
     try:
         yield messages
-    except TableError:
+    except (TableError, MemoryError):
         raise
     except InputError as error:
         if not record:
@@ -179,9 +189,10 @@ def _recorded(record: bool) -> Iterator[list[str]]:
 def poses_files(plan: SubjectPlan) -> list[Path]:
     """Give the poses files of every recording of a plan that is not excluded.
 
-    Raises TableError where one is of another recording than the plan says.
+    Raises TableError where one is of another recording than the plan says, or was imported with a layout
+    of other segments than the plan's.
     """
-    from schemas.poses import recording_name
+    from schemas.poses import check_layout, recording_name
 
     files = []
     for recording in plan.recordings:
@@ -194,8 +205,42 @@ def poses_files(plan: SubjectPlan) -> list[Path]:
                 f"{path}: is of {name}; expected subject {plan.subject}, {recording.hand.hand} hand, "
                 f"{recording.name}; remove it and run the study again"
             )
+        check_layout(path, plan.layouts[recording.hand.hand])
         files.append(path)
     return files
+
+
+def provenance_of(plan: SubjectPlan, tables: Sequence[Path], files: Sequence[Path]) -> Provenance:
+    """Give what a stage's outputs are made from: tables of other stages, and other files.
+
+    Raises TableError where, in a study, one of the tables was made from another version of one of the rest.
+    """
+    from schemas.tables import Provenance, read_metadata
+
+    provenance = Provenance.of([*tables, *files], plan.folder)
+    digests = dict(provenance.inputs) if plan.is_study else {}
+    for path in tables:
+        for entry in read_metadata(path)["inputs"] if digests else ():
+            if digests.get(entry["file"], entry["sha256"]) != entry["sha256"]:
+                raise TableError(
+                    f"{path}: was made from another {entry['file']} than the one that is there; "
+                    "remove it and run the study again"
+                )
+    return provenance
+
+
+def check_made_together(*tables: Path) -> None:
+    """Raise TableError where tables that one run of a stage writes are of several runs on other inputs."""
+    from schemas.tables import read_metadata
+
+    inputs = {path: {entry["sha256"] for entry in read_metadata(path)["inputs"]} for path in tables}
+    known = [(path, digests) for path, digests in inputs.items() if digests]
+    for path, digests in known[1:]:
+        if digests != known[0][1]:
+            raise TableError(
+                f"{path}: was not made from the same files as {known[0][0]}; expected tables of one hand, "
+                "made together"
+            )
 
 
 def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> CheckedRecording:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Sequence
@@ -9,13 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 from simulated_poses import recorded, write_poses
 from small_study import run_stages, write_plans, write_study
 
 from schemas.catalogue import TABLES
 from schemas.parts import Part, read_part
 from schemas.plan import SubjectPlan, read_plan
-from schemas.tables import Provenance, rows_of
+from schemas.tables import METADATA_KEY, Provenance, rows_of
 from stages.fit_hand.__main__ import main as fit_hand
 from stages.fit_hand.prior import main as fit_prior
 from stages.simulate.written_truth import write_truth
@@ -33,6 +35,21 @@ SHEETS = {
     "touches": "subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm",
 }
 Row = dict[str, Any]
+
+
+def _forget_inputs(path: Path) -> None:
+    with pq.ParquetFile(path) as file:
+        metadata = {**file.metadata.metadata}
+        groups = [file.read_row_group(index) for index in range(file.num_row_groups)]
+        schema = file.schema_arrow
+    if METADATA_KEY not in metadata:
+        return
+    del metadata[b"ARROW:schema"]
+    known = json.loads(metadata[METADATA_KEY]) | {"inputs": []}
+    metadata[METADATA_KEY] = json.dumps(known).encode()
+    with pq.ParquetWriter(path, schema.with_metadata(metadata)) as writer:
+        for group in groups:
+            writer.write_table(group, row_group_size=max(1, group.num_rows))
 
 
 @dataclass(frozen=True)
@@ -68,12 +85,17 @@ class PlannedSubject:
         return Part(hand, model, made_without, "01")
 
     def copied(self, folder: Path) -> PlannedSubject:
-        """The same files elsewhere, the plan's paths among them."""
+        """The same files elsewhere, the plan's paths among them.
+
+        No table says what it was made from, so that a test may change one and leave the others.
+        """
         copy = PlannedSubject(Path(shutil.copytree(self.folder, folder / "copy")))
         text = copy.plan_file.read_text("utf-8")
         for here, there in ((self.folder, copy.folder), *(map(os.path.relpath, (self.folder, copy.folder)),)):
             text = text.replace(str(here), str(there))
         copy.plan_file.write_text(text, "utf-8")
+        for table in copy.folder.rglob("*.parquet"):
+            _forget_inputs(table)
         return copy
 
     def run_stages(self) -> None:

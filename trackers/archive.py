@@ -10,9 +10,10 @@ from __future__ import annotations
 import json
 import mmap
 import os
+import struct
 import time
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,13 @@ import pyarrow as pa
 
 from schemas import PROGRAM, VERSION
 from schemas.errors import InputError
+from schemas.limits import check_regular
 from schemas.tables import METADATA_KEY
+from schemas.text_files import reading
 
-SCHEMA_NAME, SCHEMA_VERSION = "capture", 1
+SCHEMA_NAME, SCHEMA_VERSION = "capture", 2
+FIRST_VERSION = 1
+"""Its rows end with crc32: times and kinds are unprotected, and a row that is missing is not noticed."""
 
 RECEIVED, SENT, SETTINGS, EVENT, END = range(5)
 KINDS = {
@@ -42,7 +47,15 @@ COLUMNS = (
     ("kind", pa.int8(), "", "; ".join(f"{number}: {text}" for number, text in KINDS.items())),
     ("data", pa.binary(), "", "the bytes, or JSON in UTF-8"),
     ("crc32", pa.uint32(), "", "CRC-32 of data"),
+    ("row", pa.int64(), "", "the row's number in the recording, from 0"),
+    (
+        "row_crc32",
+        pa.uint32(),
+        "",
+        "CRC-32 of row, host_ns, utc_offset_ns, kind and crc32, eight bytes each, the lowest first",
+    ),
 )
+_FIRST_COLUMNS = COLUMNS[:5]
 
 SYNC_SECONDS = 1.0
 _WINDOW_BYTES = 8 << 20
@@ -75,6 +88,7 @@ class ArchiveWriter:
         self._utc_offset_ns = utc_offset_ns
         self._rows: list[tuple[int, int, int, bytes]] = []
         self.waiting_bytes = 0
+        self._written_rows = 0
         self._schema = _schema(about)
         self._synced = 0.0
         try:
@@ -114,10 +128,13 @@ class ArchiveWriter:
         if self._rows:
             host_ns, offsets, kinds, data = zip(*self._rows, strict=True)
             crcs = [zlib.crc32(piece) for piece in data]
+            numbers = range(self._written_rows, self._written_rows + len(self._rows))
+            row_crcs = _row_crcs(numbers, host_ns, offsets, kinds, crcs)
+            columns = (host_ns, offsets, kinds, data, crcs, numbers, row_crcs)
             arrays = [
-                pa.array(values, column.type)
-                for values, column in zip((host_ns, offsets, kinds, data, crcs), self._schema, strict=True)
+                pa.array(values, column.type) for values, column in zip(columns, self._schema, strict=True)
             ]
+            self._written_rows += len(self._rows)
             self._append(pa.record_batch(arrays, schema=self._schema).serialize().to_pybytes())
             self._rows.clear()
             self.waiting_bytes = 0
@@ -168,11 +185,22 @@ def _schema(about: Mapping[str, Any]) -> pa.Schema:
         "program_version": VERSION,
         "columns": {name: {"unit": unit, "description": text} for name, _, unit, text in COLUMNS},
         "about": about,
+        "about_crc32": zlib.crc32(_json_bytes(about)),
     }
-    fields = [
-        pa.field(name, kind, False, {"unit": unit, "description": text}) for name, kind, unit, text in COLUMNS
+    return pa.schema(_fields(COLUMNS), {METADATA_KEY: _json_bytes(whole)})
+
+
+def _fields(columns: Sequence[tuple[str, pa.DataType, str, str]]) -> list[pa.Field]:
+    return [
+        pa.field(name, kind, False, {"unit": unit, "description": text}) for name, kind, unit, text in columns
     ]
-    return pa.schema(fields, {METADATA_KEY: _json_bytes(whole)})
+
+
+def _row_crcs(*columns: Sequence[int] | npt.NDArray[Any]) -> list[int]:
+    """CRC-32 of the numbers in each row of some columns."""
+    rows = np.stack([np.asarray(column, "<i8") for column in columns], -1).tobytes()
+    size = 8 * len(columns)
+    return [zlib.crc32(rows[at : at + size]) for at in range(0, len(rows), size)]
 
 
 def _json_bytes(value: Any) -> bytes:
@@ -183,8 +211,9 @@ def _json_bytes(value: Any) -> bytes:
 class Piece:
     """Rows of an archive: host_ns, utc_offset_ns, kind, all (N,), and the bytes of each.
 
-    Rows whose bytes do not have the checksum that stands beside them are not here; `spoilt_bytes` counts
-    what they held, `unreadable_bytes` what of the file before this piece was no batch.
+    Rows that do not have the checksums that stand in them are not here; `spoilt_bytes` counts what they held,
+    `unreadable_bytes` what of the file before this piece was no batch, `missing_rows` the rows before and
+    among these that are neither.
     """
 
     host_ns: npt.NDArray[np.int64]
@@ -193,6 +222,7 @@ class Piece:
     data: list[bytes]
     spoilt_bytes: int = 0
     unreadable_bytes: int = 0
+    missing_rows: int = 0
 
 
 @dataclass(frozen=True)
@@ -208,7 +238,7 @@ class Archive:
 
     def pieces(self) -> Iterator[Piece]:
         """Give the batches in turn; a last empty piece may tell of bytes at the end that were none."""
-        at, lost, forgotten = self._first, 0, 0
+        at, lost, forgotten, next_row = self._first, 0, 0, 0
         view = memoryview(self._buffer).cast("B")
         while at + 8 <= len(view):
             if view[at : at + 8] == _END_OF_STREAM:
@@ -220,7 +250,8 @@ class Archive:
                 lost += following - at
                 at = following
                 continue
-            yield _piece(batch, lost)
+            piece, next_row = _piece(batch, lost, next_row)
+            yield piece
             at, lost = at + size, 0
             if at - forgotten > _WINDOW_BYTES:  # pages that were read need not stay in memory
                 self._mapped.madvise(
@@ -235,13 +266,11 @@ class Archive:
 
 def open_archive(path: Path) -> Archive:
     """Open an archive. Raises InputError where the file is absent or does not begin as one."""
-    try:
+    with reading(path, "a raw capture"):
+        if not check_regular(path, "a raw capture"):
+            raise InputError(f"{path}: is empty; expected a raw capture")
         with path.open("rb") as file:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected a raw capture") from error
-    except (OSError, ValueError) as error:  # ValueError: an empty file
-        raise InputError(f"{path}: cannot be read ({error}); expected a raw capture") from error
     buffer = pa.py_buffer(mapped)
     not_one = InputError(f"{path}: does not begin as a raw capture does; expected what `record` writes")
     schema, first = _schema_at_start(buffer)
@@ -251,12 +280,18 @@ def open_archive(path: Path) -> Archive:
         whole = json.loads((schema.metadata or {})[METADATA_KEY])
         named = (whole["schema"], whole["schema_version"])
         about = dict(whole["about"])
-    except (KeyError, ValueError, TypeError, UnicodeDecodeError) as error:
+        sound = whole.get("about_crc32") == zlib.crc32(_json_bytes(about))
+    except (KeyError, ValueError, TypeError, RecursionError) as error:
         raise not_one from error
-    if named != (SCHEMA_NAME, SCHEMA_VERSION) or not schema.equals(_schema({}), check_metadata=False):
+    columns = {FIRST_VERSION: _FIRST_COLUMNS, SCHEMA_VERSION: COLUMNS}.get(named[1])
+    if named[0] != SCHEMA_NAME or columns is None:
         raise InputError(
             f"{path}: is {named[0]!r} version {named[1]!r}; expected {SCHEMA_NAME} version {SCHEMA_VERSION}"
         )
+    if not schema.equals(pa.schema(_fields(columns)), check_metadata=False):
+        raise not_one
+    if named[1] != FIRST_VERSION and not sound:  # what it says is for people; the recording is in its rows
+        about = {"damaged": "what this recording says of itself does not have its checksum; left out"}
     return Archive(path, about, buffer, mapped, first, schema)
 
 
@@ -285,9 +320,11 @@ def _batch_at(buffer: pa.Buffer, at: int, schema: pa.Schema) -> tuple[pa.RecordB
         return None, 0
     try:
         message = pa.ipc.read_message(buffer.slice(at))
+        if _is_compressed(message.metadata.to_pybytes()):  # not by this program, which never does
+            return None, 0
         batch = pa.ipc.read_record_batch(message, schema)
         batch.validate(full=True)
-    except (pa.ArrowException, OSError, ValueError):
+    except (pa.ArrowException, OSError, ValueError, struct.error):
         return None, 0
     if any(column.null_count for column in batch.columns):
         return None, 0
@@ -302,11 +339,40 @@ def _next_message(view: memoryview, at: int) -> int:
     return at + 8 * int(found[0]) if len(found) else len(view)
 
 
-def _piece(batch: pa.RecordBatch, lost: int) -> Piece:
+def _piece(batch: pa.RecordBatch, lost: int, next_row: int) -> tuple[Piece, int]:
+    """Give a batch's sound rows, and the number of the row behind; next_row : what the first should be."""
     host_ns, offset_ns, kind, data, crc32 = (batch.column(index) for index in range(5))
     pieces = data.to_pylist()
     sound = np.fromiter(map(zlib.crc32, pieces), np.int64, len(pieces)) == crc32.to_numpy()
+    missing = 0
+    if batch.num_columns > len(_FIRST_COLUMNS):
+        row, row_crc32 = batch.column(5).to_numpy(), batch.column(6).to_numpy()
+        sound &= np.array(_row_crcs(row, host_ns, offset_ns, kind, crc32), np.int64) == row_crc32
+        starts = row[sound] - np.flatnonzero(sound)
+        if len(starts):
+            missing = 0 if lost else int(np.abs(starts - next_row).max())
+            next_row = int(starts[-1])
     numbers = [column.to_numpy()[sound] for column in (host_ns, offset_ns, kind)]
     spoilt = sum(len(piece) for piece, good in zip(pieces, sound, strict=True) if not good)
     kept = [piece for piece, good in zip(pieces, sound, strict=True) if good]
-    return Piece(numbers[0], numbers[1], numbers[2], kept, spoilt, lost)
+    return Piece(numbers[0], numbers[1], numbers[2], kept, spoilt, lost, missing), next_row + len(pieces)
+
+
+def _is_compressed(metadata: bytes) -> bool:
+    """Whether the buffers of a record batch's message are compressed; struct.error where it is damaged.
+
+    Arrow's own reader would unpack them, however large they get. In the message's flatbuffer the batch is
+    the third field, its compression the batch's fourth; a table starts with how far before it its list of
+    fields' places is.
+    """
+
+    def field_at(table: int, number: int) -> int:
+        fields = table - struct.unpack_from("<i", metadata, table)[0]
+        length = struct.unpack_from("<H", metadata, fields)[0]
+        offset = (
+            struct.unpack_from("<H", metadata, fields + 4 + 2 * number)[0] if 6 + 2 * number <= length else 0
+        )
+        return table + offset if offset else 0
+
+    header_at = field_at(struct.unpack_from("<I", metadata, 0)[0], 2)
+    return field_at(header_at + struct.unpack_from("<I", metadata, header_at)[0], 3) != 0

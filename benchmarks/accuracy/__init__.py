@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 
 from benchmarks.accuracy.running import run
+from benchmarks.accuracy.scenarios import BY_KEY, Scenario
 
-__all__ = ["add_options", "run"]
+__all__ = ["add_options", "add_people", "run"]
 
 FIRST_SEED = 5010
 """Of the documented run; seeds below are for development."""
@@ -14,6 +15,17 @@ FIRST_SEED = 5010
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the benchmark."""
+    add_people(parser)
+    parser.add_argument(
+        "--scenarios",
+        type=_scenarios,
+        help=f"run these alone, side by side, e.g. ct,blend: {', '.join(BY_KEY)}",
+    )
+    parser.add_argument("--write", action="store_true", help="refresh docs/accuracy.md and .svg, too")
+
+
+def add_people(parser: argparse.ArgumentParser) -> None:
+    """Declare which simulated people are taken."""
     people = parser.add_mutually_exclusive_group()
     people.add_argument(
         "--hands",
@@ -25,7 +37,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     people.add_argument(
         "--seeds", type=_range, help=f"first-last, both included, in place of --hands from {FIRST_SEED}"
     )
-    parser.add_argument("--write", action="store_true", help="refresh docs/accuracy.md and .svg, too")
 
 
 def _hands(text: str) -> range:
@@ -39,3 +50,10 @@ def _range(text: str) -> range:
     if not first.isdigit() or not (last or first).isdigit() or int(last or first) < int(first):
         raise argparse.ArgumentTypeError(f"{text!r} is no range of seeds; expected e.g. 5000-5009")
     return range(int(first), int(last or first) + 1)
+
+
+def _scenarios(text: str) -> list[Scenario]:
+    unknown = [key for key in text.split(",") if key not in BY_KEY]
+    if unknown:
+        raise argparse.ArgumentTypeError(f"{unknown[0]!r} is no scenario; expected of {', '.join(BY_KEY)}")
+    return [BY_KEY[key] for key in text.split(",")]

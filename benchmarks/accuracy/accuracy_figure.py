@@ -8,10 +8,11 @@ from typing import Any
 
 from benchmarks import peers
 from benchmarks.accuracy import estimators
-from benchmarks.accuracy.scenarios import FULL, POLYNOMIAL, SKIN, STIFF
+from benchmarks.accuracy.scenarios import FULL, SKIN, STIFF
 from benchmarks.accuracy.score import HandScore, Summary, summary
 from benchmarks.benchmark_table import DOCS
 from schemas.files import write_text
+from stages.simulate.realism import SATURATING
 
 SETTINGS: dict[Any, Any] = {
     "font.family": "sans-serif",
@@ -93,7 +94,7 @@ def _draw_coverage(axes: Any, summaries: Summaries) -> None:
     axes.axhspan(93, 98, color="#e3edf7")
     for name, metric, label, colour, style in LINES:
         for polynomial in (False, True):
-            part = [place for place in places if (SKIN[place].law == POLYNOMIAL) == polynomial]
+            part = [place for place in places if (SKIN[place].realism.skin != SATURATING) == polynomial]
             percent = [summaries[SKIN[place].name][name][metric] for place in part]
             axes.plot(part, percent, style, color=colour, label=None if polynomial else f"{name}, {label}")
     labels = ["skin x1" if SKIN[place] == FULL else SKIN[place].name for place in places]

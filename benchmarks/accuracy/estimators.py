@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks import peers
-from benchmarks.accuracy.score import PHALANGES, Centre, Estimate, phalanges_mm
+from benchmarks.accuracy.score import Centre, Estimate, phalanges_mm
 from benchmarks.accuracy.trials import Trial
 from benchmarks.solvers import closed, solved_joints
 from schemas.layout import Joint, read_layout
@@ -167,8 +167,9 @@ def of_fit(name: str, trial: Trial, fit: HandFit, seconds: float) -> Estimate:
         )
         for joint in fit.joints.values()
     }
-    lengths = {bone: fit.bones[bone].length_mm for bone in PHALANGES}
-    return Estimate(centres, seconds, lengths, palm_deg(trial, fit))
+    lengths = {bone: one.length_mm for bone, one in fit.bones.items()}
+    sds = {} if name == PRIOR else {bone: one.sd_mm for bone, one in fit.bones.items()}
+    return Estimate(centres, seconds, lengths, sds, palm_deg(trial, fit))
 
 
 def palm_deg(trial: Trial, fit: HandFit) -> dict[str, float]:

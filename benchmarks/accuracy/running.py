@@ -11,16 +11,17 @@ from benchmarks import peers
 from benchmarks.accuracy import accuracy_tables, estimators
 from benchmarks.accuracy.accuracy_figure import write_figure
 from benchmarks.accuracy.literature import NOISES, RANGES_DEG, ProtocolRow, protocol_row
-from benchmarks.accuracy.scenarios import ABLATED, FULL, SKIN, STIFF, SWEEPS, Scenario
+from benchmarks.accuracy.scenarios import ABLATED, CLEAN, FULL, SIDE_BY_SIDE, SKIN, STIFF, SWEEPS, Scenario
 from benchmarks.accuracy.score import Estimate, HandScore, score
 from benchmarks.accuracy.tip_scores import TipError, tip_errors
 from benchmarks.accuracy.trials import N_FRAMES, Trial, record
 from benchmarks.benchmark_table import TextTable, write_tables
 
 SWEEP_PEOPLE = 5
-BASELINE = "full range of motion, fewer hands"
+BASELINE = "blend, fewer hands"
 RUNS, PEER_RUNS = 1000, 40
 SWEPT = (estimators.PAPER, estimators.ANATOMICAL, estimators.WHOLE)
+COMPARED = (*SWEPT, estimators.LENGTHS, estimators.MEASURED)
 
 HANDS = ("right", "left")
 PEER_STEP = 4
@@ -76,27 +77,30 @@ def _counted(one: HandScore, ending: str) -> HandScore:
 People = Mapping[Scenario, Sequence[Future[PersonResult]]]
 
 
-def run(seeds: Sequence[int], *, write: bool = False, processes: int = 2) -> Iterator[TextTable]:
-    """Give the tables over both hands of the people of those seeds; write : page and figure in docs/, too."""
-    missing = peers.missing_peers()
-    everyone = (*estimators.OURS, *(name for name in peers.PEERS if name not in missing))
-    compared = dict.fromkeys((FULL, STIFF), everyone)
-    compared |= {one: SWEPT for one in (*SKIN, *SWEEPS) if one != FULL}
-    compared[ABLATED] = (estimators.WHOLE, *estimators.ABLATIONS)
-    shown: list[TextTable] = []
+def run(
+    seeds: Sequence[int],
+    *,
+    scenarios: Sequence[Scenario] | None = None,
+    write: bool = False,
+    processes: int = 2,
+) -> Iterator[TextTable]:
+    """Give the tables over both hands of the people of those seeds.
+
+    scenarios : these side by side, and nothing else. write : page and figure in docs/, too.
+    """
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        people = {
-            scenario: [
-                pool.submit(person_result, seed, scenario, names)
-                for seed in (seeds[:SWEEP_PEOPLE] if scenario in (*SWEEPS, ABLATED) else seeds)
-            ]
-            for scenario, names in compared.items()
-        }
+        if scenarios:
+            people = _submitted(pool, seeds, dict.fromkeys(scenarios, COMPARED))
+            yield from _side_by_side(people, _hands_of(seeds))
+            return
+        missing = peers.missing_peers()
+        people = _submitted(pool, seeds, _everything(missing))
         protocol = [
             pool.submit(protocol_row, noise, range_deg, RUNS, PEER_RUNS)
             for noise in NOISES
             for range_deg in RANGES_DEG
         ]
+        shown: list[TextTable] = []
         for table in _tables(people, protocol, seeds, missing):
             shown.append(table)
             yield table
@@ -106,11 +110,43 @@ def run(seeds: Sequence[int], *, write: bool = False, processes: int = 2) -> Ite
             write_tables("accuracy.md", shown, command)
 
 
+def _everything(missing: Mapping[str, str]) -> dict[Scenario, Sequence[str]]:
+    """Estimators that are run, by scenario."""
+    everyone = (*estimators.OURS, *(name for name in peers.PEERS if name not in missing))
+    compared: dict[Scenario, Sequence[str]] = dict.fromkeys((*SKIN, *SWEEPS), SWEPT)
+    compared |= dict.fromkeys(SIDE_BY_SIDE, COMPARED)
+    compared |= dict.fromkeys((FULL, STIFF), everyone)
+    return compared | {ABLATED: (estimators.WHOLE, *estimators.ABLATIONS)}
+
+
+def _submitted(
+    pool: ProcessPoolExecutor, seeds: Sequence[int], compared: Mapping[Scenario, Sequence[str]]
+) -> People:
+    """Every person in every scenario, on its way; fewer people where there are many scenarios."""
+    return {
+        scenario: [
+            pool.submit(person_result, seed, scenario, names)
+            for seed in (seeds[:SWEEP_PEOPLE] if scenario in (*SWEEPS, ABLATED) else seeds)
+        ]
+        for scenario, names in compared.items()
+    }
+
+
+def _side_by_side(people: People, hands: str) -> Iterator[TextTable]:
+    """The scenarios that are there beside each other, and what is lost without noise and skin."""
+    scores = {one.name: by_estimator(people[one]) for one in SIDE_BY_SIDE if one in people}
+    yield accuracy_tables.scenario_table(scores, COMPARED, hands)
+    yield accuracy_tables.length_table(scores, COMPARED, hands)
+    if CLEAN.name in scores:
+        yield accuracy_tables.direction_table(scores[CLEAN.name], SWEPT, hands)
+
+
 def _tables(
     people: People, protocol: Sequence[Future[ProtocolRow]], seeds: Sequence[int], missing: Mapping[str, str]
 ) -> Iterator[TextTable]:
     """Every table, as soon as what it needs is there."""
     hands = _hands_of(seeds)
+    yield from _side_by_side(people, hands)
     full, stiff = by_estimator(people[FULL]), by_estimator(people[STIFF])
     yield accuracy_tables.estimator_table(FULL.name, full, missing, hands)
     yield accuracy_tables.joint_table(full, hands)

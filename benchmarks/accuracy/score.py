@@ -23,6 +23,9 @@ from stages.simulate.simulation import LAYOUT
 COVERED_95 = 7.815
 """95 % of squared Mahalanobis distances in three dimensions are below this."""
 
+COVERED_95_SD = 1.96
+"""The same in one dimension, of a length, in sds."""
+
 GROSS_MM = 5.0
 
 JOINT_TYPES = {
@@ -55,13 +58,15 @@ class Centre:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A hand as an estimator has it. lengths_mm : of PHALANGES. palm_deg : mean angle between the fitted and
-    the true direction of the ring's and the little finger's metacarpals. seconds : of one processor.
+    """A hand as an estimator has it. lengths_mm : of its bones, of PHALANGES at least; length_sd_mm : as far
+    as it states them. palm_deg : mean angle between the fitted and the true direction of the ring's and the
+    little finger's metacarpals. seconds : of one processor.
     """
 
     centres: Mapping[str, Centre]
     seconds: float
     lengths_mm: Mapping[str, float] = field(default_factory=dict)
+    length_sd_mm: Mapping[str, float] = field(default_factory=dict)
     palm_deg: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -84,12 +89,26 @@ class JointError:
 
 
 @dataclass(frozen=True)
+class BoneError:
+    """The length of one bone: its error in percent of the true one, and whether its 95 % hold that."""
+
+    bone: str
+    percent: float
+    inside: float | None
+
+    @property
+    def kind(self) -> str:
+        """Metacarpal, proximal, middle or distal."""
+        return self.bone.split("_")[1]
+
+
+@dataclass(frozen=True)
 class HandScore:
-    """All errors of one estimator on one hand; bones_percent of the true length, without sign."""
+    """All errors of one estimator on one hand."""
 
     estimator: str
     joints: tuple[JointError, ...]
-    bones_percent: tuple[float, ...]
+    bones: tuple[BoneError, ...]
     palm_deg: tuple[float, ...]
     seconds: float
 
@@ -97,20 +116,23 @@ class HandScore:
 def score(estimator: str, trial: Trial, estimate: Estimate) -> HandScore:
     """Hold an estimate against the trial's truth."""
     joints = read_layout(LAYOUT).joints
-    lengths = trial.truth.hand.length_mm
     return HandScore(
         estimator,
         tuple(
             joint_error(trial.truth.joints[name], centre, hinge=joints[name].dof == 1)
             for name, centre in estimate.centres.items()
         ),
-        tuple(
-            100 * abs(length / float(lengths[BONES.index(bone)]) - 1)
-            for bone, length in estimate.lengths_mm.items()
-        ),
+        tuple(_bone_error(trial, bone, estimate) for bone in estimate.lengths_mm),
         tuple(estimate.palm_deg.values()),
         estimate.seconds,
     )
+
+
+def _bone_error(trial: Trial, bone: str, estimate: Estimate) -> BoneError:
+    true_mm = float(trial.truth.hand.length_mm[BONES.index(bone)])
+    off_mm, sd_mm = estimate.lengths_mm[bone] - true_mm, estimate.length_sd_mm.get(bone)
+    inside = None if sd_mm is None else float(abs(off_mm) <= COVERED_95_SD * sd_mm)
+    return BoneError(bone, 100 * off_mm / true_mm, inside)
 
 
 def joint_error(true: TrueJoint, centre: Centre, *, hinge: bool) -> JointError:
@@ -175,6 +197,11 @@ def _of_joints(name: str) -> Callable[[HandScore], Iterable[float | None]]:
     return lambda hand: (getattr(joint, name) for joint in hand.joints)
 
 
+def _of_phalanges(hand: HandScore) -> Iterable[float]:
+    """Errors without sign of those bones that every estimator of centres has a length of."""
+    return (abs(one.percent) for one in hand.bones if one.bone in PHALANGES)
+
+
 def _percent(shares: npt.ArrayLike) -> float:
     return 100.0 * float(np.mean(np.asarray(shares)))
 
@@ -187,7 +214,10 @@ METRICS = {
     "across_mm": Metric("across mm", ".2f", np.median, _of_joints("across_mm")),
     "gross_percent": Metric("> 5 mm %", ".1f", lambda mm: _percent(mm > GROSS_MM), _of_joints("child_mm")),
     "axis_deg": Metric("axis deg", ".1f", np.median, _of_joints("axis_deg")),
-    "bone_percent": Metric("bones %", ".1f", np.median, lambda hand: hand.bones_percent),
+    "bone_percent": Metric("bones %", ".1f", np.median, _of_phalanges),
+    "length_percent": Metric(
+        "length in 95 %", ".1f", _percent, lambda hand: (one.inside for one in hand.bones)
+    ),
     "palm_deg": Metric("palm deg", ".1f", np.mean, lambda hand: hand.palm_deg),
     "radius_percent": Metric("in radius %", ".1f", _percent, _of_joints("in_radius")),
     "ellipsoid_percent": Metric("in ellipsoid %", ".1f", _percent, _of_joints("in_ellipsoid")),

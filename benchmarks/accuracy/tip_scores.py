@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy import average_hand
 from benchmarks.accuracy.estimators import WHOLE
 from benchmarks.accuracy.trials import Trial
 from skeleton.rotations import Array, conjugate, rotate
 from stages.fit_hand.contacts import find_contacts
-from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, fingertips
+from stages.fit_hand.fingertips import TIP, Fingertips, fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.touching import TOUCH_SD_MM, touch_in, with_touches
 from stages.simulate.random_hand import DIGITS, TIP_BONES
@@ -75,13 +74,8 @@ def judged_rows(held_out: Trial) -> slice:
 
 
 def soft_parts_mm(trial: Trial) -> Array:
-    """The end of each digit from that of its last bone, (5, 3) in the bone's frame: what a person's own is.
-
-    As thick as people's is on average, give or take what people differ by.
-    """
-    rng = np.random.default_rng([trial.seed, trial.hand == "left", 2])
-    thick = [trial.truth.hand.scale * average_hand.DIGITS[digit].soft_tip_mm for digit in DIGITS]
-    return np.asarray(np.outer(thick, [1.0, 0.0, 0.0]) + TIP_SD_MM * rng.standard_normal((len(DIGITS), 3)))
+    """The end of each digit from that of its last bone, (5, 3) in the bone's frame."""
+    return np.outer(trial.truth.hand.soft_tip_mm, [1.0, 0.0, 0.0])
 
 
 def touched(tips: Fingertips, calibration: Trial, soft_mm: Array) -> Fingertips:

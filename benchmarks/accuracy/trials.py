@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.accuracy.polynomial_skin import slipped
-from benchmarks.accuracy.scenarios import SATURATING, Scenario
-from schemas.layout import read_layout
-from schemas.poses import Poses
-from skeleton.rotations import Array, about_axis, angle, unit
-from stages.simulate.artefact import distorted, noisy, seen_through_skin, skin_of, turned, under_read
-from stages.simulate.forward import bone_poses
-from stages.simulate.mounts import Mounts, mounts_of
-from stages.simulate.random_hand import FINGERS, FLEXION, JOINTS, Hand, hand_of
+from anatomy.drawn_hands import CREASE_MM
+from benchmarks.accuracy.scenarios import Scenario
+from schemas.poses import Poses, read_poses
+from skeleton.rotations import Array, unit
+from stages.capture import import_recording
+from stages.simulate.random_hand import DIGITS, FINGERS, FLEXION, JOINTS, Hand
 from stages.simulate.randomness import generator
-from stages.simulate.realism import Realism
+from stages.simulate.recording import write_recording
 from stages.simulate.simulated_truth import Truth
-from stages.simulate.simulation import FIRST_FRAME, LAYOUT
-from stages.simulate.task_motion import RATE_HZ, Motion, move
+from stages.simulate.simulation import LAYOUT, Simulated, simulate
+from stages.simulate.task_motion import RATE_HZ, Motion
+from stages.simulate.tracker_errors import turned
 
 SUBJECT = "01"
 N_FRAMES = 6000
-SOFT_TIP_MM, WRIST_TO_CMC_MM = 3.95, 13.5
 _BURST_S = 0.25
 
 
@@ -42,31 +43,39 @@ class Trial:
 
 def record(seed: int, hand: str, scenario: Scenario, n_frames: int = N_FRAMES) -> Trial:
     """Simulate a hand in a scenario; with the default scenario exactly what `stages.simulate` makes."""
-    realism = replace(Realism.full(), artefact=scenario.artefact, field_distortion=scenario.field)
-    layout = read_layout(LAYOUT)
-    segments = tuple(s for s in layout.measured if not layout.segments[s].optional)
-    anatomy = hand_of(SUBJECT, hand, seed, realism)
-    mounts = _mounts(anatomy, seed, hand, segments, realism, scenario.mounts)
-    motion = move(SUBJECT, hand, scenario.task, seed, anatomy, realism, n_frames)
-    if scenario.dip_range_deg is not None:
-        motion = replace(motion, angles_rad=with_dip_range(motion.angles_rad, scenario.dip_range_deg))
-    bones = bone_poses(anatomy, motion.angles_rad, motion.wrist_mm, motion.forearm)
-    recorded = _through_skin(anatomy, mounts, motion, bones, seed, hand, scenario)
+
+    def change(motion: Motion) -> Motion:
+        if scenario.dip_range_deg is None:
+            return motion
+        return replace(motion, angles_rad=with_dip_range(motion.angles_rad, scenario.dip_range_deg))
+
+    made = simulate(SUBJECT, hand, scenario.task, seed, scenario.realism, n_frames, change=change)
     if scenario.cross_talk:
-        recorded = _cross_talk(recorded, segments, motion.angles_rad, scenario.cross_talk, seed, hand)
-    if scenario.field:
-        recorded = distorted(*recorded, seed, scenario.field)
-    recorded = noisy(*recorded, realism.noise, generator(seed, "noise", SUBJECT, hand, scenario.task))
-    truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism)
+        made = _with_cross_talk(made, scenario.cross_talk, seed)
     share = scenario.told_length
-    length_mm = None if share is None else share * true_length_mm(anatomy)
-    return Trial(seed, hand, scenario, _poses(segments, recorded, seed, hand, scenario), truth, length_mm)
+    length_mm = None if share is None else share * true_length_mm(made.truth.hand)
+    poses = _imported(made) if scenario.realism.faults else made.poses()
+    return Trial(seed, hand, scenario, _with_losses(poses, seed, hand, scenario), made.truth, length_mm)
+
+
+def _imported(made: Simulated) -> Poses:
+    """The recording as its file is read: faults of the tracker are found, repaired or left out."""
+    with TemporaryDirectory() as folder:
+        recording, table = Path(folder, "recording.parquet"), Path(folder, "poses.parquet")
+        write_recording(recording, made)
+        names = ("--layout", LAYOUT, "--subject", SUBJECT, "--hand", made.hand, "--task", made.task)
+        files = ("--in", str(recording), "--out", str(table), "--repair-hemisphere")
+        with redirect_stderr(StringIO()):  # it says what it finds
+            assert import_recording.main([*files, *names]) == 0
+        return read_poses(table, made.segments)
 
 
 def true_length_mm(hand: Hand) -> float:
-    """Length of a hand from the wrist centre to the middle finger's soft tip, all bones in line."""
+    """Length of a hand from the wrist's crease to the middle finger's soft tip, all bones in line."""
     middle = [i + 1 for i, joint in enumerate(JOINTS) if joint.startswith("middle_")]
-    return float(hand.length_mm[middle].sum() + hand.scale * (SOFT_TIP_MM + WRIST_TO_CMC_MM))
+    to_base_mm = hand.origin_mm[JOINTS.index("middle_cmc"), 0]
+    soft_tip_mm = hand.soft_tip_mm[DIGITS.index("middle")]
+    return float(CREASE_MM * hand.scale + to_base_mm + hand.length_mm[middle].sum() + soft_tip_mm)
 
 
 def with_dip_range(angles_rad: Array, range_deg: float) -> Array:
@@ -78,78 +87,32 @@ def with_dip_range(angles_rad: Array, range_deg: float) -> Array:
     return scaled
 
 
-def _mounts(
-    anatomy: Hand, seed: int, hand: str, segments: tuple[str, ...], realism: Realism, scale: float
-) -> Mounts:
-    """Receivers misplaced and turned `scale` times as far as the simulator puts them."""
-    own = mounts_of(SUBJECT, hand, seed, anatomy, segments, realism)
-    if scale == 1.0:
-        return own
-    nominal = mounts_of(SUBJECT, hand, seed, anatomy, segments, replace(realism, exact_planes=True))
-    position = nominal.position_mm + scale * (own.position_mm - nominal.position_mm)
-    turned_by = scale * angle(own.quaternion)
-    return replace(own, position_mm=position, quaternion=about_axis(unit(own.quaternion[:, 1:]), turned_by))
-
-
-def _through_skin(
-    anatomy: Hand,
-    mounts: Mounts,
-    motion: Motion,
-    bones: tuple[Array, Array],
-    seed: int,
-    hand: str,
-    scenario: Scenario,
-) -> tuple[Array, Array]:
-    """Receivers' poses as the scenario's skin lets them follow the bones."""
-    if not scenario.artefact:
-        return mounts.poses(*bones)
-    skin = skin_of(SUBJECT, hand, seed, mounts.segments, scenario.artefact)
-    followed = under_read(motion.angles_rad, skin)
-    thumb_skin = bone_poses(anatomy, followed, motion.wrist_mm, motion.forearm)
-    rng = generator(seed, "wander", SUBJECT, hand, scenario.task)
-    if scenario.law == SATURATING:
-        return seen_through_skin(mounts, bones, thumb_skin, motion.angles_rad, skin, rng)
-    position, quaternion = mounts.poses(*bones)
-    own = mounts.segments.index("thumb_metacarpal")
-    under = mounts.poses(*thumb_skin)
-    position[:, own], quaternion[:, own] = under[0][:, own], under[1][:, own]
-    distal = np.array([segment.endswith("_distal") for segment in mounts.segments])
-    own_rng = generator(seed, "polynomial skin", SUBJECT, hand)
-    return slipped(position, quaternion, motion.angles_rad, skin, scenario.artefact * distal, own_rng)
-
-
-def _cross_talk(
-    recorded: tuple[Array, Array],
-    segments: tuple[str, ...],
-    angles_rad: Array,
-    per_rad: float,
-    seed: int,
-    hand: str,
-) -> tuple[Array, Array]:
-    """Poses with the middle phalanges' receivers tilted by the PIP joints, each about an axis of its own."""
-    position, quaternion = recorded[0], recorded[1].copy()
-    axes = unit(generator(seed, "cross-talk", SUBJECT, hand).standard_normal((len(FINGERS), 3)))
+def _with_cross_talk(made: Simulated, per_rad: float, seed: int) -> Simulated:
+    """The middle phalanges' receivers tilted by the PIP joints, each about an axis of its own."""
+    quaternion = made.quaternion.copy()
+    axes = unit(generator(seed, "cross-talk", SUBJECT, made.hand).standard_normal((len(FINGERS), 3)))
     for axis, digit in zip(axes, FINGERS, strict=True):
-        receiver = segments.index(f"{digit}_middle")
-        bent = angles_rad[:, JOINTS.index(f"{digit}_pip"), FLEXION]
+        receiver = made.segments.index(f"{digit}_middle")
+        bent = made.truth.angles_rad[:, JOINTS.index(f"{digit}_pip"), FLEXION]
         quaternion[:, receiver] = turned(quaternion[:, receiver], per_rad * bent[:, None] * axis)
-    return position, quaternion
+    return replace(made, quaternion=quaternion)
 
 
-def _poses(
-    segments: tuple[str, ...], recorded: tuple[Array, Array], seed: int, hand: str, scenario: Scenario
-) -> Poses:
-    """The recording as the stages hold it, with what the tracker lost; lost poses are NaN."""
-    position_mm, quaternion = recorded[0].copy(), recorded[1].copy()
-    n_frames = len(position_mm)
+def _with_losses(poses: Poses, seed: int, hand: str, scenario: Scenario) -> Poses:
+    """The recording without what the scenario loses of it; lost poses are NaN."""
+    n_frames = len(poses.frame)
     rng = generator(seed, "lost", SUBJECT, hand)
-    lost = bursts(rng, n_frames, len(segments), scenario.dropped)
+    lost = bursts(rng, n_frames, len(poses.segments), scenario.dropped)
     if scenario.half_absent:
-        worn = [i for i, segment in enumerate(segments) if segment != "hand"]
+        worn = [i for i, segment in enumerate(poses.segments) if segment != "hand"]
         lost[n_frames // 2 :, rng.choice(worn)] = True
-    position_mm[lost], quaternion[lost] = np.nan, np.nan
-    frame = np.arange(FIRST_FRAME, FIRST_FRAME + n_frames)
-    return Poses(segments, frame, frame / RATE_HZ, position_mm, quaternion, ~lost)
+    gone = lost[..., None]
+    return replace(
+        poses,
+        position_mm=np.where(gone, np.nan, poses.position_mm),
+        quaternion=np.where(gone, np.nan, poses.quaternion),
+        valid=poses.valid & ~lost,
+    )
 
 
 def bursts(rng: np.random.Generator, n_frames: int, n_receivers: int, share: float) -> npt.NDArray[np.bool_]:

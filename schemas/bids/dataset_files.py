@@ -12,7 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
-from schemas import PROGRAM, VERSION
+from schemas import PROGRAM, VERSION, limits, text_files
 from schemas.errors import InputError
 from schemas.files import replacing
 
@@ -44,12 +44,7 @@ def description_json(name: str, licence: str = "") -> dict[str, Any]:
 
 def read_text(path: Path) -> str:
     """Read a sidecar. Raises InputError where it cannot be read or is not UTF-8."""
-    try:
-        return path.read_text("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text; save it as UTF-8") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    return text_files.read_text(path, "a sidecar of the recording", limits.SHEET_BYTES)
 
 
 def read_rows(path: Path) -> tuple[list[str], list[list[str]]]:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from schemas.errors import InputError, no_such_file
 from stages import command_line
 from stages.capture.formats.readers import AUTO, FORMATS
 
@@ -67,9 +66,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from stages.capture.formats.readers import find_parts_reader
     from stages.capture.poses_table import poses_table
 
-    if "\\" in str(arguments.file) and not arguments.file.exists():
-        raise InputError(f"{no_such_file(arguments.file)}; expected a recording")
-    layout = read_layout(arguments.layout)
+    layout = read_layout(arguments.layout).of_hand(arguments.hand)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
     remarks = _Remarks()
@@ -148,4 +145,4 @@ def _parameters(arguments: argparse.Namespace, layout: str, absent: list[str]) -
 def _absent(layout: Layout, poses: PosesTable) -> list[str]:
     """Segments that the layout expects and of which the recording has no complete pose."""
     seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
-    return [s for s in layout.measured if not layout.segments[s].optional and s not in seen]
+    return [s for s in layout.expected if s not in seen]

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from schemas.errors import InputError
+from schemas.limits import check_regular
+from schemas.text_files import reading
 from stages import command_line
 
 if TYPE_CHECKING:
@@ -114,13 +116,12 @@ def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) 
 
 def describe(path: Path, layout: Layout) -> Description:
     """Say what is in a file or folder. Raises InputError where it is absent, empty or of no known kind."""
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder")
-    if path.is_file() and not path.stat().st_size:
-        raise InputError(f"{path}: is empty; expected a recording")
-    name = path.name.lower()
     if path.is_dir():
         return _matrices(path)
+    with reading(path, "a recording", "expected a recording, or a folder of matrices"):
+        if not check_regular(path, "a recording"):
+            raise InputError(f"{path}: is empty; expected a recording")
+    name = path.name.lower()
     if name.endswith(".c3d"):
         from stages.capture.inspection.c3d_files import describe_c3d
 

@@ -20,6 +20,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from schemas.errors import InputError
+from schemas.limits import FARTHEST_MM
 from stages.capture.hemispheres import Sides, jumps, link_sides, sides_by_jumps
 from stages.capture.samples import NUMBERS, Samples
 from stages.capture.spikes import spikes
@@ -30,6 +31,7 @@ FLAGS = {
     "missing": "all seven numbers are empty",
     "partly-missing": "some of the seven numbers are empty",
     "not-finite": "a number is infinite",
+    "out-of-reach": "the position is farther away than any tracker reaches, whatever its unit",
     "duplicate-frame": "the row stands more than once in the recording, each time the same",
     "conflicting-duplicate": "the frame stands more than once with different numbers or times",
     "time-missing": "the row has no (finite) time",
@@ -217,6 +219,7 @@ def _checked(file: _RowFile, hemisphere: tuple[float, float, float] | None) -> _
     """Bring a segment's rows into order, flag them and say what they say together."""
     rows = file.rows()
     rows = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
+    _empty_far(rows)
     rows["flags"] |= _gap_flags(rows) | _time_flags(rows["time_s"])
     norm, bad = _normalise(rows)
     first = min(zip(rows["sample"][bad], rows["frame"][bad], norm[bad], strict=True), default=None)
@@ -311,10 +314,19 @@ def _same(first: Array, second: Array) -> Bools:
     return np.asarray((first == second) | (np.isnan(first) & np.isnan(second)))
 
 
+def _empty_far(rows: Rows) -> None:
+    """Make poses gaps that are beyond any reach: squares of such numbers overflow in what comes after."""
+    position_mm = np.abs(rows["numbers"][:, :3])
+    far = (np.isfinite(position_mm) & (position_mm > FARTHEST_MM)).any(-1)
+    rows["numbers"][far] = np.nan
+    rows["flags"][far] |= _BIT["out-of-reach"]
+
+
 def _gap_flags(rows: Rows) -> Flags:
     empty = np.isnan(rows["numbers"])
     some, every = empty.any(-1), empty.all(-1)
     explained = _BIT["conflicting-duplicate"] | _BIT["partly-missing"] | _BIT["not-finite"]
+    explained |= _BIT["out-of-reach"]
     flags = np.where(every & ((rows["flags"] & explained) == 0), _BIT["missing"], 0)
     flags |= np.where(some & ~every, _BIT["partly-missing"], 0)
     flags |= np.where(np.isinf(rows["numbers"]).any(-1), _BIT["not-finite"], 0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError
+from schemas.errors import InputError, shortened
 from schemas.layout import Layout
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
@@ -89,7 +89,7 @@ def segments_of_names(
         why = f"is not in layout {layout.name}, which knows {', '.join(known)}{did_you_mean(name, known)}"
         if name in layout.segments:
             why = f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
-        raise InputError(f"{place(first)}: segment {name!r} {why}")
+        raise InputError(f"{place(first)}: segment {shortened(name, 60)!r} {why}")
     return segment
 
 

@@ -45,17 +45,11 @@ def estimate(arguments: argparse.Namespace) -> None:
     """Build every skeleton of the plan, write the three tables."""
     from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
     from schemas.parts import parts_writer
-    from schemas.tables import Provenance
 
     plan = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
     fits = _Fits(plan, arguments.fit)
-    files = [
-        arguments.joints,
-        *fits.files(),
-        *command_line.poses_files(plan),
-        *command_line.config_files(arguments),
-    ]
-    provenance = Provenance.of(files, plan.folder)
+    files = [*command_line.poses_files(plan), *command_line.config_files(arguments)]
+    provenance = command_line.provenance_of(plan, [arguments.joints, *fits.files()], files)
     with (
         parts_writer(arguments.out_joints, JOINT_CENTRES, provenance) as joints,
         parts_writer(arguments.out_bones, BONE_LENGTHS, provenance) as bones,

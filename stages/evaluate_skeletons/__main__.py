@@ -30,15 +30,14 @@ def evaluate(arguments: argparse.Namespace) -> None:
     from schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES
     from schemas.parts import Part, parts_writer
     from schemas.plan import read_plan
-    from schemas.tables import Provenance
     from stages.evaluate_skeletons.evaluation import evaluate_hand
 
     plan = read_plan(arguments.plan)
     names = ("joint_centres", "bone_lengths", "metacarpals", "tips", "tip_errors", "prior_posed_tips")
     fitted = [(hand, model) for hand in plan.layouts for model in plan.fitted_models]
     fits = [plan.fit_table(hand, model, "posed_tips") for hand, model in fitted]
-    files = [*map(plan.table, names), *fits, *command_line.poses_files(plan)]
-    provenance = Provenance.of(files, plan.folder)
+    tables = [*map(plan.table, names), *fits]
+    provenance = command_line.provenance_of(plan, tables, command_line.poses_files(plan))
     with (
         parts_writer(arguments.out, SKELETON_SCORES, provenance) as scores,
         parts_writer(arguments.out_joints, JOINT_ERRORS, provenance) as errors,

@@ -39,13 +39,12 @@ def evaluate(arguments: argparse.Namespace) -> None:
     """Replay every skeleton of the plan in its recordings, write both tables."""
     from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS, TIPS
     from schemas.parts import parts_writer
-    from schemas.tables import Provenance
 
     plan = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
     tables = [arguments.joints, arguments.bones, arguments.metacarpals]
-    provenance = Provenance.of(
-        [*tables, *command_line.poses_files(plan), *command_line.config_files(arguments)], plan.folder
-    )
+    command_line.check_made_together(*tables)
+    files = [*command_line.poses_files(plan), *command_line.config_files(arguments)]
+    provenance = command_line.provenance_of(plan, tables, files)
     with (
         parts_writer(arguments.out, TIPS, provenance) as tips,
         parts_writer(arguments.out_errors, TIP_ERRORS, provenance) as errors,

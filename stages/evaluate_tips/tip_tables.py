@@ -75,12 +75,21 @@ def _replay_digit(
     }
     message = ""
     if not np.isfinite(least_squares_mm).any():
-        message = f"no frame in which all of {', '.join((chain.digit.base, *chain.receivers))} are valid"
+        message = _why_unscored(chain, poses)
     rows = [
         _row(chain.digit.name, binding, len(poses.frame), message) | error_statistics(error_mm)
         for binding, error_mm in zip(BINDINGS, (first_frame_mm, least_squares_mm), strict=True)
     ]
     return DigitReplay(columns, rows)
+
+
+def _why_unscored(chain: DigitChain, poses: Poses) -> str:
+    """Why no frame of a recording can be replayed: receivers that were not worn, or never all at once."""
+    needed = (chain.digit.base, *chain.receivers)
+    absent = [name for name in needed if not poses.valid[:, poses.index(name)].any()]
+    if absent:
+        return f"the recording has no pose of {', '.join(absent)}, which the replay rides on"
+    return f"no frame in which all of {', '.join(needed)} are valid"
 
 
 def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[str, Any]]:

@@ -15,9 +15,10 @@ import pyarrow as pa
 
 from schemas.bids.channels import FRAME_OF_REFERENCE, Column, channels_json, frame_column, time_columns
 from schemas.bids.decimals import text_of
+from skeleton.posing import SkeletonJoint
 from skeleton.rotations import Array
 from stages.export.file_facts import BONE_FRAME
-from stages.export.motion import SkeletonMotion
+from stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion
 from stages.export.tidy_csv import bone_angles_deg
 
 ANGLES = ("flexion", "abduction", "rotation")
@@ -69,7 +70,7 @@ def skeleton_system(motion: SkeletonMotion, start_s: float) -> System:
     position = _texts((motion.position_mm / 1000).round(9))
     turn = _texts(motion.quaternion.round(9))
     for index, joint in enumerate(motion.joints):
-        columns += _place_columns(joint.name, "tip" if joint.tip else "joint", position[index])
+        columns += _place_columns(joint.name, _kind(joint), position[index])
         if not joint.tip:
             columns += _turn_columns(joint.name, "bone", turn[index])
     names, angles = bone_angles_deg(motion)
@@ -79,6 +80,17 @@ def skeleton_system(motion: SkeletonMotion, start_s: float) -> System:
             what = f"{name} of the joint, signed as reference_frame says"
             columns.append(Column(text, f"{joint_name}_{name}", "n/a", "JNTANG", joint_name, "deg", what))
     return System(tuple(columns), motion.names, bones=True)
+
+
+def _kind(joint: SkeletonJoint) -> str:
+    """What a point of the skeleton is, in words."""
+    if not joint.tip:
+        return "joint"
+    if joint.name.endswith(SKIN_TIP):
+        return "end of the digit, skin and all"
+    if joint.name.endswith(RECEIVER_TIP):
+        return "distal receiver's origin, taken for the tip"
+    return "end of the last bone"
 
 
 def _place_columns(point: str, kind: str, texts: Sequence[pa.Array]) -> list[Column]:

@@ -54,8 +54,8 @@ class _Solid:
 def bone_mesh(motion: SkeletonMotion) -> Mesh:
     """The skeleton's body at rest (`stages.export.motion.rest_pose`).
 
-    Every joint has a ball, every bone of more than 1 mm a solid from its joint to the next, both riding on
-    the bone's joint; a tip of a digit of known anatomy has a nail.
+    Every joint but the end of the skin has a ball, every bone of more than 1 mm a solid from its joint to the
+    next, both riding on the bone's joint; a tip of a digit of known anatomy has a nail.
     """
     rest_mm, rest_turn = rest_pose(motion)
     solids = list(_solids(motion))
@@ -80,6 +80,8 @@ def _solids(motion: SkeletonMotion) -> Iterator[_Solid]:
     usual = float(np.median(length[length > _SHORTEST_MM]))
     ball, ball_triangle = _sphere()
     for index, joint in enumerate(motion.joints):
+        if joint.tip and motion.joints[joint.parent].tip:
+            continue  # skin beyond the bone
         yield _Solid(index, False, ball * _BALL * usual, ball, ball_triangle)
         if length[index] > _SHORTEST_MM:
             radius = _RADIUS * min(float(length[index]), usual)

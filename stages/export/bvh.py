@@ -9,8 +9,9 @@ and may leave (-180, 180].
 A joint that stays at its OFFSET has these three channels. One that moves against the bone before is two:
 NAME_rest, which has the OFFSET and never turns, and in it NAME with positions, rotations and an OFFSET of
 zero. For programs do not agree on positions beside an OFFSET: Blender and bvhsdk put them in its place,
-three.js adds the two. `--bones stiff` gives a file with rotations alone. A tip is an End Site, or
-where it moves a joint with an End Site of no length. The root's OFFSET is zero.
+three.js adds the two. `--bones stiff` gives a file with rotations alone. The last tip of a digit is an End
+Site, or where it moves a joint with an End Site of no length: after index_tip, the end of the bone, an End
+Site is where the skin ends. The root's OFFSET is zero.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     for index in _depth_first(motion):
         beyond = (local.offset_mm[:, index] - (offset_mm[index] if index else 0.0)) * scale
         moves[index] = not index or np.abs(beyond).max() > MOVES_MM * scale
-        if moves[index] or not motion.joints[index].tip:
+        if moves[index] or not _is_end(motion, index):
             angles = euler_zyx_deg(local.quaternion[:, index])
             channels.append(_Channels(angles, beyond if moves[index] else None, bool(index)))
     pattern = " ".join(form for own in channels for form in own.formats(decimals)) + "\n"
@@ -136,6 +137,11 @@ def _depth_first(motion: SkeletonMotion) -> list[int]:
     return order
 
 
+def _is_end(motion: SkeletonMotion, index: int) -> bool:
+    """Whether a joint is a digit's last tip, which may be an End Site."""
+    return motion.joints[index].tip and index not in motion.parents
+
+
 def _children(motion: SkeletonMotion) -> list[list[int]]:
     children: list[list[int]] = [[] for _ in motion.joints]
     for index, joint in enumerate(motion.joints[1:], 1):
@@ -154,7 +160,7 @@ def _hierarchy(motion: SkeletonMotion, offset: Array, moves: Array, decimals: in
 
     def below(index: int, depth: int) -> Iterator[str]:
         joint, ends = motion.joints[index], not children[index]
-        site, name = joint.tip and not moves[index], ascii_name(joint.name)
+        site, name = _is_end(motion, index) and not moves[index], ascii_name(joint.name)
         apart = bool(index and moves[index])
         if apart:
             yield line(depth, f"JOINT {name}{AT_REST}")

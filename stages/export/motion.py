@@ -9,9 +9,10 @@ distal, z dorsal, y = z x x) these are X = -y, Y = z, Z = -x: `BONE_TO_WEBXR`.
 World. Positions and rotations are in the transmitter's frame, mm, as measured; `stages.export.axes` turns
 them to what a format expects.
 
-Tree. Joint 0 is the root, the wrist of a hand; parents come before children. A digit's last joint is its
-tip, which ends its last bone and has that bone's rotation; of a fitted hand it is the end of the bone, of
-other skeletons the origin of the distal receiver (docs/conventions.md).
+Tree. Joint 0 is the root, the wrist of a hand; parents come before children. A digit ends in tips, which
+have its last bone's rotation. Of a fitted hand these are `<digit>_tip`, the end of the bone, and after it
+`<digit>_skin_tip`, the end of the digit, skin and all; of other skeletons `<digit>_receiver_tip`, the origin
+of the distal receiver (docs/conventions.md).
 
 Translations. Bones are as long as the tables say (`rest_offset_mm`), but joint centres that were solved
 joint by joint leave a gap, and skin leaves one in a fitted hand: what is in a frame beyond the rest offset
@@ -42,6 +43,9 @@ BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 
 
 DISTAL = np.array([0.0, 0.0, -1.0])
 """Along a bone, in its own frame."""
+
+SKIN_TIP, RECEIVER_TIP = "_skin_tip", "_receiver_tip"
+"""How the names of tips end that are not the end of a bone."""
 
 MOVES_MM = 1e-5
 """A joint that leaves its rest offset by more than this moves against the bone before."""
@@ -144,6 +148,13 @@ class SkeletonMotion:
     def index(self, name: str) -> int:
         """Place of the joint of that name; ValueError where there is none."""
         return self.names.index(name)
+
+    def carrier(self, tip: int) -> tuple[int, Array]:
+        """Index of the joint whose bone a tip ends, and where on the bone it rests, (3,)."""
+        place_mm, above = self.rest_offset_mm[tip], self.joints[tip].parent
+        while self.joints[above].tip:  # tips have the bone's own rotation
+            place_mm, above = place_mm + self.rest_offset_mm[above], self.joints[above].parent
+        return above, place_mm
 
     def take(self, rows: slice | Whole | Bools) -> SkeletonMotion:
         """Only some of the frames."""

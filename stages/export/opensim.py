@@ -132,12 +132,12 @@ def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[st
 def _of_points(motion: SkeletonMotion, receivers: Sequence[Triad]) -> list[str]:
     """Sentences on tips and receivers that the bones do not carry exactly."""
     remarks = []
-    tips = [(index, joint.parent) for index, joint in enumerate(motion.joints) if joint.tip]
+    tips = [(index, *motion.carrier(index)) for index, joint in enumerate(motion.joints) if joint.tip]
     beyond = np.zeros((len(motion.frame), len(tips), 3))
-    for place, (index, above) in enumerate(tips):
+    for place, (index, above, rest_mm) in enumerate(tips):
         along = motion.position_mm[:, index] - motion.position_mm[:, above]
         back = conjugate(motion.quaternion[:, above])
-        beyond[:, place] = rotate(back, along) - motion.rest_offset_mm[index]
+        beyond[:, place] = rotate(back, along) - rest_mm
     if tips and _largest(beyond) > _TOLD_MM:
         rms = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
         remarks.append(

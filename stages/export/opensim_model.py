@@ -119,10 +119,8 @@ def _tips(
     places = {form.index: form for form in forms}
     tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
     names = plain_names([*taken, *(motion.names[index] for index in tips)])[len(taken) :]
-    return [
-        (name, places[motion.joints[index].parent], motion.rest_offset_mm[index])
-        for name, index in zip(names, tips, strict=True)
-    ]
+    carried = [motion.carrier(index) for index in tips]
+    return [(name, places[above], at_mm) for name, (above, at_mm) in zip(names, carried, strict=True)]
 
 
 def _add_body(parent: ET.Element, form: JointForm, ends_mm: Array) -> None:

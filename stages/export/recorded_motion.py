@@ -20,6 +20,8 @@ from stages.export.hand_anatomy import neutral_rotations, to_nail_side
 from stages.export.long_arrays import chosen_points, empty
 from stages.export.motion import (
     BONE_TO_WEBXR,
+    RECEIVER_TIP,
+    SKIN_TIP,
     Origin,
     Receivers,
     SkeletonMotion,
@@ -49,7 +51,7 @@ def read_motion(
         raise InputError(f"{where}: {bones.root_failure}, and it is the skeleton's root")
     _check_tree(bones, layout)
     _check_lengths(bones, where)
-    bones, unseen = _seen_digits(bones)
+    bones, unseen = _seen_digits(_without_unknown_skin(bones))
     left_out = {**bones.left_out, **unseen}
     notes = tuple(f"{digit} left out: {reason}" for digit, reason in left_out.items())
     if len(bones.joints) < 2:
@@ -83,8 +85,10 @@ def _posed_bones(plan: SubjectPlan, recording: Recording, model_name: str, poses
             position, turn = (empty(count, len(bones.joints), width) for width in (3, 4))
         position[rows], turn[rows] = bones.position_mm, bones.quaternion
     bones = replace(bones, position_mm=position, quaternion=turn)
-    fitted = plan.models[model_name].fitting is not None
-    return replace(bones, axis=axes_turned_about(bones)) if fitted else bones
+    if plan.models[model_name].fitting is not None:
+        return replace(bones, axis=axes_turned_about(bones))
+    joints = (replace(j, name=f"{j.digit}{RECEIVER_TIP}") if j.tip else j for j in bones.joints)
+    return replace(bones, joints=tuple(joints))
 
 
 def motion_of(
@@ -140,6 +144,18 @@ def _check_lengths(bones: PosedBones, where: str) -> None:
             )
 
 
+def _without_unknown_skin(bones: PosedBones) -> PosedBones:
+    """The bones without ends of skin that are known in no frame: those of digits without known anatomy."""
+    return _only(
+        bones,
+        [
+            index
+            for index, joint in enumerate(bones.joints)
+            if not joint.name.endswith(SKIN_TIP) or np.isfinite(bones.position_mm[:, index]).any()
+        ],
+    )
+
+
 def _seen_digits(bones: PosedBones) -> tuple[PosedBones, dict[str, str]]:
     """The bones without the digits of which a joint has no pose in any frame, and the reasons.
 
@@ -154,6 +170,13 @@ def _seen_digits(bones: PosedBones) -> tuple[PosedBones, dict[str, str]]:
     if not unseen:
         return bones, unseen
     kept = [index for index, joint in enumerate(bones.joints) if joint.digit not in unseen]
+    return _only(bones, kept), unseen
+
+
+def _only(bones: PosedBones, kept: list[int]) -> PosedBones:
+    """Some of the joints, and with each its parent."""
+    if len(kept) == len(bones.joints):
+        return bones
     place = {-1: -1} | {old: new for new, old in enumerate(kept)}
     return replace(
         bones,
@@ -164,7 +187,7 @@ def _seen_digits(bones: PosedBones) -> tuple[PosedBones, dict[str, str]]:
         quaternion=chosen_points(bones.quaternion, kept),
         rest_offset_mm=bones.rest_offset_mm[kept],
         axis=bones.axis[kept],
-    ), unseen
+    )
 
 
 def _rest(bones: PosedBones) -> tuple[Array, Array]:

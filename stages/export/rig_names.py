@@ -2,7 +2,8 @@
 
 WebXR Hand Input has 25 names, OpenXR the same joints and a palm. VRM 1.0, Unity's HumanBodyBones and Mixamo
 have no metacarpals for the fingers; Unreal's mannequin has (Unreal Engine 5). Where a rig names no tips,
-they are called after the last bone, with `_end`.
+they are called after the last bone, with `_end`. The tips of WebXR and OpenXR are at the skin's surface,
+those of the others end the last bone.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ class Rig:
     the rig has no such joint. In them {side} is right or left, {s} its first letter, {digit} a finger, or
     {pinky} where the little one is called so; {Side}, {Digit}, {DIGIT}, {Pinky} in such letters. palm : what
     the rig calls the middle of the palm, empty where it has no such joint. Finger metacarpals that it lacks
-    are folded into the bones after them (`stages.export.rigging`).
+    are folded into the bones after them (`stages.export.rigging`). skin_tips : whether its tips are on the
+    skin; else they are the ends of the last bones.
     """
 
     description: str
@@ -32,6 +34,7 @@ class Rig:
     thumb: Sequence[str]
     finger: Sequence[str]
     palm: str = ""
+    skin_tips: bool = False
 
     def names(self, hand: str) -> dict[str, str]:
         """Names of a right or left hand's joints by joint, the root's by ""."""
@@ -66,6 +69,7 @@ RIGS: Mapping[str, Rig] = {
         "wrist",
         ("thumb-metacarpal", "thumb-phalanx-proximal", "thumb-phalanx-distal", "thumb-tip"),
         [f"{{pinky}}-finger-{bone}" for bone in _WEB_FINGER],
+        skin_tips=True,
     ),
     "openxr": Rig(
         "OpenXR XR_EXT_hand_tracking, 26 joints with the palm",
@@ -73,6 +77,7 @@ RIGS: Mapping[str, Rig] = {
         [_XR(f"THUMB_{bone}") for bone in _XR_THUMB],
         [_XR(f"{{DIGIT}}_{bone}") for bone in _XR_FINGER],
         _XR("PALM"),
+        skin_tips=True,
     ),
     "vrm": Rig(
         "VRM 1.0 humanoid, no finger metacarpals",

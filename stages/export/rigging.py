@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from schemas.errors import InputError
 from skeleton.posing import SkeletonJoint
 from skeleton.rotations import Array, multiply, rotate
 from stages.export.long_arrays import chosen_points
-from stages.export.motion import SkeletonMotion, rest_pose
+from stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion, rest_pose
 from stages.export.rig_names import RIGS, Rig
 
 
@@ -23,8 +23,8 @@ def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
     if name not in RIGS:
         raise InputError(f"--rig: there is no rig {name!r}; expected one of {', '.join(RIGS)}")
     rig = RIGS[name]
-    names = rig.names(motion.origin.hand)
-    strange = [j.name for j in motion.joints[1:] if j.name not in names and not j.name.endswith("_cmc")]
+    names, tips = rig.names(motion.origin.hand), _named_tips(motion, rig)
+    strange = [j.name for j in motion.joints[1:] if not _is_named(j, names) and not j.name.endswith("_cmc")]
     if strange:
         raise InputError(
             f"--rig {name}: names the joints of a hand, and layout {motion.origin.layout} has "
@@ -32,18 +32,48 @@ def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
         )
     if rig.palm:
         motion = _with_palm(motion, rig)
-    lacking = {j.name for j in motion.joints[1:] if j.name not in names and j.name != rig.palm}
-    motion = folded(motion, lacking)
-    joints = [
-        replace(j, name=names["" if j.parent < 0 else j.name] if j.name != rig.palm else j.name)
-        for j in motion.joints
-    ]
-    return replace(motion, joints=tuple(joints)).noting(f"joints named as by {rig.description}")
+    new = {motion.names[0]: names[""], rig.palm: rig.palm, **names}
+    new |= {tip: names[f"{digit}_tip"] for digit, tip in tips.items()}
+    other_tips = {j.name for j in motion.joints if j.tip} - set(tips.values())
+    lacking = {j.name for j in motion.joints if j.name not in new and not j.tip}
+    motion = folded(_without_tips(motion, other_tips), lacking)
+    joints = tuple(replace(j, name=new[j.name]) for j in motion.joints)
+    return replace(motion, joints=joints).noting(
+        *_on_tips(tips.values()), f"joints named as by {rig.description}"
+    )
+
+
+def _is_named(joint: SkeletonJoint, names: Mapping[str, str]) -> bool:
+    return (f"{joint.digit}_tip" if joint.tip else joint.name) in names
+
+
+def _named_tips(motion: SkeletonMotion, rig: Rig) -> dict[str, str]:
+    """Of each digit the tip that the rig means: on the skin where it says so and there is one."""
+    tips: dict[str, str] = {}
+    for joint in motion.joints:
+        if joint.tip and (rig.skin_tips or not joint.name.endswith(SKIN_TIP)):
+            tips[joint.digit] = joint.name  # that on the skin comes after that of the bone
+    return tips
+
+
+def _on_tips(tips: Collection[str]) -> list[str]:
+    """A sentence on which tips these are."""
+    if any(tip.endswith(RECEIVER_TIP) for tip in tips):
+        return ["tips are the origins of the distal receivers, as this skeleton knows no other"]
+    if any(tip.endswith(SKIN_TIP) for tip in tips):
+        return ["tips are at the ends of the digits, skin and all, as the names' definition has them"]
+    return ["tips are at the ends of the last bones"]
+
+
+def _without_tips(motion: SkeletonMotion, tips: Collection[str]) -> SkeletonMotion:
+    """The motion without these tips, whose bones stay as they are."""
+    return replace(folded(motion, tips), notes=motion.notes)
 
 
 def with_webxr_names(motion: SkeletonMotion) -> SkeletonMotion:
     """The same, but a hand that has the layout's names gets those of WebXR."""
-    own = set(motion.names[1:]) <= set(RIGS["webxr"].names(motion.origin.hand))
+    names = RIGS["webxr"].names(motion.origin.hand)
+    own = all(_is_named(joint, names) for joint in motion.joints[1:])
     return on_rig(motion, "webxr") if own else motion
 
 

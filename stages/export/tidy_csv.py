@@ -26,7 +26,8 @@ _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
 _MEANING = {
     "frame": "the tracker's own frame number; where resampled, of the recorded frame nearest in time",
     "time_s": "device time in s; empty where the recording has none",
-    "joint": "the joint; its bone starts there; a digit's tip ends it",
+    "joint": "the joint, whose bone starts there; <digit>_tip is the end of the last bone, <digit>_skin_tip "
+    "that of the digit, skin and all, <digit>_receiver_tip the distal receiver's origin, taken for the tip",
     **{f"{axis}_mm": f"position of the joint in the transmitter frame, {axis}, mm" for axis in "xyz"},
     **{f"q{part}": f"unit quaternion, bone frame to transmitter frame, {part}" for part in "wxyz"},
     "flexion_deg": "flexion positive, extension negative (docs/joint-angles.md), deg",

@@ -59,7 +59,8 @@ def fit(arguments: argparse.Namespace) -> None:
             recorded = dict(tables)
             calibration = plan.calibrating(part.hand, part.model, part.made_without)
             if not usable_poses([plan.poses(recording) for recording in calibration])[0]:
-                for name in ("receivers", "gains"):  # the study's problems: those of recordings say it all
+                # the study's problems: those of recordings say it all
+                for name in ("receivers", "gains", "receiver_costs"):
                     recorded.pop(name).rows(part, [])
             with command_line.recording_failure(arguments, part, *recorded.values()):
                 _fit_part(plan, part, arguments.other_poses, tables)
@@ -88,9 +89,10 @@ def _fit_part(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path], tables: Mapping[str, PartsWriter]
 ) -> None:
     from schemas.poses import usable_poses
-    from stages.fit_hand.calibration import calibrated_hand
-    from stages.fit_hand.hand_tables import bone_rows, gain_rows, joint_rows, receiver_rows
+    from stages.fit_hand.calibration import calibrated_hand, read_thinned
+    from stages.fit_hand.hand_tables import bone_rows, cost_rows, gain_rows, joint_rows, receiver_rows
     from stages.fit_hand.posed_tables import posed_blocks
+    from stages.fit_hand.receiver_costs import FRAMES
 
     plan.check_calibration_left(part.hand)
     tips, loose = calibrated_hand(plan, part, other_poses)
@@ -100,8 +102,16 @@ def _fit_part(
     tables["gains"].rows(part, gain_rows(tips))
     for name in ("joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
-    replayed = [plan.poses(recording) for recording in plan.evaluated(part.hand, part.made_without)]
-    for path in usable_poses(replayed)[0]:
+    calibrating, tasks = (
+        usable_poses([plan.poses(recording) for recording in recordings])[0]
+        for recordings in (
+            plan.calibrating(part.hand, part.model, part.made_without),
+            plan.evaluated(part.hand, part.made_without),
+        )
+    )
+    task = read_thinned([*tasks, *calibrating][0], plan.layouts[part.hand].measured, FRAMES)
+    tables["receiver_costs"].rows(part, cost_rows(tips, task))
+    for path in tasks:
         for block in posed_blocks(tips, path):
             for name, columns in block.items():
                 tables[name].columns(part, columns)

@@ -59,11 +59,15 @@ class Unknowns:
 
 @dataclass
 class States:
-    """What y holds: joint, kind and prior (mean, sd) in rad of every joint angle."""
+    """What y holds: joint, kind and prior (mean, sd) in rad of every joint angle.
+
+    follows : of a state that is expected at so many times another, that one and the ratio.
+    """
 
     names: list[tuple[str, str]] = field(default_factory=list)
     mean: list[float] = field(default_factory=list)
     sd: list[float] = field(default_factory=list)
+    follows: dict[int, tuple[int, float]] = field(default_factory=dict)
 
     def add(self, joint: str, kind: str, mean_deg: float, sd_deg: float) -> int:
         """Add a state; give its index."""
@@ -71,6 +75,26 @@ class States:
         self.mean.append(float(np.radians(mean_deg)))
         self.sd.append(float(np.radians(sd_deg)))
         return len(self.names) - 1
+
+    def follow(self, state: int, other: int, ratio: float, sd_deg: float) -> None:
+        """Expect a state at so many times another, to an sd, instead of at a mean of its own."""
+        self.follows[state] = other, ratio
+        self.mean[state], self.sd[state] = ratio * self.mean[other], float(np.radians(sd_deg))
+
+    def sd_over(self, samples: float) -> Array:
+        """Priors' sd (S,) in a recording of so many independent samples: how a joint follows another is one
+        fact of a person, however often it shows.
+        """
+        sd = np.array(self.sd)
+        sd[list(self.follows)] *= np.sqrt(samples)
+        return sd
+
+    def link(self) -> Array:
+        """Matrix (S, S) that takes states less their means to what their prior says has the sd `sd`."""
+        link = np.eye(len(self.names))
+        for state, (other, ratio) in self.follows.items():
+            link[state, other] = -ratio
+        return link
 
 
 @dataclass(frozen=True)
@@ -145,29 +169,62 @@ class Builder:
         """Give an amount that differs from another by an unknown of that sd."""
         return mean.plus(self.free(0.0, sd, group, name))
 
+    def shared(self, sd: float, group: str, name: str) -> Amount:
+        """Give an amount with mean 0 and that sd which several parts of the hand have in common."""
+        full = f"{name} {group}"
+        if full in self.unknowns.names:
+            return Amount(0.0, ((sd, self.unknowns.names.index(full)),))
+        return self.free(0.0, sd, group, name)
+
     def receiver_steps(
-        self, segment: str, place: Sequence[Amount], drives: Sequence[int], own_tilt: float
+        self,
+        segment: str,
+        place: Sequence[Amount],
+        drives: Sequence[int] = (),
+        kind: str | None = None,
+        own_tilt: float = 0.0,
     ) -> tuple[Step, ...]:
-        """Place of a receiver on its bone, sliding and tilting with the drives (states)."""
-        steps: list[Step] = []
-        sd = prior.MOUNT_SD_MM
-        placed = [self.place(place[i], sd[i], f"mount {'xyz'[i]}", segment) for i in range(3)]
+        """Place of a receiver on its bone, sliding and tilting with the drives (states).
+
+        kind : of the bone; None for the palm. People put receivers on by habit, one for the nails and one for
+        all other bones. own_tilt : with the first drive, rad per rad, in most people.
+        """
+        habit = None if kind is None else "nail" if kind == "distal" else "bone"
+        placed = [
+            self._put_on(at, prior.MOUNT_SD_MM[i], "mount", segment, habit, i) for i, at in enumerate(place)
+        ]
         self.mount[segment] = (placed[0], placed[1], placed[2])
+        steps: list[Step] = []
         for i, axis in enumerate(np.eye(3)):
             skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
         for i, axis in enumerate(np.eye(3)):
-            turn = self.free(0.0, prior.MOUNT_TURN_SD_RAD, "mount turn", f"{segment} {'xyz'[i]}")
+            slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
+            turn = self._put_on(Amount(slope, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
             skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
             if i == 1 and own_tilt and drives and self.parts.skin:
-                skin = (*skin, Term(own_tilt, None, drives[0]))
+                ((_, people),) = self.shared(
+                    1.0, "own tilt", "nails"
+                ).parts  # of how much of it this hand has
+                skin = (*skin, Term(own_tilt, None, drives[0]), Term(own_tilt, people, drives[0]))
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
+
+    def _put_on(
+        self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int
+    ) -> Amount:
+        """Where a receiver is on its bone along or about one axis: as expected, by habit, and by chance."""
+        letter = "xyz"[axis]
+        if habit is None:
+            return self.place(mean, sd, group, f"{segment} {letter}")
+        own = self.place(mean, (1.0 - prior.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
+        return own.plus(self.shared(prior.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
 
     def skin_terms(self, segment: str, drives: Sequence[int], group: str, sd: float) -> tuple[Term, ...]:
         """Give what the skin adds, an unknown of that sd per rad of each drive."""
         if not self.parts.skin:
             return ()
+        sd *= prior.looseness(segment)
         return tuple(
             Term(sd, self.unknowns.add(group, f"{segment} {n}"), state) for n, state in enumerate(drives)
         )

@@ -10,7 +10,7 @@ import numpy as np
 from anatomy import average_hand as prior
 from anatomy.average_hand import DIGITS, DigitAnatomy
 from anatomy.known_digits import known_digits, root_of
-from schemas.layout import Layout
+from schemas.layout import Digit, Layout
 from skeleton.rotations import Array
 from stages.fit_hand.building import (
     KINDS,
@@ -31,6 +31,9 @@ from stages.fit_hand.digits import digit_steps
 from stages.fit_hand.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
 from stages.fit_hand.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
 from stages.fit_hand.operations import Branch, Mark, Side, Step, Turn
+
+_FINGER_JOINTS = 4
+"""Of a digit that has a DIP joint."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +80,15 @@ def hand_model(
     root, digits = root_of(layout), known_digits(layout)
     branches = [_base(builder, root, wrist_mm if digits else None)]
     branches += [digit_steps(builder, digit, anatomy[digit.name]) for digit in digits]
+    for digit in digits:
+        _link_last_joints(builder.states, digit)
     branches += [_free(builder, joint, free, at_wrist=bool(digits)) for joint in free if joint.near == root]
     return HandModel(
         builder.unknowns,
         builder.states,
         tuple(Branch(steps) for steps in branches),
         tuple(receivers),
-        tuple(builder.guesses),
+        tuple(guess for guess in builder.guesses if {guess.parent, guess.child} <= set(receivers)),
         builder.length,
         builder.mount,
         builder.axes,
@@ -93,11 +98,19 @@ def hand_model(
     )
 
 
+def _link_last_joints(states: States, digit: Digit) -> None:
+    """Expect a finger's DIP joint to bend with its PIP joint: it tells them apart where no receiver does."""
+    *_, pip, dip = ((joint, KINDS[0]) for joint in digit.joints)
+    if len(digit.joints) == _FINGER_JOINTS and pip in states.names and dip in states.names:
+        places = states.names.index(dip), states.names.index(pip)
+        states.follow(*places, prior.DIP_PER_PIP, prior.DIP_BY_PIP_SD_DEG)
+
+
 def _base(builder: Builder, root: str, wrist_mm: Array | None) -> Sequence[Step]:
     """The root's own receiver: somewhere on the hand, or (None) the root itself."""
     if wrist_mm is None:
         return [Mark(receiver(root))]
-    return builder.receiver_steps(root, [builder.scale.times(-float(v)) for v in wrist_mm], (), 0.0)
+    return builder.receiver_steps(root, [builder.scale.times(-float(v)) for v in wrist_mm])
 
 
 def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:

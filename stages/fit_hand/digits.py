@@ -42,8 +42,7 @@ class _DigitChain:
         self.builder, self.digit, self.anatomy = builder, digit, anatomy
         self.frames = anatomy.frames()
         self.above = np.concatenate([np.eye(3)[None], self.frames[:-1]]).swapaxes(-1, -2)
-        axes = unit(np.array(anatomy.flexion_axes))
-        self.axes = [back @ axis for back, axis in zip(self.above, axes, strict=True)]
+        self.axes = [back @ axis for back, axis in zip(self.above, anatomy.flexion_axes, strict=True)]
         self.rests = [back @ frame for back, frame in zip(self.above, self.frames, strict=True)]
         self.measured = [builder.layout.segments[segment].measured for segment in digit.segments]
 
@@ -74,13 +73,17 @@ class _DigitChain:
         return steps
 
     def _flexion_states(self) -> dict[str, int]:
-        """Add the flexion of every joint of the digit that moves."""
+        """Add the flexion of every joint of the digit that moves, be it as little as CMC 2 and 3 do."""
         flexions = {}
         for k, joint in enumerate(self.digit.joints):
-            if self.builder.layout.joints[joint].dof and (self.measured[k] or self.builder.parts.palm):
-                of_receiver = prior.PHALANX_DEG if k else prior.METACARPAL_DEG
-                mean_and_sd = of_receiver if self.measured[k] else prior.PALM_DEG
-                flexions[joint] = self.builder.states.add(joint, KINDS[0], *mean_and_sd)
+            moves = bool(self.builder.layout.joints[joint].dof)
+            if self.measured[k] and moves:
+                mean_and_sd = prior.PHALANX_DEG if k else prior.METACARPAL_DEG
+            elif not self.measured[k] and self.builder.parts.palm:
+                mean_and_sd = prior.PALM_DEG if moves else prior.STILL_PALM_DEG
+            else:
+                continue
+            flexions[joint] = self.builder.states.add(joint, KINDS[0], *mean_and_sd)
         return flexions
 
     def _bone(self, k: int) -> list[Step]:
@@ -91,10 +94,9 @@ class _DigitChain:
         """
         builder, joint, segment = self.builder, self.digit.joints[k], self.digit.segments[k]
         skew = self.anatomy.second_axis if k == 0 else None
-        second = None if skew is None else self.above[k] @ np.array(skew)
+        second = None if skew is None else self.above[k] @ skew
         moved = _Joint(builder, joint, self.flexions.get(joint), self.axes[k], self.rests[k], second)
-        size = builder.scale.plus(builder.free(0.0, prior.LENGTH_SD, "length", segment))
-        length = builder.length[segment] = size.times(self.anatomy.lengths_mm[k])
+        length = builder.length[segment] = self._length(k)
         steps = [*moved.steps(under_reading=False), Mark(bone(segment))]
         builder.centres[joint] = bone(segment)
         if self.measured[k]:
@@ -105,11 +107,25 @@ class _DigitChain:
                 steps.append(Side(ridden))
         return [*steps, along(X, length)]
 
+    def _kind(self, k: int) -> str:
+        """Kind of bone k, as anatomy calls it, whatever the layout calls its segment."""
+        return prior.BONE_KINDS[k] if k < len(self.digit.segments) - 1 else prior.BONE_KINDS[-1]
+
+    def _length(self, k: int) -> Amount:
+        """Length of bone k: the average one to the hand's scale, its own part and the source's."""
+        kind, builder = self._kind(k), self.builder
+        own_sd_mm = prior.LENGTH_SD_MM[kind]
+        if k == 0 and self.anatomy.second_axis is not None:
+            own_sd_mm = prior.THUMB_METACARPAL_SD_MM
+        length = builder.scale.times(float(self.anatomy.lengths_mm[k]))
+        length = length.plus(builder.free(0.0, own_sd_mm, "length", self.digit.segments[k]))
+        return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
+
     def _receiver(self, k: int, length: Amount) -> tuple[Step, ...]:
         """The receiver of bone k: at mid-bone, over it, its skin driven by the joints at both ends."""
         is_last = k == len(self.digit.segments) - 1
-        height_mm = prior.HEIGHT_MM[-1 if is_last else k]
-        place = (length.times(0.5), Amount(0.0, ()), self.builder.scale.times(height_mm))
+        share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
+        place = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
         drives = [
             self.flexions[joint]
@@ -117,16 +133,18 @@ class _DigitChain:
             if joint in self.flexions and segment in self.builder.seen
         ]
         own_tilt = prior.DISTAL_TILT if is_last else 0.0
-        return self.builder.receiver_steps(self.digit.segments[k], place, drives, own_tilt)
+        return self.builder.receiver_steps(self.digit.segments[k], place, drives, self._kind(k), own_tilt)
 
 
 class _Joint:
     """Operations of one joint, which a side branch may repeat with its receiver lagging behind.
 
     Flexion about an axis that may be tilted; abduction about the child's dorsal axis, carried by flexion, and
-    axial rotation about its long axis, carried by both, where the joint has two degrees of freedom. Skew
-    axes pass each other, and the centre is half way between them. CMC joints without a receiver pronate as
-    they flex.
+    axial rotation about its long axis, carried by both; a hinge has these too, within a few degrees, since
+    its axis varies as it turns. Skew axes pass each other: the second, in the parent, carries the first, and
+    the centre is half way between them. CMC joints without a receiver pronate as they flex; where the layout
+    has them still, they move too little to be told from skin and are no joint of the tables, but their motion
+    is not taken for that of another.
     """
 
     def __init__(
@@ -147,14 +165,20 @@ class _Joint:
         if flexion is None:
             return
         known, free = builder.layout.joints[joint], builder.free
+        self.moves = bool(known.dof)
         builder.axes[joint] = axis
-        self.tilts = [free(0.0, prior.AXIS_SD_RAD, "axis", f"{joint} {n}") for n in (1, 2)]
+        sd = prior.AXIS_SD_RAD if second is None else prior.SKEW_AXIS_SD_RAD
+        self.tilts = [free(0.0, sd, "axis", f"{joint} {n}") for n in (1, 2)]
         if not builder.layout.segments[known.child].measured:
             self.ratio = builder.unknowns.add("pro-supination", joint)
             return
-        if known.dof > 1:
-            abduction = builder.states.add(joint, KINDS[1], *prior.ABDUCTION_DEG)
-            self.others = abduction, builder.states.add(joint, KINDS[2], *prior.AXIAL_DEG)
+        abduction, axial = (
+            (prior.HINGE_DEG,) * 2 if known.dof == 1 else (prior.ABDUCTION_DEG, prior.AXIAL_DEG)
+        )
+        self.others = (
+            builder.states.add(joint, KINDS[1], *abduction),
+            builder.states.add(joint, KINDS[2], *axial),
+        )
         if builder.parts.joint_slide:
             self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
         self.second = rest[:, 2]
@@ -168,7 +192,7 @@ class _Joint:
         self.skew_axis = unit(np.cross(self.axis, self.second))
         self.skew = builder.free(prior.SKEW_MM, prior.SKEW_SD_MM, "skew", self.name)
         self.second_tilts = [
-            builder.free(0.0, prior.AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
+            builder.free(0.0, prior.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
         ]
         if builder.parts.pivot:
             self.under = builder.unknowns.add("under-reading", self.name)
@@ -181,25 +205,26 @@ class _Joint:
             Operation(False, axis, 0.0, (Term(prior.JOINT_SLIDE_SD_MM, unknown, self.flexion),))
             for axis, unknown in zip(np.eye(3), self.slides, strict=False)
         ]
-        half = [] if self.skew is None else [along(self.skew_axis, self.skew.times(-0.5))]
-        mark = [] if under_reading else [Mark(axis_frame(self.name))]
-        flex = by_state(self.axis, self.flexion, self._lag(self.flexion, under_reading))
-        steps += [*half, *tilted(across_of(self.axis), self.tilts, [*mark, flex])]
+        mark = [] if under_reading or not self.moves else [Mark(axis_frame(self.name))]
+        turn = by_state(self.axis, self.flexion, self._lag(self.flexion, under_reading))
+        flex = tilted(across_of(self.axis), self.tilts, [*mark, turn])
         if self.ratio is not None:
             pronation = (
                 Term(prior.PRO_SUPINATION, None, self.flexion),
                 Term(prior.PRO_SUPINATION_SD, self.ratio, self.flexion),
             )
-            steps.append(Operation(True, self.rest[:, 0], 0.0, pronation))
-        if self.skew is not None:
-            steps.append(along(self.skew_axis, self.skew))
-        if self.others is not None:
-            abduction, axial = self.others
-            abduct = [by_state(self.second, abduction, self._lag(abduction, under_reading))]
-            skew = self.skew is not None
-            steps += tilted(across_of(self.second), self.second_tilts, abduct) if skew else abduct
-            steps.append(by_state(self.rest[:, 0], axial, self._lag(axial, under_reading)))
-        return [*steps, *half, Turn(self.rest)]
+            flex.append(Operation(True, self.rest[:, 0], 0.0, pronation))
+        if self.others is None:
+            return [*steps, *flex, Turn(self.rest)]
+        abduction, axial = self.others
+        abduct: list[Step] = [by_state(self.second, abduction, self._lag(abduction, under_reading))]
+        roll = by_state(self.rest[:, 0], axial, self._lag(axial, under_reading))
+        if self.skew is None:
+            return [*steps, *flex, *abduct, roll, Turn(self.rest)]
+        back = along(self.skew_axis, self.skew.times(-0.5))
+        abduct = tilted(across_of(self.second), self.second_tilts, abduct)
+        across = along(self.skew_axis, self.skew)
+        return [*steps, back, *abduct, across, *flex, roll, back, Turn(self.rest)]
 
     def _lag(self, state: int, under_reading: bool) -> tuple[Term, ...]:
         """Share of a joint angle that the receiver does not follow."""

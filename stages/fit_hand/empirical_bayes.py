@@ -1,8 +1,8 @@
 """How large residuals, misplacements and skin motion are in this hand: scales of the priors from the data.
 
-Each scale is the value that makes the group's unknowns, with their posterior variance, as large as its prior
-says (the EM step for a variance component; MacKay 1992), held near the literature's by a number of pseudo
-observations.
+Each scale is the value that makes the unknowns of its group as large as its prior says, as far as the data
+determine them (the fixed point of the evidence; MacKay 1992). It is held to the literature's by very little:
+skin that does not move, or a tracker without noise, must not be believed to be there because it usually is.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from skeleton.rotations import Array
 from stages.fit_hand.normal_equations import Point, Problem, Reduced, Residuals, weighted_jacobian
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
-    "mount": ("mount x", "mount y", "mount z"),
+    "mount": ("mount",),
     "mount turn": ("mount turn",),
     "slide": ("slide x", "slide y", "slide z"),
     "tilt": ("tilt x", "tilt y", "tilt z"),
@@ -24,26 +24,36 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
 }
 """Groups of unknowns that share a scale; the sizes of bones and joints are left as published."""
 
-PSEUDO_UNKNOWNS = 20.0
-PSEUDO_SHARE = 0.3
-"""Weight of the published scale: as so many unknowns, and as this share of the residuals."""
+PSEUDO_UNKNOWNS = 2.0
+PSEUDO_RESIDUALS = 0.2
+"""Weight of the published scale: as of so many unknowns that are known, and of so many residuals. Two
+unknowns are what a scale has whose logarithm differs by a half between people."""
 
 LEAST_SAMPLES = 5.0
 _NO_MOTION = 1e-12
 
-SD_LIMITS = (0.2, 6.0)
-"""No receiver's residual is trusted to be smaller or larger than so many times the published one."""
+PSEUDO_TURNS = 100.0
+"""Weight of a receiver's residual in position in that of its rotation, as of so many residuals: both grow
+together, and joints that turn about three axes leave next to nothing of a rotation unexplained."""
+
+SD_LIMITS = (0.02, 6.0)
+"""No receiver's residual is trusted to be smaller or larger than so many times the published one: 0.01 mm are
+less than any tracker's noise."""
 
 
-def prior_precision(groups: Sequence[str], x: Array, covariance: Array) -> Array:
-    """Precision (G,) of the unknowns' priors (1: as published), one for each family."""
+def prior_precision(groups: Sequence[str], x: Array, covariance: Array, before: Array) -> Array:
+    """Precision (G,) of the unknowns' priors (1: as published), one for each family.
+
+    x (G,), covariance (G, G) : of the unknowns, solved with the precision `before` (G,).
+    """
     group = np.array(groups)
     precision = np.ones(len(group))
     for members in FAMILIES.values():
         own = np.isin(group, members)
         if own.any():
-            second_moment = float((x[own] ** 2 + np.diag(covariance)[own]).sum())
-            precision[own] = 1.0 / ((second_moment + PSEUDO_UNKNOWNS) / (own.sum() + PSEUDO_UNKNOWNS))
+            squares = float((x[own] ** 2).sum())
+            determined = float((1.0 - np.diag(covariance)[own] * before[own]).sum())
+            precision[own] = (determined + PSEUDO_UNKNOWNS) / (squares + PSEUDO_UNKNOWNS)
     return precision
 
 
@@ -87,14 +97,16 @@ def residual_sd(
             ok = problem.frames.valid[:, s]
             if not ok.any():
                 continue
+            expected, pseudo = (
+                1.0,
+                PSEUDO_RESIDUALS,
+            )  # of the published variance: position first, then rotation
             for kind in (0, 1):
                 rows = slice(3 * kind, 3 * kind + 3)
-                squares = (
-                    float((weight[i, :, None] * r[i, :, rows] ** 2)[ok].sum()) * problem.sd[s, kind] ** 2
-                )
-                left = float((1 - leverage.reshape(len(ok), -1, 6)[:, i, rows])[ok].sum())
-                pseudo = PSEUDO_SHARE * 3 * ok.sum()
-                variance = (squares + pseudo * published[s, kind] ** 2) / (max(left, 0.0) + pseudo)
-                limits = np.array(SD_LIMITS) * published[s, kind]
-                out[s, kind] = np.clip(np.sqrt(variance), *limits)
+                squares = float((weight[i, :, None] * r[i, :, rows] ** 2)[ok].sum())
+                squares *= (problem.sd[s, kind] / published[s, kind]) ** 2
+                left = max(0.0, float((1 - leverage.reshape(len(ok), -1, 6)[:, i, rows])[ok].sum()))
+                share = (squares + pseudo * expected) / (left + pseudo)
+                out[s, kind] = published[s, kind] * np.clip(np.sqrt(share), *SD_LIMITS)
+                expected, pseudo = share, PSEUDO_TURNS
     return out

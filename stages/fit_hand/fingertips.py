@@ -153,7 +153,7 @@ def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[st
 def _average_offsets_mm(fit: HandFit) -> Array:
     """Offsets (D, 2, 3) of soft tips and pads in a hand of this size."""
     average = {
-        segment: length
+        segment: float(length)
         for digit in known_digits(fit.evidence.layout)
         for segment, length in zip(digit.segments, prior.DIGITS[digit.name].lengths_mm, strict=True)
     }

@@ -23,7 +23,13 @@ from stages.fit_hand.measurements import Measurement, observations, planes
 from stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs, reduce, residuals
 from stages.fit_hand.posterior import Evidence, Posterior
 from stages.fit_hand.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
-from stages.fit_hand.receiver_frames import Convention, concatenated, postures, spread_frames
+from stages.fit_hand.receiver_frames import (
+    Convention,
+    concatenated,
+    neighbours,
+    postures,
+    spread_frames,
+)
 from stages.fit_hand.solving import CLOSE, NEARLY, Solution, first_guess, pose, solve
 
 RESIDUAL_SD = (0.5, float(np.radians(0.6)))
@@ -49,9 +55,9 @@ class Settings:
     and residuals are found (0: as published), and the parts of the model in use.
     """
 
-    n_frames: int = 150
+    n_frames: int = 100
     most_steps: int = 25
-    rounds: int = 2
+    rounds: int = 4
     parts: Parts = field(default_factory=Parts)
 
 
@@ -163,9 +169,10 @@ def _problem(model: HandModel, frames: Frames, measured: Observations) -> Proble
         sd=np.tile(RESIDUAL_SD, (len(model.receivers), 1)),
         temper=min(1.0, INDEPENDENT_SAMPLES / len(frames.valid)),
         state_mean=np.array(model.states.mean),
-        state_sd=np.array(model.states.sd),
+        state_sd=model.states.sd_over(INDEPENDENT_SAMPLES),
         precision=np.ones(len(model.unknowns.names)),
         observations=measured,
+        state_link=model.states.link(),
     )
 
 
@@ -224,8 +231,8 @@ def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: 
             f"{len(usable)} frames have half of the {worn} receivers valid; expected 2 or more: record the "
             "receivers together"
         )
-    joints = [j for j in layout.solvable if {j.parent_receiver, j.child} <= set(receivers)]
-    index = [(receivers.index(j.parent_receiver), receivers.index(j.child)) for j in joints]
+    seen = [receivers[i] for i in np.flatnonzero(np.any(frames.valid, axis=0)).tolist()]
+    index = [(receivers.index(a), receivers.index(b)) for a, b in neighbours(layout, seen)]
     rows, share = spread_frames(postures(frames.take(usable), index), n_frames)
     return frames.take(usable[rows]), share
 
@@ -244,7 +251,7 @@ def _with_own_scales(problem: Problem, model: HandModel, solution: Solution, pub
     point, current = solution.point, solution.residuals
     reduced = reduce(problem, point, current, np.zeros(len(point.y)))
     covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
-    precision = prior_precision(model.unknowns.groups, point.x, covariance)
+    precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
     sd = residual_sd(problem, point, current, reduced, published_sd)
     return replace(problem, sd=sd, precision=precision)
 

@@ -78,8 +78,8 @@ def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
     model = evidence.model
     quantities = [
         *model.length,
-        *(f"{s}.{part}" for s in model.mount for part in MOUNT_PARTS),
-        *(f"{s}.distal" for s in model.mount if s in model.length),
+        *(f"{s}.{part}" for s in model.mount if s in model.receivers for part in MOUNT_PARTS),
+        *(f"{s}.distal" for s in model.mount if s in model.receivers and s in model.length),
     ]
     sds = [_realistic_sd_mm(evidence, quantity) for quantity in quantities]
     lengths = [Measurement(quantity, 0.0, sd) for quantity, sd in zip(quantities, sds, strict=True)]

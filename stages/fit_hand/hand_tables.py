@@ -18,10 +18,11 @@ from schemas.catalogue import (
     JOINT_ANGLES,
     JOINT_CENTRES,
     POSED_TIPS,
+    RECEIVER_COSTS,
     RECEIVERS,
 )
 from schemas.parts import PartsWriter, parts_writer
-from schemas.poses import RecordingName
+from schemas.poses import Poses, RecordingName
 from schemas.tables import Provenance, Table, vector_columns
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.fit import HandFit
@@ -29,6 +30,7 @@ from stages.fit_hand.gains import gains
 from stages.fit_hand.loose_receivers import LooseReceiver
 from stages.fit_hand.measurements import MOUNT_PARTS
 from stages.fit_hand.posterior_summary import FittedJoint
+from stages.fit_hand.receiver_costs import receiver_costs
 
 SOURCE = "fit of the whole hand"
 Row = dict[str, Any]
@@ -38,6 +40,7 @@ FIT: Mapping[str, Table] = {
     "fitted_bones": BONE_LENGTHS,
     "receivers": RECEIVERS,
     "gains": GAINS,
+    "receiver_costs": RECEIVER_COSTS,
     "joint_angles": JOINT_ANGLES,
     "bone_poses": BONE_POSES,
     "posed_tips": POSED_TIPS,
@@ -66,8 +69,10 @@ def open_tables(
 
 
 def joint_rows(fit: HandFit) -> list[Row]:
-    """Rows of joint_centres: joints between two receivers, those under the palm, and fixed centres."""
-    groups = (fit.joints, fit.summary.palm, fit.summary.fixed)
+    """Rows of joint_centres: joints between two receivers, those that lack one, those under the palm, and
+    fixed centres.
+    """
+    groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
     return [_joint_row(joint) for group in groups for joint in group.values()]
 
 
@@ -117,6 +122,11 @@ def bone_rows(fit: HandFit) -> list[Row]:
 def gain_rows(tips: Fingertips) -> list[Row]:
     """Rows of gains, best first."""
     return [asdict(gain) for gain in gains(tips)]
+
+
+def cost_rows(tips: Fingertips, task: Poses) -> list[Row]:
+    """Rows of receiver_costs; task : frames of a task, or of the calibration."""
+    return [asdict(cost) for cost in receiver_costs(tips, task)]
 
 
 def receiver_rows(tips: Fingertips, loose: Sequence[tuple[RecordingName, LooseReceiver]]) -> list[Row]:

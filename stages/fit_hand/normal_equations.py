@@ -75,7 +75,8 @@ class Problem:
 
     receivers : per branch, pairs (mark in the branch, receiver in frames). sd : (S, 2) of a receiver's
     position (mm) and rotation (rad) per component. temper : independent samples per frame.
-    state_mean, state_sd : (S,) in rad. precision : (G,) of the prior of x.
+    state_mean, state_sd : (S,) in rad. precision : (G,) of the prior of x. state_link : (S, S) that takes
+    states less their means to what has that sd, where one is expected to follow another in its branch.
     """
 
     branches: tuple[Branch, ...]
@@ -87,6 +88,12 @@ class Problem:
     state_sd: Array
     precision: Array
     observations: Observations
+    state_link: Array | None = None
+
+    def state_prior(self, states: Index | slice = slice(None)) -> Array:
+        """Square root (s, s) of the precision of those states' priors."""
+        link = np.eye(len(self.state_sd)) if self.state_link is None else self.state_link
+        return np.asarray((link / self.state_sd[:, None])[states][:, states])
 
 
 class BranchResiduals(NamedTuple):
@@ -162,7 +169,7 @@ def _inverse_left_jacobian(vector: Array) -> Array:
 def residuals(problem: Problem, point: Point) -> Residuals:
     """Residuals of every receiver and the cost: half the tempered robust squares, the priors' included."""
     parts = []
-    y_off = (point.y - problem.state_mean) / problem.state_sd
+    y_off = (point.y - problem.state_mean) @ problem.state_prior().T
     frame_cost = problem.temper * (y_off**2).sum(1) / 2
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
         reached = branch.reach(point.x, point.y, point.root, point.root_mm)
@@ -269,10 +276,11 @@ def _eliminate(
     states, per_state = branch.states, branch.per_state(point.x)
     J_y = by_operation @ (per_state if which is None else per_state[which])
     J = by_root if fixed_x else np.concatenate([by_root, branch.by_unknown(by_operation, point.y)], -1)
-    prior = problem.temper / problem.state_sd[states] ** 2
-    A = J_y.swapaxes(-1, -2) @ J_y + np.diag(prior)
+    root = problem.state_prior(states)
+    prior = problem.temper * root.T @ root
+    A = J_y.swapaxes(-1, -2) @ J_y + prior
     A[:, range(len(states)), range(len(states))] *= 1 + damping[:, None]
-    b = (J_y * r[..., None]).sum(1) + prior * (point.y[:, states] - problem.state_mean[states])
+    b = (J_y * r[..., None]).sum(1) + (point.y[:, states] - problem.state_mean[states]) @ prior
     inverse = _inverse_cholesky(A)
     Z = inverse @ (J_y.swapaxes(-1, -2) @ J)
     return Elimination(inverse, Z, (inverse @ b[..., None])[..., 0]), J, r

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from anatomy.known_digits import known_digits, rest_rotations
+from anatomy.known_digits import known_digits
 from schemas.layout import Digit, Layout
 from schemas.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
-from skeleton.joint_angles import angles_of_hand, mirrored
-from skeleton.rotations import Array, from_matrix, multiply, rotate
+from skeleton.joint_angles import angles_of_hand
+from skeleton.rotations import Array, rotate
 from stages.fit_hand.building import KINDS
-from stages.fit_hand.fingertips import Fingertips
+from stages.fit_hand.facing import facing_nails, side_of
+from stages.fit_hand.fingertips import BONE, TIP, Fingertips
 from stages.fit_hand.fit import HandFit
+from stages.fit_hand.frame_uncertainty import PosedErrors, posed_errors
 from stages.fit_hand.operations import Index
+from stages.fit_hand.receiver_frames import MIRROR
 from stages.fit_hand.replaying import PosedHand, pose_hand
 
 BLOCK_FRAMES = 1 << 14
 LEFT_OUT_FRAMES = 512
 """Frames of a recording, evenly spaced, that are posed without the distal receivers' positions as well."""
+
+ENDS = {BONE: "tip", TIP: "skin_tip"}
+"""Where a digit ends, and what its columns of posed_tips begin with."""
 
 Columns = dict[str, Any]
 
@@ -38,45 +43,60 @@ def posed_blocks(tips: Fingertips, path: Path) -> Iterator[dict[str, Columns]]:
     first = 0
     for poses in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
+        ends_mm = {part: _carried_mm(tips, posed, poses, part) for part in ENDS}
+        frames = fit.evidence.convention.frames(poses)
+        errors = posed_errors(tips, posed, frames)
         yield {
-            "joint_angles": angle_columns(name, fit, posed, poses),
-            "bone_poses": bone_columns(name, posed, poses),
-            "posed_tips": tip_columns(
-                name, fit, posed, poses, left_out, _carried_tips_mm(tips, posed, poses)
-            ),
+            "joint_angles": angle_columns(name, fit, posed, poses, errors),
+            "bone_poses": bone_columns(name, posed, poses, errors),
+            "posed_tips": tip_columns(name, fit, posed, poses, left_out, ends_mm, errors),
         }
         first += len(poses.frame)
 
 
-def angle_columns(name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses) -> Columns:
-    """Columns of joint_angles for the frames of poses, joint after joint."""
-    evidence = fit.evidence
-    hand = "left" if evidence.convention.left else "right"
-    bones, rests = _facing_nails(fit, posed, hand)
-    angles = _turns_deg(posed, evidence.layout)
-    angles |= angles_of_hand(posed.bones, bones, bones[:, 0], evidence.layout, hand, rests)
-    stacked = np.concatenate([*angles.values(), np.empty((0, 3))])
+def angle_columns(
+    name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
+) -> Columns:
+    """Columns of joint_angles for the frames of poses, joint after joint; errors : where they are known."""
+    layout, (bones, rests) = fit.evidence.layout, facing_nails(fit, posed)
+    angles = _turns_deg(posed, layout)
+    angles |= angles_of_hand(posed.bones, bones, bones[:, 0], layout, side_of(fit), rests)
+    unknown = np.full((len(poses.frame), 3), np.nan)
+    sd_deg = {joint: unknown if errors is None else errors.angles_deg[joint] for joint in angles}
     columns = _keys(name, "joint", list(angles), poses)
-    return columns | {
-        f"{part}_deg": stacked[:, index] for index, part in enumerate(("flexion", "abduction", "rotation"))
-    }
+    for suffix, values in (("deg", angles), ("sd_deg", sd_deg)):
+        stacked = np.concatenate([*values.values(), np.empty((0, 3))])
+        for index, part in enumerate(("flexion", "abduction", "rotation")):
+            columns[f"{part}_{suffix}"] = stacked[:, index]
+    return columns
 
 
-def bone_columns(name: RecordingName, posed: PosedHand, poses: Poses) -> Columns:
-    """Columns of bone_poses for the frames of poses, bone after bone."""
+def bone_columns(
+    name: RecordingName, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
+) -> Columns:
+    """Columns of bone_poses for the frames of poses, bone after bone; errors : where they are known."""
     columns = _keys(name, "segment", posed.bones, poses)
     place, turn = _stacked(posed.bone_position_mm), _stacked(posed.bone_quaternion)
     columns |= {f"{axis}_mm": place[:, index] for index, axis in enumerate("xyz")}
-    return columns | {f"q{part}": turn[:, index] for index, part in enumerate("wxyz")}
+    columns |= {f"q{part}": turn[:, index] for index, part in enumerate("wxyz")}
+    if errors is None:
+        return columns | dict.fromkeys(("sd_mm", "turn_sd_deg"), np.full(len(turn), np.nan))
+    return columns | {"sd_mm": _stacked(errors.centre_mm), "turn_sd_deg": _stacked(errors.turn_deg)}
 
 
 def tip_columns(
-    name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, left_out: Index, tips_mm: Array
+    name: RecordingName,
+    fit: HandFit,
+    posed: PosedHand,
+    poses: Poses,
+    left_out: Index,
+    ends_mm: Mapping[str, Array],
+    errors: PosedErrors | None = None,
 ) -> Columns:
     """Columns of posed_tips for the frames of poses, digit after digit.
 
-    left_out : rows that are posed without the distal receivers' positions as well. tips_mm : (T, D, 3) ends
-    of the last bones of the digits of `tipped`.
+    left_out : rows that are posed without the distal receivers' positions as well. ends_mm : (T, D, 3) of the
+    digits of `tipped`, by the column's prefix (`ENDS`). errors : where they are known.
     """
     digits = tipped(fit)
     receivers = [posed.receivers.index(digit.tip) for digit in digits]
@@ -84,13 +104,21 @@ def tip_columns(
     valid = poses.valid[:, [poses.index(digit.tip) for digit in digits]]
     blind = pose_hand(fit, poses.take(left_out), [digit.tip for digit in digits])
     error_mm = np.linalg.norm(posed.receiver_mm[:, receivers] - measured, axis=-1)
+    ends_sd_mm = np.full((*valid.shape, len(ENDS)), np.nan)
+    if errors is not None:
+        known = [digit.name for digit in known_digits(fit.evidence.layout) if digit in digits]
+        ends_sd_mm[:, [[d.name for d in digits].index(own) for own in known]] = errors.tips_mm
     left_out_mm = np.full(valid.shape, np.nan)
     left_out_mm[left_out] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[left_out], axis=-1)
-    tip = _stacked(tips_mm)
     return {
         **_keys(name, "digit", [digit.name for digit in digits], poses),
         "time_s": np.tile(poses.time_s, len(digits)),
-        **{f"tip_{axis}_mm": tip[:, index] for index, axis in enumerate("xyz")},
+        **{
+            f"{prefix}_{axis}_mm": _stacked(ends_mm[part])[:, index]
+            for part, prefix in ENDS.items()
+            for index, axis in enumerate("xyz")
+        },
+        **{f"{prefix}_sd_mm": _stacked(ends_sd_mm[..., index]) for index, prefix in enumerate(ENDS.values())},
         "error_mm": _stacked(np.where(valid, error_mm, np.nan)),
         "error_left_out_mm": _stacked(np.where(valid, left_out_mm, np.nan)),
         "residual_mm": np.tile(posed.residual_mm, len(digits)),
@@ -103,22 +131,33 @@ def tipped(fit: HandFit) -> list[Digit]:
     return [digit for digit in evidence.layout.digits.values() if digit.tip in evidence.model.receivers]
 
 
-def bone_tips_mm(fit: HandFit, posed: PosedHand) -> Array:
-    """Ends (T, D, 3) of the posed last bones of the digits of `tipped`; NaN without known anatomy."""
+def posed_ends_mm(tips: Fingertips, posed: PosedHand) -> dict[str, Array]:
+    """Ends (T, D, 3) of the posed last bones and of the skin beyond them, of the digits of `tipped`, by part
+    (`ENDS`); NaN without known anatomy.
+    """
+    return {part: _posed_mm(tips, posed, part) for part in ENDS}
+
+
+def _posed_mm(tips: Fingertips, posed: PosedHand, part: str) -> Array:
+    """Ends (T, D, 3) of one part, carried by the posed last bones."""
+    fit, digits = tips.fit, list(tips.digits)
+    mirrored_y = MIRROR if fit.evidence.convention.left else np.ones(3)
     out = np.full((len(posed.posed), len(tipped(fit)), 3), np.nan)
     for index, digit in enumerate(tipped(fit)):
         if digit.tip in posed.bones:
             last, along = posed.bones.index(digit.tip), np.array([fit.bones[digit.tip].length_mm, 0.0, 0.0])
+            if part == TIP:
+                along += tips.offsets_mm[digits.index(digit.name), 0] * mirrored_y
             turned = rotate(posed.bone_quaternion[:, last], along)
             out[:, index] = posed.bone_position_mm[:, last] + turned
     return out
 
 
-def _carried_tips_mm(tips: Fingertips, posed: PosedHand, poses: Poses) -> Array:
-    """Ends (T, D, 3) of the last bones, carried by the distal receiver, which follows its bone better than
-    the whole hand says; by the posed bone where that receiver is not valid.
+def _carried_mm(tips: Fingertips, posed: PosedHand, poses: Poses, part: str) -> Array:
+    """Ends (T, D, 3) of one part, carried by the distal receiver, which follows its bone better than the
+    whole hand says; by the posed bone where that receiver is not valid.
     """
-    out, carried = bone_tips_mm(tips.fit, posed), tips.in_transmitter(poses)
+    out, carried = _posed_mm(tips, posed, part), tips.in_transmitter(poses, part)
     for index, digit in enumerate(tipped(tips.fit)):
         if digit.name in tips.digits:
             own = carried[:, list(tips.digits).index(digit.name)]
@@ -152,17 +191,3 @@ def _turns_deg(posed: PosedHand, layout: Layout) -> dict[str, Array]:
             own = turns.setdefault(joint, np.full((len(posed.posed), 3), np.nan))
             own[:, KINDS.index(kind)] = np.degrees(posed.angles_rad[:, index])
     return turns
-
-
-def _facing_nails(fit: HandFit, posed: PosedHand, hand: str) -> tuple[Array, dict[str, Array]]:
-    """Bones' postures (T, B, 4) and rests with the thumb's metacarpal facing as its phalanges do.
-
-    So that its angles bear the right names, whichever way its receiver faces.
-    """
-    layout, own, bones = fit.evidence.layout, fit.evidence.model.anatomy, posed.bone_quaternion.copy()
-    nails = {name: replace(digit, faces_nail=digit.second_axis is not None) for name, digit in own.items()}
-    for digit in known_digits(layout):
-        turn = from_matrix(own[digit.name].frames()[0].T @ nails[digit.name].frames()[0])
-        index = posed.bones.index(digit.segments[0])
-        bones[:, index] = multiply(bones[:, index], mirrored(turn) if hand == "left" else turn)
-    return bones, rest_rotations(layout, hand, nails)

@@ -17,6 +17,12 @@ WEAK_SD_MM = 2.0
 WEAK_AXIS_SD_DEG = 5.0
 WEAK_RANGE_DEG = 10.0
 STRANGE_SD = 5.0
+_LOST = {
+    False: ": lengths of bones stand in for it",
+    True: ": no worn receiver carries the centre; what is known is in bone_lengths and bone_poses",
+}
+"""What a joint lacks beside which one receiver, or none, is worn (True)."""
+
 WEAK_GAP_MM = 10.0
 """No skin on a hand lets two receivers disagree so much about their joint; a wrong quaternion order does."""
 
@@ -25,6 +31,7 @@ WEAK_GAP_MM = 10.0
 class FittedJoint:
     """One joint of a fitted hand.
 
+    parent_segment, child_segment : empty where one could be worn and is not.
     parent_mm, child_mm : (3,) centre in the parent's and the child's receiver frame, NaN where that carries
     no receiver; of a joint that does not move (dof 0), which has no axis and no range, in one of them alone:
     the parent's, or the child's where the parent is empty (the wrist without a forearm receiver).
@@ -50,9 +57,11 @@ class FittedJoint:
 
     @property
     def sd_mm(self) -> float:
-        """1-sigma three-dimensional error of the centre: the worse half's."""
-        variance = np.nan_to_num(np.diag(self.covariance_mm2))
-        return float(np.sqrt(max(variance[:3].sum(), variance[3:].sum())))
+        """1-sigma three-dimensional error of the centre: the worse half's; NaN where no receiver is beside
+        the joint.
+        """
+        variance = np.diag(self.covariance_mm2).reshape(2, 3).sum(1)
+        return float(np.sqrt(np.fmax(*variance)))
 
 
 @dataclass(frozen=True)
@@ -65,12 +74,13 @@ class FittedBone:
 
 @dataclass(frozen=True)
 class HandSummary:
-    """Joints between two receivers, palm joints that move but whose child carries no receiver, centres that
-    do not move (the wrist among them where it is no joint and anatomy says where it is), all by joint; and
-    bones by segment.
+    """Joints between two receivers, joints beside which a receiver could be worn and is not (lone), palm
+    joints that move but whose child carries no receiver, centres that do not move (the wrist among them where
+    it is no joint and anatomy says where it is), all by joint; and bones by segment.
     """
 
     joints: dict[str, FittedJoint]
+    lone: dict[str, FittedJoint]
     palm: dict[str, FittedJoint]
     fixed: dict[str, FittedJoint]
     bones: dict[str, FittedBone]
@@ -80,14 +90,16 @@ def summarise(evidence: Evidence) -> HandSummary:
     """Give joints, bones and wrist of a solved fit."""
     places = places_of(evidence.model, evidence.posterior)
     joints: dict[str, FittedJoint] = {}
+    lone: dict[str, FittedJoint] = {}
     palm: dict[str, FittedJoint] = {}
     fixed: dict[str, FittedJoint] = {}
     for joint in evidence.layout.joints.values():
         if receiver(joint.parent_receiver) not in places:
             continue
         if axis_frame(joint.name) in places:
-            group = joints if receiver(joint.child) in places else palm
-            group[joint.name] = _joint(joint, places, evidence)
+            worn = {joint.parent_receiver, joint.child} <= set(evidence.model.receivers)
+            unworn = lone if evidence.layout.segments[joint.child].measured else palm
+            (joints if worn else unworn)[joint.name] = _joint(joint, places, evidence)
         elif evidence.model.centres.get(joint.name) in places:
             seen = places[receiver(joint.parent_receiver)].sees(places[evidence.model.centres[joint.name]])
             message = "does not move, so anatomy and the palm's shape place it"
@@ -103,7 +115,7 @@ def summarise(evidence: Evidence) -> HandSummary:
         segment: FittedBone(*evidence.posterior.of_amount(length))
         for segment, length in evidence.model.length.items()
     }
-    return HandSummary(joints, palm, fixed, bones)
+    return HandSummary(joints, lone, palm, fixed, bones)
 
 
 def bent_skin_mm2(segment: str, evidence: Evidence) -> Array:
@@ -129,7 +141,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
     axis = axis_at.R @ model.axes[joint.name]
     axes = {
         segment: places[receiver(segment)].sees_axis(axis, axis_at.turned)[0]
-        if receiver(segment) in places
+        if segment in model.receivers
         else np.full(3, np.nan)
         for segment in points
     }
@@ -142,10 +154,14 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
     range_deg = float(np.degrees(np.ptp(flexion)))
     gap = _gap_rms_mm(joint, evidence, points)
     reasons = _doubts(joint, evidence, covariance, axis_sd, range_deg, gap)
+    sides = (joint.parent_receiver, joint.child)
+    unworn = [s for s in sides if s not in model.receivers and evidence.layout.segments[s].measured]
+    if unworn:
+        reasons = [f"no receiver on {' or '.join(unworn)}{_LOST[len(unworn) == len(sides)]}", *reasons]
     return FittedJoint(
         name=joint.name,
-        parent_segment=joint.parent_receiver,
-        child_segment=joint.child,
+        parent_segment="" if sides[0] in unworn else sides[0],
+        child_segment="" if sides[1] in unworn else sides[1],
         dof=joint.dof,
         parent_mm=convention.point(joint.parent_receiver, points[joint.parent_receiver]),
         child_mm=convention.point(joint.child, points[joint.child]),
@@ -155,7 +171,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         axis_sd_deg=axis_sd,
         range_deg=range_deg,
         gap_rms_mm=gap,
-        status="weak" if reasons else "ok",
+        status="failed" if len(unworn) == len(sides) else "weak" if reasons else "ok",
         message="; ".join(reasons),
     )
 
@@ -196,7 +212,7 @@ def _fixed(
 def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -> float:
     """Root mean square distance of the two halves of a centre in the recording; NaN where there is none."""
     receivers, frames = evidence.model.receivers, evidence.problem.frames
-    if joint.child not in receivers:
+    if not {joint.parent_receiver, joint.child} <= set(receivers):
         return float("nan")
     a, b = receivers.index(joint.parent_receiver), receivers.index(joint.child)
     weight = evidence.share * (frames.valid[:, a] & frames.valid[:, b])
@@ -225,7 +241,7 @@ def _doubts(
     ]
     halves = (covariance_mm2[:3, :3], covariance_mm2[3:, 3:])
     seen = [np.linalg.eigvalsh(half)[-1] for half in halves if np.isfinite(half).all()]
-    worst_mm = float(np.sqrt(max(*seen, 0.0)))
+    worst_mm = float(np.sqrt(max([*seen, 0.0])))
     doubts = {
         "the fit of the hand did not converge": not evidence.converged,
         f"the hand that fits is strange ({evidence.model.unknowns.names[strangest]} is "

@@ -87,8 +87,9 @@ def _write_prior(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter
 
     from schemas.poses import recording_name, usable_poses
     from stages.fit_hand.calibration import read_thinned
+    from stages.fit_hand.fingertips import fingertips
     from stages.fit_hand.hand_tables import bone_rows, joint_rows
-    from stages.fit_hand.posed_tables import bone_columns, bone_tips_mm, tip_columns
+    from stages.fit_hand.posed_tables import bone_columns, posed_ends_mm, tip_columns
     from stages.fit_hand.replaying import pose_hand
 
     plan.check_calibration_left(part.hand)
@@ -102,7 +103,7 @@ def _write_prior(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter
     for path in usable_poses([plan.poses(recording) for recording in plan.evaluated(part.hand)])[0]:
         name, poses = recording_name(path), read_thinned(path, layout.measured, MOST_FRAMES)
         posed, every = pose_hand(fit, poses), np.arange(len(poses.frame))
-        tips = tip_columns(name, fit, posed, poses, every, bone_tips_mm(fit, posed))
+        tips = tip_columns(name, fit, posed, poses, every, posed_ends_mm(fingertips(fit), posed))
         tables["prior_bone_poses"].columns(part, bone_columns(name, posed, poses))
         tables["prior_posed_tips"].columns(part, tips)
 

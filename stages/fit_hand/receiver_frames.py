@@ -83,6 +83,19 @@ def concatenated(recordings: Sequence[Poses]) -> Poses:
     return Poses(recordings[0].segments, *arrays)
 
 
+def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
+    """Each worn receiver after the nearest worn one towards the body, where there is one."""
+    before = {joint.child: joint.parent_receiver for joint in layout.solvable}
+    found = []
+    for child in worn:
+        parent = before.get(child)
+        while parent is not None and parent not in worn:
+            parent = before.get(parent)
+        if parent is not None:
+            found.append((parent, child))
+    return found
+
+
 def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
     """Rotation matrices between pairs of receivers, (T, 9 pairs); a pair's mean where one is missing."""
     features = []

@@ -52,7 +52,7 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
     frames = fit.evidence.convention.frames(poses)
     sd = fit.evidence.problem.sd.copy()
     sd[[fit.evidence.model.receivers.index(name) for name in blind], 0] *= _UNSEEN
-    problem = replace(fit.evidence.problem, sd=sd)
+    problem = replace(fit.evidence.problem, sd=sd, state_sd=np.array(fit.evidence.model.states.sd))
     parts = [
         _pose_chunk(fit, problem, frames.take(slice(start, start + CHUNK_FRAMES)))
         for start in range(0, max(len(frames.valid), 1), CHUNK_FRAMES)

@@ -33,12 +33,10 @@ def project_planes(arguments: argparse.Namespace) -> None:
     """Place every joint of every skeleton of the plan, write the table."""
     from schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
     from schemas.parts import parts_writer
-    from schemas.tables import Provenance
 
     plan = command_line.plan_of(arguments, (arguments.joints, JOINT_SOLUTIONS))
-    provenance = Provenance.of(
-        [arguments.joints, *command_line.config_files(arguments), *plan.sheets.values()], plan.folder
-    )
+    files = [*command_line.config_files(arguments), *plan.sheets.values()]
+    provenance = command_line.provenance_of(plan, [arguments.joints], files)
     with parts_writer(arguments.out, JOINT_CENTRES, provenance) as joints:
         for part in plan.parts():
             with command_line.recording_failure(arguments, part, joints):

@@ -1,4 +1,6 @@
-"""Before the next recording: which joints should move more, and what one more measurement would gain."""
+"""Before the next recording: which joints should move more, what one more measurement would gain, and what
+fewer receivers would cost.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +24,15 @@ _PLACES = {
 _HEADER = ("Joint", "Range of motion [deg]", "SD now [mm]", "SD if it moved so [mm]", "What to do")
 
 
+_FEWER_HEADER = (
+    "Receivers in the task",
+    "How many",
+    "SD of centres [mm]",
+    "SD of flexion [deg]",
+    "Joint that loses most",
+)
+
+
 @dataclass(frozen=True)
 class ModelGains:
     """What measuring would gain with one fitted model: a remark, and sentences, best first."""
@@ -32,13 +43,16 @@ class ModelGains:
 
 @dataclass(frozen=True)
 class NextRecording:
-    """One hand: joints that should move more (None where none should), all joints folded, measurements."""
+    """One hand: joints that should move more (None where none should), all joints folded, measurements, and
+    what a task with fewer receivers would lose, a table a fitted model.
+    """
 
     hand: str
     remark: str
     to_move: DataTable | None
     every_joint: Folded | None
     measure: tuple[ModelGains, ...]
+    fewer: tuple[DataTable, ...]
 
 
 def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
@@ -62,7 +76,34 @@ def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
         if rows
         else None,
         tuple(_gains(model, results.gains_of.get((hand, model), [])) for model in results.fitted),
+        tuple(
+            _fewer(f"A task with fewer receivers, {model}: {whose}.", costs)
+            for model in results.fitted
+            if (costs := results.receiver_costs_of.get((hand, model)))
+        ),
     )
+
+
+def _fewer(caption: str, rows: list[Row]) -> DataTable:
+    """What each receiver left out of a task would cost, and each smaller layout."""
+    cells = tuple(
+        (
+            _worn_text(row),
+            str(row["n_receivers"]),
+            number(row["centre_sd_mm"]),
+            number(row["flexion_sd_deg"]),
+            f"{row['joint']}: {number(row['joint_centre_sd_mm'])} mm, "
+            f"{number(row['joint_flexion_sd_deg'])} deg",
+        )
+        for row in rows
+    )
+    return DataTable(caption, (Block(_FEWER_HEADER, cells),), (), frozenset({0, 4}))
+
+
+def _worn_text(row: Row) -> str:
+    if row["layout"]:
+        return f"layout {row['layout']}"
+    return f"without {_bone_text(row['without'])}" if row["without"] else "all of the calibration"
 
 
 def _table(caption: str, rows: list[Row]) -> DataTable:

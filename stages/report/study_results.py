@@ -28,7 +28,7 @@ HandModel = tuple[Hand, str]
 
 FIRST_FRAME, LEAST_SQUARES = "first-frame", "least-squares"
 HANDS = ("right", "left")
-FITTED_TABLES = ("receivers", "gains")
+FITTED_TABLES = ("receivers", "gains", "receiver_costs")
 
 _ROWS_OF = {
     "recordings": "recording_rows",
@@ -41,6 +41,7 @@ _ROWS_OF = {
     "calibration_advice": "advice",
     "receivers": "receivers",
     "gains": "gains",
+    "receiver_costs": "receiver_costs",
 }
 """The tables that are read, and what StudyResults calls their rows."""
 
@@ -96,6 +97,7 @@ class StudyResults:
     advice: list[Row]
     receivers: list[Row]
     gains: list[Row]
+    receiver_costs: list[Row]
 
     @cached_property
     def subjects(self) -> list[str]:
@@ -151,6 +153,7 @@ class StudyResults:
     bones_of = _by_hand_and_model("bones")
     receivers_of = _by_hand_and_model("receivers")
     gains_of = _by_hand_and_model("gains")
+    receiver_costs_of = _by_hand_and_model("receiver_costs")
 
     @property
     def fitted(self) -> list[str]:
@@ -226,14 +229,13 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     failures: list[Row] = []
     rows = {name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF}
     rows["problems"] += [*failures, *_failed_exports(study, paths)]
-    layout_of = {recording.hand: recording.layout for recording in reversed(study.recordings)}
     return StudyResults(
         name=study.name,
         recordings=study.recordings,
         simulated=study.simulation is not None,
         paths=paths,
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
-        layouts={hand: read_layout(layout_of[hand].absolute()) for hand in study.hands},
+        layouts={hand: read_layout(study.layout_of(hand).absolute()) for hand in study.hands},
         **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
     )
 

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from stages import command_line
+
+ANATOMIES = ("blend", "ct", "xray", "buchholz", "myohand", "mixed-table")
+SKIN_LAWS = ("saturating", "polynomial", "phase-lag")
+REALISM_OPTIONS = ("anatomy", "mounts", "skin", "artefact", "faults")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -15,7 +20,7 @@ def build_parser() -> argparse.ArgumentParser:
         "stages.simulate",
         "Simulate a hand recorded with 16 receivers at 240 Hz; write the exact truth beside it.",
         "python -m stages.simulate --subject 01 --hand right --task opposition --seed 7 "
-        "--out sub-01_hand-right_task-opposition.parquet",
+        "--anatomy ct --skin phase-lag --out sub-01_hand-right_task-opposition.parquet",
         records_failure=False,
     )
     parser.add_argument("--subject", required=True, help="any name; together with the seed it is a person")
@@ -26,15 +31,48 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--truth", type=Path, help="folder of the truth tables (default: the recording's stem + _truth)"
     )
-    parser.add_argument(
+    parser.add_argument("--forearm", action="store_true", help="wear a receiver on the forearm too")
+    parser.add_argument("--frames", type=int, help="frames (default: opposition 3774, rom 7200)")
+    add_realism_options(parser)
+    return parser
+
+
+def add_realism_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what a recording shares with a real one; what is not given is as --realism says."""
+    group = parser.add_argument_group("realism")
+    group.add_argument(
         "--realism",
         choices=("full", "exact"),
         default="full",
         help="exact: every assumption of the paper holds to rounding (default: full)",
     )
-    parser.add_argument("--forearm", action="store_true", help="wear a receiver on the forearm too")
-    parser.add_argument("--frames", type=int, help="frames (default: opposition 3774, rom 7200)")
-    return parser
+    group.add_argument(
+        "--anatomy",
+        choices=ANATOMIES,
+        help="whom the person is drawn around: a blend of published hands, the person's own, or one of them; "
+        "mixed-table is far from all (default: blend)",
+    )
+    group.add_argument("--skin", choices=SKIN_LAWS, help="law by which skin moves (default: saturating)")
+    for name, what in (
+        ("mounts", "how far receivers are misplaced"),
+        ("artefact", "how far skin moves receivers"),
+        ("faults", "how often the tracker loses poses, names the wrong hemisphere and jumps"),
+    ):
+        usual = 0 if name == "faults" else 1
+        group.add_argument(
+            f"--{name}", type=_scale, help=f"{what}, over what is usual (default: {usual}; exact: 0)"
+        )
+
+
+def _scale(text: str) -> float:
+    """A number from 0 to 10."""
+    try:
+        scale = float(text)
+    except ValueError:
+        scale = -1.0
+    if not 0.0 <= scale <= 10.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no scale; expected a number from 0 to 10")
+    return scale
 
 
 def write_simulation(arguments: argparse.Namespace) -> None:
@@ -47,12 +85,15 @@ def write_simulation(arguments: argparse.Namespace) -> None:
     from stages.simulate.written_truth import write_truth
 
     check_ending(arguments.out)
+    given = {name: getattr(arguments, name) for name in REALISM_OPTIONS}
+    given = {name: value for name, value in given.items() if value is not None}
+    realism = replace(Realism.exact() if arguments.realism == "exact" else Realism.full(), **given)
     simulated = simulate(
         arguments.subject,
         arguments.hand,
         arguments.task,
         arguments.seed,
-        Realism.exact() if arguments.realism == "exact" else Realism.full(),
+        realism,
         arguments.frames,
         forearm=arguments.forearm,
     )
@@ -60,7 +101,7 @@ def write_simulation(arguments: argparse.Namespace) -> None:
         write_recording(arguments.out, simulated)
         folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
         names = ("subject", "hand", "task", "seed", "realism", "forearm")
-        provenance = Provenance(parameters={name: getattr(arguments, name) for name in names})
+        provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | given)
         write_truth(folder, simulated, provenance)
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error

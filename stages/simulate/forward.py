@@ -62,12 +62,14 @@ def bone_poses(
     for level in LEVELS:
         parents, bones = PARENT[level], slice(level.start + 1, level.stop + 1)
         axes, angles, skew = hand.axes[level], angles_rad[:, level], hand.skew_mm[level]
-        flexed = rotations.about_axis(axes[:, FLEXION], angles[..., FLEXION])
-        turned = rotations.multiply(flexed, rotations.about_axis(axes[:, ABDUCTION], angles[..., ABDUCTION]))
+        joints, (first, second) = np.arange(len(parents)), hand.order[level].T
+        carrying = rotations.about_axis(axes[joints, first], angles[:, joints, first])
+        carried = rotations.about_axis(axes[joints, second], angles[:, joints, second])
+        turned = rotations.multiply(carrying, carried)
         turned = rotations.multiply(turned, rotations.about_axis(axes[:, AXIAL], angles[..., AXIAL]))
         origin = np.broadcast_to(hand.origin_mm[level], (n_frames, len(parents), 3))
         if skew.any():  # the axes pass half the skew before and behind the centre
-            origin = origin - skew / 2 + rotations.rotate(flexed, skew) - rotations.rotate(turned, skew / 2)
+            origin = origin - skew / 2 + rotations.rotate(carrying, skew) - rotations.rotate(turned, skew / 2)
         above = quaternion[:, parents]
         position[:, bones] = position[:, parents] + rotations.rotate(above, origin)
         quaternion[:, bones] = rotations.multiply(rotations.multiply(above, turned), hand.rest[level])
@@ -80,3 +82,12 @@ def poses_in_hand(hand: Hand, angles_rad: Array) -> tuple[Array, Array]:
     still = angles_rad.copy()
     still[:, WRIST] = 0.0
     return bone_poses(hand, still, np.zeros((n_frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n_frames, 1)))
+
+
+def flexion_axis(hand: Hand, joint: int, angles_rad: Array, bone_quaternion: Array) -> Array:
+    """Unit flexion axis (T, 3) of a joint in the transmitter frame: abduction may carry it."""
+    axis = hand.axes[joint, FLEXION]
+    if hand.order[joint, 0] == ABDUCTION:
+        abducted = rotations.about_axis(hand.axes[joint, ABDUCTION], angles_rad[:, joint, ABDUCTION])
+        axis = rotations.rotate(abducted, axis)
+    return np.asarray(rotations.rotate(bone_quaternion[:, PARENT[joint]], axis))

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from anatomy import average_hand as average
+from anatomy import drawn_hands as drawn
 from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.random_hand import BONES, Hand
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
+
+FIRST_WORN = 2
+"""Of the bones of digits, which come after forearm and hand."""
+
+_RECEIVER_HALF_MM = float(np.mean(drawn.RECEIVER_HALF_MM))
 
 
 @dataclass(frozen=True)
@@ -38,25 +43,55 @@ class Mounts:
 def mounts_of(
     subject: str, side: str, seed: int, hand: Hand, segments: tuple[str, ...], realism: Realism
 ) -> Mounts:
-    """Put the receivers at mid-bone, above the joint line; unless planes are exact, a little off."""
-    rng = generator(seed, "mounts", subject, side)
-    misplaced = average.MOUNT_SD_MM * np.clip(rng.standard_normal((len(BONES), 3)), -2.5, 2.5)
-    direction = rotations.unit(rng.standard_normal((len(BONES), 3)))
-    angle = np.radians(rng.uniform(*average.DRAWN_MOUNT_TURN_DEG, len(BONES)))
-    misturned = rotations.about_axis(direction, angle)
-    position = np.array([_nominal_mm(bone, hand) for bone in BONES])
-    if realism.exact_planes:
-        misturned = np.tile([1.0, 0.0, 0.0, 0.0], (len(BONES), 1))
-    else:
-        position = position + misplaced
+    """Put the receivers on the bones' middles and on the nails, as far off as the realism says.
+
+    What is off is in part a habit, the same on every bone, in part the receiver's own; but no receiver leaves
+    the back of its bone for a crease.
+    """
+    nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
+    place, turn = _off(generator(seed, "mounts", subject, side), hand)
+    receiver_half = generator(seed, "receivers", subject).uniform(*drawn.RECEIVER_HALF_MM)
+    place[FIRST_WORN:, 2] += receiver_half - _RECEIVER_HALF_MM
+    position = nominal + realism.mounts * place
+    for b in range(FIRST_WORN, len(BONES)):
+        least, most = drawn.NAIL_RANGE if _on_nail(BONES[b]) else drawn.MOUNT_RANGE
+        position[b, 0] = np.clip(position[b, 0], least * hand.length_mm[b], most * hand.length_mm[b])
+    turn = realism.mounts * turn
     bone = np.array([BONES.index(segment) for segment in segments])
-    return Mounts(segments, bone, position[bone], misturned[bone])
+    quaternion = rotations.about_axis(rotations.unit(turn), np.linalg.norm(turn, axis=-1))
+    return Mounts(segments, bone, position[bone], quaternion[bone])
+
+
+def _off(rng: np.random.Generator, hand: Hand) -> tuple[Array, Array]:
+    """How far receivers are from where they should be: mm and rotation vectors in rad, (B, 3) each."""
+    shape = (len(BONES), 3)
+    habit_mm, habit_deg = rng.standard_normal(3), rng.standard_normal(3)
+    mm, deg = (np.clip(rng.standard_t(4, shape) / np.sqrt(2.0), -4.0, 4.0) for _ in range(2))
+    even = rng.uniform(-drawn.OWN_SHARE, drawn.OWN_SHARE, len(BONES))
+    own = np.array([drawn.NAIL_OWN if _on_nail(bone) else 1.0 for bone in BONES])[:, None]
+    place = habit_mm * drawn.HABIT_SD_MM + own * mm * drawn.OWN_SD_MM
+    place[:, 0] += own[:, 0] * even * hand.length_mm
+    turn = habit_deg * drawn.HABIT_SD_DEG + own * deg * drawn.OWN_SD_DEG
+    turn[[_on_nail(bone) for bone in BONES], 1] += drawn.NAIL_TILT_DEG
+    back = BONES.index("hand")
+    place[back] = np.clip(rng.standard_normal(3), -2.5, 2.5) * drawn.HAND_MOUNT_SD_MM
+    place[back, 2] += drawn.HAND_RISE_MM
+    return place, np.radians(turn)
 
 
 def _nominal_mm(bone: str, hand: Hand) -> tuple[float, float, float]:
     if bone == "hand":
-        return average.DRAWN_HAND_MOUNT_MM
+        return drawn.HAND_MOUNT_MM
     if bone == "forearm":
-        return average.DRAWN_FOREARM_MOUNT_MM
-    height = average.HEIGHT_MM[average.BONE_KINDS.index(bone.split("_")[1])] * hand.scale
-    return (0.5 * float(hand.length_mm[BONES.index(bone)]), 0.0, height)
+        return drawn.FOREARM_MOUNT_MM
+    digit = bone.split("_")[0]
+    own = [b for b, name in enumerate(BONES) if name.startswith(f"{digit}_")]
+    b = BONES.index(bone)
+    height = drawn.BONE_HEIGHT_MM[digit][own.index(b)] * hand.scale + _RECEIVER_HALF_MM
+    if _on_nail(bone):
+        return (drawn.NAIL_SHARE * float(hand.length_mm[b]), 0.0, height + drawn.NAIL_MM)
+    return (drawn.MOUNT_SHARE * float(hand.length_mm[b]), 0.0, height + drawn.SKIN_MM)
+
+
+def _on_nail(bone: str) -> bool:
+    return bone.endswith("_distal")

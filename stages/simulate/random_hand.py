@@ -4,22 +4,23 @@ Frames: one per bone, origin at the centre of its proximal joint, x along the bo
 the flexion axis made perpendicular to x, so that a positive flexion turns x towards the palm. The hand's
 frame has its origin at the wrist centre. Right hand: y towards the thumb; the left hand is the mirror image.
 
-The numbers that hands are drawn around are those of `anatomy.average_hand`.
+The hands that people are drawn around, and how people differ, are those of `anatomy.drawn_hands`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
-from anatomy import average_hand as average
+from anatomy import drawn_hands as drawn
 from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.randomness import generator
 from stages.simulate.realism import Realism
 
-DIGITS = tuple(average.AVERAGE_DIGITS)
+DIGITS = tuple(drawn.CT)
 FINGERS = DIGITS[1:]
 
 # Joint j moves bone j + 1. Joints stand in levels outward from the body, so that a level is posed at once.
@@ -56,37 +57,82 @@ class Hand:
 
     Everything is given in the parent bone's frame at neutral (all joint angles 0). J = len(JOINTS),
     B = len(BONES). origin_mm : (J, 3) the joint's centre. rest : (J, 4) child bone to parent bone.
-    axes : (J, 3, 3) unit axes of flexion, abduction (carried by flexion) and axial rotation (by both).
-    skew_mm : (J, 3) from the flexion axis to the abduction axis, zero but at the thumb's CMC.
-    length_mm : (B,) to the next joint, or to the bone's tip; 0 for forearm and hand.
+    axes : (J, 3, 3) unit axes of flexion, abduction and axial rotation. order : (J, 2) which of the first two
+    turns first, and carries the other; both carry the third. skew_mm : (J, 3) from the axis that turns first
+    to the other, zero but at the thumb's CMC.
+    length_mm : (B,) to the next joint, or to the bone's tip; 0 for forearm and hand. soft_tip_mm : (5,) skin
+    and pulp beyond the last bone of each digit.
     pad_mm : (5, 3) where each digit's pad touches, in its distal bone's frame.
     coupling : (J, 4) involuntary motion: axial per abduction, axial per flexion, and the wobble of the hinge,
-    abduction and axial rotation in rad at 90 deg. scale : the hand's size, 1 for the average.
+    abduction and axial rotation in rad at 90 deg. scale : the hand's size, 1 for the drawn.
     """
 
     side: str
     origin_mm: Array
     rest: Array
     axes: Array
+    order: npt.NDArray[np.int64]
     skew_mm: Array
     length_mm: Array
+    soft_tip_mm: Array
     pad_mm: Array
     coupling: Array
     scale: float
 
 
+@dataclass(frozen=True)
+class _Straight:
+    """A person's hand at neutral, in its own frame: shapes as in Hand.
+
+    centres_mm : (B, 2, 3) ends of every bone, proximal and distal. axes : (J, 3) of flexion. second_axis :
+    (3,) of the thumb's CMC; carried_flexion : whether the first one is carried by it.
+    """
+
+    centres_mm: Array
+    axes: Array
+    second_axis: Array
+    carried_flexion: bool
+    lengths_mm: Array
+    soft_tip_mm: Array
+    coupling: Array
+    scale: float
+
+    def mirrored(self) -> _Straight:
+        """A left hand: points lose the sign of y, axes (pseudo-vectors) those of x and z."""
+        axis = np.array([-1.0, 1.0, -1.0])
+        return replace(
+            self,
+            centres_mm=self.centres_mm * [1.0, -1.0, 1.0],
+            axes=self.axes * axis,
+            second_axis=self.second_axis * axis,
+        )
+
+
 def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
     """Give the hand of a subject; the two sides' bones differ by less than 0.5 % in length."""
+    average = _drawn_around(subject, seed, realism.anatomy)
+    spread = drawn.SPREADS.get(realism.anatomy, drawn.PEOPLE)
     rng = generator(seed, "anatomy", subject)
-    scale = float(np.exp(average.SCALE_SD * _clipped(rng, ())))
-    lengths = _lengths_mm(rng, scale) * _side_factors(subject, side, seed)
-    centres = _centres_mm(rng, lengths, scale)
-    axes = _flexion_axes(rng, centres, realism)
-    coupling = _coupling(rng)
-    if side == "left":  # a mirror image: points lose the sign of y, axes (pseudo-vectors) those of x and z
-        centres = centres * [1.0, -1.0, 1.0]
-        axes = axes * [-1.0, 1.0, -1.0]
-    return _assemble(side, centres, axes, lengths, coupling, scale, realism)
+    scale = float(np.exp(spread.scale * _clipped(rng, ())))
+    depth_mm = spread.centres_mm * float(_clipped(generator(seed, "joint depth", subject), ()))
+    lengths = _lengths_mm(rng, average, scale, depth_mm) * _side_factors(subject, side, seed)
+    centres = _centres_mm(rng, average, spread, lengths, scale)
+    axes = _flexion_axes(rng, average, spread, centres, realism)
+    soft_tip = scale * np.array([digit.soft_tip_mm for digit in average.values()])
+    soft_tip += spread.soft_tip_mm * _clipped(generator(seed, "soft tip", subject), (len(DIGITS),))
+    second = average["thumb"].second_axis
+    assert second is not None  # of every source
+    carried = realism.anatomy != drawn.MIXED_TABLE
+    straight = _Straight(centres, axes, second, carried, lengths, soft_tip, _coupling(rng), scale)
+    return _assembled(side, straight.mirrored() if side == "left" else straight, realism)
+
+
+def _drawn_around(subject: str, seed: int, anatomy: str) -> drawn.DrawnHand:
+    """The hand that a person is drawn around: one source's, or a blend that is the person's own."""
+    if anatomy == drawn.BLEND:
+        weights = generator(seed, "sources", subject).dirichlet(drawn.BLEND_SHARES)
+        return drawn.blended(list(drawn.SOURCES.values()), weights)
+    return drawn.MIXED if anatomy == drawn.MIXED_TABLE else drawn.SOURCES[anatomy]
 
 
 def _clipped(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
@@ -99,27 +145,34 @@ def _chain(digit: str) -> list[int]:
     return [j for j, joint in enumerate(JOINTS) if joint.startswith(f"{digit}_")]
 
 
-def _lengths_mm(rng: np.random.Generator, scale: float) -> Array:
-    lengths = np.zeros(len(BONES))
+def _lengths_mm(rng: np.random.Generator, average: drawn.DrawnHand, scale: float, depth_mm: float) -> Array:
+    """Lengths (B,). Centres that lie deeper in the heads shorten the metacarpals and lengthen the last
+    bones.
+    """
+    lengths, sd = np.zeros(len(BONES)), np.zeros(len(BONES))
     for digit in DIGITS:
-        lengths[np.array(_chain(digit)) + 1] = average.AVERAGE_DIGITS[digit].lengths_mm
-    return np.asarray(lengths * scale * (1.0 + average.LENGTH_SD * _clipped(rng, (len(BONES),))))
+        own = np.array(_chain(digit)) + 1
+        lengths[own], sd[own] = average[digit].lengths_mm, average[digit].length_sd_mm
+        lengths[own[[0, -1]]] += depth_mm * np.array([-1.0, 1.0])
+    return np.asarray(scale * (lengths + sd * _clipped(rng, (len(BONES),))))
 
 
 def _side_factors(subject: str, side: str, seed: int) -> Array:
     numbers = generator(seed, "side", subject, side).standard_normal(len(BONES))
-    limit = average.DRAWN_SIDE_LIMIT
-    return np.asarray(1.0 + np.clip(average.DRAWN_SIDE_SD * numbers, -limit, limit))
+    limit = drawn.SIDE_LIMIT
+    return np.asarray(1.0 + np.clip(drawn.SIDE_SD * numbers, -limit, limit))
 
 
-def _centres_mm(rng: np.random.Generator, lengths_mm: Array, scale: float) -> Array:
+def _centres_mm(
+    rng: np.random.Generator, average: drawn.DrawnHand, spread: drawn.Spread, lengths_mm: Array, scale: float
+) -> Array:
     """Ends of every bone at neutral, right hand, in the hand's frame: (B, 2, 3), proximal and distal."""
     centres = np.zeros((len(BONES), 2, 3))
-    for digit in DIGITS:
-        own = average.AVERAGE_DIGITS[digit]
-        here = np.array(own.base_mm) * scale + average.DRAWN_BASE_SD_MM * _clipped(rng, (3,))
+    for digit, own in average.items():
+        base_sd_mm = spread.thumb_base_mm if digit == "thumb" else spread.base_mm
+        here = own.base_mm * scale + base_sd_mm * _clipped(rng, (3,))
         # one tilt for the whole digit keeps it straight
-        directions = rotations.unit(own.directions() + average.DRAWN_DIRECTION_SD_RAD * _clipped(rng, (3,)))
+        directions = rotations.unit(own.directions + spread.direction * _clipped(rng, (3,)))
         for joint, direction in zip(_chain(digit), directions, strict=True):
             there = here + lengths_mm[joint + 1] * direction
             centres[joint + 1] = here, there
@@ -127,14 +180,20 @@ def _centres_mm(rng: np.random.Generator, lengths_mm: Array, scale: float) -> Ar
     return centres
 
 
-def _flexion_axes(rng: np.random.Generator, centres_mm: Array, realism: Realism) -> Array:
+def _flexion_axes(
+    rng: np.random.Generator,
+    average: drawn.DrawnHand,
+    spread: drawn.Spread,
+    centres_mm: Array,
+    realism: Realism,
+) -> Array:
     """Flexion axes at neutral, right hand, in the hand's frame, (J, 3)."""
     axes = np.zeros((len(JOINTS), 3))
-    axes[WRIST] = average.DRAWN_WRIST_AXES[FLEXION]
-    for digit in DIGITS:
-        axes[_chain(digit)] = average.AVERAGE_DIGITS[digit].flexion_axes
-    drawn = average.DRAWN_AXIS_SD_RAD * _clipped(rng, (len(JOINTS), 3))
-    axes = rotations.unit(rotations.unit(axes) + drawn)
+    axes[WRIST] = drawn.WRIST_AXES[FLEXION]
+    for digit, own in average.items():
+        axes[_chain(digit)] = own.flexion_axes
+    off = spread.axis * _clipped(rng, (len(JOINTS), 3))
+    axes = rotations.unit(rotations.unit(axes) + off)
     if realism.perpendicular_mcp:
         for digit in DIGITS:
             cmc, mcp = _chain(digit)[:2]
@@ -157,63 +216,68 @@ def _coupling(rng: np.random.Generator) -> Array:
     coupling = np.zeros((len(JOINTS), 4))
     for j, joint in enumerate(JOINTS):
         if joint == "thumb_cmc" or joint.endswith("_mcp"):
-            per_abduction, sd, flexion_sd = average.DRAWN_AXIAL_COUPLING
+            per_abduction, sd, flexion_sd = drawn.AXIAL_COUPLING
             coupling[j] = (per_abduction + sd * numbers[j, 0], flexion_sd * numbers[j, 1], 0.0, 0.0)
         elif joint.endswith("_cmc"):  # pro-supination comes with flexion
-            sd = average.DRAWN_PRO_SUPINATION_SD
-            coupling[j] = (0.0, average.PRO_SUPINATION + sd * numbers[j, 1], 0.0, 0.0)
+            sd = drawn.PRO_SUPINATION_SD
+            coupling[j] = (0.0, drawn.PRO_SUPINATION + sd * numbers[j, 1], 0.0, 0.0)
         elif joint != "wrist":
-            coupling[j, 2:] = average.DRAWN_WOBBLE_SD_RAD * numbers[j, 2:]
+            coupling[j, 2:] = drawn.WOBBLE_SD_RAD * numbers[j, 2:]
     return coupling
 
 
-def _assemble(
-    side: str, centres: Array, axes: Array, lengths: Array, coupling: Array, scale: float, realism: Realism
-) -> Hand:
+def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
     """Turn the neutral hand, given in the hand's frame, into joints in their parents' frames."""
+    centres, axes = straight.centres_mm, straight.axes
     frames = np.tile(np.eye(3), (len(BONES), 1, 1))
     for bone in range(2, len(BONES)):
         x = rotations.unit(centres[bone, 1] - centres[bone, 0])
         y = _perpendicular(axes[bone - 1], x)
         frames[bone] = np.stack([x, y, np.cross(x, y)], -1)
     to_parent = np.swapaxes(frames[PARENT], -1, -2)
-    triples = np.stack([axes, *_second_and_third_axes(side, frames, axes)], 1)
-    skew = np.zeros((len(JOINTS), 3))
+    triples = np.stack([axes, *_second_and_third_axes(side, frames, straight)], 1)
+    thumb, skew = JOINTS.index("thumb_cmc"), np.zeros((len(JOINTS), 3))
     if not realism.hinges_only:
-        thumb = JOINTS.index("thumb_cmc")
+        # towards the metacarpal, whichever axis carries the other; an offset is a true vector: where axes
+        # mirror as pseudo-vectors, their product has the wrong sign
         across = rotations.unit(np.cross(triples[thumb, FLEXION], triples[thumb, ABDUCTION]))
-        # an offset is a true vector: where axes mirror as pseudo-vectors, their product has the wrong sign
-        skew[thumb] = average.SKEW_MM * (-across if side == "left" else across)
+        skew[thumb] = drawn.SKEW_MM * (-across if side == "left" else across)
+    order = np.tile([FLEXION, ABDUCTION], (len(JOINTS), 1))
+    if straight.carried_flexion:
+        order[thumb] = ABDUCTION, FLEXION
     origin = centres[1:, 0] - centres[PARENT, 0]
-    pads = np.array([_pad_mm(*pair, scale) for pair in zip(DIGITS, lengths[TIP_BONES], strict=True)])
     return Hand(
         side=side,
         origin_mm=np.einsum("jab,jb->ja", to_parent, origin),
         rest=rotations.from_matrix(to_parent @ frames[1:]),
         axes=np.einsum("jab,jib->jia", to_parent, triples),
+        order=order,
         skew_mm=np.einsum("jab,jb->ja", to_parent, skew),
-        length_mm=lengths,
-        pad_mm=pads,
-        coupling=coupling,
-        scale=scale,
+        length_mm=straight.lengths_mm,
+        soft_tip_mm=straight.soft_tip_mm,
+        pad_mm=_pads_mm(straight),
+        coupling=straight.coupling,
+        scale=straight.scale,
     )
 
 
-def _second_and_third_axes(side: str, frames: Array, axes: Array) -> tuple[Array, Array]:
+def _second_and_third_axes(side: str, frames: Array, straight: _Straight) -> tuple[Array, Array]:
     """Abduction and axial axes at neutral, in the hand's frame, each (J, 3); mirrored for a left hand."""
     mirror = np.array([-1.0, 1.0, -1.0]) if side == "left" else np.ones(3)
     sign = -1.0 if side == "left" else 1.0
     abduction, axial = sign * frames[1:, :, 2], sign * frames[1:, :, 0]
-    abduction[WRIST] = rotations.unit(np.array(average.DRAWN_WRIST_AXES[ABDUCTION])) * mirror
+    abduction[WRIST] = rotations.unit(np.array(drawn.WRIST_AXES[ABDUCTION])) * mirror
     thumb = JOINTS.index("thumb_cmc")
-    flexion = axes[thumb]
-    across = _perpendicular(np.array(average.AVERAGE_DIGITS["thumb"].second_axis) * mirror, flexion)
-    skew = np.radians(average.SKEW_DEG)
+    flexion = straight.axes[thumb]
+    across = _perpendicular(straight.second_axis, flexion)
+    skew = np.radians(drawn.SKEW_DEG)
     abduction[thumb] = np.cos(skew) * flexion + np.sin(skew) * across
     return abduction, axial
 
 
-def _pad_mm(digit: str, length_mm: float, scale: float) -> tuple[float, float, float]:
-    """Where the digit's pad touches: under the distal third of its last bone."""
-    soft_tip_mm = average.AVERAGE_DIGITS[digit].soft_tip_mm
-    return (0.7 * length_mm + 0.3 * soft_tip_mm * scale, 0.0, -average.DRAWN_PAD_DEPTH_MM[digit] * scale)
+def _pads_mm(straight: _Straight) -> Array:
+    """Where the digits' pads touch (5, 3): under the distal third of their last bones."""
+    pads = np.zeros((len(DIGITS), 3))
+    pads[:, 0] = 0.7 * straight.lengths_mm[TIP_BONES] + 0.3 * straight.soft_tip_mm
+    pads[:, 2] = [-drawn.PAD_DEPTH_MM[digit] * straight.scale for digit in DIGITS]
+    return pads

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from anatomy.drawn_hands import BLEND
+
+SATURATING, POLYNOMIAL, PHASE_LAG = "saturating", "polynomial", "phase-lag"
+SKIN_LAWS = (SATURATING, POLYNOMIAL, PHASE_LAG)
+
 
 @dataclass(frozen=True)
 class Realism:
@@ -11,22 +16,29 @@ class Realism:
 
     mobile_palm : metacarpals 4 and 5 (and a little 2 and 3) move at their CMC joints.
     hinges_only : every joint turns about one fixed axis; MCP, thumb and wrist have no second one.
-    exact_planes : receivers sit exactly: axes along the bone, no lateral offset, so that the sagittal
-        plane of the receiver (y = 0) holds the centre of the bone's proximal joint.
     perpendicular_mcp : the MCP axis is at right angles to the vector from the wrist to the MCP joint (for
         the thumb: CMC and MCP axes at right angles to the metacarpal), so that Eq. 11 finds no twist.
+    anatomy : whom hands are drawn around, one of `anatomy.drawn_hands.ANATOMIES`.
+    mounts : scale of how far receivers are misplaced; at 0 they sit exactly: axes along the bone, no lateral
+        offset, so that the sagittal plane of the receiver (y = 0) holds the centre of the bone's proximal
+        joint.
+    skin : law by which skin moves receivers, one of SKIN_LAWS.
     artefact : scale of the skin artefact, 1 for a typical hand.
     noise : scale of the tracker's white noise.
     field_distortion : scale of the static distortion of the magnetic field.
+    faults : scale of what the tracker loses and gets wrong: poses not given, signs flipped, spikes.
     """
 
     mobile_palm: bool = True
     hinges_only: bool = False
-    exact_planes: bool = False
     perpendicular_mcp: bool = False
+    anatomy: str = BLEND
+    mounts: float = 1.0
+    skin: str = SATURATING
     artefact: float = 1.0
     noise: float = 1.0
     field_distortion: float = 1.0
+    faults: float = 0.0
 
     @classmethod
     def full(cls) -> Realism:
@@ -36,4 +48,4 @@ class Realism:
     @classmethod
     def exact(cls) -> Realism:
         """Give every assumption of the paper, true to rounding."""
-        return cls(False, True, True, True, artefact=0.0, noise=0.0, field_distortion=0.0)
+        return cls(False, True, True, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)

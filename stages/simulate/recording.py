@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 
 from schemas.errors import InputError
 from schemas.files import replacing
+from schemas.parquet_files import store_digest
 from stages.simulate.simulation import Simulated
 
 ENDINGS = (".parquet", ".csv")
@@ -46,4 +47,11 @@ def write_recording(path: Path, simulated: Simulated) -> None:
             pyarrow.csv.write_csv(tidy(simulated), temporary, options)
         else:
             dictionary = ["frame", "time_s", "segment"]
-            pq.write_table(tidy(simulated), temporary, compression="zstd", use_dictionary=dictionary)
+            pq.write_table(
+                tidy(simulated),
+                temporary,
+                compression="zstd",
+                use_dictionary=dictionary,
+                write_page_checksum=True,
+            )
+            store_digest(temporary)

@@ -10,8 +10,9 @@ import numpy as np
 from schemas.layout import Layout
 from skeleton import rotations
 from skeleton.rotations import Array
+from stages.simulate.forward import flexion_axis
 from stages.simulate.mounts import Mounts
-from stages.simulate.random_hand import DIGITS, FLEXION, JOINTS, PARENT, TIP_BONES, Hand
+from stages.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, Hand
 from stages.simulate.realism import Realism
 
 
@@ -41,8 +42,8 @@ class Truth:
     """Everything that the simulation knows.
 
     hand, mounts : the hand and where its receivers sit. angles_rad : (T, J, 3). bone_position_mm (T, B, 3)
-    and bone_quaternion (T, B, 4) : bone frames in the transmitter frame. tip_mm : (T, 5, 3) tips of the
-    bones, digits in the order of DIGITS. joints : by name.
+    and bone_quaternion (T, B, 4) : bone frames in the transmitter frame. tip_mm, skin_tip_mm : (T, 5, 3) tips
+    of the bones and, skin and pulp beyond them, of the digits, in the order of DIGITS. joints : by name.
     """
 
     hand: Hand
@@ -51,6 +52,7 @@ class Truth:
     bone_position_mm: Array
     bone_quaternion: Array
     tip_mm: Array
+    skin_tip_mm: Array
     joints: Mapping[str, TrueJoint]
 
     @classmethod
@@ -66,13 +68,15 @@ class Truth:
     ) -> Truth:
         """Give the truth of a recording; bones and recorded are positions in mm and quaternions over time."""
         joints = _joints(layout, hand, mounts, angles_rad, bones, recorded, realism)
-        return cls(hand, mounts, angles_rad, *bones, _tips_mm(hand, *bones), joints)
+        tip_mm = _ends_mm(hand.length_mm[TIP_BONES], *bones)
+        skin_tip_mm = _ends_mm(hand.length_mm[TIP_BONES] + hand.soft_tip_mm, *bones)
+        return cls(hand, mounts, angles_rad, *bones, tip_mm, skin_tip_mm, joints)
 
 
-def _tips_mm(hand: Hand, bone_position_mm: Array, bone_quaternion: Array) -> Array:
-    """Tips of the bones (T, 5, 3) in the transmitter frame."""
+def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) -> Array:
+    """Points (T, 5, 3) in the transmitter frame, so far (5,) along the last bones from their joints."""
     along = np.zeros((len(DIGITS), 3))
-    along[:, 0] = hand.length_mm[TIP_BONES]
+    along[:, 0] = length_mm
     return bone_position_mm[:, TIP_BONES] + rotations.rotate(bone_quaternion[:, TIP_BONES], along)
 
 
@@ -91,7 +95,7 @@ def _joints(
     for joint in layout.solvable:
         index = JOINTS.index(joint.name)
         centre_mm = bones[0][:, index + 1]
-        axis = rotations.rotate(bones[1][:, PARENT[index]], hand.axes[index, FLEXION])
+        axis = flexion_axis(hand, index, angles_rad, bones[1])
         child = mounts.segments.index(joint.child)
         child_mm, axis_child = _in_receiver(riding, child, centre_mm, axis)
         parent_mm, axis_parent, gap_mm = np.full(3, np.nan), np.full(3, np.nan), np.full(len(axis), np.nan)

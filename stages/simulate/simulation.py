@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,14 +12,20 @@ from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.poses import Poses
 from skeleton.rotations import Array
-from stages.simulate.artefact import distorted, noisy, seen_through_skin, skin_of, under_read
 from stages.simulate.forward import bone_poses
 from stages.simulate.mounts import mounts_of
+from stages.simulate.moving_skin import SkinLaw, displaced, on_skin, skin_of
+from stages.simulate.phase_lag_skin import phase_lag
+from stages.simulate.polynomial_skin import polynomial
 from stages.simulate.random_hand import DIGITS, hand_of
 from stages.simulate.randomness import generator
-from stages.simulate.realism import Realism
+from stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, Realism
+from stages.simulate.saturating_skin import saturating
 from stages.simulate.simulated_truth import Truth
-from stages.simulate.task_motion import RATE_HZ, TASK_FRAMES, move
+from stages.simulate.task_motion import RATE_HZ, TASK_FRAMES, Motion, move
+from stages.simulate.tracker_errors import distorted, faulty, noisy
+
+LAWS: Mapping[str, SkinLaw] = {SATURATING: saturating, POLYNOMIAL: polynomial, PHASE_LAG: phase_lag}
 
 LAYOUT = "liberty16"
 FIRST_FRAME = 1
@@ -29,7 +36,8 @@ class Simulated:
     """A recording and its truth.
 
     frame : (T,); time_s : (T,) device time; segments : S names, in the layout's order; position_mm :
-    (T, S, 3); quaternion : (T, S, 4) unit (w, x, y, z), receiver to transmitter frame.
+    (T, S, 3); quaternion : (T, S, 4) unit (w, x, y, z), receiver to transmitter frame; NaN where the tracker
+    lost a pose.
     """
 
     subject: str
@@ -48,8 +56,8 @@ class Simulated:
         return self.position_mm[:, [self.segments.index(f"{digit}_distal") for digit in DIGITS]]
 
     def poses(self) -> Poses:
-        """Give the recording as the stages hold it, every receiver valid in every frame."""
-        valid = np.ones(self.position_mm.shape[:2], bool)
+        """Give the recording as the stages hold it; a pose that the tracker lost is not valid."""
+        valid = np.asarray(np.isfinite(self.position_mm).all(-1))
         return Poses(self.segments, self.frame, self.time_s, self.position_mm, self.quaternion, valid)
 
 
@@ -62,13 +70,15 @@ def simulate(
     n_frames: int | None = None,
     *,
     forearm: bool = False,
+    change: Callable[[Motion], Motion] | None = None,
 ) -> Simulated:
     """Simulate one recording with 16 receivers, 17 with `forearm`, at 240 Hz.
 
     hand : right or left. task : opposition or rom. The anatomy depends on seed and subject, the receivers'
     places and the skin also on the hand, motion and noise also on the task: recordings of one hand share it.
     Another n_frames than the task's own (None) is the same script, faster or slower, with fewer or more
-    rounds of opposition. Raises InputError where an argument is not usable.
+    rounds of opposition. change : of what the task makes the hand do. Raises InputError where an argument is
+    not usable.
     """
     n_frames = _checked(hand, task, seed, n_frames)
     layout = read_layout(LAYOUT)
@@ -76,20 +86,26 @@ def simulate(
     anatomy = hand_of(subject, hand, seed, realism)
     mounts = mounts_of(subject, hand, seed, anatomy, segments, realism)
     motion = move(subject, hand, task, seed, anatomy, realism, n_frames)
+    if change is not None:
+        motion = change(motion)
     bones = bone_poses(anatomy, motion.angles_rad, motion.wrist_mm, motion.forearm)
     recorded = mounts.poses(*bones)
     if realism.artefact:
         skin = skin_of(subject, hand, seed, segments, realism.artefact)
-        followed = under_read(motion.angles_rad, skin)
-        thumb_skin = bone_poses(anatomy, followed, motion.wrist_mm, motion.forearm)
-        rng = generator(seed, "wander", subject, hand, task)
-        recorded = seen_through_skin(mounts, bones, thumb_skin, motion.angles_rad, skin, rng)
+        recorded = on_skin(anatomy, mounts, motion, bones, skin)
+        of_hand = generator(seed, f"{realism.skin} skin", subject, hand)
+        of_recording = generator(seed, "wander", subject, hand, task)
+        off = LAWS[realism.skin](motion.angles_rad, skin, of_hand, of_recording)
+        recorded = displaced(*recorded, *off)
     if realism.field_distortion:
         recorded = distorted(*recorded, seed, realism.field_distortion)
     if realism.noise:
         rng = generator(seed, "noise", subject, hand, task)
         recorded = noisy(*recorded, realism.noise, rng)
     truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism)
+    if realism.faults:
+        rng = generator(seed, "faults", subject, hand, task)
+        recorded = faulty(*recorded, realism.faults, rng)
     frame = np.arange(FIRST_FRAME, FIRST_FRAME + n_frames)
     return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth)
 

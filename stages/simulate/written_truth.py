@@ -6,25 +6,39 @@ moves, the thumb's skew CMC axes) the mean over the frames. Frames are those of 
 without skin artefact; `gap_rms_mm` is the gap that these centres have in the recording as written.
 `bone_lengths`: joint to joint; the last bone of a digit ends at the tip of the BONE, not at a receiver.
 `metacarpals`: length_mm is CMC to MCP; swing and twist are estimators' words and stay null.
-`tips`: the tip of the bone; error_mm is its distance to the distal receiver as recorded, and a true skeleton
-has no first-frame error.
+`tips`: the tip of the bone, and beside it that of the digit, skin and pulp included; error_mm is the former's
+distance to the distal receiver as recorded, null where that was lost, and a true skeleton has no first-frame
+error.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from schemas.catalogue import BONE_LENGTHS, FINGERTIP, JOINT_CENTRES, METACARPALS, TIPS
-from schemas.tables import Provenance, columns_from_rows, vector_columns, write_table
+from schemas.tables import Column, Provenance, columns_from_rows, vector_columns, write_table
 from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
 from stages.simulate.simulation import Simulated
 
 MODEL_NAME = "truth"
+
+_SKIN_TIP = tuple(
+    Column(
+        f"skin_tip_{axis}_mm",
+        TIPS.column(f"tip_{axis}_mm").type,
+        "mm",
+        f"end of the digit, skin and pulp included, in the transmitter frame, {axis}",
+    )
+    for axis in "xyz"
+)
+TRUE_TIPS = replace(TIPS, columns=(*TIPS.columns, *_SKIN_TIP))
+"""As any reader of tips expects, and more."""
 
 
 def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> None:
@@ -33,7 +47,7 @@ def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> N
         (JOINT_CENTRES, columns_from_rows(JOINT_CENTRES, _joint_rows(simulated))),
         (BONE_LENGTHS, columns_from_rows(BONE_LENGTHS, _bone_rows(simulated))),
         (METACARPALS, _metacarpal_columns(simulated)),
-        (TIPS, _tip_columns(simulated)),
+        (TRUE_TIPS, _tip_columns(simulated)),
     ):
         write_table(folder / f"{table.name}.parquet", table, columns, provenance)
 
@@ -121,11 +135,12 @@ def _metacarpal_columns(simulated: Simulated) -> dict[str, Any]:
 
 
 def _tip_columns(simulated: Simulated) -> dict[str, Any]:
-    tip = _by_digit(simulated.truth.tip_mm)
+    tip, skin_tip = _by_digit(simulated.truth.tip_mm), _by_digit(simulated.truth.skin_tip_mm)
     return {
         **_digit_columns(simulated),
         "time_s": np.tile(simulated.time_s, len(DIGITS)),
         **{f"tip_{axis}_mm": tip[:, i] for i, axis in enumerate("xyz")},
         "error_mm": np.linalg.norm(tip - _by_digit(simulated.distal_mm), axis=-1),
         "error_first_frame_mm": np.full(len(tip), np.nan),
+        **{f"skin_tip_{axis}_mm": skin_tip[:, i] for i, axis in enumerate("xyz")},
     }

@@ -52,7 +52,7 @@ def hand_prior(
             fixed[own] -= np.cross(turn, place[own])
             loads[own, 3:6] = layout.segments[segment].axes * _place_sd_mm(segment, layout)
             if not _is_hand(segment, layout):
-                loads[own, 6] = average_hand.LENGTH_SD * _along(place[own], layout, segment)
+                loads[own, 6] = average_hand.JOINTWISE_LENGTH_SD * _along(place[own], layout, segment)
         loadings.append(loads)
     loadings += [_own_loadings(joints, priors, layout)]
     scale = 1.0 if hand_length_mm is None else hand_length_mm / average_hand.AVERAGE_LENGTH_MM

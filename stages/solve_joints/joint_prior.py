@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anatomy.average_hand import BONE_KINDS, CMC_RANGE_DEG, DIGITS, HEIGHT_MM
+from anatomy.average_hand import BONE_KINDS, CMC_RANGE_DEG, DIGITS
 from schemas.layout import Joint, Layout
-from skeleton.rotations import Array, unit
+from skeleton.rotations import Array
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Bone:
 
     frame : (3, 3) its own axes (x along it, y a flexion axis made perpendicular, z dorsal) as columns;
     start_mm : (3,) its proximal joint from the wrist centre; axis : (3,) unit flexion axis of that joint.
-    digit, kind : as in the segment's name.
+    mount_mm : (3,) its receiver's place in the bone's frame. digit, kind : as in the segment's name.
     """
 
     digit: str
@@ -30,12 +30,8 @@ class Bone:
     frame: Array
     start_mm: Array
     length_mm: float
+    mount_mm: Array
     axis: Array
-
-    @property
-    def mount_mm(self) -> Array:
-        """The receiver's place in the bone's frame: mid-bone, above the line between the joints."""
-        return np.array([self.length_mm / 2, 0.0, HEIGHT_MM[BONE_KINDS.index(self.kind)]])
 
 
 def average_bones(hand: str, *, thumb_faces_nail: bool = False) -> dict[str, Bone]:
@@ -50,9 +46,10 @@ def average_bones(hand: str, *, thumb_faces_nail: bool = False) -> dict[str, Bon
         thumb = digit == "thumb"
         frames = replace(average, faces_nail=thumb and thumb_faces_nail).frames() * np.outer(mirror, mirror)
         starts = average.joints_mm() * mirror
-        axes = unit(np.array(average.flexion_axes)) * mirror * mirror[1]  # mirrored as pseudo-vectors
+        axes = average.flexion_axes * mirror * mirror[1]  # mirrored as pseudo-vectors
         kinds = [kind for kind in BONE_KINDS if not (thumb and kind == "middle")]
-        for kind, *own in zip(kinds, frames, starts, average.lengths_mm, axes, strict=True):
+        lengths, mounts = average.lengths_mm, average.mounts_mm()
+        for kind, *own in zip(kinds, frames, starts, lengths, mounts, axes, strict=True):
             bones[f"{digit}_{kind}"] = Bone(digit, kind, *own)
     return bones
 

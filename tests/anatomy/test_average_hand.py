@@ -11,31 +11,25 @@ from anatomy.average_hand import AVERAGE_DIGITS, AVERAGE_LENGTH_MM, BONE_KINDS, 
 
 ROOT = Path(__file__).parents[2]
 SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND, PLANES = "simulate", "solve_joints", "fit_hand", "project_planes"
-READERS = (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND, PLANES)
+READERS = (JOINT_BY_JOINT, WHOLE_HAND, PLANES)
 
 READ_BY = {
-    (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND, PLANES): "MOUNT_SD_MM",
-    (SIMULATOR, JOINT_BY_JOINT, WHOLE_HAND): "HEIGHT_MM SKEW_MM SCALE_SD LENGTH_SD",
-    (JOINT_BY_JOINT, WHOLE_HAND, PLANES): "DIGITS MOUNT_TURN_SD_RAD",
+    (JOINT_BY_JOINT, WHOLE_HAND, PLANES): "DIGITS MOUNT_SD_MM MOUNT_TURN_SD_RAD",
     (JOINT_BY_JOINT, WHOLE_HAND): "AVERAGE_LENGTH_MM SCALE_SD_BY_LENGTH AXIS_SD_RAD DISTAL_TILT "
-    "UNDER_READING UNDER_READING_SD",
-    (JOINT_BY_JOINT, PLANES): "PALM_SLIDE_SD_MM UNKNOWN_SLIDE_SD_MM JOINTWISE_NAIL JOINTWISE_SLIDE_SD_MM "
-    "JOINTWISE_THENAR JOINTWISE_TILT_SD",
-    (SIMULATOR, JOINT_BY_JOINT, PLANES): "BONE_KINDS",
-    (SIMULATOR, WHOLE_HAND): "SKEW_DEG PRO_SUPINATION",
-    (SIMULATOR,): "AVERAGE_DIGITS",
+    "UNDER_READING UNDER_READING_SD HEIGHT_MM SKEW_MM SCALE_SD LENGTH_SD",
+    (JOINT_BY_JOINT, PLANES): "BONE_KINDS PALM_SLIDE_SD_MM UNKNOWN_SLIDE_SD_MM JOINTWISE_NAIL "
+    "JOINTWISE_SLIDE_SD_MM JOINTWISE_THENAR JOINTWISE_TILT_SD",
     (JOINT_BY_JOINT,): "CMC_RANGE_DEG HAND_MOUNT_SD_MM",
-    (WHOLE_HAND,): "AVERAGE_BREADTH_MM SKEW_SD_MM PRO_SUPINATION_SD SCALE_SD_BY_BREADTH BASE_SD_MM "
-    "DIRECTION_SD_RAD JOINT_SLIDE_SD_MM SLIDE_SD_MM TILT_SD SKIN_BENT PHALANX_DEG METACARPAL_DEG PALM_DEG "
-    "ABDUCTION_DEG AXIAL_DEG",
+    (WHOLE_HAND,): "AVERAGE_BREADTH_MM SKEW_SD_MM SKEW_DEG PRO_SUPINATION PRO_SUPINATION_SD "
+    "SCALE_SD_BY_BREADTH BASE_SD_MM DIRECTION_SD_RAD JOINT_SLIDE_SD_MM SLIDE_SD_MM TILT_SD SKIN_BENT "
+    "PHALANX_DEG METACARPAL_DEG PALM_DEG ABDUCTION_DEG AXIAL_DEG DIP_PER_PIP DIP_BY_PIP_SD_DEG",
+    (): "AVERAGE_DIGITS",
 }
-"""Stages with the numbers that just they read, those of `anatomy.skin` by whoever imports it; of names, DRAWN
-means the simulator alone, JOINTWISE solve_joints alone where no other reader stands here."""
+"""Stages with the numbers that just they read, those of `anatomy.skin` by whoever imports it; of names,
+JOINTWISE means solve_joints alone where no other reader stands here."""
 
 
 def read_by(name: str) -> tuple[str, ...]:
-    if name.startswith("DRAWN_"):
-        return (SIMULATOR,)
     listed = [stages for stages, names in READ_BY.items() if name in names.split()]
     (stages,) = listed or [(JOINT_BY_JOINT,)] * name.startswith("JOINTWISE_")
     return stages
@@ -67,12 +61,12 @@ def numbers_read(folder: Path) -> set[str]:
 
 @pytest.mark.parametrize("reader", READERS)
 def test_each_stage_reads_the_numbers_that_it_is_said_to_read(reader: str) -> None:
-    """An estimator never reads what is drawn, and every number has the readers that are listed."""
+    """Every number has the readers that are listed."""
     expected = {name for name in vars(average_hand) if name.isupper() and reader in read_by(name)}
     assert numbers_read(ROOT / "stages" / reader) == expected
 
 
-def test_estimators_and_simulator_differ_in_the_depth_of_the_bases_alone() -> None:
+def test_expected_and_listed_digits_differ_in_the_depth_of_the_bases_alone() -> None:
     for name, digit in AVERAGE_DIGITS.items():
         expected = DIGITS[name]
         assert digit.points_mm == expected.points_mm

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from benchmarks import peers
-from benchmarks.accuracy import accuracy_figure, accuracy_tables, estimators, literature, polynomial_skin
-from benchmarks.accuracy.polynomial_skin import HYSTERESIS, LOOP_RAD, hysteretic, slipped
+from benchmarks import accuracy, peers
+from benchmarks.accuracy import accuracy_figure, accuracy_tables, estimators, literature
 from benchmarks.accuracy.running import person_result
-from benchmarks.accuracy.scenarios import FOREIGN, FULL, STIFF, Scenario
+from benchmarks.accuracy.scenarios import BY_KEY, CLEAN, FOREIGN, FULL, LATE, STIFF, Scenario
 from benchmarks.accuracy.score import (
     JOINT_TYPES,
     PHALANGES,
+    BoneError,
     Centre,
     Estimate,
     HandScore,
@@ -31,7 +32,6 @@ from benchmarks.accuracy.trials import Trial, bursts, record, true_length_mm, wi
 from schemas.poses import Poses
 from skeleton.rotations import about_axis, angle, conjugate, matrix, multiply, rotate, unit
 from stages.evaluate_skeletons.truth_errors import line_angle_deg
-from stages.simulate.artefact import Skin
 from stages.simulate.random_hand import FLEXION, JOINTS
 from stages.simulate.realism import Realism
 from stages.simulate.simulated_truth import TrueJoint
@@ -93,8 +93,8 @@ def test_the_truth_has_no_error(trial: Trial) -> None:
     found = score("truth", trial, truth_as_estimate(trial))
     assert len(found.joints) == 15
     assert max(joint.child_mm for joint in found.joints) == 0.0
-    assert max(found.bones_percent) < 1e-9
-    assert len(found.bones_percent) == len(PHALANGES) == 9
+    assert max(abs(bone.percent) for bone in found.bones) < 1e-9
+    assert len(found.bones) == len(PHALANGES) == 9
     hinges = [joint.axis_deg for joint in found.joints if np.isfinite(joint.axis_deg)]
     assert len(hinges) == 9
     assert max(hinges) < 1e-6
@@ -105,9 +105,10 @@ def test_a_summary_counts_what_there_is() -> None:
         JointError("index_dip", mm, mm, 0.0, float("nan"), inside, None)
         for mm, inside in ((1.0, 1.0), (2.0, 1.0), (9.0, 0.0), (float("nan"), None))
     )
-    found = summary([HandScore("any", joints, (), (), 2.0), HandScore("any", (), (4.0,), (), 4.0)])
+    bones = BoneError("index_proximal", -4.0, 1.0), BoneError("index_metacarpal", 9.0, 0.0)
+    found = summary([HandScore("any", joints, (), (), 2.0), HandScore("any", (), bones, (), 4.0)])
     expected = {"n_hands": 2, "median_mm": 2.0, "seconds": 3.0, "bone_percent": 4.0}
-    expected |= {"gross_percent": 100 / 3, "radius_percent": 200 / 3}
+    expected |= {"gross_percent": 100 / 3, "radius_percent": 200 / 3, "length_percent": 50.0}
     assert {name: found[name] for name in expected} == pytest.approx(expected)
     assert (found["axis_deg"], found["palm_deg"], found["ellipsoid_percent"]) == (None, None, None)
 
@@ -127,7 +128,13 @@ def test_the_plain_scenario_is_the_simulator(trial: Trial) -> None:
 
 
 @pytest.mark.parametrize(
-    "scenario", [FOREIGN, Scenario("talk", cross_talk=0.1), Scenario("field", field=3.0)]
+    "scenario",
+    [
+        FOREIGN,
+        LATE,
+        Scenario("talk", cross_talk=0.1),
+        Scenario("field", realism=Realism(field_distortion=3.0)),
+    ],
 )
 def test_what_is_injected_leaves_the_bones_alone(trial: Trial, scenario: Scenario) -> None:
     """Another skin, cross-talk and field change what is recorded and nothing of the hand."""
@@ -143,35 +150,6 @@ def test_what_is_injected_leaves_the_bones_alone(trial: Trial, scenario: Scenari
         assert turned[middle].max() == pytest.approx(0.1 * bent, rel=0.2)
     else:
         assert np.median(moved) > 0.2
-
-
-def test_polynomial_skin_is_as_large_as_the_simulators() -> None:
-    """Of many receivers with one joint at one radian, along the bone: its law, its wander and its slips."""
-    n = 1500
-    joint = np.full((n, 2), JOINTS.index("index_pip"))
-    present = np.repeat([[1.0, 0.0]], n, axis=0)[..., None] * np.ones(3)
-    skin = Skin(present, present, joint, np.ones(n), 0.3)
-    angles = np.zeros((40, len(JOINTS), 3))
-    angles[:, JOINTS.index("index_pip"), FLEXION] = np.linspace(0.0, 1.0, 40)
-    still = np.zeros((40, n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (40, n, 1))
-    moved, turned = slipped(*still, angles, skin, np.zeros(n), np.random.default_rng(0))
-    bent = 1.0 + HYSTERESIS * LOOP_RAD
-    law = math.hypot(polynomial_skin.LINEAR * bent, polynomial_skin.BENT * bent**2)
-    slips = polynomial_skin.SLIPS * polynomial_skin.SLIP_MM**2
-    for axis, own_mm in enumerate(polynomial_skin.SLIDE_MM):
-        size = math.sqrt((law * own_mm) ** 2 + polynomial_skin.WANDER_MM**2 + slips)
-        assert moved[-1, :, axis].std() == pytest.approx(size, rel=0.15)
-    assert 0.6 < law < 1.1  # of the simulator's 0.72: tanh(1 / 0.9) * 0.9
-    assert np.degrees(np.median(angle(turned[-1]))) == pytest.approx(2.5, abs=1.0)
-
-
-def test_hysteresis_depends_on_the_way_and_not_on_the_pace() -> None:
-    there_and_back = np.concatenate([np.linspace(0, 1.5, 400), np.linspace(1.5, 0, 400)])
-    slow = np.concatenate([np.linspace(0, 1.5, 4000), np.linspace(1.5, 0, 4000)])
-    fast, paced = hysteretic(there_and_back), hysteretic(slow)
-    assert fast[300] == pytest.approx(paced[3003], abs=5e-3)
-    assert fast[300] - there_and_back[300] == pytest.approx(HYSTERESIS * LOOP_RAD, rel=0.1)
-    assert fast[300] - fast[499] > 0.1  # the same angle, on the way there and on the way back
 
 
 def test_a_dip_range_is_what_was_asked_for(trial: Trial) -> None:
@@ -192,7 +170,7 @@ def test_frames_are_lost_in_bursts_of_the_share_asked_for() -> None:
 
 
 def test_twice_misplaced_is_twice_as_far(trial: Trial) -> None:
-    far = record(3, "left", Scenario("far", mounts=2.0), N).truth.mounts
+    far = record(3, "left", Scenario("far", realism=Realism(mounts=2.0)), N).truth.mounts
     own = trial.truth.mounts
     np.testing.assert_allclose(angle(far.quaternion), 2 * angle(own.quaternion), rtol=1e-9)
     lateral = own.segments.index("index_middle"), 1  # whose nominal place is 0
@@ -256,7 +234,7 @@ def test_inertial_signals_are_those_of_the_motion() -> None:
 def made_up(estimator: str, off_mm: float) -> HandScore:
     joints = [name for members in JOINT_TYPES.values() for name in members]
     errors = tuple(JointError(name, off_mm, 0.0, off_mm, 3.0, 1.0, 0.5) for name in joints)
-    return HandScore(estimator, errors, (2.0,), (1.5,), 0.5)
+    return HandScore(estimator, errors, (BoneError("index_proximal", -2.0, 1.0),), (1.5,), 0.5)
 
 
 def test_a_person_is_scored_hand_by_hand() -> None:
@@ -266,7 +244,7 @@ def test_a_person_is_scored_hand_by_hand() -> None:
     for one in found.scores:
         assert len(one.joints) == 15
         assert all(np.isfinite(joint.child_mm) for joint in one.joints)
-        assert len(one.bones_percent) == len(PHALANGES)
+        assert {*PHALANGES} <= {bone.bone for bone in one.bones}
     right, left = (one for one in found.scores if one.estimator == estimators.WHOLE)
     assert right.palm_deg != left.palm_deg
     assert all(0 < degrees < 20 for degrees in (*right.palm_deg, *left.palm_deg))
@@ -296,9 +274,59 @@ def test_every_estimator_has_a_row_and_a_missing_peer_its_reason() -> None:
     )
     found = {row[0]: row for row in accuracy_tables.targets(by_scenario, [FULL.name])}
     assert found["whole-hand over the best peer's median"][2] == 0.5
-    assert found["whole-hand, full range: median mm"][3] == "NO"
-    assert found["whole-hand, full range of motion: in ellipsoid %"][2] == 50.0
+    assert found["whole-hand, blend: median mm"][3] == "NO"
+    assert found["whole-hand, blend: in ellipsoid %"][2] == 50.0
     assert len(accuracy_tables.target_table(list(found.values()), "one person").rows) == 14
+
+
+def test_scenarios_stand_side_by_side() -> None:
+    """Every scenario and estimator has a row; lengths have a sign, and a kind without a bone has no mean."""
+    shown = (estimators.PAPER, estimators.WHOLE)
+    scores = {key: {name: [made_up(name, 2.0)] for name in shown} for key in BY_KEY}
+    table = accuracy_tables.scenario_table(scores, shown, "one person")
+    assert [row[:2] for row in table.rows] == [(key, name) for key in BY_KEY for name in shown]
+    assert table.rows[0][2:7] == (1, 2.0, 2.0, 0.0, 100.0)
+    lengths = accuracy_tables.length_table(scores, shown, "one person")
+    assert lengths.rows[0][2:] == (-2.0, None, -2.0, None, None, 100.0)
+
+
+def test_directions_are_told_apart_by_type_of_joint() -> None:
+    """Of a hinge motion shows what is across its axis, of another joint everything."""
+    shown = (estimators.WHOLE,)
+    table = accuracy_tables.direction_table(
+        {estimators.WHOLE: [made_up(estimators.WHOLE, 2.0)]}, shown, "one"
+    )
+    shows = {row[0]: row[2] for row in table.rows}
+    assert {kind for kind, shown in shows.items() if shown == "across"} == {"thumb IP", "PIP", "DIP"}
+    assert table.rows[0][3:] == (0.0, 0.0, 2.0, 2.0, 2.0, 2.0)
+
+
+def test_a_tracker_with_faults_is_read_as_any_is() -> None:
+    """Lost poses are gaps; of spikes and positions from the wrong side few are left."""
+    faulty, sound = (record(3, "right", BY_KEY[key], N) for key in ("faults", "blend"))
+    np.testing.assert_array_equal(faulty.truth.bone_position_mm, sound.truth.bone_position_mm)
+    assert 0.9 < faulty.poses.valid.mean() < 0.995
+    off = np.linalg.norm(faulty.poses.position_mm - sound.poses.position_mm, axis=-1)[faulty.poses.valid]
+    assert (off > 30).mean() < 0.002
+
+
+def test_without_noise_and_skin_receivers_ride_on_their_bones() -> None:
+    made = record(3, "right", CLEAN, N)
+    position, _ = made.truth.mounts.poses(made.truth.bone_position_mm, made.truth.bone_quaternion)
+    np.testing.assert_array_equal(made.poses.position_mm, position)
+    assert angle(made.truth.mounts.quaternion).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("ct,blood", "'blood' is no scenario"), ("", "'' is no scenario")]
+)
+def test_an_unknown_scenario_is_refused(text: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    parser = argparse.ArgumentParser()
+    accuracy.add_options(parser)
+    assert parser.parse_args(["--scenarios", "ct,blend"]).scenarios == [BY_KEY["ct"], FULL]
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--scenarios", text])
+    assert said in capsys.readouterr().err
 
 
 def test_the_figure_names_every_estimator_and_is_the_same_twice() -> None:

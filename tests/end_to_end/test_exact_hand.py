@@ -149,7 +149,7 @@ def test_a_mobile_palm_costs_the_digits_that_move(run: Run) -> None:
 
 def test_mounts_off_cost_what_the_plane_misses(run: Run) -> None:
     """Mounts off alone: every centre is still on its axis; it is off along it, where the plane misses."""
-    results, made = run(replace(Realism.exact(), exact_planes=False))
+    results, made = run(replace(Realism.exact(), mounts=1.0))
     found = results.joints()
     along = []
     for name, true in made.truth.joints.items():

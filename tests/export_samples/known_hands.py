@@ -32,7 +32,9 @@ from stages.simulate.simulation import Simulated, simulate
 REPLAYED, FITTED = "paper-fig4", "whole-hand"
 LAYOUT = "liberty16"
 POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
+TIPS = ("tip_x_mm", "tip_y_mm", "tip_z_mm", "skin_tip_x_mm", "skin_tip_y_mm", "skin_tip_z_mm")
+SKIN_MM = 4.0
+"""Of the skin beyond the last bone, along it."""
 Rows = list[dict[str, Any]]
 
 
@@ -232,7 +234,9 @@ def _write_fitted(known: KnownHand) -> None:
         pose = np.concatenate(_bone(known, segment), -1)
         bones += _framewise(known, {"segment": segment}, POSE, pose)
     for index, digit in enumerate(DIGITS):
-        tips += _framewise(known, {"digit": digit}, TIP, known.made.truth.tip_mm[:, index])
+        tip_mm, turn = known.made.truth.tip_mm[:, index], _bone(known, f"{digit}_distal")[1]
+        skin_mm = tip_mm + rotate(turn, np.array([SKIN_MM, 0.0, 0.0]))
+        tips += _framewise(known, {"digit": digit}, TIPS, np.concatenate([tip_mm, skin_mm], 1))
     known.write(FITTED, BONE_POSES, bones)
     known.write(FITTED, POSED_TIPS, tips)
 

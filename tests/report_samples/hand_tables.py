@@ -18,7 +18,7 @@ from schemas.results import GATHERED_TABLES, Results
 from schemas.study import Hand, Study
 from schemas.tables import Provenance, Table, read_table
 
-FITTED = ("receivers", "gains")
+FITTED = ("receivers", "gains", "receiver_costs")
 
 
 def write_subject_tables(study: Study, results: Results) -> None:

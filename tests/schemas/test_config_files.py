@@ -103,25 +103,19 @@ def test_several_mistakes_are_told_together() -> None:
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no\.yaml: no such study file"):
+    with pytest.raises(InputError, match=r"no\.yaml: no such file; expected a study file"):
         read_config(tmp_path / "no.yaml", "study")
     (tmp_path / "latin.yaml").write_bytes(b"study: \xe9")
-    for path in (tmp_path, tmp_path / "latin.yaml"):
-        with pytest.raises(InputError, match="cannot be read as text"):
-            read_config(path, "study")
+    with pytest.raises(InputError, match=r"latin\.yaml: line 1: is not UTF-8 text; save it as UTF-8"):
+        read_config(tmp_path / "latin.yaml", "study")
+    with pytest.raises(InputError, match="is a folder; expected a study file, a regular file"):
+        read_config(tmp_path, "study")
 
 
-def test_what_is_wrong_is_said_in_words(tmp_path: Path) -> None:
-    """No regular expression, no parser's own words for a tab, and a hint at a path from another system."""
-    with pytest.raises(InputError, match=r"study: 'My Study' is not a name of letters A to Z, digits, "):
+def test_a_name_that_cannot_be_is_refused_in_words() -> None:
+    """And not by a regular expression."""
+    with pytest.raises(InputError, match=r"study: 'My Study' is not a name of letters A to Z, digits, '\.'"):
         check_config(STUDY | {"study": "My Study"}, "study", "study.yaml")
-    with pytest.raises(InputError, match=r"mine.yaml: line 4 begins with a tab; YAML wants blanks$"):
-        read(tmp_path, f"{MODEL}joints:\n\tsolver: closed\n")
-    hint = r"folders are separated by / and not by \\"
-    with pytest.raises(InputError, match=rf"no such study file; {hint}"):
-        read_config(Path("data\\study.yaml"), "study")
-    with pytest.raises(InputError, match=rf"is neither a layout that ships .*; {hint}"):
-        config_path("own\\layout.yaml", "layout", tmp_path)
 
 
 def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:

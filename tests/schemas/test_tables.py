@@ -188,7 +188,7 @@ def rewrite(path: Path, table: pa.Table, **metadata: Any) -> None:
         (lambda p, _: p.unlink(), "no such file; expected a small table"),
         (lambda p, _: p.write_bytes(p.read_bytes()[:100]), "not a readable Parquet file"),
         (lambda p, _: p.write_text("name,count"), "not a readable Parquet file"),
-        (lambda p, _: (p.unlink(), p.mkdir()), "not a readable Parquet file"),
+        (lambda p, _: (p.unlink(), p.mkdir()), "is a folder; expected a small table"),
         (lambda p, t: pq.write_table(t.replace_schema_metadata(None), p), "but not one that shukotsu wrote"),
         (lambda p, t: rewrite(p, t, schema="tips"), "is a tips table; expected small"),
         (lambda p, t: rewrite(p, t, schema_version=2), "small version 2; this program reads version 3"),

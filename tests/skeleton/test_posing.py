@@ -269,7 +269,7 @@ def test_a_fitted_hand_is_where_its_tables_have_it() -> None:
 def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
     skeleton, poses = replace(random_skeleton(), model=FITTED), random_poses(LAYOUT.measured)
     motion = fitted_motion(40)
-    bones = fitted_bones(skeleton, poses, motion.bone_poses, motion.tips)
+    bones = fitted_bones(skeleton, poses, motion)
     index = bones.index("middle_pip")
     above, own = bones.quaternion[:, bones.parents[index]], bones.quaternion[:, index]
     turned = multiply(conjugate(above), own)
@@ -277,11 +277,11 @@ def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
     np.testing.assert_allclose(np.abs(bones.axis[index]), [0.6, 0.8, 0], atol=1e-9)
     assert np.isnan(bones.axis[bones.index("index_pip")]).all(), "it does not move"
     still = fitted_motion(0.5)
-    assert np.isnan(fitted_bones(skeleton, poses, still.bone_poses, still.tips).axis[index]).all()
+    assert np.isnan(fitted_bones(skeleton, poses, still).axis[index]).all()
 
 
 def test_a_digit_that_the_fit_does_not_pose_is_left_out() -> None:
     skeleton, motion = replace(random_skeleton(), model=FITTED), fitted_motion(10)
     poses = {name: pose for name, pose in motion.bone_poses.items() if name != "little_distal"}
-    bones = fitted_bones(skeleton, random_poses(LAYOUT.measured), poses, motion.tips)
+    bones = fitted_bones(skeleton, random_poses(LAYOUT.measured), replace(motion, bone_poses=poses))
     assert bones.left_out == {"little": "the fit of the whole hand poses no little_distal"}

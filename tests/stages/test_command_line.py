@@ -7,15 +7,18 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 from small_study import write_plans, write_study
 
 from schemas.catalogue import CALIBRATION_ADVICE, JOINT_CENTRES, POSES
 from schemas.errors import InputError, TableError
 from schemas.files import write_text
+from schemas.layout import read_layout
+from schemas.parquet_files import naming_damage
 from schemas.parts import Part, part_metadata, parts_writer, read_part
 from schemas.plan import read_plan
-from schemas.tables import Provenance, columns_from_rows, write_table
+from schemas.tables import Provenance, columns_from_rows, write_table, write_table_in_parts
 from stages import command_line
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -106,6 +109,60 @@ def test_poses_of_another_recording_than_the_plan_says(tmp_path: Path) -> None:
             TableError, match=f"of subject 01, {hand} hand, {task}; expected subject 01, right"
         ):
             command_line.poses_files(plan)
+
+
+def test_poses_of_another_layout_are_refused(tmp_path: Path) -> None:
+    """A layout that measures fewer of the segments will do; one with others has nothing to solve."""
+    names = {"subject": "01", "hand": "right", "task": "rom", "trial": "", "layout": "liberty16"}
+    row = {name: [0.0] for name in NO_ROWS} | {"frame": [1], "valid": [True], "flags": [""]}
+    segments = read_layout("liberty16").measured
+    groups = [row | {"segment": [segment]} for segment in segments]
+    path = tmp_path / "p.parquet"
+    write_table_in_parts(path, POSES, groups, Provenance(parameters=names))
+    given = ["--model", "rigid", "--calibration", path, "--layout"]
+    assert command_line.poses_files(command_line.plan_of(options(*given, "liberty16"))) == [path]
+    fewer = tmp_path / "fewer.yaml"
+    text = "layout: fewer\ndescription: one joint\nsegments: {hand: {}, index_proximal: {}}\n"
+    joints = "joints: {index_mcp: {parent: hand, child: index_proximal, dof: 2, plane: {frame: none}}}\n"
+    fewer.write_text(f"{text}{joints}digits: {{index: {{segments: [index_proximal]}}}}\n")
+    assert command_line.poses_files(command_line.plan_of(options(*given, fewer))) == [path]
+    with pytest.raises(TableError, match="imported with layout liberty16 and has no scapula; layout arm"):
+        command_line.poses_files(command_line.plan_of(options(*given, "arm")))
+
+
+def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
+    """As a table that a backup brought back, or poses that were made again by hand."""
+    plan = read_plan(write_plans(write_study(tmp_path, "01 right rom both a.csv"))["01"])
+    recording = poses(plan.poses(plan.recordings[0]), "rom")
+    table, other = plan.table("joint_solutions"), plan.table("joint_centres")
+    for path in (table, other):
+        with parts_writer(path, JOINT_CENTRES, Provenance.of([recording], plan.folder)):
+            pass
+    found = command_line.provenance_of(plan, [table, other], [recording])
+    assert [name for name, _ in found.inputs][2:] == ["right/rom/poses.parquet"]
+    command_line.check_made_together(table, other)
+    poses(recording, "rom", "left")
+    with parts_writer(other, JOINT_CENTRES, Provenance.of([recording], plan.folder)):
+        pass
+    with pytest.raises(TableError, match=r"joint_solutions\.parquet: was made from another right/rom/poses"):
+        command_line.provenance_of(plan, [other, table], [recording])
+    with pytest.raises(TableError, match=r"joint_centres\.parquet: was not made from the same files as"):
+        command_line.check_made_together(table, other)
+
+
+def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """Never recorded as a result, and never called damage."""
+
+    def work(_: argparse.Namespace) -> None:
+        raise pa.ArrowMemoryError("malloc of size 99 failed")
+
+    arguments = argparse.Namespace(record_failure=True)
+    assert command_line.run(arguments, work, lambda *_: pytest.fail("recorded")) == 2
+    assert capsys.readouterr().err.startswith(
+        "error: not enough memory (malloc of size 99 failed); run fewer"
+    )
+    with pytest.raises(MemoryError), naming_damage(Path("a.parquet")):
+        work(arguments)
 
 
 # --- failing ----------------------------------------------------------------------------------------------

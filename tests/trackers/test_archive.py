@@ -1,9 +1,13 @@
 """The raw archive: what was flushed is there, whatever happens to the file afterwards."""
 
+import json
 import os
+import random
 import signal
 import subprocess
 import sys
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +15,16 @@ import pyarrow as pa
 import pytest
 
 from schemas.errors import InputError
+from schemas.tables import METADATA_KEY
 from trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, ArchiveWriter, open_archive
 
 
 def written(path: Path, batches: int = 6, rows: int = 4) -> Path:
-    random = np.random.default_rng(3)
+    chance = np.random.default_rng(3)
     writer = ArchiveWriter(path, {"port": "made up"}, utc_offset_ns=lambda: 7)
     for batch in range(batches):
         for row in range(rows):
-            writer.received(random.bytes(100), 1000 * batch + row)
+            writer.received(chance.bytes(100), 1000 * batch + row)
         writer.flush()
     writer.close({"reason": "key"}, 99_000)
     return path
@@ -56,7 +61,9 @@ def test_every_row_comes_back(tmp_path: Path) -> None:
 def test_any_arrow_reader_opens_it(tmp_path: Path) -> None:
     table = pa.ipc.open_stream(written(tmp_path / "a.arrows")).read_all()
     assert table.num_rows == 25
-    assert table.column_names == ["host_ns", "utc_offset_ns", "kind", "data", "crc32"]
+    names = ["host_ns", "utc_offset_ns", "kind", "data", "crc32", "row", "row_crc32"]
+    assert table.column_names == names
+    assert table.column("row").to_pylist() == list(range(25))
     assert table.schema.field("host_ns").metadata[b"unit"] == b"ns"
 
 
@@ -99,6 +106,93 @@ def test_a_damaged_batch_costs_no_other(tmp_path: Path) -> None:
         assert len(kept) >= len(rows) - 4
         lost = sum(piece.spoilt_bytes + piece.unreadable_bytes for piece in pieces)
         assert (lost > 0) == (len(kept) < len(rows))
+
+
+def all_of(path: Path) -> list[object]:
+    """All that a reader learns: what is said of the recording, and every row."""
+    archive = open_archive(path)
+    read: list[object] = [dict(archive.about)]
+    for piece in archive.pieces():
+        assert not piece.spoilt_bytes
+        assert not piece.unreadable_bytes
+        assert not piece.missing_rows
+        read += zip(piece.kind, piece.host_ns, piece.utc_offset_ns, piece.data, strict=True)
+    return read
+
+
+def silently_other(path: Path, places: Iterable[int]) -> list[int]:
+    """Flip one bit after another; give those with which other rows are read and no damage is seen."""
+    clean, expected, other = path.read_bytes(), all_of(path), []
+    for place in places:
+        data = bytearray(clean)
+        data[place // 8] ^= 1 << place % 8
+        path.write_bytes(data)
+        with suppress(InputError, AssertionError):
+            read = all_of(path)
+            ended = read[-1][0] == END  # type: ignore[index]
+            if read != expected and "damaged" not in read[0] and ended:  # type: ignore[operator]
+                other.append(place)
+    return other
+
+
+def test_no_flipped_bit_gives_another_row(tmp_path: Path) -> None:
+    """Also not another time, kind or note."""
+    path = written(tmp_path / "a.arrows")
+    places = random.Random(1).sample(range(8 * path.stat().st_size), 1500)
+    assert silently_other(path, places) == []
+
+
+@pytest.mark.slow
+def test_no_bit_at_all_gives_another_row(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    assert silently_other(path, range(8 * path.stat().st_size)) == []
+
+
+def rewritten(path: Path, columns: int, version: int, compression: str | None = None) -> Path:
+    """The same archive as an earlier version of the program, or another program, writes it."""
+    whole = pa.ipc.open_stream(path)
+    known = json.loads(whole.schema.metadata[METADATA_KEY]) | {"schema_version": version}
+    schema = pa.schema(list(whole.schema)[:columns], {METADATA_KEY: json.dumps(known)})
+    batches = [batch.select(schema.names).replace_schema_metadata(schema.metadata) for batch in whole]
+    out = path.with_name("rewritten.arrows")
+    with pa.ipc.new_stream(out, schema, options=pa.ipc.IpcWriteOptions(compression=compression)) as stream:
+        for batch in batches:
+            stream.write_batch(batch)
+    return out
+
+
+def test_captures_of_the_first_version_are_read(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    assert all_of(rewritten(path, 5, 1)) == all_of(path)
+    for columns, version in ((5, 2), (7, 1), (7, 3)):
+        with pytest.raises(InputError, match=r"does not begin as a raw capture does|version 3; expected"):
+            open_archive(rewritten(path, columns, version))
+
+
+def test_compressed_batches_are_not_unpacked(tmp_path: Path) -> None:
+    """The recorder never compresses, and a few bytes could become any number."""
+    path = rewritten(written(tmp_path / "a.arrows"), 7, 2, "zstd")
+    assert pa.ipc.open_stream(path).read_all().num_rows == 25
+    pieces = list(open_archive(path).pieces())
+    assert [len(piece.data) for piece in pieces] == [0]
+    assert pieces[0].unreadable_bytes > 1000
+
+
+def test_a_batch_that_is_gone_is_noticed(tmp_path: Path) -> None:
+    """Cut out whole, so that what is left is a sound stream."""
+    whole = pa.ipc.open_stream(written(tmp_path / "a.arrows"))
+    batches = list(whole)
+    with pa.ipc.new_stream(tmp_path / "b.arrows", whole.schema) as stream:
+        for batch in batches[:2] + batches[3:]:
+            stream.write_batch(batch)
+    pieces = open_archive(tmp_path / "b.arrows").pieces()
+    assert [piece.missing_rows for piece in pieces] == [0, 0, 4, 0, 0, 0]
+
+
+def test_a_pipe_is_no_capture(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.arrows")
+    with pytest.raises(InputError, match="is a pipe; expected a raw capture, a regular file"):
+        open_archive(tmp_path / "a.arrows")
 
 
 def test_another_arrow_file_is_refused(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_paths_of_a_subject(folder: Path) -> None:
 
 def test_files_of_the_whole_study(folder: Path) -> None:
     study = files(folder)
-    assert len(study.gathered()) == 3 * 2 + (len(GATHERED_TABLES) - 2) * 2 + 2  # of each, findings
+    assert len(study.gathered()) == 3 * 3 + (len(GATHERED_TABLES) - 3) * 2 + 2  # of each, findings
     assert study.all_poses() == [path for path in study.tables if path.endswith("/poses.parquet")]
     assert set(study.gathered()) < set(study.tables)
     assert study.study_tables == [f"results/test/{name}.parquet" for name in STUDY_TABLES]

@@ -78,6 +78,8 @@ def _ending(survey: Survey) -> Iterator[str]:
         )
     if survey.tally.spoilt_bytes:
         yield f"{survey.tally.spoilt_bytes} bytes do not have their checksum (the file was damaged); left out"
+    if survey.tally.missing_rows:
+        yield f"{survey.tally.missing_rows} entries of the recorder are missing (the file was damaged)"
     if survey.tally.summary is None:
         yield "the recording was not ended by the recorder, so up to its last second may be missing"
 

@@ -55,6 +55,7 @@ class Tally:
     summary: Mapping[str, Any] | None = None
     spoilt_bytes: int = 0
     unreadable_bytes: int = 0
+    missing_rows: int = 0
     received_bytes: int = 0
     first_utc_offset_ns: int | None = None
     utc_offset_range_ns: int = 0
@@ -94,6 +95,7 @@ def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) ->
 def _count(tally: Tally, piece: Piece) -> None:
     tally.spoilt_bytes += piece.spoilt_bytes
     tally.unreadable_bytes += piece.unreadable_bytes
+    tally.missing_rows += piece.missing_rows
     if not len(piece.kind):
         return
     if tally.first_utc_offset_ns is None:
@@ -108,7 +110,7 @@ def _count(tally: Tally, piece: Piece) -> None:
 def _json(archive: Archive, data: bytes) -> dict[str, Any]:
     try:
         loaded = json.loads(data)
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{archive.path}: an entry of the recorder in it is no JSON ({error})") from error
     if not isinstance(loaded, dict):
         raise InputError(f"{archive.path}: an entry of the recorder in it is {loaded!r}; expected an object")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from schemas.errors import InputError
+from schemas.errors import InputError, listed
 from schemas.layout import Layout
 from schemas.mapping import UNIT_NAMES, FileMapping
 from skeleton.rotations import Array, from_matrix
@@ -217,5 +217,5 @@ def _index(path: Path, labels: Sequence[str], label: str, what: str, place: str)
     if label in labels:
         raise InputError(f"{path}: {what} {label!r} stands in the file more than once; {place} needs one")
     guess = did_you_mean(label, labels)
-    known = "" if guess else f", which has {', '.join(labels) or 'none'}"
+    known = "" if guess else f", which has {listed(labels)}"
     raise InputError(f"{place}: {what} {label!r} is not in {path}{known}{guess}")

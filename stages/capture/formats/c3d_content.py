@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from schemas.errors import InputError
+from schemas.limits import check_regular
+from schemas.text_files import reading
 
 PARAMETERS = (
     *(("POINT", f"LABELS{number}") for number in ("", *range(2, 20))),
@@ -41,9 +43,8 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
 
     Raises InputError where the file is absent or is no C3D file that can be read.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; expected a C3D file")
-    megabytes = path.stat().st_size / 1e6
+    with reading(path, "a C3D file"):
+        megabytes = check_regular(path, "a C3D file") / 1e6
     command = [sys.executable, "-m", "stages.capture.formats.c3d_content", str(path.absolute())]
     environment = {**os.environ, "PYTHONPATH": str(_ROOT)}
     try:

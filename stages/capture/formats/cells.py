@@ -12,10 +12,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from schemas.bids.decimals import NotANumberError, numbers_of
-from schemas.errors import InputError
+from schemas.errors import InputError, shortened
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
 """What people and programs write for "no value"."""
+
+_DAY_S = 86_400.0
+_TIME_OF_DAY = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-5]?[0-9]):(?P<s>[0-5]?[0-9](?:[.,][0-9]*)?)$"
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
@@ -51,6 +54,20 @@ class Cells:
             numbers = self._numbers(name) if self._empty is None else self._parsed_numbers(name, self._empty)
             self._reals[name] = np.asarray(numbers.to_numpy(), float)
         return self._reals[name]
+
+    def times_of_day_s(self, name: str) -> npt.NDArray[np.float64]:
+        """Times as hh:mm:ss, with or without decimals, (N,) in s; NaN where empty; midnight adds a day."""
+        text = _trimmed(self._columns[name].cast(pa.string()), self._empty or ())
+        parts = pc.extract_regex(text, _TIME_OF_DAY)
+        odd = pc.and_(pc.is_null(parts), pc.is_valid(text))
+        self._refuse_first(odd.to_numpy(), name, "a time as hh:mm:ss")
+        numbers = (pc.replace_substring(pc.struct_field(parts, part), ",", ".") for part in "hms")
+        hours, minutes, seconds = (text.cast(pa.float64()).to_numpy() for text in numbers)
+        time_s: npt.NDArray[np.float64] = 3600.0 * hours + 60.0 * minutes + seconds
+        known = np.flatnonzero(np.isfinite(time_s))
+        midnights = np.cumsum(np.diff(time_s[known], prepend=time_s[known[:1]]) < -_DAY_S / 2)
+        time_s[known] += _DAY_S * midnights
+        return time_s
 
     def shifted_reals(self, name: str, shift: int) -> npt.NDArray[np.float64]:
         """Numbers of a column of text times 10**shift, rounded once, shape (N,); NaN where it is empty."""
@@ -114,6 +131,7 @@ class Cells:
     def _refusal(self, name: str, row: int, expected: str) -> InputError:
         cell = self._columns[name][row].as_py()
         cell = cell.strip() if isinstance(cell, str) else cell
+        cell = shortened(cell, 60) if isinstance(cell, str) else cell
         what = "is empty" if cell is None else f"is {cell!r}"
         return InputError(f"{self.place(row)}, column {name}: {what}; expected {expected}")
 

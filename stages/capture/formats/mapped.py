@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError
+from schemas.errors import InputError, listed
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
 from skeleton.rotations import Array
@@ -74,8 +74,7 @@ def name_in_file(mapping: FileMapping, segment: str, key: str, known: Sequence[s
     name = str(mapping.receivers[segment][key])
     if name not in known:
         raise InputError(
-            f"{place}: {key} {name!r} is not in {where}, which has {', '.join(known) or 'none'}"
-            f"{did_you_mean(name, known)}"
+            f"{place}: {key} {name!r} is not in {where}, which has {listed(known)}{did_you_mean(name, known)}"
         )
     return name
 

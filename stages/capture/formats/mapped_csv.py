@@ -21,10 +21,12 @@ from stages.capture.formats.mapped import (
     samples_of_tracks,
 )
 from stages.capture.formats.orientation import quaternions
-from stages.capture.formats.text_table import TextTable, open_text
+from stages.capture.formats.text_table import TextTable, open_table_text
 from stages.capture.samples import Samples, did_you_mean
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+TIME_OF_DAY = "hh:mm:ss"
 
 _LARGEST_RAD = 1.1 * 2 * np.pi
 
@@ -51,7 +53,7 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     mapping = required_mapping(path, mapping, "a table that is no tidy recording")
     mapped_segments(mapping, layout)
     table = mapping.details
-    text = open_text(path, table)
+    text = open_table_text(path, table)
     frame, receiver = (_title(text, table, key, f"{mapping.where}: csv") for key in ("frame", "receiver"))
     sources = _sources(text, mapping)
     titles = [title for title in (frame, receiver) if title is not None]
@@ -157,7 +159,10 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping) -> Trac
     turned = quaternions(turning, mapping.orientation, lambda index: cells.place(int(rows[index])))
     time_s = np.full(len(rows), np.nan)
     if source.time is not None:
-        time_s = cells.reals(source.time)[rows] * _SECONDS[mapping.details["time_unit"]]
+        unit = mapping.details["time_unit"]
+        of_day = unit == TIME_OF_DAY
+        time_s = cells.times_of_day_s(source.time) if of_day else cells.reals(source.time) * _SECONDS[unit]
+        time_s = time_s[rows]
     quality = np.full(len(rows), np.nan)
     if source.quality is not None:
         quality = cells.reals(source.quality)[rows]

@@ -12,6 +12,7 @@ import numpy as np
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
+from schemas.text_files import read_text
 from skeleton.rotations import Array, from_matrix
 from stages.capture.formats.mapped import Track, mapped_segments, required_mapping, samples_of_tracks
 from stages.capture.formats.orientation import proper_rotations
@@ -86,14 +87,7 @@ def _natural(file: Path) -> list[tuple[int, str]]:
 
 
 def _read_file(path: Path) -> Matrices:
-    try:
-        lines = path.read_text("utf-8-sig").splitlines()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected matrices as text") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text; expected matrices, four lines of four numbers each") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); expected matrices as text") from error
+    lines = read_text(path, "matrices as text, four lines of four numbers each").splitlines()
     blocks = list(_blocks(path, lines))
     values = np.array([numbers for _, numbers in blocks], float).reshape(-1, 4, 4)
     return Matrices(values, tuple((path, start) for start, _ in blocks))

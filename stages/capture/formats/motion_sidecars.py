@@ -15,8 +15,10 @@ import numpy as np
 
 from schemas.bids.channels import OWN_KEY
 from schemas.bids.dataset_files import read_rows, read_text
-from schemas.errors import InputError
+from schemas.errors import InputError, listed
+from schemas.limits import check_regular
 from schemas.mapping import MM_PER_UNIT, FileMapping
+from schemas.text_files import reading
 
 MOTION_ENDING = "_motion.tsv"
 
@@ -100,8 +102,8 @@ def read_sidecars(path: Path) -> Sidecars:
         raise InputError(
             f"{path}: is not named as Motion-BIDS has it; expected a name that ends in {MOTION_ENDING}"
         )
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; expected a recording")
+    with reading(path):
+        check_regular(path, "a recording")
     tables = list(_inherited(path, "channels", ".tsv"))
     if not tables:
         expected = path.name.removesuffix(MOTION_ENDING) + "_channels.tsv"
@@ -143,7 +145,7 @@ def _channels(path: Path) -> tuple[Channel, ...]:
     header, rows = read_rows(path)
     missing = [name for name in _REQUIRED if name not in header]
     if missing:
-        raise InputError(f"{path}: column {', '.join(missing)} is missing; found {', '.join(header)}")
+        raise InputError(f"{path}: column {', '.join(missing)} is missing; found {listed(header)}")
     if not rows:
         raise InputError(f"{path}: has a header but no rows; expected one row a column of motion.tsv")
     return tuple(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from schemas.bids.channels import OWN_KEY
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
+from schemas.text_files import open_text
 from skeleton.rotations import Array
 from stages.capture.formats.cells import EMPTY, Cells
 from stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
@@ -61,7 +63,7 @@ def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) ->
     titles = tuple(channel.title for channel in sidecars.channels)
     expected = f"{len(titles)}, one for each row of channels.tsv (motion.tsv has no header line)"
     empty = (*EMPTY, "n/a", *missing)
-    text = TextTable(path, lambda: path.open("rb"), "\t", titles, titles, 0, expected, empty, quoted=False)
+    text = TextTable(path, partial(open_text, path), "\t", titles, titles, 0, expected, empty, quoted=False)
     cells = text.cells(wanted)
     rate_hz = 1.0 if all(times) else _rate_hz(path, sidecars, mapping)
     row = np.arange(cells.rows)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from schemas.errors import InputError
+from schemas.text_files import open_text
 
 if TYPE_CHECKING:
     from schemas.layout import Layout
@@ -80,6 +82,8 @@ def _format_by_ending(path: Path) -> str:
     for name, candidate in FORMATS.items():
         if path.name.lower().endswith(candidate.endings):
             return name
+    with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
+        pass
     endings = ", ".join(ending for candidate in FORMATS.values() for ending in candidate.endings)
     raise InputError(
         f"{path}: the ending {path.suffix!r} does not say which format this is (known are {endings}); "

@@ -11,15 +11,18 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
-from schemas.errors import InputError
+from schemas.errors import InputError, listed
+from schemas.limits import LINE_LETTERS, read_whole
+from schemas.text_files import decoded, open_text, reading, undecodable
 from stages.capture.formats.cells import EMPTY, Cells
 from stages.capture.samples import did_you_mean
 
@@ -62,7 +65,7 @@ class TextTable:
             raise InputError(f"{place}: {self.path} has {count} columns {wanted!r}; give the column's number")
         if not count:
             known = did_you_mean(wanted, self.header)
-            known = known or f"; found {', '.join(name for name in self.header if name)}"
+            known = known or f"; found {listed([name for name in self.header if name])}"
             raise InputError(f"{place}: column {wanted!r} is missing in {self.path}{known}")
         return wanted
 
@@ -122,8 +125,9 @@ class TextTable:
 
     def _place(self, row: int) -> str:
         """File and line of a row, as an editor counts lines."""
-        for line, _ in itertools.islice(self._records(), row, None):
-            return f"{self.path}: line {line}"
+        with suppress(csv.Error):  # a cell that is too long, in a row before
+            for line, _ in itertools.islice(self._records(), row, None):
+                return f"{self.path}: line {line}"
         return f"{self.path}: row {row + 1}"
 
     def _refuse_lines(self, error: Exception) -> None:
@@ -137,7 +141,7 @@ class TextTable:
                         f"{self.path}: line {line}: has {len(record)} cells; expected {self.expected}"
                     )
         except UnicodeDecodeError:
-            raise undecodable(self.path, self.open()) from error
+            raise _undecodable(self.path, self.open()) from error
         except csv.Error as unreadable:
             raise InputError(f"{self.path}: cannot be read as a table ({unreadable})") from error
         if some:
@@ -146,36 +150,30 @@ class TextTable:
             ) from error
 
 
-@contextmanager
-def reading(path: Path, expected: str = "a recording") -> Iterator[None]:
-    """Turn what goes wrong when a file is opened or read into a sentence."""
-    try:
-        yield
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected {expected}") from error
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror or error}); expected {expected}"
-        ) from error
-
-
 def text_records(stream: BinaryIO, separator: str, *, quoted: bool = True) -> Iterator[tuple[int, list[str]]]:
     """Give every record that is not an empty line, with the number of its (last) line."""
     with io.TextIOWrapper(stream, "utf-8-sig", newline="") as text:
         reader = csv.reader(
-            text, delimiter=separator, quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE
+            _lines(text), delimiter=separator, quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE
         )
         yield from ((reader.line_num, record) for record in reader if record)
 
 
-def undecodable(path: Path, stream: BinaryIO) -> InputError:
+def _lines(text: io.TextIOWrapper) -> Iterator[str]:
+    while line := text.readline(LINE_LETTERS + 1):
+        if len(line) > LINE_LETTERS:
+            raise csv.Error(f"a line has more than {LINE_LETTERS} letters")
+        yield line
+
+
+def _undecodable(path: Path, stream: BinaryIO) -> InputError:
     """Name the first line that is not UTF-8."""
     with stream:
-        for number, line in enumerate(stream, 1):
+        for number, line in enumerate(iter(partial(stream.readline, 4 * LINE_LETTERS), b""), 1):
             try:
                 line.decode("utf-8")
             except UnicodeDecodeError:
-                return InputError(f"{path}: line {number}: is not UTF-8 text; save it as UTF-8")
+                return undecodable(path, number)
     raise AssertionError("every line can be decoded")
 
 
@@ -184,23 +182,23 @@ def open_tidy_csv(path: Path) -> TextTable:
 
     Raises InputError where the file cannot be read, is empty or is not UTF-8.
     """
-    line, header = _first_record(path, lambda: path.open("rb"), ",")
+    line, header = _first_record(path, partial(open_text, path), ",")
     if not header or not any(map(str.strip, header)):
         raise InputError(f"{path}: is empty; expected a tidy recording with a header line")
     expected = (
         f"{len(header)} as in the header (a cut-off line, or decimal commas: numbers need a decimal point)"
     )
     names = [name.strip() for name in header]
-    return TextTable(path, lambda: path.open("rb"), ",", tuple(names), _titles(names), line, expected)
+    return TextTable(path, partial(open_text, path), ",", tuple(names), _titles(names), line, expected)
 
 
-def open_text(path: Path, details: Mapping[str, Any]) -> TextTable:
+def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     """Open a table's text as the mapping's `csv` group says.
 
     Raises InputError where it cannot be read, is not UTF-8 or is empty.
     """
     with reading(path, "a table as text"):
-        data = _normalised(path, path.read_bytes(), details)
+        data = _normalised(path, read_whole(path, "a table as text"), details)
     separator = _SEPARATOR[details["delimiter"]]
     line, first = _first_record(path, lambda: io.BytesIO(data), separator)
     if not first:
@@ -236,19 +234,14 @@ def _first_record(path: Path, open_: Callable[[], BinaryIO], separator: str) -> 
         with reading(path):
             return next(text_records(open_(), separator), (0, []))
     except UnicodeDecodeError as error:
-        raise undecodable(path, open_()) from error
+        raise _undecodable(path, open_()) from error
     except csv.Error as error:
         raise InputError(f"{path}: cannot be read as a table ({error})") from error
 
 
 def _normalised(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
     """The text with skipped lines and comments emptied, so that lines keep their numbers, and no indents."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(f"{path}: is UTF-16 text; save it as UTF-8")
-    try:
-        data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise undecodable(path, io.BytesIO(data)) from error
+    decoded(path, data, "a table as text")
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     lines = data.split(b"\n", details["skip_lines"])
     data = b"\n" * (len(lines) - 1) + lines[-1] if len(lines) > details["skip_lines"] else b""

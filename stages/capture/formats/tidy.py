@@ -12,9 +12,10 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from schemas.errors import InputError
+from schemas.errors import InputError, listed
 from schemas.layout import Layout
 from schemas.mapping import FileMapping
+from schemas.parquet_files import naming_damage, open_parquet
 from stages.capture.formats.cells import Cells
 from stages.capture.formats.text_table import open_tidy_csv
 from stages.capture.samples import (
@@ -56,7 +57,7 @@ def csv_blocks(path: Path) -> Iterator[Cells]:
 def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
     """Give the columns of a tidy recording, some rows at a time, in whatever number types they are."""
     start = 0
-    with open_parquet(path) as file:
+    with open_recording(path) as file:
         names = wanted_columns(path, file.schema_arrow.names)
         for batch in file.iter_batches(block_rows, columns=names):
             yield Cells(path, pa.Table.from_batches([batch]), partial(_numbered_row, path, start))
@@ -68,15 +69,14 @@ def _numbered_row(path: Path, start: int, row: int) -> str:
 
 
 @contextmanager
-def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
+def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a Parquet file. Raises InputError where it is absent, is none or is damaged further on."""
-    try:
-        with pq.ParquetFile(path, buffer_size=_READ_BYTES, pre_buffer=False) as file:
-            yield file
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected a recording") from error
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{path}: not a readable Parquet file ({error}); copy it again") from error
+    expected, remedy = "a recording", "copy it again"
+    with (
+        naming_damage(path, InputError, remedy),
+        open_parquet(path, expected, InputError, remedy, _READ_BYTES) as file,
+    ):
+        yield file
 
 
 def _parts(blocks: Iterable[Cells], path: Path, layout: Layout) -> Iterator[Samples]:
@@ -100,10 +100,9 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
     if SEGMENT not in header and RECEIVER not in header:
         missing.append(f"{SEGMENT} (or {RECEIVER})")
     if missing:
-        present = ", ".join(name for name in header if name) or "none"
-        raise InputError(
-            f"{path}: column {', '.join(missing)} is missing; found {present}{_header_hint(path, header)}"
-        )
+        _refuse_other_form(path, header)
+        present = listed([name for name in header if name])
+        raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{_hint(header)}")
     wanted = [name for name in (*REQUIRED, SEGMENT, RECEIVER) if name in header]
     twice = [name for name in wanted if list(header).count(name) > 1]
     if twice:
@@ -134,15 +133,23 @@ def _segments(cells: Cells, path: Path, layout: Layout) -> npt.NDArray[np.int64]
     return segments_of_stations(cells.wholes(RECEIVER), layout, cells.place)
 
 
-def _header_hint(path: Path, header: Sequence[str]) -> str:
+def _refuse_other_form(path: Path, header: Sequence[str]) -> None:
+    """Raise InputError where the first line is a comment, or its cells have other separators."""
     line = "".join(header)
-    otherwise = f"`python -m stages.capture inspect {path}` shows how to read it as it is"
+    forms = ((";", "the cells are separated by semicolons"), ("\t", "the cells are separated by tabs"))
+    what, do = (
+        next((name for mark, name in forms if mark in line), ""),
+        "save with commas, and points in the numbers",
+    )
     if line.lstrip().startswith(_COMMENTS):
-        return f"; the first line is a comment: take it out, or {otherwise}"
-    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
-        if mark in line:
-            saved = "save with commas, and points in the numbers"
-            return f"; the cells are separated by {name}: {saved}, or {otherwise}"
-    if any(name.lower() in REQUIRED and name not in REQUIRED for name in header):
-        return "; column names are written in lower case"
-    return ""
+        what, do = "the first line is a comment", "take it out"
+    if what:
+        raise InputError(
+            f"{path}: no columns of a tidy recording; {what}: {do}, or "
+            f"`python -m stages.capture inspect {path}` shows how to read it as it is"
+        )
+
+
+def _hint(header: Sequence[str]) -> str:
+    lower = any(name.lower() in REQUIRED and name not in REQUIRED for name in header)
+    return "; column names are written in lower case" if lower else ""

@@ -15,6 +15,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from schemas.errors import InputError
+from schemas.limits import MEMORY_BYTES, MEMORY_PER_BYTE, read_whole
+from schemas.text_files import reading
 
 SAMPLE_BYTES = {"double64": 8, "float32": 4, "int64": 8, "int32": 4, "int16": 2, "int8": 1}
 """Bytes of one number of every channel format that holds numbers."""
@@ -116,13 +118,22 @@ def _chunks(path: Path) -> Iterator[Chunk]:
 
 
 def _unpacked(path: Path) -> bytes:
+    with reading(path):
+        data = read_whole(path, "a recording")
+    if not data.startswith(b"\x1f\x8b"):
+        return data
+    most = MEMORY_PER_BYTE * len(data) + MEMORY_BYTES
     try:
-        data = path.read_bytes()
-        return gzip.decompress(data) if data.startswith(b"\x1f\x8b") else data
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; expected a recording") from error
+        with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
+            unpacked = packed.read(most + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read ({error}); copy it again") from error
+    if len(unpacked) > most:
+        raise InputError(
+            f"{path}: unpacks from {len(data) / 1e6:.1f} MB to more than {most / 1e6:.0f} MB; unpack it "
+            "with gunzip to an .xdf file"
+        )
+    return unpacked
 
 
 def _damaged(path: Path, start: int, what: str) -> InputError:

@@ -16,12 +16,14 @@ _NORM_OFF = 0.02
 _TIME = re.compile(r"time|stamp|^t$|^t_|sec", re.I)
 _FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
 _RECEIVER = re.compile(r"receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
+_QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
 _ASIDE = re.compile(r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp", re.I)
 _ANGLE = re.compile(
     r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
 )
 _AXIS = re.compile(
-    r"(?P<before>.*?)(?P<axis>(?<![a-z])az(imuth)?|(?<![a-z])el(ev(ation)?)?|(?<![a-z])rol?l?|[wxyz])"
+    r"(?P<before>.*?)(?P<axis>(?<![a-z])az(imuth)?|(?<![a-z])el(ev(ation)?)?|(?<![a-z])rol?l?"
+    r"|(?<![a-z])[aer](?![a-z])|[wxyz])"
     r"(?P<after>[\W_]*(mm|cm|m|in|inch|deg|rad)?[\W_]*\d*[\W_]*)",
     re.I,
 )
@@ -35,7 +37,8 @@ class Roles:
     """What the columns, by title, seem to be.
 
     quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
-    the table. aside : numbers that are none of these; text : columns that hold no numbers.
+    the table. quality : of each receiver, or of all. aside : numbers that are none of these; text : columns
+    that hold no numbers.
     guessed : titles of which neither name nor numbers say what they are, only their place in the table.
     """
 
@@ -46,6 +49,7 @@ class Roles:
     matrices: list[list[str]] = field(default_factory=list)
     angles: list[list[str]] = field(default_factory=list)
     positions: list[list[str]] = field(default_factory=list)
+    quality: list[str] = field(default_factory=list)
     aside: list[str] = field(default_factory=list)
     text: list[str] = field(default_factory=list)
     guessed: set[str] = field(default_factory=set)
@@ -74,9 +78,10 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     if time is None and _first_is_time(left, numbers, named):
         time = left.pop(0)
         guessed.add(time)
-    aside = [title for title in left if _ASIDE.search(title)]
-    roles = Roles(time, frame, receiver, aside=aside, text=text, guessed=guessed)
-    _sort([title for title in left if title not in aside], numbers, named, roles)
+    quality = [title for title in left if _QUALITY.search(title) and title not in named]
+    aside = [title for title in left if _ASIDE.search(title) and title not in quality]
+    roles = Roles(time, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed)
+    _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
     return roles
 
 

@@ -16,7 +16,7 @@ from stages.capture.formats.tidy import (
     REQUIRED,
     SEGMENT,
     csv_blocks,
-    open_parquet,
+    open_recording,
     parquet_blocks,
 )
 from stages.capture.inspection.description import Description, extent_line, rate_line
@@ -41,7 +41,7 @@ def describe_tidy_csv(path: Path, layout: Layout) -> Description:
 
 def describe_parquet(path: Path, layout: Layout) -> Description:
     """Say what a Parquet file holds: a tidy recording, or a table that a stage wrote."""
-    with open_parquet(path) as file:
+    with open_recording(path) as file:
         names, rows = file.schema_arrow.names, file.metadata.num_rows
         kinds = [f"{field.name} ({field.type})" for field in file.schema_arrow]
     try:

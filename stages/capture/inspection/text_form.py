@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from schemas.errors import InputError
+from schemas.text_files import open_text
 
 READ_LINES = 200
 
@@ -71,7 +72,7 @@ def detect_form(path: Path) -> TextForm:
 
 
 def _first_lines(path: Path) -> list[str]:
-    with path.open("rb") as stream:
+    with open_text(path) as stream:
         data = stream.read(1 << 20)
     try:
         text = data.decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from schemas.errors import InputError
 from schemas.layout import Layout
 from skeleton.rotations import Array
 from stages.capture.formats.cells import Cells
-from stages.capture.formats.text_table import open_text
+from stages.capture.formats.mapped_csv import TIME_OF_DAY
+from stages.capture.formats.text_table import open_table_text
 from stages.capture.inspection.column_roles import Roles, find_roles
 from stages.capture.inspection.description import CHECK, Description, draft, extent_line, rate_line
 from stages.capture.inspection.text_form import TextForm, detect_form
@@ -28,9 +30,10 @@ REPEATED_SHARE = 0.2
 def describe_table(path: Path, layout: Layout) -> Description:
     """Say what the columns of a table seem to be. Raises InputError where the text is no table."""
     form = detect_form(path)
-    text = open_text(path, form.config())
+    text = open_table_text(path, form.config())
     cells = text.cells(text.titles)
-    numbers = _numbers(cells, text.titles)
+    of_day = _times_of_day(cells, text.titles)
+    numbers = _numbers(cells, text.titles) | of_day
     roles = find_roles(text.titles, numbers)
     lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
     if roles.time:
@@ -44,6 +47,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
         )
     lines += _orientation_lines(roles, numbers)
     lines += [extent_line(f"position {' '.join(group)}", _rows(numbers, group)) for group in roles.positions]
+    lines += [f"quality {title}: {_range(numbers[title])}" for title in roles.quality]
     lines += [f"other numbers: {', '.join(roles.aside)} (quality?)"] if roles.aside else []
     lines += [f"text: {', '.join(roles.text)}"] if roles.text else []
     repeated = 0.0 if roles.receiver else _repeats(roles, numbers, lines)
@@ -54,6 +58,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
     config = _config(roles, numbers, receivers, asynchronous, layout)
     config["csv"] = _csv(form, roles, numbers, asynchronous)
+    if roles.time in of_day:
+        config["csv"]["time_unit"] = TIME_OF_DAY
     return Description(tuple(lines), draft(path, config))
 
 
@@ -67,6 +73,15 @@ def _numbers(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
         if np.isfinite(values).any():
             numbers[title] = values
     return numbers
+
+
+def _times_of_day(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
+    """Columns of times as hh:mm:ss, title -> (N,) in s."""
+    times = {}
+    for title in titles:
+        with suppress(InputError):
+            times[title] = cells.times_of_day_s(title)
+    return {title: values for title, values in times.items() if np.isfinite(values).any()}
 
 
 def _rows(numbers: Mapping[str, Array], titles: Sequence[str]) -> Array:
@@ -160,7 +175,9 @@ def _receivers(roles: Roles, receivers: Sequence[str], layout: Layout) -> dict[s
     config = {}
     for index, position in enumerate(roles.positions):
         turning = orientations[index] if index < len(orientations) else []
-        columns = {"position": _columns(position), "orientation": _columns(turning)}
+        columns: dict[str, Any] = {"position": _columns(position), "orientation": _columns(turning)}
+        if len(roles.quality) == len(roles.positions):  # one each
+            columns["quality"] = _column(roles.quality[index])
         config[f"{CHECK}_{index + 1}"] = (columns, _doubt(roles, position + turning))
     return config
 
@@ -197,6 +214,9 @@ def _csv(form: TextForm, roles: Roles, numbers: Mapping[str, Array], asynchronou
         config["frame"] = _column(roles.frame)
     if asynchronous:
         config["in_step"] = (False, "old values are repeated: each new one is kept once")
+    if roles.quality and len(roles.quality) == (1 if roles.receiver else len(roles.positions)):
+        config |= {"quality": _column(roles.quality[0])} if roles.receiver else {}
+        config["quality_above"] = (CHECK, "the limit beyond which a pose is not used; or quality_below")
     if roles.receiver:
         config["receiver"] = _column(roles.receiver)
         for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):

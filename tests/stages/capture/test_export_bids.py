@@ -203,7 +203,9 @@ def check_round_trip(poses: Path, folder: Path, *more: str) -> None:
 
 
 MARKS = [
-    flag for flag in FLAGS if flag not in ("no-row", "missing", "partly-missing", "not-finite", "frozen")
+    flag
+    for flag in FLAGS
+    if flag not in ("no-row", "missing", "partly-missing", "not-finite", "out-of-reach", "frozen")
 ]
 
 

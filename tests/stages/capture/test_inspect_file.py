@@ -183,6 +183,27 @@ def test_a_long_table(run: Run) -> None:
     np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(1, 30) + 0.5) * 10)
 
 
+def test_a_trakstars_table(run: Run) -> None:
+    """As its programs write it: times of the day, short names of angles, a quality of each sensor."""
+    times = ["23:59:59.9500000", *(f"00:00:00.{50 * n:03}0000" for n in range(7))]
+    rows = [
+        f"{time},{n}.5,2,3,{10 * n},-{n},{2 * n},{n},4,{n}.25,6,{5 * n},{n},-{3 * n},{7 * n}\n"
+        for n, time in enumerate(times, 1)
+    ]
+    path = run.write("old.csv", "time,x1,y1,z1,a1,e1,r1,q1,x2,y2,z2,a2,e2,r2,q2\n" + "".join(rows))
+    out = run.drafted(path)
+    assert "angles: a1 10 to 80, e1 -8 to -1, r1 2 to 16; degrees" in out
+    assert "position x2 y2 z2: span" in out
+    assert "quality q2: 7 to 56" in out
+    answers = {"position_unit": "inch", "axes": "ZYX", **FORWARD, "quality_above": "40"}
+    samples = run.imported(path, answers | {"CHECK_1": "hand", "CHECK_2": "forearm"})
+    hand, forearm = of(samples, "hand"), of(samples, "forearm")
+    np.testing.assert_allclose(samples.time_s[hand], 86399.9 + 0.05 * np.arange(1, 9))
+    np.testing.assert_allclose(samples.numbers[hand, 0], 25.4 * (np.arange(1, 9) + 0.5))
+    assert not samples.marks["low-quality"][hand].any()
+    np.testing.assert_array_equal(samples.marks["low-quality"][forearm], 7 * np.arange(1, 9) > 40)
+
+
 def test_repeats_are_told_and_drafted_as_out_of_step(run: Run) -> None:
     held = np.arange(FRAMES) // 3
     rows = np.concatenate([0.003 * np.arange(FRAMES)[:, None], TURNED[held], PLACE[held]], 1)

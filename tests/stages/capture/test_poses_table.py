@@ -87,6 +87,8 @@ def test_order_and_full_grid() -> None:
         ((*GOOD[:3], NAN, 0.0, 0.0, 0.0), "partly-missing"),
         ((NAN, NAN, NAN, 0, 0, 0, 0), "partly-missing"),
         ((float("inf"), *GOOD[1:]), "not-finite"),
+        ((1e154, *GOOD[1:]), "out-of-reach"),
+        ((*GOOD[:2], -1e9, *GOOD[3:]), "out-of-reach"),
         ((float("-inf"), NAN, *GOOD[2:]), "partly-missing;not-finite"),
     ],
 )

@@ -24,6 +24,7 @@ from stages.export.file_facts import facts
 from stages.export.glb import write, write_scene
 from stages.export.motion import SkeletonMotion, rest_pose
 from stages.export.rig_names import RIGS
+from stages.export.rigging import with_webxr_names
 
 METRES = Target("m", "y")
 NEAR_M = 3e-7
@@ -37,8 +38,7 @@ def written(motion: SkeletonMotion, folder: Path) -> Glb:
 
 def webxr(motion: SkeletonMotion) -> list[str]:
     """The motion's joints as WebXR names them."""
-    names = RIGS["webxr"].names(motion.origin.hand)
-    return [names[joint.name if joint.parent >= 0 else ""] for joint in motion.joints]
+    return list(with_webxr_names(motion).names)
 
 
 def nodes_of(glb: Glb, motion: SkeletonMotion, hand: str | None = None) -> list[int]:
@@ -61,7 +61,7 @@ def key_times(motion: SkeletonMotion) -> np.ndarray:
 def test_every_joint_is_where_the_motion_has_it(
     known: KnownHand, tmp_path: Path, model: str, stiff: bool
 ) -> None:
-    motion = known.ready(model, stiff=stiff)
+    motion = with_webxr_names(known.ready(model, stiff=stiff))
     glb = written(motion, tmp_path)
     posed = glb.posed(key_times(motion))[:, nodes_of(glb, motion)]
     assert len(posed) == len(motion.frame) > 50
@@ -70,7 +70,7 @@ def test_every_joint_is_where_the_motion_has_it(
 
 
 def test_a_hand_has_the_names_and_the_tree_of_webxr(known: KnownHand, tmp_path: Path) -> None:
-    motion = known.ready()
+    motion = with_webxr_names(known.ready())
     glb = written(motion, tmp_path)
     side = known.recording.hand.hand
     below = glb.below(f"{side}-hand")
@@ -85,7 +85,7 @@ def test_a_hand_has_the_names_and_the_tree_of_webxr(known: KnownHand, tmp_path: 
 
 def test_other_names_stay(right: KnownHand, tmp_path: Path) -> None:
     """Of another rig, and of a skeleton that is no hand."""
-    rigged = right.ready(rig="unity")
+    rigged = with_webxr_names(right.ready(rig="unity"))
     assert set(written(rigged, tmp_path).below("right-hand")) == set(rigged.names)
     made = moving_fingers(5)
     arm = replace(made, joints=tuple(replace(j, name=f"arm {i} 腕") for i, j in enumerate(made.joints)))
@@ -95,7 +95,7 @@ def test_other_names_stay(right: KnownHand, tmp_path: Path) -> None:
 
 
 def test_nodes_stand_at_rest_where_the_hand_begins(known: KnownHand, tmp_path: Path) -> None:
-    motion = known.ready()
+    motion = with_webxr_names(known.ready())
     glb = written(motion, tmp_path)
     nodes = nodes_of(glb, motion)
     posed = glb.posed()[0, nodes]
@@ -111,7 +111,7 @@ def test_nodes_stand_at_rest_where_the_hand_begins(known: KnownHand, tmp_path: P
 
 def test_the_body_goes_with_the_bones(known: KnownHand, tmp_path: Path) -> None:
     """Every vertex stays where it is in its joint's frame, and the frame is that of the motion."""
-    motion = known.ready()
+    motion = with_webxr_names(known.ready())
     glb = written(motion, tmp_path)
     body = glb.names.index(f"{known.recording.hand.hand}-hand-body")
     assert glb.parents[body] == -1, "what is above a skinned mesh would not move it"
@@ -131,7 +131,7 @@ def test_the_body_goes_with_the_bones(known: KnownHand, tmp_path: Path) -> None:
 
 def test_the_body_reaches_from_joint_to_joint(known: KnownHand, tmp_path: Path) -> None:
     """With bones of constant length: a ball about every joint, and the bone before ends in its middle."""
-    motion = known.ready(stiff=True)
+    motion = with_webxr_names(known.ready(stiff=True))
     glb = written(motion, tmp_path)
     body = glb.names.index(f"{known.recording.hand.hand}-hand-body")
     moved = glb.vertices(glb.posed(key_times(motion)[[0, -1]]), body) * 1000
@@ -149,7 +149,7 @@ def test_the_body_reaches_from_joint_to_joint(known: KnownHand, tmp_path: Path) 
 
 
 def test_nails_are_on_the_back(known: KnownHand) -> None:
-    motion = known.motion(FITTED)
+    motion = with_webxr_names(known.motion(FITTED))
     mesh = bone_mesh(motion)
     rest_mm, rest_turn = rest_pose(motion)
     nailed = set(mesh.joint[mesh.nail.ravel()])
@@ -178,7 +178,7 @@ def test_the_body_is_closed_and_faces_outward() -> None:
 
 
 def test_every_joint_turns_and_only_those_that_move_have_places(right: KnownHand, tmp_path: Path) -> None:
-    free, stiff = right.ready(REPLAYED), right.ready(stiff=True)
+    free, stiff = with_webxr_names(right.ready(REPLAYED)), with_webxr_names(right.ready(stiff=True))
     assert (translation_mm(free) > 1e-3).sum() > 10
     assert (translation_mm(stiff) < 1e-9).all()
     for motion in (free, stiff):
@@ -227,7 +227,7 @@ def test_one_frame_is_a_file_with_or_without_a_time(tmp_path: Path) -> None:
 
 
 def test_it_says_where_it_comes_from(right: KnownHand, tmp_path: Path) -> None:
-    motion = right.ready()
+    motion = with_webxr_names(right.ready())
     motion = replace(motion, origin=replace(motion.origin, licence="CC BY 4.0, © 手"))
     glb = written(motion, tmp_path)
     asset = glb.json["asset"]
@@ -245,10 +245,10 @@ def test_it_says_where_it_comes_from(right: KnownHand, tmp_path: Path) -> None:
 
 
 def test_joints_tell_their_bone_freedom_and_axis(right: KnownHand, tmp_path: Path) -> None:
-    motion = right.ready()
+    motion = with_webxr_names(right.ready())
     glb = written(motion, tmp_path)
     nodes = nodes_of(glb, motion)
-    pip = motion.index("index_pip")
+    pip = motion.index("index-finger-phalanx-intermediate")
     said = glb.json["nodes"][nodes[pip]]["extras"]
     assert said["bone"] == "index_middle"
     assert said["degrees_of_freedom"] == motion.joints[pip].dof == 1

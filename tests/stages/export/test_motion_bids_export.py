@@ -138,12 +138,12 @@ def test_the_skeleton_comes_back(known: KnownHand, tmp_path: Path, model: str) -
     kinds = channels.groupby(["type", "units"]).size().to_dict()
     assert kinds == {
         ("JNTANG", "deg"): 3 * len(names), ("LATENCY", "s"): 1, ("MISC", "n/a"): 1, ("MISC", "s"): 1,
-        ("ORNT", "n/a"): 80, ("POS", "m"): 75,
+        ("ORNT", "n/a"): 80, ("POS", "m"): 3 * len(motion.joints),
     }  # fmt: skip
     told = motion_json(skeleton_path(tmp_path, motion))
     counted = [told[f"{kind}ChannelCount"] for kind in ("Motion", "POS", "ORNT", "JNTANG", "MISC", "LATENCY")]
-    assert counted == [len(channels), 75, 80, 3 * len(names), 2, 1]
-    assert told["TrackedPointsCount"] == 25
+    assert counted == [len(channels), 3 * len(motion.joints), 80, 3 * len(names), 2, 1]
+    assert told["TrackedPointsCount"] == len(motion.joints)
     assert told["SamplingFrequency"] == pytest.approx(240)
     frames = json.loads(next(tmp_path.rglob("*skeleton*_channels.json")).read_text())["reference_frame"][
         "Levels"

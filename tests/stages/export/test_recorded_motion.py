@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, POSE, REPLAYED, KnownHand
+from export_samples.known_hands import FITTED, POSE, REPLAYED, SKIN_MM, TIPS, KnownHand
 from export_samples.moving_fingers import translation_mm
 from scipy.spatial.transform import Rotation
 
-from schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES
+from schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, POSED_TIPS
 from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.poses import Poses
@@ -18,6 +18,8 @@ from skeleton.posing import PosedBones, SkeletonJoint
 from skeleton.rotations import angle, conjugate, multiply, rotate
 from stages.export.motion import (
     DISTAL,
+    RECEIVER_TIP,
+    SKIN_TIP,
     Origin,
     continuous,
     local_motion,
@@ -31,13 +33,18 @@ from stages.simulate.random_hand import BONES, DIGITS
 def test_a_fitted_hand_is_where_its_tables_have_it(known: KnownHand) -> None:
     motion, truth = known.motion(FITTED), known.made.truth
     for index, joint in enumerate(motion.joints):
+        if joint.name.endswith(SKIN_TIP):
+            beyond = motion.position_mm[:, index] - motion.position_mm[:, joint.parent]
+            along = rotate(motion.quaternion[:, joint.parent], SKIN_MM * DISTAL)
+            np.testing.assert_allclose(beyond, along, atol=1e-9)
+            continue
         place = (
             truth.tip_mm[:, DIGITS.index(joint.digit)]
             if joint.tip
             else truth.bone_position_mm[:, BONES.index(joint.segment)]
         )
         np.testing.assert_array_equal(motion.position_mm[:, index], place)
-    assert len(motion.joints) == 25
+    assert len(motion.joints) == 30
     assert motion.rate_hz == pytest.approx(240)
 
 
@@ -74,9 +81,10 @@ def test_left_is_left(known: KnownHand) -> None:
     for model in (REPLAYED, FITTED):
         motion = known.motion(model)
         place, _ = rest_pose(motion)
-        assert np.sign(place[motion.index("thumb_tip")][0]) == side
-        assert np.sign(place[motion.index("little_tip")][0]) == -side
-        assert place[motion.index("middle_tip")][2] < -100
+        tip = RECEIVER_TIP if model == REPLAYED else SKIN_TIP
+        assert np.sign(place[motion.index(f"thumb{tip}")][0]) == side
+        assert np.sign(place[motion.index(f"little{tip}")][0]) == -side
+        assert place[motion.index(f"middle{tip}")][2] < -100
         seen = rotate(conjugate(motion.quaternion[:, 0]), motion.position_mm[:, 1] - motion.position_mm[:, 0])
         assert (np.sign(seen[:, 0]) == side).all()
 
@@ -119,7 +127,9 @@ def test_bones_are_as_long_as_the_table_says(known: KnownHand) -> None:
         motion = known.motion(model)
         lengths = {row["bone"]: row["length_mm"] for row in known.rows(model, BONE_LENGTHS)}
         for joint, offset in zip(motion.joints, motion.rest_offset_mm, strict=True):
-            if joint.parent > 0:
+            if joint.name.endswith(SKIN_TIP):
+                np.testing.assert_allclose(offset, SKIN_MM * DISTAL, atol=1e-9)
+            elif joint.parent > 0:
                 above = motion.joints[joint.parent].segment
                 np.testing.assert_allclose(offset, DISTAL * lengths[above], atol=1e-9)
 
@@ -202,6 +212,15 @@ def test_a_digit_that_is_never_posed_is_left_out(fresh: KnownHand) -> None:
     assert not [joint for joint in motion.joints if joint.digit == "index"]
     assert motion.joints[motion.index("middle_mcp")].parent == motion.index("middle_cmc")
     assert motion.whole.all()
+
+
+def test_skin_that_nobody_knows_is_left_out_and_its_digit_stays(fresh: KnownHand) -> None:
+    rows = [row | dict.fromkeys(TIPS[3:]) for row in fresh.rows(FITTED, POSED_TIPS)]
+    fresh.write(FITTED, POSED_TIPS, rows)
+    motion = fresh.motion(FITTED)
+    assert [name for name in motion.names if name.endswith(SKIN_TIP)] == []
+    assert sum(joint.tip for joint in motion.joints) == 5
+    assert motion.notes == ()
 
 
 def test_a_bone_without_length_is_refused(fresh: KnownHand) -> None:

@@ -27,6 +27,8 @@ def test_every_rig_keeps_every_joint_where_it_is(known: KnownHand, rig: str) -> 
     assert len(there.joints) == COUNTS[rig]
     assert len(set(there.names)) == COUNTS[rig]
     names = RIGS[rig].names(known.recording.hand.hand)
+    if RIGS[rig].skin_tips:
+        names = {(f"{k[:-4]}_skin_tip" if k.endswith("_tip") else k): name for k, name in names.items()}
     for joint, name in ((joint, names[joint.name]) for joint in motion.joints[1:] if joint.name in names):
         np.testing.assert_array_equal(
             there.position_mm[:, there.index(name)], motion.position_mm[:, motion.index(joint.name)]
@@ -78,6 +80,21 @@ def test_the_palm_is_the_middle_of_the_middle_metacarpal(known: KnownHand) -> No
     np.testing.assert_array_equal(there.quaternion[:, 1], motion.quaternion[:, base])
     thumb = there.index("XR_HAND_JOINT_THUMB_PROXIMAL_EXT")
     assert there.names[there.joints[thumb].parent] == "XR_HAND_JOINT_THUMB_METACARPAL_EXT"
+
+
+@pytest.mark.parametrize(
+    ("model", "rig", "said"),
+    [
+        (FITTED, "webxr", "tips are at the ends of the digits, skin and all"),
+        (FITTED, "mixamo", "tips are at the ends of the last bones"),
+        (REPLAYED, "webxr", "tips are the origins of the distal receivers"),
+    ],
+)
+def test_a_rig_says_which_tips_it_has(right: KnownHand, model: str, rig: str, said: str) -> None:
+    motion = right.motion(model)
+    there = on_rig(motion, rig)
+    assert sum(said in note for note in there.notes) == 1
+    assert "tip folded" not in " ".join(there.notes)
 
 
 def test_names_are_the_rigs_own() -> None:

@@ -29,6 +29,7 @@ from stages.export.bone_mesh import bone_mesh
 from stages.export.file_facts import facts
 from stages.export.motion import SkeletonMotion, rest_pose
 from stages.export.rig_names import RIGS
+from stages.export.rigging import with_webxr_names
 from stages.export.usd import write, write_scene
 
 BLENDER = Path(__file__).resolve().parents[2] / "export_tools" / "read_with_blender.py"
@@ -156,7 +157,7 @@ def assert_joints(points: Any, motion: SkeletonMotion, near_m: float) -> None:
 def test_every_joint_is_where_the_motion_has_it(
     known: KnownHand, tmp_path: Path, model: str, stiff: bool, target: Target
 ) -> None:
-    motion = known.ready(model, up=target.up, stiff=stiff)
+    motion = with_webxr_names(known.ready(model, up=target.up, stiff=stiff))
     points, frames = posed(written(motion, tmp_path, target))
     assert len(points) > 50
     assert_joints(points / UNITS_PER_MM[target.unit] / 1000, motion, NEAR_M)
@@ -165,7 +166,7 @@ def test_every_joint_is_where_the_motion_has_it(
 
 def test_the_layer_says_its_units_axis_and_times(known: KnownHand, tmp_path: Path) -> None:
     for target, metres in ((METRES, "1"), (CENTIMETRES, "0.01"), (Target("mm", "y"), "0.001")):
-        motion = known.ready(up=target.up)
+        motion = with_webxr_names(known.ready(up=target.up))
         write(motion, target, tmp_path / "a.usda")
         layer = read_usda(tmp_path / "a.usda")
         assert layer.kind == "#usda 1.0"
@@ -183,7 +184,7 @@ def test_the_layer_says_its_units_axis_and_times(known: KnownHand, tmp_path: Pat
 
 
 def test_a_hand_has_the_names_and_the_tree_of_webxr(known: KnownHand, tmp_path: Path) -> None:
-    motion = known.ready()
+    motion = with_webxr_names(known.ready())
     paths = written(motion, tmp_path).one("Skeleton").words("joints")
     assert len(paths) == 25
     names = {path.rpartition("/")[2].replace("_", "-") for path in paths}
@@ -195,7 +196,7 @@ def test_a_hand_has_the_names_and_the_tree_of_webxr(known: KnownHand, tmp_path: 
 
 
 def test_other_names_become_identifiers_and_stay_apart(right: KnownHand, tmp_path: Path) -> None:
-    rigged = right.ready(rig="mixamo")
+    rigged = with_webxr_names(right.ready(rig="mixamo"))
     skeleton = written(rigged, tmp_path).one("Skeleton")
     assert skeleton.words("joints")[0] == "mixamorig_RightHand"
     assert skeleton.values["string name"] == '"mixamorig:RightHand"', "as it is called, beside"
@@ -209,7 +210,7 @@ def test_other_names_become_identifiers_and_stay_apart(right: KnownHand, tmp_pat
 @pytest.mark.parametrize("target", [METRES, CENTIMETRES])
 def test_it_is_bound_at_rest_where_the_hand_begins(known: KnownHand, tmp_path: Path, target: Target) -> None:
     """Level, with the back up and fingers straight ahead: to -Z where Y is up, to +Y where Z is."""
-    motion = known.ready(up=target.up)
+    motion = with_webxr_names(known.ready(up=target.up))
     skeleton = written(motion, tmp_path, target).one("Skeleton")
     names = skeleton.words("joints")
     rest, bind = skeleton.array("restTransforms"), skeleton.array("bindTransforms")
@@ -229,7 +230,7 @@ def test_it_is_bound_at_rest_where_the_hand_begins(known: KnownHand, tmp_path: P
 
 
 def test_the_body_goes_with_the_bones_and_extents_hold_it(known: KnownHand, tmp_path: Path) -> None:
-    motion = known.ready(up="z")
+    motion = with_webxr_names(known.ready(up="z"))
     hand = written(motion, tmp_path, CENTIMETRES)
     skeleton, side = hand.one("Skeleton"), motion.origin.hand
     bind = skeleton.array("bindTransforms")
@@ -264,7 +265,7 @@ def test_the_body_goes_with_the_bones_and_extents_hold_it(known: KnownHand, tmp_
 
 
 def test_normals_face_outward_where_z_is_up(right: KnownHand, tmp_path: Path) -> None:
-    hand = written(right.ready(up="z"), tmp_path, CENTIMETRES)
+    hand = written(with_webxr_names(right.ready(up="z")), tmp_path, CENTIMETRES)
     part = hand.prims["right_hand_bones"]
     corners = part.array("points")[part.array("faceVertexIndices").astype(int).reshape(-1, 3)]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -318,7 +319,7 @@ def test_samples_are_at_device_times(tmp_path: Path) -> None:
 
 
 def test_it_says_where_it_comes_from(right: KnownHand, tmp_path: Path) -> None:
-    motion = right.ready()
+    motion = with_webxr_names(right.ready())
     licence = 'CC BY 4.0, © "手"'
     motion = replace(motion, origin=replace(motion.origin, licence=licence))
     write(motion, METRES, tmp_path / "a.usda")
@@ -331,20 +332,21 @@ def test_it_says_where_it_comes_from(right: KnownHand, tmp_path: Path) -> None:
     hashes = json.loads(said["string[] inputs_sha256"])
     assert hashes == [f"{digest}  {path}" for path, digest in motion.origin.inputs.items()] != []
     assert said["double first_device_time_s"] == repr(float(motion.time_s[0]))
-    assert json.loads(said["string[] notes"]) == [
-        *motion.notes,
+    assert json.loads(said["string[] notes"]) == list(motion.notes)
+    assert motion.notes[-2:] == (
+        "tips are at the ends of the digits, skin and all, as the names' definition has them",
         "joints named as by WebXR Hand Input, 25 joints",
-    ]
+    )
     write(moving_fingers(3), METRES, tmp_path / "a.usda")
     assert read_usda(tmp_path / "a.usda").values["int64 first_frame"] == "7"
 
 
 def test_joints_tell_their_bone_freedom_and_axis(right: KnownHand, tmp_path: Path) -> None:
-    motion = right.ready()
+    motion = with_webxr_names(right.ready())
     write(motion, METRES, tmp_path / "a.usda")
     text = (tmp_path / "a.usda").read_text("utf-8")
     (said,) = re.findall(r"dictionary index_finger_phalanx_intermediate = {(.*?)}", text, re.S)
-    pip = motion.index("index_pip")
+    pip = motion.index("index-finger-phalanx-intermediate")
     assert 'string name = "index-finger-phalanx-intermediate"' in said
     assert 'string bone = "index_middle"' in said
     assert f"int64 degrees_of_freedom = {motion.joints[pip].dof}" in said
@@ -456,7 +458,7 @@ def in_openusd(openusd: Path, file: Path) -> Any:
 def test_openusd_has_every_joint_and_the_body(
     known: KnownHand, tmp_path: Path, openusd: Path, model: str, target: Target
 ) -> None:
-    motion, file = known.ready(model, up=target.up), tmp_path / "hand.usda"
+    motion, file = with_webxr_names(known.ready(model, up=target.up)), tmp_path / "hand.usda"
     write(motion, target, file)
     found = in_openusd(openusd, file)
     assert (found["unit"], found["up"]) == (0.001 / UNITS_PER_MM[target.unit], target.up.upper())
@@ -509,7 +511,7 @@ def test_openusd_takes_odd_files(tmp_path: Path, openusd: Path) -> None:
 def test_blender_has_every_joint_and_the_body(
     known: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path], target: Target
 ) -> None:
-    motion, file = known.ready(up=target.up), tmp_path / "hand.usda"
+    motion, file = with_webxr_names(known.ready(up=target.up)), tmp_path / "hand.usda"
     write(motion, target, file)
     found = output_of(export_tool("blender/bin/python"), BLENDER, file, "0")
     name = f"{motion.origin.hand}_hand_skeleton"

@@ -10,11 +10,11 @@ from anatomy.average_hand import DIGITS as AVERAGE
 from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.poses import Poses
-from skeleton.rotations import Array, about_axis, multiply, rotate, unit
+from skeleton.rotations import Array, about_axis, conjugate, multiply, rotate, unit
 from stages.fit_hand.contacts import MOST_EACH, find_contacts
 from stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, seen_parts
 from stages.fit_hand.fit import Settings, fit_hand
-from stages.fit_hand.posed_tables import bone_tips_mm
+from stages.fit_hand.posed_tables import posed_ends_mm
 from stages.fit_hand.replaying import pose_hand
 from stages.fit_hand.touching import CONTACT_SD_MM, Touch, contact_in, touch_in, with_touches
 from stages.simulate.random_hand import DIGITS, TIP_BONES
@@ -117,7 +117,8 @@ def test_posed_tips_are_the_ends_of_the_last_bones(people: dict[str, Person], si
     poses = person.poses.take(rows)
     poses.valid[3] = False
     posed = pose_hand(person.tips.fit, poses)
-    tips_mm = bone_tips_mm(person.tips.fit, posed)
+    ends = posed_ends_mm(person.tips, posed)
+    tips_mm, skin_mm = ends[BONE], np.delete(ends[TIP], 3, 0)
     assert np.isnan(tips_mm[3]).all()
     rows, seen = np.delete(rows, 3), np.delete(tips_mm, 3, 0)
     for i, digit in enumerate(DIGITS):
@@ -126,8 +127,25 @@ def test_posed_tips_are_the_ends_of_the_last_bones(people: dict[str, Person], si
         length = person.tips.fit.bones[f"{digit}_distal"].length_mm
         np.testing.assert_allclose(np.linalg.norm(bone, axis=-1), length, atol=1e-6)
     assert np.linalg.norm(seen - person.true_mm(rows, BONE), axis=-1).mean(0).max() < 3.5
-    carried = np.delete(person.tips.in_transmitter(poses), 3, 0)
-    assert np.linalg.norm(seen - carried, axis=-1).mean() < 0.7
+    for part, posed_mm in ((BONE, seen), (TIP, skin_mm)):
+        carried = np.delete(person.tips.in_transmitter(poses, part), 3, 0)
+        assert np.linalg.norm(posed_mm - carried, axis=-1).mean() < 0.7
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_posed_digit_ends_in_skin_as_far_off_its_bone_as_the_fit_says(
+    people: dict[str, Person], side: str
+) -> None:
+    """To the thumb's side is +y of a right hand's bone and -y of a left one's."""
+    tips = people[side].tips
+    offsets = tips.offsets_mm.copy()
+    offsets[:, 0] = [4.0, 1.0, 0.5]
+    posed = pose_hand(tips.fit, people[side].poses.take(slice(0, 3)))
+    ends = posed_ends_mm(replace(tips, offsets_mm=offsets), posed)
+    last = [posed.bones.index(f"{digit}_distal") for digit in DIGITS]
+    seen = rotate(conjugate(posed.bone_quaternion[:, last]), ends[TIP] - ends[BONE])
+    expected = [4.0, 1.0 if side == "right" else -1.0, 0.5]
+    np.testing.assert_allclose(seen, np.broadcast_to(expected, seen.shape), atol=1e-9)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

@@ -25,7 +25,7 @@ from stages.report.terminal import WIDTH, terminal_tables
 SCORES = "Mean over digits and hands: subject S01, opposition."
 TRUTH = "Distance of the joints from the true ones, both hands: subject S01."
 COMPACT = ["replay", "posed", "left", "out", "wr-MCP", "metac.", "true", "tip"]
-EMPTY = {"scores": [], "joint_errors": [], "advice": [], "receivers": [], "gains": []}
+EMPTY = {"scores": [], "joint_errors": [], "advice": [], "receivers": [], "gains": [], "receiver_costs": []}
 
 
 def _text(page: str) -> str:
@@ -180,6 +180,16 @@ def test_the_best_five_gains_are_told_in_words(fitted_page: str) -> None:
     assert text.count(first) == 2
     assert text.count("would take its") == 10
     assert "What one more measurement on the hand would gain with whole-hand, the best 5 of 6:" in text
+
+
+def test_what_fewer_receivers_cost_is_a_table(fitted_page: str) -> None:
+    table = table_called(fitted_page, "A task with fewer receivers, whole-hand: subject S01, left hand.")
+    lost = "ring_pip: 2.72 mm, 7.10 deg"
+    assert table.rows[1:] == [
+        ["all of the calibration", "16", "1.51", "3.03", lost],
+        ["without the ring finger's middle phalanx", "15", "1.61", "4.03", lost],
+        ["layout tips-and-hand", "6", "1.71", "5.03", lost],
+    ]
 
 
 def test_receivers(fitted: StudyResults, fitted_page: str) -> None:

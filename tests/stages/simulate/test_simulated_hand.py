@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from anatomy.drawn_hands import (
+    ANATOMIES,
+    BLEND,
+    CT,
+    MIXED,
+    MIXED_TABLE,
+    SOFT_TIP_MM,
+    SOFT_TIP_SD_MM,
+    SOURCES,
+)
 from skeleton import rotations
 from stages.simulate.forward import poses_in_hand
+from stages.simulate.mounts import mounts_of
 from stages.simulate.random_hand import BONES, DIGITS, FINGERS, FLEXION, JOINTS, TIP_BONES, Hand, hand_of
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import Simulated, simulate
-
-# mean length of each bone of each digit, Buryanov & Kotiuk 2010
-MEAN_MM = {
-    "thumb_metacarpal": 46.22,
-    "thumb_distal": 21.67,
-    "index_metacarpal": 68.12,
-    "index_middle": 22.38,
-    "middle_proximal": 44.63,
-    "ring_distal": 17.30,
-    "little_middle": 18.11,
-}
 
 
 def flexion_deg(simulated: Simulated, joint: str) -> np.ndarray:
@@ -35,14 +35,79 @@ def pad_distances_mm(simulated: Simulated) -> np.ndarray:
     return np.linalg.norm(pads[:, 1:] - pads[:, :1], axis=-1)
 
 
-def test_bone_lengths_of_fifty_subjects_are_anatomical() -> None:
-    hands = [hand_of(f"{i:02d}", "right", 3, Realism.full()) for i in range(50)]
-    for bone, mean_mm in MEAN_MM.items():
-        lengths = np.array([hand.length_mm[BONES.index(bone)] for hand in hands])
-        assert abs(lengths.mean() / mean_mm - 1) < 0.05
-        assert 0.05 < lengths.std() / mean_mm < 0.14
-        assert lengths.min() > 0.7 * mean_mm
-        assert lengths.max() < 1.4 * mean_mm
+@pytest.mark.parametrize("anatomy", ANATOMIES)
+def test_people_differ_from_the_hand_that_they_are_drawn_around(anatomy: str) -> None:
+    """Bones of fifty people: about as long as those of their source, or within those of all sources."""
+    realism = Realism(anatomy=anatomy)
+    lengths = np.array([hand_of(f"{i:02d}", "right", 3, realism).length_mm for i in range(50)])
+    hands = {BLEND: SOURCES.values(), MIXED_TABLE: [MIXED]}.get(anatomy) or [SOURCES[anatomy]]
+    for digit in DIGITS:
+        bones = [b for b, bone in enumerate(BONES) if bone.startswith(f"{digit}_")]
+        means = np.array([hand[digit].lengths_mm for hand in hands])
+        off = lengths[:, bones].mean(0)
+        assert (off > 0.96 * means.min(0)).all()
+        assert (off < 1.04 * means.max(0)).all()
+        spread = lengths[:, bones].std(0) / off
+        assert spread.min() > 0.05
+        assert spread.max() < 0.14
+
+
+def test_everybody_is_a_blend_of_ones_own() -> None:
+    """Shapes differ: the same seed's people are no scaled copies of each other."""
+    ratios = [
+        hand.length_mm[BONES.index("index_metacarpal")] / hand.length_mm[BONES.index("index_distal")]
+        for hand in (hand_of(f"{i:02d}", "right", 3, Realism()) for i in range(30))
+    ]
+    assert np.std(ratios) > 0.15
+
+
+def test_centres_lie_equally_deep_in_all_digits() -> None:
+    """Of what a source's people differ by in their metacarpals, some is common to all digits."""
+    realism = Realism(anatomy="ct")
+    metacarpals = [BONES.index(f"{digit}_metacarpal") for digit in DIGITS]
+    hands = [hand_of(f"{i:03d}", "right", 3, realism) for i in range(300)]
+    mean = np.array([CT[digit].lengths_mm[0] for digit in DIGITS])
+    off = np.array([hand.length_mm[metacarpals] / hand.scale - mean for hand in hands])
+    covariance = np.cov(off.T)
+    common = covariance[~np.eye(len(DIGITS), dtype=bool)].mean()
+    assert common == pytest.approx(0.95, abs=0.35)  # mm^2: sd 1 mm, none beyond 2.2
+
+
+def test_soft_tips_are_drawn_for_each_digit() -> None:
+    tips = np.array([hand_of(f"{i:03d}", "left", 3, Realism()).soft_tip_mm for i in range(200)])
+    np.testing.assert_allclose(tips.mean(0), list(SOFT_TIP_MM.values()), atol=0.2)
+    assert (tips.std(0) > SOFT_TIP_SD_MM * 0.85).all()
+    assert abs(np.corrcoef(tips.T)[1, 2]) < 0.4
+
+
+def test_receivers_sit_as_far_off_as_in_trials_partly_by_habit() -> None:
+    """Sd along, across and in height of those over proximal phalanges; what a hand's receivers share."""
+    segments = tuple(f"{digit}_proximal" for digit in FINGERS)
+    off, turn = [], []
+    for i in range(300):
+        hand = hand_of(f"{i:03d}", "right", 3, Realism())
+        worn, exact = (
+            mounts_of(f"{i:03d}", "right", 3, hand, segments, Realism(mounts=scale)) for scale in (1.0, 0.0)
+        )
+        off.append(worn.position_mm - exact.position_mm)
+        turn.append(np.degrees(rotations.angle(worn.quaternion)))
+        share = worn.position_mm[:, 0] / [hand.length_mm[BONES.index(segment)] for segment in segments]
+        assert (np.abs(share - 0.5) <= 0.25 + 1e-12).all()
+    spread = np.std(off, axis=(0, 1))
+    np.testing.assert_allclose(spread, [3.4, 1.5, 1.2], rtol=0.12)
+    assert 3 < np.median(turn) < 6
+    habit = np.array(off).mean(1).std(0)
+    assert (habit > 0.55 * spread).all()  # independent ones: half
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_receivers_on_nails_slope_and_sit_far_out(side: str) -> None:
+    hands = [hand_of(f"{i:02d}", side, 3, Realism()) for i in range(50)]
+    for i, hand in enumerate(hands):
+        worn = mounts_of(f"{i:02d}", side, 3, hand, ("ring_distal",), Realism())
+        share = worn.position_mm[0, 0] / hand.length_mm[BONES.index("ring_distal")]
+        assert 0.6 - 1e-9 <= share <= 0.85 + 1e-9
+        assert rotations.rotate(worn.quaternion[0], np.array([1.0, 0.0, 0.0]))[2] < 0.05
 
 
 def test_sides_differ_by_less_than_half_a_percent() -> None:

@@ -68,6 +68,34 @@ def check_wide(samples: Samples) -> None:
         np.testing.assert_allclose(samples.time_s[segment], [0, 0.0045])
 
 
+TIMES = (
+    "t,x1,y1,z1,az1,el1,ro1,x2,y2,z2,az2,el2,ro2\n{},1,2,3,0,0,0,4,5,6,0,0,0\n{},1,2,3,0,0,0,4,5,6,0,0,0\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        ("00:00:01", "00:00:01.0041667", [1, 1.0041667]),
+        (" 9:05:07.5", "10:00:00", [32707.5, 36000]),
+        ("23:59:59.9999999", "00:00:00.1000000", [86399.9999999, 86400.1]),
+        ("", "00:00:02", [np.nan, 2]),
+    ],
+)
+def test_times_of_the_day(tmp_path: Path, first: str, second: str, expected: list[float]) -> None:
+    mapping = changed(WIDE, {"time_unit": "hh:mm:ss"})
+    samples = read(tmp_path, TIMES.format(first, second), mapping)
+    for segment in ("forearm", "hand"):
+        np.testing.assert_allclose(samples.time_s[of(samples, segment)], expected, rtol=1e-12)
+    for odd in ("00:61:00", "1.5", "12:00", "25-01-01 00:00:00"):
+        refuse(
+            tmp_path,
+            TIMES.format("00:00:00", odd),
+            mapping,
+            f"line 3, column t: is '{odd}'; expected a time as hh",
+        )
+
+
 def numbered(header: str) -> dict[str, Any]:
     """The wide mapping with its columns by number."""
     names = header.strip().split(",")

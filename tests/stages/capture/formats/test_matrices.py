@@ -133,7 +133,7 @@ def test_what_is_refused(tmp_path: Path, text: str, message: str) -> None:
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "bytes.txt").write_bytes(b"\xff\xfe\x00")
-    refuse(tmp_path / "bytes.txt", "is no text")
+    refuse(tmp_path / "bytes.txt", "is UTF-16 text; expected matrices as text")
     refuse(tmp_path / "no.txt", "no such file")
     refuse(tmp_path / "no.txt", "receivers: segment 'hnad' is not in layout arm", config("hnad"))
     with pytest.raises(InputError, match=r"needs a mapping .* inspect .*no.txt --write-mapping mapping.yaml"):

@@ -57,7 +57,10 @@ class KnownHand:
         row = key | {"task": "opposition", "trial": "", "status": "used", "message": ""}
         nothing: dict[str, list[Any]] = {
             name: []
-            for name in ("problems", "bones", "tip_errors", "scores", "joint_errors", "advice", "gains")
+            for name in (
+                *("problems", "bones", "tip_errors", "scores", "joint_errors", "advice"),
+                *("gains", "receiver_costs"),
+            )
         }
         return StudyResults(
             "known", (self.recording,), True, self.paths, {name: read_model(name) for name in models},

@@ -1,10 +1,10 @@
-"""A second law of the skin, unlike the simulator's and unlike any estimator's: bent, crossed, slipping.
+"""A law of the skin that is bent, crossed and slipping.
 
 A receiver slides and tilts by a quadratic in the flexion of both adjacent joints with their product, each
 flexion seen through Bouc-Wen hysteresis (rate-independent, unlike a lag); coefficients have heavy tails, so
 that some receivers of a hand are far worse than the others; beside it a slow wander whose steps have heavy
-tails, and slips that stay. Sizes are those of the simulator's skin at one radian; beyond it this one grows on
-where the simulator's saturates.
+tails, and slips that stay. Sizes are those of the usual skin at one radian; beyond it this one grows on
+where the usual one saturates.
 """
 
 from __future__ import annotations
@@ -13,50 +13,42 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from skeleton.rotations import Array, rotate
-from stages.simulate.artefact import Skin, turned
+from anatomy.drawn_hands import (
+    BENT_SHARES,
+    DISTAL_TILT,
+    HYSTERESIS,
+    LOOP_RAD,
+    SLIDE_SD_MM,
+    SLIP_MM,
+    SLIPS,
+    TAILED_WANDER_S,
+    TILT_SD,
+    WANDER_DEG,
+    WANDER_MM,
+)
+from skeleton.rotations import Array
+from stages.simulate.moving_skin import Skin
 from stages.simulate.random_hand import FLEXION
 from stages.simulate.task_motion import RATE_HZ
 
-SLIDE_MM, TILT_RAD = (1.0, 0.25, 0.4), (0.03, 0.04, 0.02)
-"""Per term at one radian, along, lateral, dorsal; about x, y, z of the receiver's bone."""
-
-LINEAR, BENT, CROSSED = 0.6, 0.55, 0.55
-"""Shares of them in the linear, quadratic and product terms: together about 1 at one radian."""
-
-DISTAL_TILT = -0.06
-"""What a distal receiver under-reads of its own joint, rad per rad at one radian; all of it quadratic."""
-
-HYSTERESIS, LOOP_RAD = 0.4, 0.33
-WANDER_MM, WANDER_DEG, WANDER_S = 0.3, 0.4, 1.5
-SLIPS, SLIP_MM = 3, 0.2
 _TAIL, _FARTHEST = 3.0, 5.0
 
 
-def slipped(
-    position_mm: Array,
-    quaternion: Array,
-    angles_rad: Array,
-    skin: Skin,
-    distal: Array,
-    rng: np.random.Generator,
+def polynomial(
+    angles_rad: Array, skin: Skin, of_hand: np.random.Generator, of_recording: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Let receivers (T, S, 3), (T, S, 4) move on their bones with the joint angles (T, J, 3).
-
-    Of `skin` only is used which joints are next to each receiver and how loose its place is (which holds the
-    scale of the artefact). distal : (S,) that scale for a receiver on a distal bone, else 0.
-    """
-    terms = _terms(hysteretic(angles_rad[..., FLEXION])[:, skin.joint], np.any(skin.slide_mm, axis=-1))
-    n_frames, n_receivers = position_mm.shape[:2]
-    share = np.array([LINEAR, LINEAR, BENT, BENT, CROSSED])[:, None, None]
-    own = heavy(rng, (n_receivers, 5, 2, 3)) * share * np.array([SLIDE_MM, TILT_RAD])  # (S, 5, 2, 3)
+    """Slide and turn by linear, bent and crossed terms of both joints, and where nothing moves besides."""
+    terms = _terms(hysteretic(angles_rad[..., FLEXION])[:, skin.joint], skin.present)
+    n_frames, n_receivers = terms.shape[:2]
+    linear, bent, crossed = BENT_SHARES
+    share = np.array([linear, linear, bent, bent, crossed])[:, None, None]
+    own = heavy(of_hand, (n_receivers, 5, 2, 3)) * share * np.array([SLIDE_SD_MM, TILT_SD])  # (S, 5, 2, 3)
     own *= skin.looseness[:, None, None, None]
-    own[:, 2, 1, 1] += DISTAL_TILT * distal
-    moved = np.einsum("tsk,skix->itsx", terms, own)
-    wander = _wander(rng, n_frames, n_receivers) * skin.looseness[:, None]
-    slide = moved[0] + WANDER_MM * wander[0] + _slips(rng, n_frames, n_receivers) * skin.looseness[:, None]
-    turn = moved[1] + np.radians(WANDER_DEG) * wander[1]
-    return position_mm + rotate(quaternion, slide), turned(quaternion, turn)
+    own[skin.distal, 2, 1, 1] += DISTAL_TILT * skin.scale
+    slide, turn = np.einsum("tsk,skix->itsx", terms, own)
+    off = _wander(of_recording, n_frames, n_receivers) * skin.looseness[:, None]
+    slips = _slips(of_recording, n_frames, n_receivers) * skin.looseness[:, None]
+    return slide + WANDER_MM * off[0] + slips, turn + np.radians(WANDER_DEG) * off[1]
 
 
 def hysteretic(flexion_rad: Array) -> Array:
@@ -87,8 +79,8 @@ def _terms(drive: Array, present: npt.NDArray[np.bool_]) -> Array:
 
 def _wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
     """Autoregressive signals (2, T, S, 3) of sd about 1 with heavy-tailed steps."""
-    keep = float(np.exp(-1.0 / (WANDER_S * RATE_HZ)))
-    settle = int(5 * WANDER_S * RATE_HZ)
+    keep = float(np.exp(-1.0 / (TAILED_WANDER_S * RATE_HZ)))
+    settle = int(5 * TAILED_WANDER_S * RATE_HZ)
     steps = heavy(rng, (2, settle + n_frames, n_receivers, 3)) * np.sqrt(1 - keep**2)
     return np.asarray(lfilter([1.0], [1.0, -keep], steps, axis=1)[:, settle:])
 

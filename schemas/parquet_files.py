@@ -1,0 +1,125 @@
+"""Parquet files: opened in one place, so that damage is noticed, named, and never read as a number.
+
+A file that this program writes carries the SHA-256 of its bytes. It stands between the last page and the
+footer, where no Parquet reader looks: the footer names pages by their place from the file's start, and is
+itself found from the end. Every page has a CRC-32 besides, which holds when another program wrote the file
+again; those leave pages' headers and the footer, with its statistics and metadata, unprotected.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import BinaryIO
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from schemas.errors import InputError, TableError
+from schemas.files import file_state
+from schemas.limits import check_expansion, check_regular
+from schemas.text_files import reading
+
+_MARK = b"SHUKOTSU SHA-256"
+_DIGEST_BYTES = 32
+_PIECE_BYTES = 1 << 20
+_VALUE_BYTES = 8
+_END_BYTES = 8
+"""The footer's length and the letters that end every Parquet file."""
+
+
+def store_digest(path: Path) -> None:
+    """Put the digest of a finished Parquet file into it; the file is as readable as before."""
+    with path.open("r+b") as stream:
+        footer_at = _footer_at(stream)
+        stream.seek(0)
+        digest = hashlib.file_digest(stream, "sha256").digest()
+        stream.seek(footer_at)
+        footer = stream.read()
+        stream.seek(footer_at)
+        stream.write(_MARK + digest + footer)
+
+
+def is_intact(path: Path) -> bool:
+    """Say whether a file has the digest that it carries; True for one that carries none (see the module).
+
+    Read once for as long as it stays as it is.
+    """
+    return _is_intact(path.absolute(), *file_state(path))
+
+
+@lru_cache(maxsize=4096)
+def _is_intact(path: Path, *_: int) -> bool:
+    with path.open("rb") as stream:
+        footer_at = _footer_at(stream)
+        stored_at = footer_at - len(_MARK) - _DIGEST_BYTES
+        if stored_at < 0:
+            return True
+        stream.seek(stored_at)
+        if stream.read(len(_MARK)) != _MARK:
+            return True
+        stored = stream.read(_DIGEST_BYTES)
+        digest = hashlib.sha256()
+        stream.seek(0)
+        while left := stored_at - stream.tell():
+            digest.update(stream.read(min(left, _PIECE_BYTES)))
+        stream.seek(footer_at)
+        digest.update(stream.read())
+    return digest.digest() == stored
+
+
+def _footer_at(stream: BinaryIO) -> int:
+    """Where the footer starts, as the file's last bytes say; they may be anything, and this below 0."""
+    end = stream.seek(0, 2)
+    stream.seek(max(0, end - _END_BYTES))
+    return end - _END_BYTES - int.from_bytes(stream.read(4), "little")
+
+
+def open_parquet(
+    path: Path,
+    expected: str,
+    error: type[InputError] = TableError,
+    remedy: str = "make it again",
+    buffer_size: int = 0,
+) -> pq.ParquetFile:
+    """Open a Parquet file for reading piece by piece; `expected` and `remedy` are for the sentences.
+
+    buffer_size : how many bytes of a column are read at a time, 0 for all of a row group's.
+    Raises `error` where the file is absent, is none, is damaged, or holds far more than its size.
+    """
+    try:
+        with reading(path, expected), naming_damage(path, error, remedy, "not a readable Parquet file"):
+            check_regular(path, expected)
+            if not is_intact(path):
+                raise error(f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy}")
+            file = pq.ParquetFile(
+                path,
+                buffer_size=buffer_size,
+                pre_buffer=False,  # not far ahead: some are read in parts
+                page_checksum_verification=True,
+            )
+        check_expansion(path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy)
+    except error:
+        raise
+    except InputError as refused:
+        raise error(str(refused)) from refused
+    return file
+
+
+@contextmanager
+def naming_damage(
+    path: Path,
+    error: type[InputError] = TableError,
+    remedy: str = "make it again",
+    what: str = "damaged Parquet file",
+) -> Iterator[None]:
+    """Turn what goes wrong when a Parquet file is read into an `error` that names it."""
+    try:
+        yield
+    except (FileNotFoundError, InputError, MemoryError):
+        raise
+    except (OSError, ValueError, pa.ArrowException) as damage:
+        raise error(f"{path}: {what} ({damage}); {remedy}") from damage

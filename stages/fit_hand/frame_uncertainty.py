@@ -1,0 +1,276 @@
+"""How far a posed hand may be off in a frame: by what its receivers show and what the fit leaves open.
+
+A frame's joint angles and the pose of its base bone, given the hand's unknowns, are normal about where they
+were posed, with the covariance that the receivers valid in that frame and the angles' priors leave. They move
+with the unknowns, whose covariance the fit has. Both together are a linear map of independent standard normal
+numbers, from which the error of anything posed follows: a centre, an angle, a tip.
+
+The map changes slowly with posture, and at once with the receivers. So it is made for a few postures of every
+set of valid receivers, and each frame takes that of the nearest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from anatomy.known_digits import known_digits
+from schemas.layout import Digit
+from skeleton.joint_angles import joint_angles
+from skeleton.rotations import Array, about_axis, matrix, multiply
+from stages.fit_hand.building import bone
+from stages.fit_hand.facing import facing_nails, side_of
+from stages.fit_hand.fingertips import Fingertips
+from stages.fit_hand.normal_equations import Frames, Point, reduce, residuals
+from stages.fit_hand.operations import Index, cross
+from stages.fit_hand.posterior_summary import bent_skin_mm2
+from stages.fit_hand.receiver_frames import MIRROR, spread_frames
+from stages.fit_hand.replaying import PosedHand
+from stages.fit_hand.touching import SKIN_SD_MM
+
+POSTURES = 96
+"""Of a block of frames, for which the map is made; each set of valid receivers has one at least."""
+
+_NUDGE_RAD = 1e-5
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """Errors of F posed frames as linear maps of N standard normal numbers, of a right hand always.
+
+    bones : names; shift_mm, turn_rad : (F, B, 3, N) of each bone's proximal joint and of its rotation;
+    states_rad : (F, S, N); unknowns : (G + 6 D, N) of the hand's unknowns and the soft parts' offsets.
+    """
+
+    bones: tuple[str, ...]
+    shift_mm: Array
+    turn_rad: Array
+    states_rad: Array
+    unknowns: Array
+
+
+@dataclass(frozen=True)
+class PosedErrors:
+    """1-sigma errors of posed frames; NaN where a frame was not posed.
+
+    centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`; angles_deg : joint to (F, 3), flexion,
+    abduction and rotation, NaN of an axis that the joint lacks; tips_mm : (F, D, 2) in 3-D of the ends of
+    bone and skin of known digits.
+    """
+
+    centre_mm: Array
+    turn_deg: Array
+    angles_deg: Mapping[str, Array]
+    tips_mm: Array
+
+
+def posed_errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
+    """Errors of frames as `pose_hand` posed them. frames : that they were posed from."""
+    chosen, nearest = _postures(posed, frames.valid)
+    few = _errors(tips, posed_frames(posed, chosen), frames.take(chosen))
+
+    def of_all(values: Array) -> Array:
+        out = values[nearest] if len(values) else np.zeros((len(nearest), *values.shape[1:]))
+        out[~posed.posed] = np.nan
+        return out
+
+    return PosedErrors(
+        of_all(few.centre_mm),
+        of_all(few.turn_deg),
+        {joint: of_all(values) for joint, values in few.angles_deg.items()},
+        of_all(few.tips_mm),
+    )
+
+
+def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, Index]:
+    """Rows of the postures that stand for all, and for each frame which of them is the nearest with the same
+    valid receivers.
+    """
+    usable = np.flatnonzero(posed.posed)
+    nearest: Index = np.zeros(len(posed.posed), int)
+    if not len(usable):
+        return usable, nearest
+    chosen: list[int] = []
+    _, group = np.unique(valid[usable], axis=0, return_inverse=True)
+    for number in range(group.max() + 1):
+        rows = usable[group.reshape(-1) == number]
+        states = posed.angles_rad[rows]
+        few = rows[spread_frames(states, max(1, round(POSTURES * len(rows) / len(usable))))[0]]
+        own = posed.angles_rad[few]
+        apart = (own**2).sum(1) - 2 * states @ own.T
+        nearest[rows] = len(chosen) + apart.argmin(1)
+        chosen += few.tolist()
+    return np.array(chosen, int), nearest
+
+
+def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
+    """Some of the posed frames."""
+    names = ("angles_rad", "bone_position_mm", "bone_quaternion", "receiver_mm", "residual_mm", "posed")
+    return replace(posed, **{name: getattr(posed, name)[rows] for name in names})
+
+
+def errors_with(tips: Fingertips, posed: PosedHand, worn: Sequence[str]) -> PosedErrors:
+    """Errors of postures, were just these receivers worn and measured where the hand has them."""
+    model, convention, point = tips.fit.evidence.model, tips.fit.evidence.convention, _point(tips, posed)
+    shape = (len(posed.posed), len(model.receivers))
+    rotation, place_mm = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
+    for branch, receivers in zip(model.branches, tips.fit.evidence.problem.receivers, strict=True):
+        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+        for mark, s in receivers:
+            rotation[:, s], place_mm[:, s] = reached.rotation[mark], reached.position_mm[mark]
+    valid = np.broadcast_to([name in worn for name in convention.receivers], shape)
+    return _errors(tips, posed, Frames(rotation, place_mm, valid))
+
+
+def _errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
+    """Errors of every frame by a map of its own."""
+    spread = _spread_of(tips, posed, frames)
+    return PosedErrors(
+        _norm(spread.shift_mm),
+        np.degrees(_norm(spread.turn_rad)),
+        dict(_angle_errors_deg(tips, posed, spread)),
+        _tip_errors_mm(tips, posed, spread, frames),
+    )
+
+
+def _norm(maps: Array) -> Array:
+    """1-sigma error in 3-D (...) of vectors given as maps (..., 3, N)."""
+    return np.asarray(np.sqrt((maps**2).sum((-1, -2))))
+
+
+def _spread_of(tips: Fingertips, posed: PosedHand, frames: Frames) -> _Spread:
+    """How posed frames may be off. frames : the receivers' poses, of which those valid count."""
+    evidence = tips.fit.evidence
+    problem = replace(
+        evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
+    )
+    point = _point(tips, posed)
+    current = residuals(problem, point)
+    reduced = reduce(problem, point, current, np.zeros(len(point.y)))
+    root_of_tips = _square_root(tips.covariance)
+    n_x, n_own = len(point.x), root_of_tips.shape[1]
+    n_numbers = n_own + 6 + point.y.shape[1]
+    unknowns = np.zeros((len(root_of_tips), n_numbers))
+    unknowns[:, :n_own] = root_of_tips
+    dx = unknowns[:n_x]
+    back = reduced.root_inverse.swapaxes(-1, -2)
+    d_root = -back @ (reduced.root_by_x @ dx)
+    d_root[:, :, n_own : n_own + 6] += back
+    states = np.zeros((*point.y.shape, n_numbers))
+    spread = {posed.bones[0]: _by_root(point, np.zeros_like(point.root_mm)) @ d_root}
+    for branch, part, (_, _, reached) in zip(
+        problem.branches, reduced.eliminated, current.branches, strict=True
+    ):
+        inner = part.inverse.swapaxes(-1, -2)
+        dy = -inner @ (part.by_rest[..., :6] @ d_root + part.by_rest[..., 6:] @ dx[branch.unknowns])
+        dy[:, :, n_own + 6 + branch.states] += inner
+        states[:, branch.states] = dy
+        marks = {name: branch.marks.index(bone(name)) for name in posed.bones if bone(name) in branch.marks}
+        raw = branch.by_operation(reached, list(marks.values()))
+        by_x = branch.by_unknown(raw, point.y, skin=False)
+        by_y = raw @ branch.per_state(point.x, skin=False)
+        for index, (name, mark) in enumerate(marks.items()):
+            by_root = _by_root(point, reached.position_mm[mark] - point.root_mm)
+            spread[name] = by_x[index] @ dx[branch.unknowns] + by_y[index] @ dy + by_root @ d_root
+    together = np.stack([spread[name] for name in posed.bones], 1)
+    return _Spread(posed.bones, together[:, :, :3], together[:, :, 3:], states, unknowns)
+
+
+def _point(tips: Fingertips, posed: PosedHand) -> Point:
+    """The frames as they were solved, of a right hand always."""
+    evidence = tips.fit.evidence
+    root, root_mm = evidence.convention.world(
+        matrix(posed.bone_quaternion[:, 0]), posed.bone_position_mm[:, 0]
+    )
+    return Point(evidence.posterior.x, posed.angles_rad, root, root_mm)
+
+
+def _square_root(covariance: Array) -> Array:
+    """A matrix (n, n) whose product with its transpose is the covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _by_root(point: Point, arm_mm: Array) -> Array:
+    """Derivative (F, 6, 6) of a frame's place and rotation, that far from the root's, by the root's pose."""
+    out = np.zeros((len(arm_mm), 6, 6))
+    out[:, :3, :3] = out[:, 3:, 3:] = point.root
+    out[:, :3, 3:] = cross(point.root.swapaxes(-1, -2), arm_mm[:, None]).swapaxes(-1, -2)
+    return out
+
+
+def _angle_errors_deg(tips: Fingertips, posed: PosedHand, spread: _Spread) -> Iterator[tuple[str, Array]]:
+    """Errors (F, 3) of the angles of each joint that moves."""
+    layout = tips.fit.evidence.layout
+    facing, rests = facing_nails(tips.fit, posed)
+    hand, known = side_of(tips.fit), known_digits(layout)
+    for digit in known:
+        for parent, child, joint in zip(
+            (digit.base, *digit.segments), digit.segments, digit.joints, strict=False
+        ):
+            if layout.joints[joint].dof:
+                a, b = posed.bones.index(parent), posed.bones.index(child)
+                turned = spread.turn_rad[:, b] - spread.turn_rad[:, a]
+                if hand == "left":
+                    turned = turned * -MIRROR[:, None]  # rotations are pseudo-vectors
+                by_turn = _by_turn(facing[:, a], facing[:, b], hand, rests[joint])
+                yield joint, np.sqrt(((by_turn @ turned) ** 2).sum(-1))
+    others = [name for name, _ in posed.angle_names]
+    for joint in dict.fromkeys(others):
+        if joint not in {name for digit in known for name in digit.joints}:
+            own = [index for index, name in enumerate(others) if name == joint]
+            errors = np.full((len(posed.posed), 3), np.nan)
+            errors[:, : len(own)] = np.degrees(np.sqrt((spread.states_rad[:, own] ** 2).sum(-1)))
+            yield joint, errors
+
+
+def _by_turn(parent: Array, child: Array, hand: str, rest: Array) -> Array:
+    """Derivative (F, 3, 3) of joint angles, deg, by a turn of the child in the transmitter's frame, rad."""
+    columns = []
+    for axis in np.eye(3):
+        ahead, behind = (
+            joint_angles(parent, multiply(about_axis(axis, np.array(sign * _NUDGE_RAD)), child), hand, rest)
+            for sign in (1, -1)
+        )
+        columns.append(((ahead - behind + 180.0) % 360.0 - 180.0) / (2 * _NUDGE_RAD))
+    return np.stack(columns, -1)
+
+
+def _tip_errors_mm(tips: Fingertips, posed: PosedHand, spread: _Spread, frames: Frames) -> Array:
+    """Errors (F, D, 2) in 3-D of the ends of bone and skin: carried by the distal receiver where it is valid
+    (`Fingertip`), else by the posed bone.
+    """
+    model = tips.fit.evidence.model
+    out = np.empty((len(posed.posed), len(tips.digits), 2))
+    for index, (digit, tip) in enumerate(tips.digits.items()):
+        skin = 3 * SKIN_SD_MM**2 + np.trace(bent_skin_mm2(tip.receiver, tips.fit.evidence))
+        seen = frames.valid[:, model.receivers.index(tip.receiver)]
+        for part, own in enumerate((tip.covariance_mm2, tip.soft_tip_covariance_mm2)):
+            carried = np.sqrt(np.trace(own) + skin)
+            by_bone = _norm(_end(tips, posed, spread, tips.fit.evidence.layout.digits[digit], part))
+            out[:, index, part] = np.where(seen, carried, by_bone)
+    return out
+
+
+def _end(tips: Fingertips, posed: PosedHand, spread: _Spread, digit: Digit, part: int) -> Array:
+    """Map (F, 3, N) of the end of a digit's last bone (part 0) or of its skin (1), carried by that bone."""
+    last = posed.bones.index(digit.tip)
+    n_x = len(tips.fit.evidence.posterior.x)
+    end, moved = (
+        np.array([tips.fit.bones[digit.tip].length_mm, 0.0, 0.0]),
+        np.zeros((3, len(spread.unknowns))),
+    )
+    moved[0, :n_x] = tips.fit.evidence.model.length[digit.tip].row(n_x)
+    if part:
+        place = list(tips.digits).index(digit.name)
+        end = end + tips.offsets_mm[place, 0]
+        first = n_x + 3 * 2 * place
+        moved[:, first : first + 3] += np.eye(3)
+    quaternion = posed.bone_quaternion[:, last]
+    turn = tips.fit.evidence.convention.world(matrix(quaternion), posed.bone_position_mm[:, last])[0]
+    arm = turn @ end
+    turned = cross(spread.turn_rad[:, last].swapaxes(-1, -2), arm[:, None]).swapaxes(-1, -2)
+    return spread.shift_mm[:, last] + turned + turn @ (moved @ spread.unknowns)

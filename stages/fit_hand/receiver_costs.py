@@ -1,0 +1,111 @@
+"""What each receiver left out of a task would cost, and each smaller layout that ships, before anyone tries.
+
+How well receivers place a hand in a posture follows from where they sit and what the fit leaves open,
+whatever they would have measured. So postures of a task are taken as posed, receivers where the hand then has
+them, and the sd of every centre and angle is found with only some of them worn (`frame_uncertainty`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.config_files import shipped
+from schemas.layout import Layout, read_layout
+from schemas.poses import Poses
+from skeleton.rotations import Array
+from stages.fit_hand.fingertips import Fingertips
+from stages.fit_hand.frame_uncertainty import PosedErrors, errors_with, posed_frames
+from stages.fit_hand.replaying import pose_hand
+
+FRAMES = 24
+"""Of a task, evenly spaced: as many postures as an opposition with every finger has phases, and some."""
+
+LEAST_RECEIVERS = 2
+
+
+@dataclass(frozen=True)
+class ReceiverCost:
+    """A task with fewer receivers than the calibration: 1-sigma errors that would result.
+
+    without : the segment whose receiver is left out; layout : or the smaller layout that is worn; both empty:
+    all that the calibration had. centre_sd_mm, flexion_sd_deg : root mean square over the joints that move
+    and the task. joint : that which loses most, and its own.
+    """
+
+    without: str
+    layout: str
+    n_receivers: int
+    centre_sd_mm: float
+    flexion_sd_deg: float
+    joint: str
+    joint_centre_sd_mm: float
+    joint_flexion_sd_deg: float
+
+
+def receiver_costs(tips: Fingertips, task: Poses) -> list[ReceiverCost]:
+    """Say what each receiver of the calibration, left out of a task, would cost: first none, then the dearest
+    first, then layouts that ship by their number of receivers. Empty for a hand whose anatomy is not known.
+
+    task : some FRAMES frames of it.
+    """
+    fit = tips.fit
+    posed = pose_hand(fit, task)
+    rows = np.flatnonzero(posed.posed)
+    worn = [s for s in fit.evidence.model.receivers if np.isfinite(fit.residual_rms[s][0])]
+    if not tips.digits or not len(rows):
+        return []
+    postures = posed_frames(posed, rows)
+    options: list[tuple[str, str, Sequence[str]]] = [("", "", worn)]
+    options += [(left_out, "", [s for s in worn if s != left_out]) for left_out in worn]
+    options += [("", layout.name, layout.expected) for layout in _smaller(fit.evidence.layout, worn)]
+    known = [option for option in options if len(option[2]) >= LEAST_RECEIVERS]
+    errors = [errors_with(tips, postures, receivers) for *_, receivers in known]
+    costs = [
+        _cost(tips, without, layout, len(receivers), own, errors[0])
+        for (without, layout, receivers), own in zip(known, errors, strict=True)
+    ]
+    return sorted(costs, key=lambda cost: (bool(cost.without) + 2 * bool(cost.layout), -_order(cost)))
+
+
+def _order(cost: ReceiverCost) -> float:
+    return float(cost.n_receivers) if cost.layout else cost.flexion_sd_deg
+
+
+def _smaller(layout: Layout, worn: Sequence[str]) -> list[Layout]:
+    """Layouts that ship, of the same bodies, that wear some of these receivers and no other."""
+    layouts = [read_layout(name) for name in shipped("layout")]
+    return [own for own in layouts if own.is_as(layout) and set(own.expected) < set(worn)]
+
+
+def _cost(
+    tips: Fingertips, without: str, layout: str, n_receivers: int, errors: PosedErrors, with_all: PosedErrors
+) -> ReceiverCost:
+    evidence = tips.fit.evidence
+    bones = evidence.model.length
+    joints = [joint for digit in evidence.layout.digits.values() for joint in digit.joints]
+    segment_of = {joint.name: joint.child for joint in evidence.layout.joints.values()}
+    moving = [joint for joint in joints if joint in errors.angles_deg]
+    places = [1 + list(bones).index(segment_of[joint]) for joint in moving]
+    centre = _rms(errors.centre_mm[:, places])
+    flexion, before = (
+        _rms(np.stack([own.angles_deg[joint][:, 0] for joint in moving], 1)) for own in (errors, with_all)
+    )
+    worst = int(np.argmax(flexion - before)) if without or layout else int(np.argmax(flexion))
+    return ReceiverCost(
+        without,
+        layout,
+        n_receivers,
+        float(_rms(centre)),
+        float(_rms(flexion)),
+        moving[worst],
+        float(centre[worst]),
+        float(flexion[worst]),
+    )
+
+
+def _rms(values: Array) -> Array:
+    """Root mean square over the first dimension."""
+    return np.asarray(np.sqrt((values**2).mean(0)))

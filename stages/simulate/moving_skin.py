@@ -1,0 +1,119 @@
+"""How skin moves receivers on their bones: what all its laws share.
+
+A law gives how far each receiver slides (mm) and turns (rotation vectors, rad) from where it sits at rest,
+both (T, S, 3) in its own frame, for joint angles (T, J, 3). It draws a hand's coefficients with one
+generator, and what happens in one recording alone with another. Sizes are those of `anatomy.drawn_hands`.
+Every law is outside of what any estimator of this project assumes, each in another way: none is judged by its
+own assumptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from anatomy.drawn_hands import LITTLE, NAIL, THENAR, UNDER_READING, WANDER_S
+from skeleton import rotations
+from skeleton.rotations import Array
+from stages.simulate.forward import bone_poses
+from stages.simulate.mounts import Mounts
+from stages.simulate.random_hand import BONES, JOINTS, PARENT, Hand
+from stages.simulate.randomness import generator
+from stages.simulate.task_motion import RATE_HZ, Motion
+from stages.simulate.tracker_errors import turned
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Which joints move each of S receivers, and how loosely it sits.
+
+    bone : (S,) index into BONES. joint : (S, 2) the bone's own (proximal) joint and the one after it; present
+    : (S, 2) whether there is one. looseness : (S,) 1 for a typical receiver; scale : of the whole skin, which
+    looseness holds. under_reading : share of the thumb metacarpal's rotation in the CMC joint that its
+    receiver does not follow.
+    """
+
+    bone: npt.NDArray[np.int64]
+    joint: npt.NDArray[np.int64]
+    present: npt.NDArray[np.bool_]
+    looseness: Array
+    scale: float
+    under_reading: float
+
+    @property
+    def distal(self) -> npt.NDArray[np.bool_]:
+        """Which receivers sit on a digit's last bone."""
+        return np.array([BONES[bone].endswith("_distal") for bone in self.bone])
+
+
+SkinLaw = Callable[[Array, Skin, np.random.Generator, np.random.Generator], tuple[Array, Array]]
+"""Joint angles, skin, the hand's generator and the recording's: slide in mm and turn in rad."""
+
+
+def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
+    """Draw a hand's skin; the same in each of the hand's recordings."""
+    under_reading = generator(seed, "skin", subject, side).uniform(*UNDER_READING)
+    bone = np.array([BONES.index(segment) for segment in segments])
+    joint = np.array([_adjacent_joints(own) for own in bone])
+    looseness = scale * np.array([_looseness(segment) for segment in segments])
+    return Skin(bone, np.maximum(joint, 0), joint >= 0, looseness, scale, min(0.9, scale * under_reading))
+
+
+def _looseness(bone: str) -> float:
+    loose = LITTLE if bone.startswith("little") else 1.0
+    if bone == "thumb_metacarpal":
+        return THENAR
+    return loose * (NAIL if bone.endswith("_distal") else 1.0)
+
+
+def _adjacent_joints(bone: int) -> tuple[int, int]:
+    """The joint that moves the bone and the one that it carries; -1 for none.
+
+    The palm carries many joints at its far end, none under its receiver: only the wrist moves its skin.
+    """
+    after = [j for j, parent in enumerate(PARENT) if parent == bone]
+    return bone - 1, after[0] if len(after) == 1 else -1
+
+
+def on_skin(
+    hand: Hand, mounts: Mounts, motion: Motion, bones: tuple[Array, Array], skin: Skin
+) -> tuple[Array, Array]:
+    """Give the receivers' poses (T, S, 3), (T, S, 4), all on their bones but the thumb metacarpal's.
+
+    Its receiver sits where the skin would be if the CMC joint turned less.
+    """
+    position, quaternion = mounts.poses(*bones)
+    if "thumb_metacarpal" in mounts.segments:
+        followed = motion.angles_rad.copy()
+        followed[:, JOINTS.index("thumb_cmc")] *= 1.0 - skin.under_reading
+        under = mounts.poses(*bone_poses(hand, followed, motion.wrist_mm, motion.forearm))
+        own = mounts.segments.index("thumb_metacarpal")
+        position[:, own], quaternion[:, own] = under[0][:, own], under[1][:, own]
+    return position, quaternion
+
+
+def displaced(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: Array) -> tuple[Array, Array]:
+    """Let receivers (T, S, 3), (T, S, 4) slide and turn by (T, S, 3) each, in their own frames."""
+    return position_mm + rotations.rotate(quaternion, slide_mm), turned(quaternion, turn_rad)
+
+
+def lagged(signal: Array, lag_s: float) -> Array:
+    """Give the exponential average over the past of a signal (T, N) that was 0 before, through the FFT."""
+    keep = np.exp(-1.0 / (lag_s * RATE_HZ))
+    n = len(signal)
+    kernel = (1.0 - keep) * keep ** np.arange(min(n, int(20 * lag_s * RATE_HZ)))
+    size = 1 << (n + len(kernel)).bit_length()
+    spectrum = np.fft.rfft(signal, size, axis=0) * np.fft.rfft(kernel, size)[:, None]
+    return np.asarray(np.fft.irfft(spectrum, size, axis=0)[:n])
+
+
+def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
+    """Stationary first-order autoregressive signals (2, T, S, 3) of sd 1, of place and of turn."""
+    settle = int(8 * WANDER_S * RATE_HZ)
+    keep = np.exp(-1.0 / (WANDER_S * RATE_HZ))
+    white = rng.standard_normal((settle + n_frames, n_receivers * 6))
+    smooth = lagged(white, WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep))
+    return np.moveaxis(smooth.reshape(n_frames, n_receivers, 2, 3), 2, 0)

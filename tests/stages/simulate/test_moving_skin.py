@@ -1,0 +1,143 @@
+"""The laws of the skin: how large they are, what moves a receiver, and when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from anatomy.drawn_hands import (
+    HYSTERESIS,
+    LOOP_RAD,
+    PHASE_SHARE,
+    SLIDE_SD_MM,
+    SLIP_MM,
+    SLIPS,
+    TILT_SD,
+    WANDER_MM,
+)
+from skeleton.rotations import Array
+from stages.simulate.moving_skin import Skin, skin_of
+from stages.simulate.phase_lag_skin import shares
+from stages.simulate.polynomial_skin import hysteretic, polynomial
+from stages.simulate.random_hand import BONES, FLEXION, JOINTS
+from stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, SKIN_LAWS
+from stages.simulate.simulation import LAWS
+from stages.simulate.task_motion import RATE_HZ
+
+MANY = 1500
+SEGMENTS = ("hand", "thumb_metacarpal", "index_proximal", "middle_proximal", "middle_middle", "middle_distal")
+
+
+def many_receivers() -> Skin:
+    """Of the index's middle phalanx, with nothing but its own joint."""
+    joint = np.full((MANY, 2), JOINTS.index("index_pip"))
+    present = np.tile([True, False], (MANY, 1))
+    return Skin(np.full(MANY, BONES.index("index_middle")), joint, present, np.ones(MANY), 1.0, 0.3)
+
+
+def bent(joint: str, flexion_rad: Sequence[float] | Array) -> Array:
+    """Joint angles (T, J, 3) with that joint bent, all others straight."""
+    angles = np.zeros((len(flexion_rad), len(JOINTS), 3))
+    angles[:, JOINTS.index(joint), FLEXION] = flexion_rad
+    return angles
+
+
+def moved(law: str, angles: Array, skin: Skin, seed: int = 0) -> tuple[Array, Array]:
+    """Slide and turn without the wander and the slips of the recording."""
+    of_hand = [np.random.default_rng(seed) for _ in range(2)]
+    slide, turn = LAWS[law](angles, skin, of_hand[0], np.random.default_rng(1))
+    still = LAWS[law](np.zeros_like(angles), skin, of_hand[1], np.random.default_rng(1))
+    return slide - still[0], turn - still[1]
+
+
+@pytest.mark.parametrize(
+    ("law", "share"),
+    [
+        (SATURATING, 0.9 * math.tanh(1 / 0.9)),
+        (POLYNOMIAL, math.hypot(0.6 * (1 + 0.4 * 0.33), 0.55 * (1 + 0.4 * 0.33) ** 2)),
+        (PHASE_LAG, PHASE_SHARE),
+    ],
+)
+def test_laws_are_about_equally_large_at_one_radian(law: str, share: float) -> None:
+    """Each of the size that its numbers say, and those from 0.7 to 1 of the usual size."""
+    slow = np.concatenate([np.linspace(0.0, 1.0, 1200), np.ones(900)])
+    slide, turn = moved(law, bent("index_pip", slow), many_receivers())
+    assert 0.7 < share < 1.0
+    np.testing.assert_allclose(slide[-1].std(0), share * np.array(SLIDE_SD_MM), rtol=0.15)
+    np.testing.assert_allclose(turn[-1].std(0), share * np.array(TILT_SD), rtol=0.15)
+
+
+def test_beyond_a_radian_only_the_usual_law_saturates() -> None:
+    slow = np.concatenate([np.linspace(0.0, 2.0, 2400), np.full(900, 2.0)])
+    growth = {}
+    for law in SKIN_LAWS:
+        slide, _ = moved(law, bent("index_pip", slow), many_receivers())
+        growth[law] = slide[-1].std() / slide[1200].std()
+    assert growth[SATURATING] < 1.4
+    assert growth[PHASE_LAG] == pytest.approx(2.0, rel=0.1)
+    assert growth[POLYNOMIAL] > 2.3
+
+
+@pytest.mark.parametrize("law", SKIN_LAWS)
+def test_a_hands_skin_is_its_own_and_a_recordings_wander_too(law: str) -> None:
+    """Other hands slide otherwise; another recording of the same hand differs by what follows no joint."""
+    skin = skin_of("01", "left", 3, SEGMENTS, 1.0)
+    angles = bent("middle_pip", np.linspace(0.0, 1.2, 480))
+    one, again, other = (moved(law, angles, skin, seed)[0] for seed in (0, 0, 5))
+    np.testing.assert_array_equal(one, again)
+    assert np.abs(one - other).max() > 0.2
+    law_of = LAWS[law]
+    first, second = (
+        law_of(angles, skin, np.random.default_rng(0), np.random.default_rng(seed))[0] for seed in (1, 2)
+    )
+    assert 0.1 < (first - second).std() < 3 * WANDER_MM
+
+
+def test_late_skin_follows_after_a_time() -> None:
+    """0.15 s after a joint has jumped, 63 % of the way."""
+    step = np.zeros(720)
+    step[240:] = 1.0
+    slide, _ = moved(PHASE_LAG, bent("index_pip", step), many_receivers())
+    path = slide[:, :, 0].std(1)
+    assert path[239] < 1e-9
+    assert path[240 + round(0.15 * RATE_HZ) - 1] / path[-1] == pytest.approx(1 - math.exp(-1), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("joint", "pulled"),
+    [
+        ("index_mcp", {"hand", "thumb_metacarpal", "index_proximal", "middle_proximal", "middle_middle"}),
+        ("little_mcp", {"hand"}),
+        ("middle_dip", {"middle_middle", "middle_distal"}),
+        ("thumb_cmc", {"hand", "thumb_metacarpal", "index_proximal"}),
+    ],
+)
+def test_web_and_palm_pull_the_neighbours(joint: str, pulled: set[str]) -> None:
+    skin = skin_of("01", "right", 3, SEGMENTS, 1.0)
+    share = shares(skin)[:, JOINTS.index(joint)]
+    assert {segment for segment, one in zip(SEGMENTS, share, strict=True) if one > 0} == pulled
+    slide, _ = moved(PHASE_LAG, bent(joint, np.linspace(0.0, 1.0, 240)), skin)
+    far = np.abs(slide[-1]).max(-1)
+    np.testing.assert_array_equal(far > 1e-3, share > 0)
+    usual, _ = moved(SATURATING, bent(joint, np.linspace(0.0, 1.0, 240)), skin)
+    assert (np.abs(usual).max((0, 2)) > 1e-3).sum() <= 2
+
+
+def test_a_slipping_receiver_stays_where_it_slipped() -> None:
+    """Without a joint that moves, the way from first to last frame is wander and slips."""
+    angles = np.zeros((4800, len(JOINTS), 3))
+    slide, _ = polynomial(angles, many_receivers(), np.random.default_rng(0), np.random.default_rng(1))
+    off = (slide[-1] - slide[0]).std()
+    assert off == pytest.approx(math.sqrt(2 * WANDER_MM**2 + SLIPS * SLIP_MM**2), rel=0.15)
+
+
+def test_hysteresis_depends_on_the_way_and_not_on_the_pace() -> None:
+    there_and_back = np.concatenate([np.linspace(0, 1.5, 400), np.linspace(1.5, 0, 400)])
+    slow = np.concatenate([np.linspace(0, 1.5, 4000), np.linspace(1.5, 0, 4000)])
+    fast, paced = hysteretic(there_and_back), hysteretic(slow)
+    assert fast[300] == pytest.approx(paced[3003], abs=5e-3)
+    assert fast[300] - there_and_back[300] == pytest.approx(HYSTERESIS * LOOP_RAD, rel=0.1)
+    assert fast[300] - fast[499] > 0.1  # the same angle, on the way there and on the way back

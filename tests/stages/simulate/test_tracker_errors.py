@@ -1,0 +1,52 @@
+"""Faults of the simulated tracker: how often, how large, and what they leave alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skeleton.rotations import angle, conjugate, multiply
+from stages.simulate.tracker_errors import (
+    FLIPPED_SHARE,
+    LOST_S,
+    LOST_SHARE,
+    SPIKE_MM,
+    SPIKE_SHARE,
+    bursts,
+    faulty,
+)
+
+SHAPE = (48_000, 8)
+TIMES = 4.0
+
+
+def test_bursts_are_of_the_share_and_the_length_that_they_should_have() -> None:
+    on = bursts(np.random.default_rng(0), SHAPE, 0.02, LOST_S)
+    assert 0.017 < on.mean() < 0.023
+    starts = (on[1:] & ~on[:-1]).sum()
+    assert 0.8 < on.sum() / starts / (LOST_S * 240) < 1.3
+    assert not bursts(np.random.default_rng(0), SHAPE, 0.0, LOST_S).any()
+
+
+def test_faults_are_losses_flips_and_spikes_of_their_shares() -> None:
+    position = np.full((*SHAPE, 3), 200.0)
+    quaternion = np.tile([0.8, 0.0, 0.6, 0.0], (*SHAPE, 1))
+    seen, turned = faulty(position, quaternion, TIMES, np.random.default_rng(1))
+    lost = np.isnan(seen).any(-1)
+    np.testing.assert_array_equal(lost, np.isnan(turned).any(-1))
+    assert 0.8 < lost.mean() / (TIMES * LOST_SHARE) < 1.2
+    flipped = (seen < 0).all(-1)
+    assert 0.75 < flipped.mean() / (TIMES * FLIPPED_SHARE) < 1.25
+    jumped = (np.abs(np.abs(seen) - 200.0) > 1e-9).any(-1) & ~lost
+    assert 0.8 < jumped.mean() / (TIMES * SPIKE_SHARE) < 1.2
+    assert 0.9 < (np.abs(seen[jumped]) - 200.0).std() / SPIKE_MM < 1.1
+    sound = ~(lost | jumped)
+    np.testing.assert_allclose(np.linalg.norm(turned[sound], axis=-1), 1.0)
+    assert angle(multiply(conjugate(quaternion[sound]), turned[sound])).max() < 1e-6
+    assert 0.3 < (turned[sound][:, 0] < 0).mean() < 0.5  # the same rotation, the other sign
+
+
+def test_what_is_given_stays_as_it_was() -> None:
+    position, quaternion = np.ones((50, 2, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (50, 2, 1))
+    faulty(position, quaternion, 10.0, np.random.default_rng(0))
+    assert (position == 1.0).all()
+    assert (quaternion[..., 0] == 1.0).all()
