@@ -16,7 +16,7 @@ LAYOUT = read_layout("liberty16")
 
 
 def test_the_prior_moves_nothing(tmp_path: Path) -> None:
-    """Bones are an average hand's, or those of one as long as it was measured; nothing is stated of errors."""
+    """Bones are those of an average hand or of one as long as measured; nothing is stated of errors."""
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["rigid"], n_frames=250)
     folder, part = subject.plan_file.parent, Part("right", "prior-only", subject="01")
     assert main([f"--plan={subject.plan_file}", f"--out={folder}"]) == 0
