@@ -100,7 +100,7 @@ def _with_likeliest_bends(
         least, best = residuals(alone, start).frame_cost, start.y
         for tried in product(_BENDS_RAD, repeat=len(bends)):
             bent = start.y.copy()
-            bent[:, bends] = np.where(shown[np.ix_(rows, bends)], bent[:, bends], tried)
+            bent[:, bends] = np.where(shown[rows][:, bends], bent[:, bends], tried)
             cost = residuals(alone, replace(start, y=bent)).frame_cost
             best = np.where((cost < least)[:, None], bent, best)
             least = np.minimum(cost, least)
