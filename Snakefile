@@ -17,8 +17,11 @@ try:
         workflow.configfiles, config, Path(workflow.basedir, "config", "demo.yaml")
     )
     if workflow.is_main_process:
-        note = one_run.clear_the_way(study.results.folder, sys.argv[1:])
-        if note:
+        notes = [row.message for row in study.study.unusable]
+        for note in [
+            *notes,
+            *one_run.clear_the_way(study.results.folder, sys.argv[1:]),
+        ]:
             print(f"note: {note}", file=sys.stderr)
 except InputError as error:
     print(f"error: {error}", file=sys.stderr)
@@ -140,6 +143,7 @@ rule capture:  # section 2: a recording -> its poses
         code=code_digest("stages.capture.import_recording"),
         layout=study.layout_digest,
         options=study.import_options,
+        undeclared=study.undeclared_files,
     message:
         "capture: subject {wildcards.subject}, {wildcards.hand} hand, {wildcards.recording}"
     shell:

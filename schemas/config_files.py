@@ -153,6 +153,7 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
     near = _nearest(name, shipped(kind))
+    near += "; folders are separated by / and not by \\" if "\\" in name else ""
     raise InputError(
         f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"
@@ -162,6 +163,15 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
 def _nearest(word: str, known: list[str]) -> str:
     close = difflib.get_close_matches(word, known, 1)
     return f"; did you mean {close[0]!r}?" if close else ""
+
+
+_IN_WORDS = {
+    "^[A-Za-z0-9][A-Za-z0-9._-]*$": "a name of letters A to Z, digits, '.', '_' and '-' that begins with a "
+    "letter or a digit",
+    "^[a-z][a-z0-9_]*$": "a name of small letters, digits and '_' that begins with a letter",
+    "^[XYZ]{3}$": "three of the letters X, Y and Z",
+}
+"""What the patterns of the schemas mean."""
 
 
 def _sentence(error: Any) -> str:
@@ -175,6 +185,8 @@ def _sentence(error: Any) -> str:
     if error.validator == "required":
         absent = [key for key in error.validator_value if key not in error.instance]
         return f"{prefix}the key {', '.join(map(repr, absent))} is missing"
+    if error.validator == "pattern" and error.validator_value in _IN_WORDS:
+        return f"{prefix}{error.instance!r} is not {_IN_WORDS[error.validator_value]}"
     if error.validator in ("minItems", "maxItems") and error.instance:
         bound = "at least" if error.validator == "minItems" else "at most"
         meaning = error.schema.get("description", "a list of that length")

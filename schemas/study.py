@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,6 +15,12 @@ from schemas.layout import Layout, read_layout
 from schemas.limits import NAMES_BYTES
 from schemas.model import SkeletonModel, read_model
 from schemas.sheets import HAND_SHEETS, RECORDINGS, SHEETS, Row, read_sheet
+
+LONGEST_NAME_BYTES = 255
+"""No file system takes a longer name."""
+
+MOST_NAME_BYTES = 200
+"""Of subject, task and trial as they stand in paths."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,15 @@ class Recording:
 
 
 @dataclass(frozen=True)
+class UnusableRow:
+    """A row of the recordings sheet that is left out, and why: the study goes on with the others."""
+
+    hand: Hand
+    task: str
+    message: str
+
+
+@dataclass(frozen=True)
 class Simulation:
     """Where simulated recordings go and the seed that makes them."""
 
@@ -73,6 +89,7 @@ class Study:
     simulation: Simulation | None
     sheets: dict[str, Path]
     config: dict[str, Any]
+    unusable: tuple[UnusableRow, ...] = ()
 
     @property
     def hands(self) -> tuple[Hand, ...]:
@@ -119,11 +136,20 @@ class Study:
 def path_token(text: str) -> str:
     """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.
 
-    Everything else becomes %XX (UTF-8 bytes), so that two names never share a path.
+    Everything else becomes %XX (UTF-8 bytes), so that two names never share a path; the last letter of
+    a name that ends in many repetitions, which Snakemake takes for a rule that feeds itself, becomes %%XX.
     """
-    return "".join(
-        c if c.isalnum() or c in "-_" else "".join(f"%{byte:02X}" for byte in c.encode()) for c in text
-    )
+    safe = [c if c.isalnum() or c in "-_" else _percent(c) for c in text]
+    if _REPETITIVE.search("".join(safe)):
+        safe[-1] = f"%{_percent(text[-1])}"
+    return "".join(safe)
+
+
+_REPETITIVE = re.compile(r"(.+?)\1{19}$")
+
+
+def _percent(letter: str) -> str:
+    return "".join(f"%{byte:02X}" for byte in letter.encode())
 
 
 def read_study(path: Path) -> Study:
@@ -137,7 +163,7 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     layout = config_path(config["layout"], "layout", folder)
     models = _models(config["models"], folder, where)
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
-    recordings = _recordings(sheets["recordings"], folder, layout)
+    recordings, unusable = _recordings(sheets["recordings"], folder, layout)
     for path in {r.layout for r in recordings} | {layout}:
         read_layout(path.absolute())
     for name in ("participants", *HAND_SHEETS):
@@ -156,6 +182,7 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         simulation,
         sheets,
         config,
+        unusable,
     )
 
 
@@ -200,8 +227,26 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
     return models
 
 
-def _recordings(sheet: Path, folder: Path, layout: Path) -> tuple[Recording, ...]:
-    recordings = []
+def _why_unusable(recording: Recording) -> str:
+    """Say why no file can have the names that a row asks for; empty where they can."""
+    length = len(f"{path_token(recording.hand.subject)}{recording.name}".encode())
+    if length > MOST_NAME_BYTES:
+        return (
+            f"columns subject, task, trial: make a file name of {length} bytes; expected at most "
+            f"{MOST_NAME_BYTES}"
+        )
+    for column, path in (("file", recording.file), ("mapping", recording.mapping)):
+        longest = max((len(part.encode()) for part in path.parts), default=0) if path else 0
+        if longest > LONGEST_NAME_BYTES:
+            return f"column {column}: has a name of {longest} bytes; expected at most {LONGEST_NAME_BYTES}"
+    return ""
+
+
+def _recordings(
+    sheet: Path, folder: Path, layout: Path
+) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
+    """Give the recordings of the sheet, and the rows that can be none."""
+    recordings, unusable = [], []
     layouts: dict[Hand, tuple[Path, int]] = {}
     paths: dict[tuple[str, str], int] = {}
     for row in read_sheet(sheet, RECORDINGS):
@@ -220,6 +265,11 @@ def _recordings(sheet: Path, folder: Path, layout: Path) -> tuple[Recording, ...
             row["exclude"],
             row["accept"],
         )
+        reason = _why_unusable(recording)
+        if reason:
+            message = f"{sheet.name}: row {row.line}, {reason}; the row was left out"
+            unusable.append(UnusableRow(recording.hand, row["task"], message))
+            continue
         first, line = layouts.setdefault(recording.hand, (own, row.line))
         if first != own and not read_layout(own.absolute()).is_as(read_layout(first.absolute())):
             raise InputError(
@@ -241,5 +291,6 @@ def _recordings(sheet: Path, folder: Path, layout: Path) -> tuple[Recording, ...
             )
         recordings.append(recording)
     if not recordings:
-        raise InputError(f"{sheet}: has no recording; add a row a recording")
-    return tuple(recordings)
+        reasons = "; ".join(row.message for row in unusable[:1])
+        raise InputError(f"{sheet}: has no recording; add a row a recording{reasons and f' ({reasons})'}")
+    return tuple(recordings), tuple(unusable)

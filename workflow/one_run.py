@@ -31,8 +31,8 @@ _held: list[TextIO] = []
 """Open as long as this process lives."""
 
 
-def clear_the_way(results: Path, words: Sequence[str]) -> str:
-    """Remove what a killed run of the study has left of Snakemake's locks; give a sentence that says so.
+def clear_the_way(results: Path, words: Sequence[str]) -> list[str]:
+    """Remove what a killed run of the study has left of Snakemake's locks; give sentences that say so.
 
     results : the study's folder. words : of Snakemake's command line. Raises InputError where another run of
     the study is under way, unless this one only looks.
@@ -40,25 +40,25 @@ def clear_the_way(results: Path, words: Sequence[str]) -> str:
     try:
         file = _file_of(results).open("r", encoding="utf-8")
     except OSError:  # there was no run
-        return ""
+        return []
     with file:
         run = _read(file)
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError as error:
             if any(map(LOOKS.fullmatch, words)):
-                return ""
+                return []
             raise InputError(
                 f"study {results.name}: another run of it is under way (process {run.get('process', '?')} on "
                 f"{run.get('host', 'this machine')}); wait for its end, or stop that one first"
             ) from error
         except OSError:  # a file system without locks
-            return ""
+            return []
         if run.get("host") != socket.gethostname():  # a system's lock need not reach to another machine
-            return ""
+            return []
         if not _remove_locks(results):
-            return ""
-    return f"the run of process {run['process']} was killed; its lock is removed, and this one goes on"
+            return []
+    return [f"the run of process {run['process']} was killed; its lock is removed, and this one goes on"]
 
 
 def hold(results: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -43,6 +44,13 @@ class StudyFiles:
             subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
         }
         self._models = {path_token(name): name for name in self.study.models}
+        folders = [_relative(self.study.simulation.folder)] if self.study.simulation else []
+        for path in (*self.configuration, *folders):
+            if not _can_be_declared(path):
+                raise InputError(
+                    f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
+                    "it, or run from a folder from which its path does not"
+                )
 
     @classmethod
     def of(cls, study_files: Sequence[Path], config: Mapping[str, Any], default: Path) -> StudyFiles:
@@ -74,14 +82,18 @@ class StudyFiles:
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """A recording's file and mapping, those that are there or are simulated: a missing one must not stop
-        the others.
+        the others, nor one whose name Snakemake cannot take (see `undeclared_files`).
         """
         recording = self._recording(wildcards)
         names = {"subject": wildcards.subject, "hand": recording.hand.hand, "task": recording.task}
         simulated = [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
-        there = recording.file.exists() or _relative(recording.file) in simulated
-        mapping = [recording.mapping] if recording.mapping is not None and recording.mapping.exists() else []
-        return [_relative(path) for path in ([recording.file] if there else []) + mapping]
+        return [path for path in _files_of(recording) if Path(path).exists() or path in simulated]
+
+    def undeclared_files(self, wildcards: Wildcards) -> str:
+        """What tells a change of those files of a recording whose names Snakemake would read as wildcards."""
+        odd = [path for path in _files_of(self._recording(wildcards), declared=False) if Path(path).exists()]
+        states = [(path, Path(path).stat()) for path in odd]
+        return ";".join(f"{path} {state.st_size} {state.st_mtime_ns}" for path, state in states)
 
     def import_options(self, wildcards: Wildcards) -> str:
         """Options that say what a recording is, for the command that imports it."""
@@ -281,6 +293,17 @@ class _Subject:
 
     def __init__(self, subject: str) -> None:
         self.subject = subject
+
+
+def _files_of(recording: Recording, *, declared: bool = True) -> list[str]:
+    """A recording's file and mapping, of those that can be declared or of the others."""
+    files = [_relative(path) for path in (recording.file, recording.mapping) if path is not None]
+    return [path for path in files if _can_be_declared(path) == declared]
+
+
+def _can_be_declared(path: str) -> bool:
+    """Whether Snakemake takes a path as it stands: it has no way to quote wildcards and variables in it."""
+    return not re.search(r"\{.*\}|<[a-z][a-z0-9_]*>", path)
 
 
 def _relative(path: str | Path) -> str:

@@ -39,6 +39,18 @@ def gather_study(study: Study, results: Results) -> None:
     """Write the study-wide tables into its results folder. Raises TableError where a subject's is damaged."""
     plans = [read_plan(results.plan(subject), checked=False) for subject in study.subjects]
     problems: list[Row] = []
+    problems += [
+        _problem(
+            "plan",
+            "recording",
+            REFUSED,
+            row.message,
+            subject=row.hand.subject,
+            hand=row.hand.hand,
+            task=row.task,
+        )
+        for row in study.unusable
+    ]
     recordings = [row for plan in plans for row in _recording_rows(plan, problems)]
     problems += [row for plan in plans for row in _finding_rows(plan, recordings)]
     problems += _same_files(plans)

@@ -1,11 +1,13 @@
 """Studies: paths, roles, and what two rows of a sheet may not do to each other."""
 
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from small_study import HEADER, write_study
+from snakemake.io import PeriodicityDetector
 
 from schemas.config_files import CONFIG_FOLDER
 from schemas.errors import InputError
@@ -102,6 +104,33 @@ def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
     token = path_token(name)
     assert all(letter.isalnum() or letter in "-_%" for letter in token)
     assert path_token(token.replace("%", "")) == token.replace("%", "")
+
+
+@pytest.mark.parametrize("name", ["a" * 24, "ab" * 30, "/" * 24, "-" * 20, "x" + "é" * 40])
+def test_a_name_of_many_repetitions_is_none_in_its_path(name: str) -> None:
+    """Snakemake refuses to run a job with such a name."""
+    assert PeriodicityDetector().is_periodic(path_token(name)) is None
+    assert unquote(path_token(name).replace("%%", "%")) == name
+
+
+def test_a_row_that_no_file_can_be_named_by_is_left_out(tmp_path: Path) -> None:
+    long, file = "s" * 300, "f" * 300
+    read = study(
+        tmp_path, f"{long} right rom both a.csv", f"01 left rom both {file}.csv", "01 right rom both b.csv"
+    )
+    assert [recording.hand for recording in read.recordings] == [Hand("01", "right")]
+    assert [(row.hand, row.task) for row in read.unusable] == [
+        (Hand(long, "right"), "rom"),
+        (Hand("01", "left"), "rom"),
+    ]
+    left_out = "the row was left out"
+    assert [row.message for row in read.unusable] == [
+        "recordings.tsv: row 2, columns subject, task, trial: make a file name of 306 bytes; expected at "
+        f"most 200; {left_out}",
+        f"recordings.tsv: row 3, column file: has a name of 304 bytes; expected at most 255; {left_out}",
+    ]
+    with pytest.raises(InputError, match=r"has no recording; .*row 2, columns subject"):
+        study(tmp_path, f"{long} right rom both a.csv")
 
 
 def test_a_subject_of_any_name(tmp_path: Path) -> None:

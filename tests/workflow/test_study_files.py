@@ -99,6 +99,42 @@ def test_a_recordings_file_that_is_missing_stops_no_other(folder: Path) -> None:
     assert simulated.truth(ROM)[0] == "study/made/sub-A%26b_hand-right_task-rom_truth/joint_centres.parquet"
 
 
+@pytest.mark.parametrize("name", ["a{1}.csv", "a<b>.csv", "{subject}.csv"])
+def test_a_name_that_snakemake_would_read_as_its_own_is_no_input(folder: Path, name: str) -> None:
+    """What tells a change of that file goes into a parameter instead."""
+    rows = (f"A&b right rom calibration data/{name}", "A&b right pinch both data/b.csv")
+    study = files(folder, *rows)
+    assert (study.recording_files(ROM), study.undeclared_files(ROM)) == ([], "")
+    (folder / "study/data").mkdir()
+    (folder / "study/data" / name).write_text("1")
+    (folder / "study/data/b.csv").write_text("2")
+    assert study.recording_files(ROM) == []
+    before = study.undeclared_files(ROM)
+    assert before.startswith(f"study/data/{name} 1 ")
+    (folder / "study/data" / name).write_text("12")
+    assert study.undeclared_files(ROM) != before
+    pinch = SimpleNamespace(subject=ROM.subject, hand="right", recording="pinch")
+    assert (study.recording_files(pinch), study.undeclared_files(pinch)) == (["study/data/b.csv"], "")
+
+
+def test_a_folder_that_snakemake_would_read_as_its_own_is_refused(folder: Path) -> None:
+    message = r"study/made \{1\}: its path holds \{\.\.\.\} or <\.\.\.>, which Snakemake reads as its own"
+    with pytest.raises(InputError, match=message):
+        files(folder, more="simulation: {folder: 'made {1}', seed: 3}\n")
+    with pytest.raises(InputError, match=r"^odd <b>/study.yaml: its path holds"):
+        StudyFiles(write_study(folder / "odd <b>", *ROWS))
+
+
+def test_plans_are_asked_for(folder: Path) -> None:
+    """Of subjects, of their recordings and of their fits."""
+    own = [f"results/test/{subject}/" for subject in (SUBJECT, "sub-02")]
+    fits = [f"{own[0]}fits/{hand}/alone/plan.json" for hand in ("left", "right")]
+    expected = [f"{one}{name}.json" for one in own for name in ("plan", "plan_of_recordings")]
+    assert sorted(files(folder).all_plans) == sorted(
+        [*expected, *fits, f"{own[1]}fits/right/alone/plan.json"]
+    )
+
+
 Change = dict[str, str]
 CHANGES: dict[str, tuple[tuple[str, ...], Change, tuple[str, ...]]] = {
     "role": (("A&b right rom both data/a.csv", *ROWS[1:]), {}, MODELS),
