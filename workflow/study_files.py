@@ -74,13 +74,13 @@ class StudyFiles:
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """A recording's file and mapping, those that are there or are simulated: a missing one must not stop
-        the others.
+        the others, nor may Snakemake wait for a pipe.
         """
         recording = self._recording(wildcards)
         names = {"subject": wildcards.subject, "hand": recording.hand.hand, "task": recording.task}
         simulated = [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
-        there = recording.file.exists() or _relative(recording.file) in simulated
-        mapping = [recording.mapping] if recording.mapping is not None and recording.mapping.exists() else []
+        there = recording.file.is_file() or recording.file.is_dir() or _relative(recording.file) in simulated
+        mapping = [recording.mapping] if recording.mapping is not None and recording.mapping.is_file() else []
         return [_relative(path) for path in ([recording.file] if there else []) + mapping]
 
     def import_options(self, wildcards: Wildcards) -> str:
