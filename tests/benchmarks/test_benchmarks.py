@@ -12,7 +12,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks import benchmark_table, fewer_receivers, joint_solve, paper_accuracy, peers, studies
+from benchmarks import (
+    benchmark_table,
+    bit_flips,
+    fewer_receivers,
+    joint_solve,
+    paper_accuracy,
+    peers,
+    studies,
+)
 from benchmarks.__main__ import BENCHMARKS, main
 from benchmarks.accuracy.score import JOINT_TYPES
 from benchmarks.benchmark_table import Cell, TextTable
@@ -54,6 +62,16 @@ def test_tables_go_into_their_page_with_the_machine(tmp_path: Path, monkeypatch:
     assert written.startswith("Prose.")
     assert written.endswith("More.\n")
     assert "old" not in written
+
+
+def test_no_file_with_a_checksum_gives_other_numbers() -> None:
+    """Of those without one, some flips do."""
+    (table,) = bit_flips.run(flips=12 * 12, seed=3)
+    silent = dict(zip(column(table, "file"), column(table, "other"), strict=True))
+    assert silent.pop("recording (Parquet without)") != 0
+    silent.pop("recording (CSV)")
+    assert len(silent) == 10
+    assert set(silent.values()) == {0}
 
 
 def test_rivals_take_turns() -> None:
