@@ -65,7 +65,7 @@ def read_yaml(path: Path, kind: str) -> Any:
         finally:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
-        raise InputError(f"{path}: not valid YAML: {_place_and_problem(error)}") from error
+        raise InputError(f"{path}: not valid YAML: {_place_and_problem(error, text)}") from error
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that no calendar has
         raise InputError(f"{path}: not valid YAML: {error}") from error
 
@@ -101,13 +101,13 @@ def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
     return total
 
 
-def _place_and_problem(error: yaml.MarkedYAMLError) -> str:
+def _place_and_problem(error: yaml.MarkedYAMLError, text: str) -> str:
     """What is wrong, in the words of the parser, and where, as an editor counts lines."""
     mark = error.problem_mark or error.context_mark
     where = f" (line {mark.line + 1}, column {mark.column + 1})" if mark is not None else ""
-    problem = error.problem or error.context or "damaged"
-    tab = "; indent with blanks, not with tabs" if "'\\t'" in problem or "tab character" in problem else ""
-    return f"{problem}{where}{tab}"
+    line = text.split("\n")[mark.line] if mark is not None and mark.line < text.count("\n") + 1 else ""
+    tab = "; indent with blanks, not with tabs" if line.lstrip(" ").startswith("\t") else ""
+    return f"{error.problem or error.context or 'damaged'}{where}{tab}"
 
 
 def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[str, Any]:
@@ -153,6 +153,7 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
     near = _nearest(name, shipped(kind))
+    near += "; folders are separated by / and not by \\" if "\\" in name else ""
     raise InputError(
         f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"

@@ -5,6 +5,7 @@ Nothing here knows a hand: a layout is any tree of segments with chains that end
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -187,9 +188,12 @@ def _segment(name: str, part: dict[str, Any], axes: dict[str, Vector], where: st
         for second in list(own)[i:]:
             dot = sum(a * b for a, b in zip(own[first], own[second], strict=True))
             if abs(dot - (first == second)) > 1e-6:
+                odd = f"{first} and {second} are not"
+                if first == second:
+                    odd = f"{first} has length {math.sqrt(dot):.4g}"
                 raise InputError(
                     f"{where}: segments.{name}: receiver_axes distal, lateral and dorsal must be unit "
-                    f"vectors at right angles; {first} and {second} are not"
+                    f"vectors at right angles; {odd}"
                 )
     worn = part.get("receiver"), part["measured"], part["optional"]
     return Segment(name, *worn, **own, left_receiver=part.get("left_receiver"))

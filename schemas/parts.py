@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -331,11 +331,15 @@ def _check_part(parts: Mapping[Part, Mapping[str, Any]], part: Part, path: Path)
 def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
     try:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
-        return {
+        parts = {
             Part(*(one.pop(key) for key in ("hand", "model", "made_without", "subject"))): one
             for one in listed
         }
-    except (KeyError, ValueError, AttributeError, TypeError) as error:
+        texts = [text for part, one in parts.items() for text in (*astuple(part), one.get("failure", ""))]
+        if not all(isinstance(text, str) for text in texts):
+            raise TypeError("a name or a reason is no text")
+        return parts
+    except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
         raise TableError(
             f"{path}: does not list its parts ({error!r}); remove it and run the study again"
         ) from error

@@ -175,15 +175,15 @@ def pose_blocks(
 
 
 def check_layout(path: Path, layout: Layout) -> None:
-    """Raise TableError where a poses file was made with another layout and lacks segments of this one.
+    """Raise TableError where a poses file was made with a layout of other segments than this one's.
 
-    A layout that measures fewer of the segments will do.
+    A layout that measures fewer of the segments will do, or one of which the recording wore fewer receivers.
     """
     with open_parquet(path, f"a {POSES.name} table") as file:  # also one without rows
         segments = _row_groups(path, file)
     made_with = read_metadata(path)["parameters"].get("layout", layout.name)
     lacking = [name for name in layout.measured if name not in segments]
-    if segments and made_with != layout.name and lacking:
+    if made_with != layout.name and lacking and not set(segments) <= set(layout.segments):
         raise TableError(
             f"{path}: was imported with layout {made_with} and has no {lacking[0]}; layout {layout.name} "
             f"measures {', '.join(layout.measured)}; import the recording with it"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from schemas.catalogue import POSES
-from schemas.errors import InputError
+from schemas.errors import InputError, TableError
 from schemas.study import Recording
 from schemas.tables import read_metadata, read_table
 
@@ -40,13 +41,13 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
     except InputError as error:
         return row | {"status": "failed", "message": str(error)}, [str(error)]
     parameters = read_metadata(poses)["parameters"]
+    notes, absent, losses = (_texts(poses, parameters, name) for name in ("notes", "absent", "losses"))
     by_segment = table.group_by("segment", use_threads=False).aggregate([("valid", "sum")])
     n_valid = dict(zip(*(column.to_pylist() for column in by_segment.columns), strict=True))
-    absent = parameters.get("absent", [])
     dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
     problems = [f"no usable pose of {', '.join(dead)}; check that receiver"] if dead else []
-    problems += parameters.get("losses", [])
-    row["message"] = "; ".join(dict.fromkeys([*problems, *parameters.get("notes", [])]))
+    problems += losses
+    row["message"] = "; ".join(dict.fromkeys([*problems, *notes]))
     n_frames = table.num_rows // max(len(n_valid), 1)
     expected = (n_frames + parameters.get("missing_frames", 0)) * len({*n_valid, *absent})
     row["n_frames"] = n_frames
@@ -54,6 +55,14 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
     row["duration_s"] = _duration_s(table)
     row["valid_percent"] = 100.0 * sum(n_valid.values()) / expected if expected else None
     return row, problems
+
+
+def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
+    """A list of texts of the poses table's parameters; TableError where it is something else."""
+    texts = parameters.get(name, [])
+    if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+        raise TableError(f"{path}: its metadata have no list of {name}; make it with stages.capture")
+    return texts
 
 
 def _duration_s(poses: pa.Table) -> float | None:

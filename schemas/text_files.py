@@ -76,7 +76,7 @@ def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iter
     try:
         yield
     except FileNotFoundError as error:
-        slashes = "; write its path with / in place of \\" if "\\" in str(path) else ""
+        slashes = "; folders are separated by / and not by \\" if "\\" in str(path) else ""
         raise InputError(f"{path}: no such file; {remedy or f'expected {expected}'}{slashes}") from error
     except OSError as error:
         raise InputError(

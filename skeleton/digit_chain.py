@@ -73,7 +73,7 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
     ]
     for joint in needed:
         if joint not in rows or rows[joint]["status"] == "failed":
-            reason = rows[joint]["message"] if joint in rows else "it was not solved"
+            reason = rows[joint]["message"] if joint in rows else "no receiver was worn on both sides of it"
             return f"{joint} failed: {reason}"
     base = needed[0]
     base_point = _point(rows[base], "child") if at_wrist else _point(rows[base], "parent")

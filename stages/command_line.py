@@ -131,6 +131,7 @@ def run(
     """
     message = ""
     try:
+        _refuse_undecodable(arguments)
         with _recorded(record_failure is not None and arguments.record_failure) as messages:
             work(arguments)
         if messages and record_failure is not None:
@@ -138,6 +139,15 @@ def run(
             record_failure(arguments, message)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except ModuleNotFoundError as error:
+        if Path(__file__).parents[1].joinpath((error.name or "").split(".")[0]).is_dir():
+            raise  # one of this program's own
+        print(
+            f"error: {error.name} is not installed for {sys.executable}; run `./bootstrap requirements.lock` "
+            "once, and .venv/bin/python in place of python",
+            file=sys.stderr,
+        )
         return EXIT_BAD_INPUT
     except MemoryError as error:
         print(
@@ -147,6 +157,14 @@ def run(
         )
         return EXIT_BAD_INPUT
     return 0
+
+
+def _refuse_undecodable(arguments: argparse.Namespace) -> None:
+    """Raise InputError where an argument is not in UTF-8, as tables and captures have it."""
+    for name, value in vars(arguments).items():
+        for text in map(str, value if isinstance(value, list | tuple) else [value]):
+            if any("\ud800" <= letter <= "\udfff" for letter in text):
+                raise InputError(f"--{name.replace('_', '-')}: {text}: is not UTF-8 text; write it in UTF-8")
 
 
 @contextmanager
@@ -167,12 +185,12 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
 def _recorded(record: bool) -> Iterator[list[str]]:
     """Keep and print the message of what is raised inside; raise it without `record`.
 
-    A TableError is raised, and that memory ran out: no result of the subject's, and another time it may not.
+    A TableError is raised, and that memory ran out or a package is not installed: no results of a subject's.
     """
     messages: list[str] = []
     try:
         yield messages
-    except (TableError, MemoryError):
+    except (TableError, MemoryError, ModuleNotFoundError):
         raise
     except InputError as error:
         if not record:

@@ -82,16 +82,18 @@ class StudyFiles:
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """A recording's file and mapping, those that are there or are simulated: a missing one must not stop
-        the others, nor one whose name Snakemake cannot take (see `undeclared_files`).
+        the others, nor a pipe, nor one whose name Snakemake cannot take (see `undeclared_files`).
         """
         recording = self._recording(wildcards)
         names = {"subject": wildcards.subject, "hand": recording.hand.hand, "task": recording.task}
         simulated = [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
-        return [path for path in _files_of(recording) if Path(path).exists() or path in simulated]
+        return [path for path in _files_of(recording) if _can_be_read(Path(path)) or path in simulated]
 
     def undeclared_files(self, wildcards: Wildcards) -> str:
         """What tells a change of those files of a recording whose names Snakemake would read as wildcards."""
-        odd = [path for path in _files_of(self._recording(wildcards), declared=False) if Path(path).exists()]
+        odd = [
+            path for path in _files_of(self._recording(wildcards), declared=False) if _can_be_read(Path(path))
+        ]
         states = [(path, Path(path).stat()) for path in odd]
         return ";".join(f"{path} {state.st_size} {state.st_mtime_ns}" for path, state in states)
 
@@ -308,3 +310,8 @@ def _can_be_declared(path: str) -> bool:
 
 def _relative(path: str | Path) -> str:
     return Path(os.path.relpath(path)).as_posix()
+
+
+def _can_be_read(path: Path) -> bool:
+    """Whether a file or a folder is there: Snakemake would wait for a pipe."""
+    return path.is_file() or path.is_dir()

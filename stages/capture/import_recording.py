@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,7 @@ from stages.capture.formats.readers import AUTO, FORMATS
 
 if TYPE_CHECKING:
     from schemas.layout import Layout
+    from schemas.mapping import FileMapping
     from stages.capture.poses_table import PosesTable
     from stages.capture.samples import Samples
 
@@ -82,7 +83,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
     table = poses_table(parts(), parents, folder, repair_hemisphere=arguments.repair_hemisphere)
     with closing(table) as poses:
-        _write(arguments, layout, poses, remarks, None if mapping is None else mapping.orientation)
+        _write(arguments, layout, poses, remarks, mapping)
     if not arguments.record_failure:  # in a study, a stage of its own says so
         _print_findings(arguments, layout)
 
@@ -92,13 +93,14 @@ def _write(
     layout: Layout,
     poses: PosesTable,
     remarks: _Remarks,
-    orientation: Mapping[str, Any] | None,
+    mapping: FileMapping | None,
 ) -> None:
     from schemas.catalogue import POSES
     from schemas.config_files import config_path
     from schemas.tables import Provenance, write_table_in_parts
 
-    absent = _absent(layout, poses)
+    absent = _absent(layout, poses, mapping)
+    orientation = None if mapping is None else mapping.orientation
     notes = list(remarks.notes)
     if absent:
         notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
@@ -142,7 +144,11 @@ def _parameters(arguments: argparse.Namespace, layout: str, absent: list[str]) -
     return {**names, "layout": layout, "absent": absent}
 
 
-def _absent(layout: Layout, poses: PosesTable) -> list[str]:
-    """Segments that the layout expects and of which the recording has no complete pose."""
+def _absent(layout: Layout, poses: PosesTable, mapping: FileMapping | None) -> list[str]:
+    """Segments that are expected and of which the recording has no complete pose.
+
+    Those are the layout's, or of these the mapping's: nobody wore a receiver on the others.
+    """
     seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
-    return [s for s in layout.expected if s not in seen]
+    worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
+    return [s for s in layout.expected if s in worn and s not in seen]

@@ -34,6 +34,9 @@ from stages.fit_hand.touching import SKIN_SD_MM
 POSTURES = 96
 """Of a block of frames, for which the map is made; each set of valid receivers has one at least."""
 
+_MOST_AT_ONCE = 128
+"""Postures whose maps are in memory together: 50 MB."""
+
 _NUDGE_RAD = 1e-5
 
 
@@ -70,7 +73,12 @@ class PosedErrors:
 def posed_errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
     """Errors of frames as `pose_hand` posed them. frames : that they were posed from."""
     chosen, nearest = _postures(posed, frames.valid)
-    few = _errors(tips, posed_frames(posed, chosen), frames.take(chosen))
+    few = _joined(
+        [
+            _errors(tips, posed_frames(posed, rows), frames.take(rows))
+            for rows in np.split(chosen, range(_MOST_AT_ONCE, len(chosen), _MOST_AT_ONCE))
+        ]
+    )
 
     def of_all(values: Array) -> Array:
         out = values[nearest] if len(values) else np.zeros((len(nearest), *values.shape[1:]))
@@ -82,6 +90,16 @@ def posed_errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErr
         of_all(few.turn_deg),
         {joint: of_all(values) for joint, values in few.angles_deg.items()},
         of_all(few.tips_mm),
+    )
+
+
+def _joined(parts: Sequence[PosedErrors]) -> PosedErrors:
+    """Errors of frames after each other."""
+    return PosedErrors(
+        np.concatenate([part.centre_mm for part in parts]),
+        np.concatenate([part.turn_deg for part in parts]),
+        {joint: np.concatenate([part.angles_deg[joint] for part in parts]) for joint in parts[0].angles_deg},
+        np.concatenate([part.tips_mm for part in parts]),
     )
 
 

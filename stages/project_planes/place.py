@@ -16,6 +16,7 @@ from stages.project_planes.plane import (
     centre_sd_mm,
     correct,
     gap_rms_mm,
+    is_worst_along,
     leave_uncut,
     project,
     worst_direction_sd_mm,
@@ -68,7 +69,7 @@ def place_joint(
     row |= _centre(solution, placed, shift_mm, model)
     if model.cut:
         row |= _whole_error(joint, layout, placed, solution)
-        reasons = _doubts(joint, layout, row, worst_direction_sd_mm(placed.covariance_mm2), model)
+        reasons = _doubts(joint, layout, row, placed.covariance_mm2, model)
     else:
         reasons = [solution["message"]] * bool(solution["message"]) + _disagreement(row)
     row["status"] = "weak" if reasons else "ok"
@@ -168,10 +169,16 @@ def _mean_rotation(solution: Mapping[str, Any]) -> Array:
 
 
 def _doubts(
-    joint: Joint, layout: Layout, row: Mapping[str, Any], worst_scatter_mm: float, model: SkeletonModel
+    joint: Joint, layout: Layout, row: Mapping[str, Any], scatter_mm2: Array, model: SkeletonModel
 ) -> list[str]:
-    """Say in words what makes the centre weak; nothing where nothing does."""
+    """Say in words what makes the centre weak; nothing where nothing does.
+
+    scatter_mm2 : (6, 6) covariance of the centre by its frames' scatter.
+    """
     reasons = []
+    worst_scatter_mm = worst_direction_sd_mm(scatter_mm2)
+    hinge = is_worst_along(scatter_mm2, _vector(row, "axis_parent_"), _vector(row, "axis_child_"))
+    where = "along its axis, where only a plane could place it" if hinge else "in the worst direction"
     if joint.compound:
         reasons.append(
             f"solved against {joint.parent_receiver} across {joint.parent}, which moves and carries no "
@@ -187,7 +194,7 @@ def _doubts(
             f"which moved the centre {abs(row['slide_mm']):.0f} mm along it"
         )
     if worst_scatter_mm > WEAK_SCATTER_MM:
-        reasons.append(f"its frames scatter by {worst_scatter_mm:.1f} mm in the worst direction")
+        reasons.append(f"its frames scatter by {worst_scatter_mm:.1f} mm {where}")
     elif row["sd_mm"] > WEAK_SD_MM and is_known(joint.child, layout):
         reasons.append(f"skin and the receivers' places leave the centre uncertain by {row['sd_mm']:.0f} mm")
     if cut and row["axis_sd_deg"] > WEAK_AXIS_SD_DEG:

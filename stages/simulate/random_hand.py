@@ -1,8 +1,9 @@
 """The hand of a subject: bones, joints and axes.
 
 Frames: one per bone, origin at the centre of its proximal joint, x along the bone distally, z dorsal, y
-the flexion axis made perpendicular to x, so that a positive flexion turns x towards the palm. The hand's
-frame has its origin at the wrist centre. Right hand: y towards the thumb; the left hand is the mirror image.
+nearest to what the joint's flexion axis is in the hand that the person is drawn around: the person's own axis
+is tilted in it. A positive flexion turns x towards the palm. The hand's frame has its origin at the wrist
+centre. Right hand: y towards the thumb; the left hand is the mirror image.
 
 The hands that people are drawn around, and how people differ, are those of `anatomy.drawn_hands`.
 """
@@ -84,12 +85,14 @@ class Hand:
 class _Straight:
     """A person's hand at neutral, in its own frame: shapes as in Hand.
 
-    centres_mm : (B, 2, 3) ends of every bone, proximal and distal. axes : (J, 3) of flexion. second_axis :
-    (3,) of the thumb's CMC; carried_flexion : whether the first one is carried by it.
+    centres_mm : (B, 2, 3) ends of every bone, proximal and distal. axes : (J, 3) of flexion; facing : (J, 3)
+    the same untilted, by which the bones' frames face. second_axis : (3,) of the thumb's CMC; carried_flexion
+    : whether the first one is carried by it.
     """
 
     centres_mm: Array
     axes: Array
+    facing: Array
     second_axis: Array
     carried_flexion: bool
     lengths_mm: Array
@@ -104,6 +107,7 @@ class _Straight:
             self,
             centres_mm=self.centres_mm * [1.0, -1.0, 1.0],
             axes=self.axes * axis,
+            facing=self.facing * axis,
             second_axis=self.second_axis * axis,
         )
 
@@ -117,13 +121,13 @@ def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
     depth_mm = spread.centres_mm * float(_clipped(generator(seed, "joint depth", subject), ()))
     lengths = _lengths_mm(rng, average, scale, depth_mm) * _side_factors(subject, side, seed)
     centres = _centres_mm(rng, average, spread, lengths, scale)
-    axes = _flexion_axes(rng, average, spread, centres, realism)
+    axes, facing = _flexion_axes(rng, average, spread, centres, realism)
     soft_tip = scale * np.array([digit.soft_tip_mm for digit in average.values()])
     soft_tip += spread.soft_tip_mm * _clipped(generator(seed, "soft tip", subject), (len(DIGITS),))
     second = average["thumb"].second_axis
     assert second is not None  # of every source
     carried = realism.anatomy != drawn.MIXED_TABLE
-    straight = _Straight(centres, axes, second, carried, lengths, soft_tip, _coupling(rng), scale)
+    straight = _Straight(centres, axes, facing, second, carried, lengths, soft_tip, _coupling(rng), scale)
     return _assembled(side, straight.mirrored() if side == "left" else straight, realism)
 
 
@@ -186,14 +190,19 @@ def _flexion_axes(
     spread: drawn.Spread,
     centres_mm: Array,
     realism: Realism,
-) -> Array:
-    """Flexion axes at neutral, right hand, in the hand's frame, (J, 3)."""
+) -> tuple[Array, Array]:
+    """Flexion axes at neutral, right hand, in the hand's frame, (J, 3), as they are and untilted.
+
+    Where the paper's assumptions hold, and of the table that was once the average, bones face as their axes
+    are.
+    """
     axes = np.zeros((len(JOINTS), 3))
     axes[WRIST] = drawn.WRIST_AXES[FLEXION]
     for digit, own in average.items():
         axes[_chain(digit)] = own.flexion_axes
     off = spread.axis * _clipped(rng, (len(JOINTS), 3))
-    axes = rotations.unit(rotations.unit(axes) + off)
+    untilted = rotations.unit(axes)
+    axes = rotations.unit(untilted + off)
     if realism.perpendicular_mcp:
         for digit in DIGITS:
             cmc, mcp = _chain(digit)[:2]
@@ -202,7 +211,8 @@ def _flexion_axes(
             axes[mcp] = _perpendicular(axes[mcp], along)
             if digit == "thumb":
                 axes[cmc] = _perpendicular(axes[cmc], along)
-    return axes
+    follows = realism.perpendicular_mcp or realism.anatomy == drawn.MIXED_TABLE
+    return axes, axes if follows else untilted
 
 
 def _perpendicular(vector: Array, to: Array) -> Array:
@@ -232,7 +242,7 @@ def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
     frames = np.tile(np.eye(3), (len(BONES), 1, 1))
     for bone in range(2, len(BONES)):
         x = rotations.unit(centres[bone, 1] - centres[bone, 0])
-        y = _perpendicular(axes[bone - 1], x)
+        y = _perpendicular(straight.facing[bone - 1], x)
         frames[bone] = np.stack([x, y, np.cross(x, y)], -1)
     to_parent = np.swapaxes(frames[PARENT], -1, -2)
     triples = np.stack([axes, *_second_and_third_axes(side, frames, straight)], 1)

@@ -14,9 +14,9 @@ SKIN_LAWS = (SATURATING, POLYNOMIAL, PHASE_LAG)
 class Realism:
     """Independent switches: each assumption of the paper can be kept or dropped alone.
 
-    mobile_palm : metacarpals 4 and 5 (and a little 2 and 3) move at their CMC joints.
-    hinges_only : every joint turns about one fixed axis; MCP, thumb and wrist have no second one.
-    perpendicular_mcp : the MCP axis is at right angles to the vector from the wrist to the MCP joint (for
+    mobile_palm : metacarpals 4 and 5 (and a little 2 and 3) move at their CMC joints. hinges_only : every
+    joint turns about one fixed axis; MCP, thumb and wrist have no second one. perpendicular_mcp : bones face
+    as their axes are, and the MCP axis is at right angles to the vector from the wrist to the MCP joint (for
         the thumb: CMC and MCP axes at right angles to the metacarpal), so that Eq. 11 finds no twist.
     anatomy : whom hands are drawn around, one of `anatomy.drawn_hands.ANATOMIES`.
     mounts : scale of how far receivers are misplaced; at 0 they sit exactly: axes along the bone, no lateral

@@ -12,7 +12,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks import benchmark_table, joint_solve, paper_accuracy, peers, studies
+from benchmarks import (
+    benchmark_table,
+    bit_flips,
+    fewer_receivers,
+    joint_solve,
+    paper_accuracy,
+    peers,
+    studies,
+)
 from benchmarks.__main__ import BENCHMARKS, main
 from benchmarks.accuracy.score import JOINT_TYPES
 from benchmarks.benchmark_table import Cell, TextTable
@@ -54,6 +62,16 @@ def test_tables_go_into_their_page_with_the_machine(tmp_path: Path, monkeypatch:
     assert written.startswith("Prose.")
     assert written.endswith("More.\n")
     assert "old" not in written
+
+
+def test_no_file_with_a_checksum_gives_other_numbers() -> None:
+    """Of those without one, some flips do."""
+    (table,) = bit_flips.run(flips=12 * 12, seed=3)
+    silent = dict(zip(column(table, "file"), column(table, "other"), strict=True))
+    assert silent.pop("recording (Parquet without)") != 0
+    silent.pop("recording (CSV)")
+    assert len(silent) == 10
+    assert set(silent.values()) == {0}
 
 
 def test_rivals_take_turns() -> None:
@@ -214,3 +232,18 @@ def test_wrong_options_are_refused(argv: str, expected: str, capsys: pytest.Capt
         main(argv.split())
     assert stopped.value.code == 2
     assert expected in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_fewer_receivers_are_compared_with_all_and_with_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fewer_receivers, "FEWER", {6: ("hand",)})
+    monkeypatch.setattr(fewer_receivers, "EVERY", 60)
+    pairs = list(fewer_receivers.hand_errors(1, "left", 2400))
+    assert [(kind, one.calibrated, one.worn) for kind, one in pairs] == [
+        ("fitted", 16, 16), ("fitted", 16, 6), ("fitted", 6, 6), ("bound", 6, 6),
+    ]  # fmt: skip
+    shown = fewer_receivers.table(fewer_receivers.PIP, pairs, "one hand")
+    assert column(shown, "task with") == [16, 6, 6]
+    with_all, with_six, calibrated_with_six = column(shown, "stated sd")
+    assert with_all < with_six < calibrated_with_six  # type: ignore[operator]
+    assert column(shown, "sd at the truth")[:2] == [None, None]

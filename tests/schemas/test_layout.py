@@ -42,6 +42,24 @@ def read(tmp_path: Path, config: dict[str, Any]) -> Layout:
     return read_layout("finger.yaml", tmp_path)
 
 
+def test_smaller_layouts_are_the_hand_with_fewer_receivers() -> None:
+    hand = read_layout("liberty16")
+    tips = [digit.tip for digit in hand.digits.values()]
+    for name, worn in (
+        ("tips-and-hand", {"hand", *tips}),
+        ("two-hands-7", {"hand", "thumb_metacarpal", *tips}),
+    ):
+        layout = read_layout(name)
+        assert layout.is_as(hand)
+        assert hand.is_as(layout)
+        assert set(layout.expected) == worn
+        assert {layout.segments[s].receiver for s in worn} == set(range(1, len(worn) + 1))
+    both = read_layout("two-hands-7")
+    assert both.of_hand("right") == both
+    assert {both.of_hand("left").segments[s].receiver for s in both.expected} == set(range(8, 15))
+    assert not read_layout("arm").is_as(hand)
+
+
 def test_liberty16_is_a_hand() -> None:
     """Sixteen receivers and an optional one, five digits, nineteen joints and the wrist."""
     layout = read_layout("liberty16")
@@ -82,10 +100,11 @@ def test_a_wrist_that_was_measured(tmp_path: Path) -> None:
     ("path", "value", "message"),
     [
         ("segments.tip.receiver", 1, "segments hand and tip both name receiver 1"),
+        ("segments.tip.left_receiver", 1, "segments hand and tip both name receiver 1"),
         ("segments.tip.reciever", 1, r"segments\.tip: unknown key 'reciever'; .*did you mean 'receiver'"),
         ("segments.Tip", {}, "segments: 'Tip' is not a name of small letters"),
         ("receiver_axes", {"distal": [0, 1, 0]}, "segments.hand: .*distal and lateral are not"),
-        ("receiver_axes", {"distal": [2, 0, 0]}, "unit vectors at right angles; distal and distal are not"),
+        ("receiver_axes", {"distal": [2, 0, 0]}, "unit vectors at right angles; distal has length 2"),
         ("segments.tip.receiver_axes", {"dorsal": [1, 0, 0]}, "segments.tip: .*distal and dorsal are not"),
         ("joints.mcp.child", "tap", "joints.mcp.child: no segment is called 'tap'"),
         ("joints.cmc.parent", "arm", "joints.cmc.parent: no segment is called 'arm'"),

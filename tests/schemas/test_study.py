@@ -51,6 +51,19 @@ def test_layouts_and_models_of_ones_own(tmp_path: Path) -> None:
     assert read.layout_of(Hand("01", "right")) == tmp_path / "wing.yaml"
 
 
+def test_recordings_of_a_hand_may_wear_fewer_receivers(tmp_path: Path) -> None:
+    """The hand has the layout with most of them, whichever comes first."""
+    rows = ("01 right tips evaluation t.csv - tips-and-hand", "01 right rom calibration r.csv")
+    read = study(tmp_path, *rows, "02 right tips both t.csv - tips-and-hand")
+    assert read.layout_of(Hand("01", "right")).stem == "liberty16"
+    assert read.layout_of(Hand("02", "right")).stem == "tips-and-hand"
+    assert [recording.layout.stem for recording in read.recordings] == [
+        "tips-and-hand",
+        "liberty16",
+        "tips-and-hand",
+    ]
+
+
 def test_recordings_that_are_shown(tmp_path: Path) -> None:
     """Those that tips are evaluated on, but for excluded ones."""
     rows = ("a calibration 1", "b both 2", "c evaluation 3", "d both 4 - - moved")

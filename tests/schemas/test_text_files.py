@@ -46,7 +46,7 @@ def test_paths_that_lead_nowhere(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.tsv: no such file; expected a sheet$"):
         read_text(tmp_path / "a.tsv", "a sheet")
     with pytest.raises(
-        InputError, match=r"no such file; expected a sheet; write its path with / in place of"
+        InputError, match=r"no such file; expected a sheet; folders are separated by / and not by"
     ):
         read_text(tmp_path / "data\\a.tsv", "a sheet")
     with pytest.raises(InputError, match=r"cannot be read \(File name too long\)"):

@@ -165,6 +165,26 @@ def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> Non
         work(arguments)
 
 
+@pytest.mark.parametrize("value", ["caf\udce9", ["ok", "\udcff"], Path("\udce9.csv")])
+def test_a_stray_byte_in_an_argument_is_refused(value: object, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = argparse.Namespace(note=value)
+    assert command_line.run(arguments, lambda _: pytest.fail("worked")) == 2
+    assert "is not UTF-8 text; write it in UTF-8" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("module", ["solve_joints", "evaluate_tips", "capture inspect x.csv"])
+def test_a_python_without_the_packages_is_said(module: str) -> None:
+    """The system's own, outside the environment."""
+    words = {"solve_joints": "--poses a --layout arm --model rigid --out b"}
+    words["evaluate_tips"] = "--joints a --bones b --metacarpals c --layout arm --out d --out-errors e"
+    command = [sys.executable, "-S", "-m", *f"stages.{module} {words.get(module, '')}".split()]
+    ended = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
+    assert "is not installed for " in ended.stderr
+    assert ".venv/bin/python in place of python" in ended.stderr
+
+
 # --- failing ----------------------------------------------------------------------------------------------
 
 INTERNAL = "internal error (ZeroDivisionError: oh); please report it with the log"

@@ -1,5 +1,6 @@
 """The files and requests of jobs: each depends on what it reads of the study, and on no more."""
 
+import os
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -86,6 +87,9 @@ def test_a_recordings_file_that_is_missing_stops_no_other(folder: Path) -> None:
     study = files(folder, more=SIMULATION)
     assert study.recording_files(ROM) == []
     (folder / "study/data").mkdir()
+    os.mkfifo(folder / "study/data/a.csv")
+    assert study.recording_files(ROM) == [], "Snakemake would wait for it"
+    (folder / "study/data/a.csv").unlink()
     (folder / "study/data/a.csv").write_text("")
     assert study.recording_files(ROM) == ["study/data/a.csv"]
     assert study.seed == 3

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from schemas.errors import InputError
 from trackers.families import FAMILIES
+
+STATIONS = frozenset(range(256))
+"""Numbers that a station's byte can have; no tracker has as many."""
 
 MM_PER_UNIT = {"cm": 10.0, "inch": 25.4, "m": 1000.0, "foot": 304.8, "mm": 1.0}
 
@@ -60,6 +64,10 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{where}: the tracker's settings in it cannot be read ({error!r})") from error
     known = settings.family in FAMILIES and settings.mode in ("binary", "ascii")
+    stations = {*settings.stations, *settings.items, *settings.hemisphere}
+    vectors = [number for vector in settings.hemisphere.values() for number in vector]
+    if not stations <= STATIONS or not all(map(math.isfinite, vectors)):
+        raise InputError(f"{where}: the tracker's settings in it name stations or hemispheres that none has")
     if not known or settings.unit not in MM_PER_UNIT or not 0 < settings.rate_hz < 10_000:
         raise InputError(
             f"{where}: the tracker's settings in it are none that is known (family {settings.family!r}, "

@@ -22,7 +22,7 @@ import pyarrow.csv as pa_csv
 
 from schemas.errors import InputError, listed
 from schemas.limits import LINE_LETTERS, read_whole
-from schemas.text_files import decoded, open_text, reading, undecodable
+from schemas.text_files import decoded, open_text, reading, refuse_other_kind, undecodable
 from stages.capture.formats.cells import EMPTY, Cells
 from stages.capture.samples import did_you_mean
 
@@ -241,10 +241,15 @@ def _first_record(path: Path, open_: Callable[[], BinaryIO], separator: str) -> 
 
 def _normalised(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
     """The text with skipped lines and comments emptied, so that lines keep their numbers, and no indents."""
-    decoded(path, data, "a table as text")
-    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    lines = data.split(b"\n", details["skip_lines"])
-    data = b"\n" * (len(lines) - 1) + lines[-1] if len(lines) > details["skip_lines"] else b""
+    refuse_other_kind(path, data[:8], "a table as text")
+    if not data.isascii():  # else the text would only take memory
+        decoded(path, data, "a table as text")
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if details["skip_lines"]:
+        lines = data.split(b"\n", details["skip_lines"])
+        data = b"\n" * (len(lines) - 1) + lines[-1] if len(lines) > details["skip_lines"] else b""
     if "comment" in details:
         data = re.sub(rb"(?m)^[ \t]*" + re.escape(details["comment"].encode()) + rb".*$", b"", data)
     data = re.sub(rb"(?m)^[ \t]+$", b"", data)

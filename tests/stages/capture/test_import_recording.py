@@ -53,6 +53,22 @@ def test_metadata_say_whose_hand_it_is_and_what_is_absent(
     assert "(14 of 17 segments)" in captured
 
 
+def test_receivers_that_a_mapping_does_not_name_were_not_worn(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording.write_text("x,y,z,w,i,j,k,u\n" + "1,2,3,1,0,0,0,\n" * 3)
+    columns = "position: [x, y, z], orientation: [w, i, j, k]"
+    mapping = recording.with_name("mapping.yaml")
+    mapping.write_text(
+        "format: csv\nposition_unit: mm\norientation: {kind: quaternion, order: wxyz}\n"
+        f"receivers: {{hand: {{{columns}}}, thumb_distal: {{{columns.replace('x,', 'u,', 1)}}}}}\n"
+    )
+    out = recording.with_name("poses.parquet")
+    assert run(recording, out, "--mapping", str(mapping)) == 0
+    assert read_metadata(out)["parameters"]["absent"] == ["thumb_distal"]
+    assert "no pose of thumb_distal (1 of 17 segments)" in capsys.readouterr().err
+
+
 def test_the_same_input_gives_the_same_bytes_anywhere(recording: Path, tmp_path: Path) -> None:
     """Neither the date nor a folder is in the file."""
     elsewhere = tmp_path / "elsewhere" / "rom.csv"

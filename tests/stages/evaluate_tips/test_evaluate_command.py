@@ -150,7 +150,7 @@ def test_a_receiver_that_was_never_seen_is_named(plan: SubjectPlan, tmp_path: Pa
     rows = read_part(tmp_path / "tip_errors.parquet", TIP_ERRORS, WHOLE).to_pylist()
     index = next(row for row in rows if row["digit"] == "index")
     assert index["n_frames"] == 0
-    assert index["message"].startswith("no frame in which all of hand, index_proximal")
+    assert index["message"] == "the recording has no pose of index_distal, which the replay rides on"
 
 
 def test_a_part_that_failed_costs_no_other(plan_file: Path, plan: SubjectPlan, tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_bones_and_tips_of_another_recording(hands: dict[str, tuple[HandFit, Sim
             true = rotate(made.truth.bone_quaternion[every, BONES.index(bone)], DISTAL)
             found = rotate(posed.bone_quaternion[:, index], DISTAL)
             angles.append(np.degrees(np.arccos(np.clip((true * found).sum(-1), -1, 1))).mean())
-    assert np.mean(angles) < 3.5
+    assert np.mean(angles) < 5.0
     tips = [name for name in posed.receivers if name.endswith("_distal")]
     blind = pose_hand(fit, poses, tips)
     for name in tips:

@@ -176,6 +176,16 @@ def test_a_joint_without_a_plane_is_the_six_unknown_fit(seed: int) -> None:
     assert np.linalg.norm(six.q_mm - chain.q_mm[0]) < 4 * placed["sd_mm"] + 0.5
 
 
+def test_a_hinge_without_a_plane_is_open_along_its_axis() -> None:
+    """Its frames place it across the axis; the sentence says where they do not."""
+    chain = random_chain(1, 2, 300, noise_mm=0.2)
+    joint = replace(chain.joints[0], plane=Plane("none", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    row = solution_row(joint, solve_closed(moments_of(chain), 0, 5))
+    placed = place_joint(joint, LAYOUT, row, read_model("paper-fig4"), None)
+    assert placed["status"] == "weak"
+    assert "mm along its axis, where only a plane could place it" in placed["message"]
+
+
 def test_receivers_that_disagree_are_told() -> None:
     """A gap that no skin makes (here a wrong quaternion order) is named in the joint's message."""
     chain = random_chain(1, 2, 300)

@@ -186,3 +186,19 @@ def test_exact_fingers_stay_clear_of_the_twists_singularity() -> None:
             along = rotations.unit(truth.bone_position_mm[:, bone] - wrist)
             distal = rotations.rotate(truth.bone_quaternion[:, bone], np.array([1.0, 0.0, 0.0]))
             assert np.degrees(np.arccos((along * distal).sum(-1))).max() < 85
+
+
+def test_axes_are_tilted_in_bones_that_face_as_their_sources_do() -> None:
+    """By some degrees in both directions across them, unless everything is as the paper assumes."""
+    tilts = []
+    for i in range(60):
+        hand = hand_of(f"{i:02d}", "right", 3, Realism(anatomy="ct"))
+        pips = [JOINTS.index(f"{digit}_pip") for digit in FINGERS]
+        tilts.append(rotations.rotate(rotations.conjugate(hand.rest[pips]), hand.axes[pips, FLEXION]))
+    along_and_up = np.degrees(np.array(tilts)[..., [0, 2]])
+    assert (np.abs(along_and_up.mean(0)[:, 0] - [-5.0, -2.1, 3.0, 4.4]) < 2.5).all()
+    assert (np.abs(along_and_up.mean(0)[:, 1]) < 2.5).all()
+    np.testing.assert_allclose(along_and_up.std((0, 1)), 5.0, atol=1.5)
+    exact = hand_of("01", "right", 3, Realism.exact())
+    facing = rotations.rotate(rotations.conjugate(exact.rest), exact.axes[:, FLEXION])
+    assert np.abs(facing[[JOINTS.index(f"{digit}_mcp") for digit in DIGITS], 2]).max() < 1e-9

@@ -1,0 +1,89 @@
+"""A subject calibrated with sixteen receivers who does a task with six: every stage, by the plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pipeline import import_recording
+from planned_subject import QUICK, PlannedSubject
+from simulated_poses import recorded
+from small_study import write_plans, write_study
+
+from schemas.catalogue import FINDINGS, POSES, SKELETON_SCORES
+from schemas.tables import read_metadata, read_table, rows_of
+from stages.check_recordings.__main__ import main as check_recordings
+from stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
+from stages.simulate.random_hand import DIGITS
+from stages.simulate.recording import write_recording
+
+SIX = ("hand", *(f"{digit}_distal" for digit in DIGITS))
+LAYOUTS = {"rom": "liberty16", "tips": "tips-and-hand"}
+
+
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
+    folder = tmp_path_factory.mktemp("fewer")
+    (folder / "quick.yaml").write_text(QUICK)
+    rows = ("01 right tips evaluation t.parquet - tips-and-hand", "01 right rom calibration r.parquet")
+    write_plans(write_study(folder, *rows, models=["rigid", "quick.yaml"]))
+    subject = PlannedSubject(folder)
+    rom, task = (recorded(task=name, seed=4, n_frames=600)[0] for name in ("rom", "opposition"))
+    worn = [task.segments.index(name) for name in SIX]
+    few = replace(
+        task, segments=SIX, position_mm=task.position_mm[:, worn], quaternion=task.quaternion[:, worn]
+    )
+    for name, made in (("rom", rom), ("tips", few)):
+        write_recording(folder / f"{name}.parquet", made)
+        subject.poses(name).parent.mkdir(parents=True)
+        import_recording(folder / f"{name}.parquet", subject.poses(name), task=name, layout=LAYOUTS[name])
+    folder = subject.plan_file.parent
+    assert check_recordings([f"--plan={subject.plan_file}", f"--out={folder / 'findings.parquet'}"]) == 0
+    subject.run_stages()
+    tables = [
+        f"--out={folder / 'skeleton_scores.parquet'}",
+        f"--out-joints={folder / 'joint_errors.parquet'}",
+    ]
+    assert evaluate_skeletons([f"--plan={subject.plan_file}", *tables]) == 0
+    return subject
+
+
+def test_the_hand_has_the_larger_layout_and_nobody_misses_what_was_not_worn(subject: PlannedSubject) -> None:
+    assert subject.plan.layouts["right"].name == "liberty16"
+    assert read_metadata(subject.poses("tips"))["parameters"]["absent"] == []
+    assert set(read_table(subject.poses("tips"), POSES)["segment"].to_pylist()) == set(SIX)
+    assert list(rows_of(read_table(subject.plan_file.with_name("findings.parquet"), FINDINGS))) == []
+
+
+def test_a_fitted_hand_is_posed_with_an_error_for_everything(subject: PlannedSubject) -> None:
+    part, folder = subject.part("quick"), subject.fit_folder()
+    for name, numbers, count in (
+        ("joint_angles", ("flexion_deg", "flexion_sd_deg"), 17),
+        ("bone_poses", ("x_mm", "sd_mm", "turn_sd_deg"), 20),
+        ("posed_tips", ("tip_x_mm", "skin_tip_x_mm", "tip_sd_mm", "skin_tip_sd_mm", "error_mm"), 5),
+    ):
+        rows = subject.rows(folder / f"{name}.parquet", name, part)
+        assert len(rows) == count * 600
+        assert all(row["task"] == "tips" for row in rows)
+        values = np.array([[row[number] for number in numbers] for row in rows], float)
+        assert np.isfinite(values).all(), name
+    costs = subject.rows(folder / "receiver_costs.parquet", "receiver_costs", part)
+    assert [row["n_receivers"] for row in costs] == [16, *[15] * 16, 7, 6]
+
+
+def test_what_cannot_be_scored_is_said_in_words(subject: PlannedSubject) -> None:
+    """A replay names the receivers that it lacks; a fitted hand is scored all the same."""
+    folder = subject.plan_file.parent
+    for model in ("rigid", "quick"):
+        errors = subject.rows(folder / "tip_errors.parquet", "tip_errors", subject.part(model))
+        index = next(row for row in errors if row["digit"] == "index")
+        assert index["mean_mm"] is None
+        assert index["message"] == (
+            "the recording has no pose of index_proximal, index_middle, which the replay rides on"
+        )
+    scores = list(rows_of(read_table(folder / "skeleton_scores.parquet", SKELETON_SCORES)))
+    fitted = [row for row in scores if row["model"] == "quick"]
+    assert [row["digit"] for row in fitted] == list(DIGITS)
+    assert all(row["posed_mean_mm"] < 2 for row in fitted)
+    assert all("no pose of" in row["message"] for row in scores if row["model"] == "rigid")
