@@ -153,7 +153,6 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
     near = _nearest(name, shipped(kind))
-    near += "; folders are separated by / and not by \\" if "\\" in name else ""
     raise InputError(
         f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"
@@ -186,7 +185,7 @@ def _sentence(error: Any) -> str:
         absent = [key for key in error.validator_value if key not in error.instance]
         return f"{prefix}the key {', '.join(map(repr, absent))} is missing"
     if error.validator == "pattern" and error.validator_value in _IN_WORDS:
-        return f"{prefix}{error.instance!r} is not {_IN_WORDS[error.validator_value]}"
+        return f"{prefix}{shortened(repr(error.instance), 100)} is not {_IN_WORDS[error.validator_value]}"
     if error.validator in ("minItems", "maxItems") and error.instance:
         bound = "at least" if error.validator == "minItems" else "at most"
         meaning = error.schema.get("description", "a list of that length")

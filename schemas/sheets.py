@@ -100,7 +100,7 @@ RECORDINGS = Sheet(
         HAND,
         Cell("task", _text, "what was done, e.g. rom or opposition"),
         Cell("role", _one_of("calibration", "evaluation", "both"), "what the recording is for"),
-        Cell("file", _path, "the recording, relative to the study file"),
+        Cell("file", _text, "the recording, relative to the study file"),
         Cell("trial", _text, "which repetition, where a task was recorded more than once", False, ""),
         Cell(
             "layout",
@@ -116,7 +116,7 @@ RECORDINGS = Sheet(
             False,
             "auto",
         ),
-        Cell("mapping", _path, "how to read the file, where it is not this project's own", False, ""),
+        Cell("mapping", _text, "how to read the file, where it is not this project's own", False, ""),
         Cell(
             "hemisphere",
             _one_of("keep", "repair"),

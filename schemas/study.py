@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,15 +11,12 @@ from typing import Any
 from schemas.config_files import check_config, config_path, read_config
 from schemas.errors import InputError, guess, listed
 from schemas.layout import Layout, read_layout
-from schemas.limits import NAMES_BYTES
+from schemas.limits import FILE_NAME_BYTES, NAMES_BYTES
 from schemas.model import SkeletonModel, read_model
 from schemas.sheets import HAND_SHEETS, RECORDINGS, SHEETS, Row, read_sheet
 
-LONGEST_NAME_BYTES = 255
-"""No file system takes a longer name."""
-
-MOST_NAME_BYTES = 200
-"""Of subject, task and trial as they stand in paths."""
+REPETITIONS = 20
+"""What ends in so many repetitions of something Snakemake takes for a rule that feeds itself."""
 
 
 @dataclass(frozen=True)
@@ -137,15 +133,14 @@ def path_token(text: str) -> str:
     """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.
 
     Everything else becomes %XX (UTF-8 bytes), so that two names never share a path; the last letter of
-    a name that ends in many repetitions, which Snakemake takes for a rule that feeds itself, becomes %%XX.
+    a name that ends in REPETITIONS of something becomes %%XX.
     """
     safe = [c if c.isalnum() or c in "-_" else _percent(c) for c in text]
-    if _REPETITIVE.search("".join(safe)):
+    token = "".join(safe)
+    lengths = range(1, NAMES_BYTES // REPETITIONS + 1)
+    if any(len(token) >= n * REPETITIONS and token.endswith(token[-n:] * REPETITIONS) for n in lengths):
         safe[-1] = f"%{_percent(text[-1])}"
     return "".join(safe)
-
-
-_REPETITIVE = re.compile(r"(.+?)\1{19}$")
 
 
 def _percent(letter: str) -> str:
@@ -229,16 +224,18 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
 
 def _why_unusable(recording: Recording) -> str:
     """Say why no file can have the names that a row asks for; empty where they can."""
-    length = len(f"{path_token(recording.hand.subject)}{recording.name}".encode())
-    if length > MOST_NAME_BYTES:
+    names = (recording.hand.subject, recording.task, recording.trial)
+    n_bytes = sum(len(path_token(name).encode()) for name in names)
+    if n_bytes > NAMES_BYTES:
         return (
-            f"columns subject, task, trial: make a file name of {length} bytes; expected at most "
-            f"{MOST_NAME_BYTES}"
+            f"columns subject, task, trial: have {n_bytes} bytes in the names of files; expected at most "
+            f"{NAMES_BYTES}"
         )
     for column, path in (("file", recording.file), ("mapping", recording.mapping)):
-        longest = max((len(part.encode()) for part in path.parts), default=0) if path else 0
-        if longest > LONGEST_NAME_BYTES:
-            return f"column {column}: has a name of {longest} bytes; expected at most {LONGEST_NAME_BYTES}"
+        if path and max((len(part.encode()) for part in path.parts), default=0) > FILE_NAME_BYTES:
+            return (
+                f"column {column}: has a part of more than {FILE_NAME_BYTES} bytes, which no file's name has"
+            )
     return ""
 
 
@@ -275,13 +272,6 @@ def _recordings(
             raise InputError(
                 f"{sheet}: row {row.line}, column layout: {own.stem} has other bodies, joints or digits than "
                 f"{first.stem}, the layout of row {line}; layouts of a hand may differ in the receivers worn"
-            )
-        names = (recording.hand.subject, recording.task, recording.trial)
-        n_bytes = sum(len(path_token(name).encode()) for name in names)
-        if n_bytes > NAMES_BYTES:
-            raise InputError(
-                f"{sheet}: row {row.line}: subject, task and trial have {n_bytes} bytes in the names of "
-                f"files; expected at most {NAMES_BYTES}"
             )
         line = paths.setdefault((recording.hand.folder.casefold(), recording.name.casefold()), row.line)
         if line != row.line:
