@@ -124,6 +124,10 @@ def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
     """Check a loaded configuration against its schema and fill in the defaults; `where` names the file."""
     import jsonschema  # slow to import
 
+    if not isinstance(loaded, dict):
+        kinds = {type(None): "nothing", str: "a text", list: "a list"}
+        what = kinds.get(type(loaded), "a value")
+        raise InputError(f"{where}: holds {what}, no keys; expected a {kind} file, lines of `key: value`")
     odd = _odd_values(loaded)
     if odd:
         raise InputError(f"{where}: " + "; ".join(odd[:5]))
