@@ -58,12 +58,6 @@ def _text(text: str) -> str:
     return text
 
 
-def _path(text: str) -> str:
-    if max(len(part.encode()) for part in text.split("/")) > limits.FILE_NAME_BYTES:
-        raise ValueError(f"has a part of more than {limits.FILE_NAME_BYTES} bytes, which no file's name has")
-    return _text(text)
-
-
 def _one_of(*words: str) -> Callable[[str], str]:
     def read(text: str) -> str:
         if text not in words:
@@ -100,11 +94,11 @@ RECORDINGS = Sheet(
         HAND,
         Cell("task", _text, "what was done, e.g. rom or opposition"),
         Cell("role", _one_of("calibration", "evaluation", "both"), "what the recording is for"),
-        Cell("file", _path, "the recording, relative to the study file"),
+        Cell("file", _text, "the recording, relative to the study file"),
         Cell("trial", _text, "which repetition, where a task was recorded more than once", False, ""),
         Cell(
             "layout",
-            _path,
+            _text,
             "the layout of this recording, where it is not the study's; one hand's may wear fewer receivers",
             False,
             "",
@@ -116,7 +110,7 @@ RECORDINGS = Sheet(
             False,
             "auto",
         ),
-        Cell("mapping", _path, "how to read the file, where it is not this project's own", False, ""),
+        Cell("mapping", _text, "how to read the file, where it is not this project's own", False, ""),
         Cell(
             "hemisphere",
             _one_of("keep", "repair"),

@@ -12,15 +12,9 @@ from typing import Any
 from schemas.config_files import check_config, config_path, read_config
 from schemas.errors import InputError, guess, listed
 from schemas.layout import Layout, read_layout
-from schemas.limits import NAMES_BYTES
+from schemas.limits import FILE_NAME_BYTES, NAMES_BYTES
 from schemas.model import SkeletonModel, read_model
 from schemas.sheets import HAND_SHEETS, RECORDINGS, SHEETS, Row, read_sheet
-
-LONGEST_NAME_BYTES = 255
-"""No file system takes a longer name."""
-
-MOST_NAME_BYTES = 200
-"""Of subject, task and trial as they stand in paths."""
 
 
 @dataclass(frozen=True)
@@ -230,15 +224,15 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
 def _why_unusable(recording: Recording) -> str:
     """Say why no file can have the names that a row asks for; empty where they can."""
     length = len(f"{path_token(recording.hand.subject)}{recording.name}".encode())
-    if length > MOST_NAME_BYTES:
+    if length > NAMES_BYTES:
         return (
             f"columns subject, task, trial: make a file name of {length} bytes; expected at most "
-            f"{MOST_NAME_BYTES}"
+            f"{NAMES_BYTES}"
         )
     for column, path in (("file", recording.file), ("mapping", recording.mapping)):
         longest = max((len(part.encode()) for part in path.parts), default=0) if path else 0
-        if longest > LONGEST_NAME_BYTES:
-            return f"column {column}: has a name of {longest} bytes; expected at most {LONGEST_NAME_BYTES}"
+        if longest > FILE_NAME_BYTES:
+            return f"column {column}: has a name of {longest} bytes; expected at most {FILE_NAME_BYTES}"
     return ""
 
 
@@ -275,13 +269,6 @@ def _recordings(
             raise InputError(
                 f"{sheet}: row {row.line}, column layout: {own.stem} has other bodies, joints or digits than "
                 f"{first.stem}, the layout of row {line}; layouts of a hand may differ in the receivers worn"
-            )
-        names = (recording.hand.subject, recording.task, recording.trial)
-        n_bytes = sum(len(path_token(name).encode()) for name in names)
-        if n_bytes > NAMES_BYTES:
-            raise InputError(
-                f"{sheet}: row {row.line}: subject, task and trial have {n_bytes} bytes in the names of "
-                f"files; expected at most {NAMES_BYTES}"
             )
         line = paths.setdefault((recording.hand.folder.casefold(), recording.name.casefold()), row.line)
         if line != row.line:

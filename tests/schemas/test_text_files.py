@@ -118,10 +118,10 @@ def row(subject: str = "s", file: str = "a.csv") -> str:
         (
             "",
             row("s" * 5_000),
-            "row 2: subject, task and trial have 5003 bytes in the names of files; expected",
+            r"row 2, columns subject, task, trial: make a file name of 500\d bytes",
         ),
-        ("", row("s" * 140_000), "row 2: subject, task and trial have 140003 bytes"),
-        ("", row(file="f" * 5_000), "row 2, column file: has a part of more than 255 bytes, which no file's"),
+        ("", row("s" * 140_000), r"row 2, columns subject, task, trial: make a file name of 14000\d bytes"),
+        ("", row(file="f" * 5_000), r"row 2, column file: has a name of 50\d\d bytes; expected at most 255"),
         (
             "",
             "a" * 140_000 + "\tfile\n",
