@@ -65,7 +65,7 @@ def read_yaml(path: Path, kind: str) -> Any:
         finally:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
-        raise InputError(f"{path}: not valid YAML: {_place_and_problem(error)}") from error
+        raise InputError(f"{path}: not valid YAML: {_place_and_problem(error, text)}") from error
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that no calendar has
         raise InputError(f"{path}: not valid YAML: {error}") from error
 
@@ -101,12 +101,14 @@ def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
     return total
 
 
-def _place_and_problem(error: yaml.MarkedYAMLError) -> str:
+def _place_and_problem(error: yaml.MarkedYAMLError, text: str) -> str:
     """What is wrong, in the words of the parser, and where, as an editor counts lines."""
     mark = error.problem_mark or error.context_mark
     where = f" (line {mark.line + 1}, column {mark.column + 1})" if mark is not None else ""
     problem = error.problem or error.context or "damaged"
-    tab = "; indent with blanks, not with tabs" if "'\\t'" in problem or "tab character" in problem else ""
+    lines = text.splitlines()
+    line = lines[mark.line] if mark is not None and mark.line < len(lines) else ""
+    tab = "; indent with blanks, not with tabs" if "\t" in line[: len(line) - len(line.lstrip())] else ""
     return f"{problem}{where}{tab}"
 
 
@@ -124,6 +126,10 @@ def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
     """Check a loaded configuration against its schema and fill in the defaults; `where` names the file."""
     import jsonschema  # slow to import
 
+    if not isinstance(loaded, dict):
+        kinds = {type(None): "nothing", str: "a text", list: "a list"}
+        what = kinds.get(type(loaded), "a value")
+        raise InputError(f"{where}: holds {what}, no keys; expected a {kind} file, lines of `key: value`")
     odd = _odd_values(loaded)
     if odd:
         raise InputError(f"{where}: " + "; ".join(odd[:5]))

@@ -108,7 +108,7 @@ def test_no_name_in_a_sheet_stops_the_study(tmp_path: Path) -> None:
     assert problems.keys() == {LONG, "gone", "other"}
     assert problems[LONG].startswith("names.tsv: row 6, columns subject, task, trial: have 3")
     assert problems["gone"].startswith("names.tsv: row 7, column file: has a part of more than 255 bytes")
-    assert "write its path with / in place of \\" in problems["other"]
+    assert "folders are separated by / and not by \\" in problems["other"]
     assert text.count("the row was left out") == 2
     (tmp_path / "{x}.parquet").write_bytes((tmp_path / "d.parquet").read_bytes())
     assert {job.subject for job in study.planned() if job.rule == "capture"} == {"%7Bsubject%7D"}
