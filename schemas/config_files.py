@@ -105,9 +105,11 @@ def _place_and_problem(error: yaml.MarkedYAMLError, text: str) -> str:
     """What is wrong, in the words of the parser, and where, as an editor counts lines."""
     mark = error.problem_mark or error.context_mark
     where = f" (line {mark.line + 1}, column {mark.column + 1})" if mark is not None else ""
-    line = text.split("\n")[mark.line] if mark is not None and mark.line < text.count("\n") + 1 else ""
-    tab = "; indent with blanks, not with tabs" if line.lstrip(" ").startswith("\t") else ""
-    return f"{error.problem or error.context or 'damaged'}{where}{tab}"
+    problem = error.problem or error.context or "damaged"
+    lines = text.splitlines()
+    line = lines[mark.line] if mark is not None and mark.line < len(lines) else ""
+    tab = "; indent with blanks, not with tabs" if "\t" in line[: len(line) - len(line.lstrip())] else ""
+    return f"{problem}{where}{tab}"
 
 
 def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[str, Any]:
@@ -124,6 +126,10 @@ def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
     """Check a loaded configuration against its schema and fill in the defaults; `where` names the file."""
     import jsonschema  # slow to import
 
+    if not isinstance(loaded, dict):
+        kinds = {type(None): "nothing", str: "a text", list: "a list"}
+        what = kinds.get(type(loaded), "a value")
+        raise InputError(f"{where}: holds {what}, no keys; expected a {kind} file, lines of `key: value`")
     odd = _odd_values(loaded)
     if odd:
         raise InputError(f"{where}: " + "; ".join(odd[:5]))
@@ -153,7 +159,6 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
     near = _nearest(name, shipped(kind))
-    near += "; folders are separated by / and not by \\" if "\\" in name else ""
     raise InputError(
         f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"

@@ -35,8 +35,9 @@ LINE_LETTERS = 1_000_000
 
 SHEET_BYTES = 50 * 10**6
 FILE_NAME_BYTES = 255
-NAMES_BYTES = 180
-"""Subject, task and trial together, as they stand in the name of a file, which takes 255 and says more."""
+"""No file system takes a longer name."""
+NAMES_BYTES = 200
+"""Subject, task and trial together, as they stand in the name of a file, which says more."""
 
 FARTHEST_MM = 1e8
 """A hundred kilometres: what is left of a motion laboratory where millimetres are given as metres."""

@@ -58,12 +58,6 @@ def _text(text: str) -> str:
     return text
 
 
-def _path(text: str) -> str:
-    if max(len(part.encode()) for part in text.split("/")) > limits.FILE_NAME_BYTES:
-        raise ValueError(f"has a part of more than {limits.FILE_NAME_BYTES} bytes, which no file's name has")
-    return _text(text)
-
-
 def _one_of(*words: str) -> Callable[[str], str]:
     def read(text: str) -> str:
         if text not in words:
@@ -104,7 +98,7 @@ RECORDINGS = Sheet(
         Cell("trial", _text, "which repetition, where a task was recorded more than once", False, ""),
         Cell(
             "layout",
-            _path,
+            _text,
             "the layout of this recording, where it is not the study's; one hand's may wear fewer receivers",
             False,
             "",

@@ -1,4 +1,4 @@
-"""The figure of the accuracy page: how far centres are off by estimator, and what the stated sd is worth."""
+"""The figure of the accuracy page: how far centres are off by scenario, and what the stated sd is worth."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from io import StringIO
 from typing import Any
 
-from benchmarks import peers
 from benchmarks.accuracy import estimators
-from benchmarks.accuracy.scenarios import FULL, SKIN, STIFF
+from benchmarks.accuracy.scenarios import SIDE_BY_SIDE
 from benchmarks.accuracy.score import HandScore, Summary, summary
 from benchmarks.benchmark_table import DOCS
 from schemas.files import write_text
-from stages.simulate.realism import SATURATING
 
 SETTINGS: dict[Any, Any] = {
     "font.family": "sans-serif",
@@ -24,13 +22,9 @@ SETTINGS: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
 }
-TICKS_MM = (0.5, 1, 2, 5, 10, 20)
-WHOLE_COLOUR, OUR_COLOUR, PEER_COLOUR = "#0b5394", "#555b66", "#b45309"
-LINES = (
-    (estimators.WHOLE, "ellipsoid_percent", "ellipsoid", WHOLE_COLOUR, "o-"),
-    (estimators.WHOLE, "radius_percent", "radius", WHOLE_COLOUR, "o--"),
-    (estimators.ANATOMICAL, "radius_percent", "radius", OUR_COLOUR, "o--"),
-)
+TICKS_MM = (0.1, 0.2, 0.5, 1, 2, 5, 10)
+COLOURS = {estimators.WHOLE: "#0b5394", estimators.ANATOMICAL: "#6b8e3d", estimators.PAPER: "#b45309"}
+"""The estimators that are drawn."""
 
 Summaries = Mapping[str, Mapping[str, Summary]]
 """By scenario and estimator."""
@@ -46,15 +40,17 @@ def write_figure(scores: Mapping[str, Mapping[str, Sequence[HandScore]]], people
 
 
 def draw(summaries: Summaries, people: str) -> str:
-    """Draw median and p90 of every estimator in two scenarios, and coverage by skin; give the SVG."""
+    """Draw median and p90 of three estimators in every scenario, and coverage; give the SVG."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     with mpl.rc_context(SETTINGS):
-        figure = Figure(figsize=(9.6, 4.3), layout="constrained")
+        scenarios = [one.name for one in SIDE_BY_SIDE if one.name in summaries]
+        figure = Figure(figsize=(9.6, 4.6), layout="constrained")
         errors, coverage = figure.subplots(1, 2, width_ratios=(5, 3))
-        _draw_errors(errors, summaries)
-        _draw_coverage(coverage, summaries)
+        _draw_errors(errors, summaries, scenarios)
+        _draw_coverage(coverage, summaries, scenarios)
+        figure.legend(loc="outside upper left", ncols=len(COLOURS), frameon=False)
         figure.supxlabel(
             f"{people}; errors from median (dot) to 90th percentile, logarithmic", fontsize=9, color="#5d6068"
         )
@@ -63,44 +59,28 @@ def draw(summaries: Summaries, people: str) -> str:
     return svg.getvalue()
 
 
-def _draw_errors(axes: Any, summaries: Summaries) -> None:
-    names = [
-        name
-        for name in (*estimators.OURS, *peers.PEERS)
-        if name in summaries[FULL.name] and summaries[FULL.name][name]["median_mm"] is not None
-    ]
-    for row, name in enumerate(names):
-        for scenario, shift, face in ((FULL, -0.16, _colour(name)), (STIFF, 0.16, "white")):
-            one = summaries[scenario.name].get(name)
-            if one is not None:
-                axes.plot([one["median_mm"], one["p90_mm"]], [row + shift] * 2, color=_colour(name), lw=1.6)
-                axes.plot(one["median_mm"], row + shift, "o", mfc=face, mec=_colour(name), ms=5)
-    axes.set(xscale="log", yticks=range(len(names)), yticklabels=names, xticks=TICKS_MM)
+def _draw_errors(axes: Any, summaries: Summaries, scenarios: Sequence[str]) -> None:
+    for row, scenario in enumerate(scenarios):
+        for shift, (name, colour) in zip((-0.25, 0.0, 0.25), COLOURS.items(), strict=True):
+            one = summaries[scenario][name]
+            axes.plot([one["median_mm"], one["p90_mm"]], [row + shift] * 2, color=colour, lw=1.8)
+            axes.plot(one["median_mm"], row + shift, "o", color=colour, ms=5, label=None if row else name)
+    axes.set(xscale="log", yticks=range(len(scenarios)), yticklabels=scenarios, xticks=TICKS_MM)
     axes.set_xticklabels([f"{tick:g}" for tick in TICKS_MM])
     axes.minorticks_off()
     axes.invert_yaxis()
     axes.grid(axis="x", color="#d9dadf")
-    axes.set_title("Joint centres against the truth, mm\n● full range of motion   ○ stiff DIPs", loc="left")
+    axes.set_title("Joint centres off the truth, mm", loc="left")
 
 
-def _colour(name: str) -> str:
-    if name in peers.PEERS:
-        return PEER_COLOUR
-    return WHOLE_COLOUR if name.startswith(estimators.WHOLE) else OUR_COLOUR
-
-
-def _draw_coverage(axes: Any, summaries: Summaries) -> None:
-    places = [place for place, scenario in enumerate(SKIN) if scenario.name in summaries]
-    axes.axhspan(93, 98, color="#e3edf7")
-    for name, metric, label, colour, style in LINES:
-        for polynomial in (False, True):
-            part = [place for place in places if (SKIN[place].realism.skin != SATURATING) == polynomial]
-            percent = [summaries[SKIN[place].name][name][metric] for place in part]
-            axes.plot(part, percent, style, color=colour, label=None if polynomial else f"{name}, {label}")
-    labels = ["skin x1" if SKIN[place] == FULL else SKIN[place].name for place in places]
-    axes.set_xticks(places, labels, rotation=30, ha="right", rotation_mode="anchor")
-    axes.set(ylim=(70, 100))
-    axes.yaxis.set_major_formatter("{x:.0f} %")
-    axes.grid(axis="y", color="#d9dadf")
-    axes.legend(loc="lower left", fontsize=8, frameon=False)
-    axes.set_title("Stated 95 % that hold the truth\n(band: 93 to 98 %)", loc="left")
+def _draw_coverage(axes: Any, summaries: Summaries, scenarios: Sequence[str]) -> None:
+    axes.axvspan(92, 98, color="#e3edf7")
+    for name, colour in COLOURS.items():
+        percent = [summaries[scenario][name]["radius_percent"] for scenario in scenarios]
+        axes.plot(percent, range(len(scenarios)), "o", color=colour, ms=5)
+    axes.set(yticks=range(len(scenarios)), yticklabels=[])
+    axes.set_xlim(right=101)
+    axes.invert_yaxis()
+    axes.xaxis.set_major_formatter("{x:.0f} %")
+    axes.grid(axis="both", color="#d9dadf")
+    axes.set_title("Stated 95 % that hold it (band: 92 to 98 %)", loc="left")

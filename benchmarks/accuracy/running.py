@@ -11,7 +11,7 @@ from benchmarks import peers
 from benchmarks.accuracy import accuracy_tables, estimators
 from benchmarks.accuracy.accuracy_figure import write_figure
 from benchmarks.accuracy.literature import NOISES, RANGES_DEG, ProtocolRow, protocol_row
-from benchmarks.accuracy.scenarios import ABLATED, CLEAN, FULL, SIDE_BY_SIDE, SKIN, STIFF, SWEEPS, Scenario
+from benchmarks.accuracy.scenarios import ABLATED, CLEAN, FULL, SIDE_BY_SIDE, STIFF, SWEEPS, Scenario
 from benchmarks.accuracy.score import Estimate, HandScore, score
 from benchmarks.accuracy.tip_scores import TipError, tip_errors
 from benchmarks.accuracy.trials import N_FRAMES, Trial, record
@@ -113,7 +113,7 @@ def run(
 def _everything(missing: Mapping[str, str]) -> dict[Scenario, Sequence[str]]:
     """Estimators that are run, by scenario."""
     everyone = (*estimators.OURS, *(name for name in peers.PEERS if name not in missing))
-    compared: dict[Scenario, Sequence[str]] = dict.fromkeys((*SKIN, *SWEEPS), SWEPT)
+    compared: dict[Scenario, Sequence[str]] = dict.fromkeys(SWEEPS, SWEPT)
     compared |= dict.fromkeys(SIDE_BY_SIDE, COMPARED)
     compared |= dict.fromkeys((FULL, STIFF), everyone)
     return compared | {ABLATED: (estimators.WHOLE, *estimators.ABLATIONS)}
@@ -156,14 +156,11 @@ def _tables(
     yield accuracy_tables.ablation_table(by_estimator(people[ABLATED]), _hands_of(seeds[:SWEEP_PEOPLE]))
     scores = {scenario.name: by_estimator(results) for scenario, results in people.items()}
     scores[BASELINE] = by_estimator(people[FULL][:SWEEP_PEOPLE])
-    skin = [one.name for one in SKIN]
-    order = [*skin, STIFF.name, BASELINE, *(one.name for one in SWEEPS)]
-    yield accuracy_tables.sweep_table(
-        order, scores, f"the same people, the first {SWEEP_PEOPLE} where hands are fewer"
-    )
+    order = [BASELINE, *(one.name for one in SWEEPS)]
+    yield accuracy_tables.sweep_table(order, scores, f"the same people, the first {SWEEP_PEOPLE}")
     yield accuracy_tables.literature_table([row.result() for row in protocol], RUNS, PEER_RUNS)
     yield accuracy_tables.target_table(
-        [*accuracy_tables.targets(scores, skin), *accuracy_tables.tip_targets(tips)], hands
+        [*accuracy_tables.targets(scores), *accuracy_tables.tip_targets(tips)], hands
     )
 
 

@@ -43,6 +43,7 @@ STIFF = Scenario("stiff DIPs", task="opposition")
 ABLATED = Scenario("parts of the fit left out")
 FOREIGN = Scenario("polynomial skin", realism=Realism(skin=POLYNOMIAL))
 LATE = Scenario("phase-lag skin", realism=Realism(skin=PHASE_LAG))
+OTHER = Scenario("other-anatomy", realism=Realism(anatomy=MIXED_TABLE))
 CLEAN = Scenario("no noise, no skin", realism=Realism(artefact=0.0, noise=0.0, field_distortion=0.0))
 
 _NO_SKIN, _HALF, _DOUBLE = (
@@ -58,7 +59,7 @@ SIDE_BY_SIDE = (
     _DOUBLE,
     Scenario("faults", realism=Realism(faults=1.0)),
     CLEAN,
-    Scenario("other-anatomy", realism=Realism(anatomy=MIXED_TABLE)),
+    OTHER,
 )
 """The usual recording, and those that differ from it in one thing: whom hands are drawn around, what moves,
 the law and the size of the skin, a tracker with faults, nothing that moves receivers, and hands outside of
@@ -66,14 +67,9 @@ every source."""
 
 BY_KEY = {scenario.key: scenario for scenario in SIDE_BY_SIDE}
 
-SKIN = (
-    *(_NO_SKIN, _HALF, FULL, _DOUBLE, FOREIGN),
-    Scenario("polynomial skin x2", realism=Realism(skin=POLYNOMIAL, artefact=2.0)),
-    LATE,
-)
-"""Scenarios of growing skin artefact, first by the usual law, then by the others."""
-
 SWEEPS = (
+    *(_NO_SKIN, _HALF),
+    Scenario("polynomial skin x2", realism=Realism(skin=POLYNOMIAL, artefact=2.0)),
     *(Scenario(f"cross-talk {c:g} rad/rad", cross_talk=c, counted="_dip") for c in (0.05, 0.1)),
     Scenario("cross-talk 0.1, DIP range 7 deg", cross_talk=0.1, dip_range_deg=7.0, counted="_dip"),
     *(Scenario(f"field distortion x{by:g}", realism=Realism(field_distortion=by)) for by in (0.0, 3.0)),

@@ -85,7 +85,7 @@ def bomb(depth: int) -> str:
         ("study: a\n\trecordings: b", r"a tab .*\(line 2, column 1\); indent with blanks"),
         ('study: "a\\0b"', "study: holds a control character"),
         ("study: " + "a" * 5_000, "study: has 5000 letters; expected at most 100"),
-        ("x" * 1_900_000, "is not of type 'object'"),
+        ("x" * 1_900_000, "holds a text, no keys; expected a study file"),
         ("x" * 2_100_000, "has 2100000 bytes; expected a study file, at most 2000000 bytes"),
     ],
 )

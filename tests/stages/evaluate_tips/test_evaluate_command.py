@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 
-from schemas.catalogue import JOINT_CENTRES, METACARPALS, POSES, TIP_ERRORS, TIPS
+from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, POSES, TIP_ERRORS, TIPS
 from schemas.layout import read_layout
 from schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
 from schemas.plan import SubjectPlan, read_plan
@@ -169,3 +169,16 @@ def test_a_part_that_failed_costs_no_other(plan_file: Path, plan: SubjectPlan, t
         assert part_metadata(path, table)[WHOLE] == {"failure": "no usable poses"}
         for part in plan.parts()[1:]:
             assert read_part(path, table, part).equals(read_part(plan.table(name), table, part))
+
+
+def test_tables_of_another_run_are_refused(
+    plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of another hand that has the same names: the files that they were made from tell."""
+    rows = list(rows_of(read_part(plan.table("bone_lengths"), BONE_LENGTHS, WHOLE)))
+    other = tmp_path / "other.parquet"
+    with parts_writer(other, BONE_LENGTHS, Provenance((("poses.parquet", "0" * 64),))) as writer:
+        writer.rows(WHOLE, rows)
+    assert run(plan, tmp_path / "out", *alone(plan, "rom"), bone_lengths=other) == 2
+    assert "other.parquet: was not made from the same files as" in capsys.readouterr().err
+    assert list((tmp_path / "out").iterdir()) == []

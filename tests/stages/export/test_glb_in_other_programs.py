@@ -24,7 +24,7 @@ from export_tools.web_page import page_under, served
 from stages.export.axes import Target
 from stages.export.glb import write, write_scene
 from stages.export.motion import SkeletonMotion
-from stages.export.rig_names import RIGS
+from stages.export.rigging import with_webxr_names
 
 pytestmark = pytest.mark.tools
 
@@ -58,10 +58,9 @@ def read_in_blender(export_tool: ExportTool, file: Path, rate_hz: float) -> Any:
 
 def assert_joints(joints: Any, motion: SkeletonMotion, near_m: float, rows: slice = slice(None)) -> None:
     """Every joint of a hand is there, under its WebXR name, where the motion has it in those frames."""
-    names = RIGS["webxr"].names(motion.origin.hand)
-    ours = [names[joint.name if joint.parent >= 0 else ""] for joint in motion.joints]
-    assert set(joints) == set(ours)
-    found = np.stack([joints[name] for name in ours], 1)
+    motion = with_webxr_names(motion)
+    assert set(joints) == set(motion.names)
+    found = np.stack([joints[name] for name in motion.names], 1)
     np.testing.assert_allclose(found, motion.position_mm[rows] / 1000, atol=near_m)
 
 
@@ -184,7 +183,7 @@ def test_the_page_of_the_guide_shows_the_hand_move(
     assert [words for words in heard if ours(words)] == []
     assert len(picture) > 5000, "a page without a hand is smaller"
     assert len(set(seen)) == 3, "it stands still"
-    tips = motion.position_mm[:, [motion.index("thumb_tip"), motion.index("index_tip")]]
+    tips = motion.position_mm[:, [motion.index("thumb_skin_tip"), motion.index("index_skin_tip")]]
     apart_mm = np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1)
     for words in seen:
         seconds, shown_mm = map(float, re.findall(r"[\d.]+", words))
