@@ -159,6 +159,7 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
     near = _nearest(name, shipped(kind))
+    near += "; folders are separated by / and not by \\" if "\\" in name else ""
     raise InputError(
         f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"
