@@ -37,11 +37,13 @@ def build_parser() -> argparse.ArgumentParser:
 
 def evaluate(arguments: argparse.Namespace) -> None:
     """Replay every skeleton of the plan in its recordings, write both tables."""
-    from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS, TIPS
-    from schemas.parts import parts_writer
+    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIP_ERRORS, TIPS
+    from schemas.parts import part_metadata, parts_writer
 
     plan = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
     tables = [arguments.joints, arguments.bones, arguments.metacarpals]
+    for path, table in zip(tables, (JOINT_CENTRES, BONE_LENGTHS, METACARPALS), strict=True):
+        part_metadata(path, table)  # another table is called that before it is held against the rest
     command_line.check_made_together(*tables)
     files = [*command_line.poses_files(plan), *command_line.config_files(arguments)]
     provenance = command_line.provenance_of(plan, tables, files)

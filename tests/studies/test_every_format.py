@@ -129,7 +129,7 @@ def test_the_same_tips(study: StudyRun) -> None:
 def test_a_missing_mapping_costs_its_recording_alone(study: StudyRun) -> None:
     (row,) = study.rows_where("recordings", task="unmapped")
     assert row["status"] == "failed"
-    assert "nowhere.yaml: no such mapping file" in row["message"]
+    assert "nowhere.yaml: no such file; expected a mapping file" in row["message"]
 
 
 def test_what_a_table_was_made_from_is_in_it(study: StudyRun) -> None:

@@ -182,5 +182,5 @@ def test_a_study_that_is_not_there_is_refused(
     argv = ["--study", str(tmp_path / "nowhere.yaml"), "--results", str(tmp_path / "results")]
     argv += ["--out", str(tmp_path / "report.html")] if stage == "report" else []
     code = importlib.import_module(f"stages.{stage}.__main__").main(argv)
-    _assert_refused(code, capsys.readouterr().err, ["nowhere.yaml", "no such study file"])
+    _assert_refused(code, capsys.readouterr().err, ["nowhere.yaml", "no such file", "study file"])
     assert not list(tmp_path.iterdir())
