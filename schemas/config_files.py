@@ -17,7 +17,7 @@ import yaml
 
 from schemas import limits
 from schemas.errors import InputError, shortened
-from schemas.text_files import read_text
+from schemas.text_files import read_text, slash_hint
 
 SCHEMA_FOLDER = Path(__file__).parent / "json"
 CONFIG_FOLDER = Path(__file__).parent.parent / "config"
@@ -158,7 +158,7 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     path = folder / name
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
-    near = _nearest(name, shipped(kind))
+    near = _nearest(name, shipped(kind)) or slash_hint(name)
     raise InputError(
         f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"

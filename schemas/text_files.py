@@ -76,9 +76,14 @@ def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iter
     try:
         yield
     except FileNotFoundError as error:
-        slashes = "; folders are separated by / and not by \\" if "\\" in str(path) else ""
-        raise InputError(f"{path}: no such file; {remedy or f'expected {expected}'}{slashes}") from error
+        what = remedy or f"expected {expected}"
+        raise InputError(f"{path}: no such file; {what}{slash_hint(str(path))}") from error
     except OSError as error:
         raise InputError(
             f"{path}: cannot be read ({error.strerror or error}); expected {expected}"
         ) from error
+
+
+def slash_hint(path: str) -> str:
+    """Say of a path as another system writes it what is wrong with it; nothing of any other."""
+    return "; folders are separated by / and not by \\" if "\\" in path else ""

@@ -53,6 +53,20 @@ def test_metadata_say_whose_hand_it_is_and_what_is_absent(
     assert "(14 of 17 segments)" in captured
 
 
+def test_a_left_hand_has_stations_of_its_own(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """On one tracker with the right hand; a station of that one sits on no segment of this."""
+    rows = "".join(f"0,0.0,{station},{station},2,3,1,0,0,0\n" for station in range(8, 15))
+    recording.write_text(HEADER.replace("segment", "receiver") + rows)
+    out = recording.with_name("poses.parquet")
+    assert run(recording, out, layout="two-hands-7") == 0
+    found = {row["segment"]: row["x_mm"] for row in read_table(out, POSES).to_pylist()}
+    assert (len(found), found["hand"], found["thumb_metacarpal"], found["little_distal"]) == (7, 8, 9, 14)
+    assert read_metadata(out)["parameters"]["absent"] == []
+    recording.write_text(HEADER.replace("segment", "receiver") + rows.replace(",8,8,", ",1,8,"))
+    assert run(recording, out, layout="two-hands-7") == 2
+    assert "receiver 1 sits on no segment of layout two-hands-7" in capsys.readouterr().err
+
+
 def test_receivers_that_a_mapping_does_not_name_were_not_worn(
     recording: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
