@@ -117,8 +117,8 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         read_config(tmp_path, "study")
 
 
-def test_what_is_wrong_is_said_in_words(tmp_path: Path) -> None:
-    """No regular expression, no parser's own words for a tab, and a hint at a path from another system."""
+def test_what_is_wrong_is_said_in_words() -> None:
+    """And not by a regular expression."""
     with pytest.raises(InputError, match=r"study: 'My Study' is not a name of letters A to Z, digits, "):
         check_config(STUDY | {"study": "My Study"}, "study", "study.yaml")
 
