@@ -152,7 +152,7 @@ def direction_table(
         rows,
         "Errors of the centre in the child's receiver frame along the true axis, across it, and altogether. "
         "Motion shows a hinge's centre in the two directions across its axis, any other joint's in all "
-        "three; along a hinge's axis only anatomy says where it is.",
+        "three; along a hinge's axis only as far as that axis wobbles (5 deg at 90 deg of flexion).",
     )
 
 

@@ -203,10 +203,8 @@ class Builder:
             turn = self._put_on(Amount(slope, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
             skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
             if i == 1 and own_tilt and drives and self.parts.skin:
-                ((_, people),) = self.shared(
-                    1.0, "own tilt", "nails"
-                ).parts  # of how much of it this hand has
-                skin = (*skin, Term(own_tilt, None, drives[0]), Term(own_tilt, people, drives[0]))
+                ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # than usual has this hand
+                skin = (*skin, Term(own_tilt, None, drives[0]), Term(own_tilt, more, drives[0]))
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
 

@@ -97,11 +97,8 @@ def residual_sd(
             ok = problem.frames.valid[:, s]
             if not ok.any():
                 continue
-            expected, pseudo = (
-                1.0,
-                PSEUDO_RESIDUALS,
-            )  # of the published variance: position first, then rotation
-            for kind in (0, 1):
+            expected, pseudo = 1.0, PSEUDO_RESIDUALS  # share of the published variance, and its weight
+            for kind in (0, 1):  # position, then rotation
                 rows = slice(3 * kind, 3 * kind + 3)
                 squares = float((weight[i, :, None] * r[i, :, rows] ** 2)[ok].sum())
                 squares *= (problem.sd[s, kind] / published[s, kind]) ** 2

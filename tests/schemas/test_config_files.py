@@ -117,7 +117,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         read_config(tmp_path, "study")
 
 
-def test_a_name_that_cannot_be_is_refused_in_words() -> None:
+def test_what_is_wrong_is_said_in_words() -> None:
     """And not by a regular expression."""
     with pytest.raises(InputError, match=r"study: 'My Study' is not a name of letters A to Z, digits, "):
         check_config(STUDY | {"study": "My Study"}, "study", "study.yaml")
