@@ -20,8 +20,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from schemas.errors import InputError, TableError
-from schemas.parquet_files import naming_damage
+from schemas.errors import InputError, TableError, listed
+from schemas.parquet_files import naming_damage, open_parquet
 from schemas.tables import (
     Provenance,
     Table,
@@ -116,6 +116,17 @@ def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
     """
     with open_table(path, table) as file:
         return _parts_of(file, path)
+
+
+def check_subject(path: Path, subject: str) -> None:
+    """Raise TableError where a subject table is of other subjects only."""
+    with open_parquet(path, "a subject table") as file:
+        subjects = sorted({part.subject for part in _parts_of(file, path)})
+    if subjects and subject not in subjects:
+        raise TableError(
+            f"{path}: has no rows of subject {subject}, but of {listed(subjects)}; remove it and run the "
+            "study again"
+        )
 
 
 def one_hand_of(path: Path, table: Table, subject: str | None, hand: str | None) -> tuple[str, str]:

@@ -229,12 +229,16 @@ def poses_files(plan: SubjectPlan) -> list[Path]:
 
 
 def provenance_of(plan: SubjectPlan, tables: Sequence[Path], files: Sequence[Path]) -> Provenance:
-    """Give what a stage's outputs are made from: tables of other stages, and other files.
+    """Give what a stage's outputs are made from: subject tables of other stages, and other files.
 
-    Raises TableError where, in a study, one of the tables was made from another version of one of the rest.
+    Raises TableError where one of the tables is another subject's or, in a study, was made from another
+    version of one of the rest.
     """
+    from schemas.parts import check_subject
     from schemas.tables import Provenance, read_metadata
 
+    for path in tables:
+        check_subject(path, plan.subject)
     provenance = Provenance.of([*tables, *files], plan.folder)
     digests = dict(provenance.inputs) if plan.is_study else {}
     for path in tables:

@@ -44,9 +44,9 @@ def evaluate(arguments: argparse.Namespace) -> None:
     tables = [arguments.joints, arguments.bones, arguments.metacarpals]
     for path, table in zip(tables, (JOINT_CENTRES, BONE_LENGTHS, METACARPALS), strict=True):
         part_metadata(path, table)  # another table is called that before it is held against the rest
-    command_line.check_made_together(*tables)
     files = [*command_line.poses_files(plan), *command_line.config_files(arguments)]
     provenance = command_line.provenance_of(plan, tables, files)
+    command_line.check_made_together(*tables)
     with (
         parts_writer(arguments.out, TIPS, provenance) as tips,
         parts_writer(arguments.out_errors, TIP_ERRORS, provenance) as errors,

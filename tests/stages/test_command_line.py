@@ -141,6 +141,12 @@ def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
     found = command_line.provenance_of(plan, [table, other], [recording])
     assert [name for name, _ in found.inputs][2:] == ["right/rom/poses.parquet"]
     command_line.check_made_together(table, other)
+    with parts_writer(tmp_path / "foreign.parquet", JOINT_CENTRES, Provenance()) as writer:
+        writer.rows(Part("right", "rigid", "", "02"), [])
+    with pytest.raises(
+        TableError, match=r"foreign\.parquet: has no rows of subject 01, but of 02; remove it"
+    ):
+        command_line.provenance_of(plan, [table, tmp_path / "foreign.parquet"], [recording])
     poses(recording, "rom", "left")
     with parts_writer(other, JOINT_CENTRES, Provenance.of([recording], plan.folder)):
         pass
