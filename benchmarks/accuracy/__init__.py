@@ -9,7 +9,7 @@ from benchmarks.accuracy.scenarios import BY_KEY, Scenario
 
 __all__ = ["add_options", "add_people", "run"]
 
-FIRST_SEED = 5100
+FIRST_SEED = 5200
 """Of the documented run; seeds below are for development."""
 
 

@@ -129,7 +129,8 @@ def bent_skin_mm2(segment: str, evidence: Evidence) -> Array:
     if not own:
         return np.zeros((3, 3))
     scale = evidence.problem.precision[own[0]] ** -0.5
-    bent = prior.SKIN_BENT * scale * len(own) ** 0.5 * np.array(prior.SLIDE_SD_MM)
+    loose = scale * prior.looseness(segment)
+    bent = prior.SKIN_BENT * loose * len(own) ** 0.5 * np.array(prior.SLIDE_SD_MM)
     turn = evidence.convention.point_matrix(segment)
     return np.asarray(turn @ np.diag(bent**2) @ turn.T)
 

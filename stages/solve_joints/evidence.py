@@ -135,8 +135,8 @@ def _drifts(
     parent = slide_covariance(own.joint.parent_receiver, layout, centre_mm[:3], looseness)
     child = slide_covariance(own.joint.child, layout, centre_mm[3:], looseness)
     own.remainder_mm2 = np.zeros((6, 6))
-    own.remainder_mm2[:3, :3] = average_hand.JOINTWISE_SKIN_BENT**2 * parent
-    own.remainder_mm2[3:, 3:] = average_hand.JOINTWISE_SKIN_BENT**2 * child
+    own.remainder_mm2[:3, :3] = average_hand.SKIN_BENT**2 * parent
+    own.remainder_mm2[3:, 3:] = average_hand.SKIN_BENT**2 * child
     angle = own.motion.angle_rad[:, None, None]
     in_parent, in_child = np.broadcast_to(np.eye(3), rotation.shape), -rotation
     sweep = np.outer(own.prior.sweep_mm, own.prior.sweep_mm) / np.pi**2  # half of it by 90 deg of the MCP
