@@ -312,8 +312,8 @@ PALM_SLIDE_SD_MM, UNKNOWN_SLIDE_SD_MM = 0.5, 2.0
 """The same of a receiver on the palm, whose skin is tight, and on a segment that is not known (ours)."""
 
 SKIN_BENT = 0.5
-"""Share of a slide that is not linear in the angle: the root of what R^2 of 0.89 leaves (0.97 at best: Zhang),
-with a margin for lag."""
+"""Share of a slide that is not linear in the angle: the root of what an R^2 of 0.89 leaves (at best 0.97:
+Zhang), with a margin for lag."""
 
 # --- how joints are held in a recording ------------------------------------------------------------------
 
