@@ -109,7 +109,7 @@ def test_joints_that_lack_a_part_are_never_a_recorded_failure(
     with parts_writer(joints, JOINT_CENTRES, Provenance()) as writer:
         writer.rows(Part("right", "rigid", "", "02"), [])
     assert run(tmp_path / "out", joints, "--plan", plan_file, "--record-failure") == 2
-    assert "has no rows of subject 01, right hand, model rigid; remove it" in capsys.readouterr().err
+    assert "has no rows of subject 01, but of 02; remove it" in capsys.readouterr().err
     assert list((tmp_path / "out").iterdir()) == []
 
 
@@ -157,7 +157,9 @@ def fit(plan: SubjectPlan, tmp_path: Path) -> Path:
     with parts_writer(tmp_path / "bone_poses.parquet", BONE_POSES, Provenance()) as writer:
         for segment in ("thumb_metacarpal", *(f"{name}_metacarpal" for name in FINGERS)):
             place = dict.fromkeys(("x_mm", "y_mm", "z_mm"), np.zeros(300))
-            turns = dict(zip(TURNS, TURN.T, strict=True))
+            turns = dict(zip(TURNS, TURN.T, strict=True)) | dict.fromkeys(
+                ("sd_mm", "turn_sd_deg"), np.ones(300)
+            )
             keys = {"subject": "01", "task": "opposition", "trial": "", "segment": segment}
             writer.columns(FITTED, {**keys, "frame": np.arange(300), **place, **turns})
     return tmp_path

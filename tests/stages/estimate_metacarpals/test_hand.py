@@ -105,7 +105,7 @@ def test_an_average_wrist_is_called_weak(build: Build) -> None:
             without=("wrist", "index_mcp", "middle_mcp", "ring_mcp", "little_mcp"),
         )
     )
-    np.testing.assert_allclose(point(nothing), [-35, 0, -14])
+    np.testing.assert_allclose(point(nothing), [-28, 0, -14])
     assert nothing["status"] == "weak"
     assert "average hand" in str(nothing["message"])
 
