@@ -88,11 +88,12 @@ def test_no_flipped_bit_gives_another_number(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
-def test_no_bit_at_all_gives_another_number(tmp_path: Path, name: str) -> None:
+def test_no_bit_anywhere_gives_another_number(tmp_path: Path, name: str) -> None:
+    """Every seventh one: in each byte some, in all bytes each."""
     path = KINDS[name][0](tmp_path / "t.parquet")
-    counts = outcomes(name, path, list(range(8 * path.stat().st_size)))
+    counts = outcomes(name, path, list(range(0, 8 * path.stat().st_size, 7)))
     assert counts["other"] == 0
-    assert counts["the same"] <= 8 * 16, "only the letters that stand before the checksum do not matter"
+    assert counts["the same"] <= 20, "only the letters that stand before the checksum do not matter"
 
 
 def test_other_programs_read_a_file_with_a_digest(tmp_path: Path) -> None:

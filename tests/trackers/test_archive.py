@@ -143,9 +143,10 @@ def test_no_flipped_bit_gives_another_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_no_bit_at_all_gives_another_row(tmp_path: Path) -> None:
+def test_no_bit_anywhere_gives_another_row(tmp_path: Path) -> None:
+    """Every seventh one: in each byte some, in all bytes each."""
     path = written(tmp_path / "a.arrows")
-    assert silently_other(path, range(8 * path.stat().st_size)) == []
+    assert silently_other(path, range(0, 8 * path.stat().st_size, 7)) == []
 
 
 def rewritten(path: Path, columns: int, version: int, compression: str | None = None) -> Path:
