@@ -247,7 +247,7 @@ def names_stand_at_their_fingertips(page: WatchedPage, hand: str) -> None:
     page.wait(f"{VIEWER}.calm")
     places = [box["x"] for label in labels.all() if (box := label.bounding_box())]
     assert labels.all_text_contents() == ["thumb", "index", "middle", "ring", "little"]
-    assert places[1:] == sorted(places[1:], reverse=hand == "left")
+    assert (places[1] < places[4]) == (hand == "right"), "bent neighbours may cross, index and little do not"
     choose(page, "names", False)
     page.wait(f"[...{part('labels')}.children].every((label) => label.hidden)")
 
