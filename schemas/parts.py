@@ -119,8 +119,15 @@ def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
 
 
 def check_subject(path: Path, subject: str) -> None:
-    """Raise TableError where a subject table is of other subjects only."""
+    """Raise TableError where a subject table is of other subjects only.
+
+    What is no subject table, or not there, is left to the reader, which knows what it expects.
+    """
+    if not path.is_file():
+        return
     with open_parquet(path, "a subject table") as file:
+        if PARTS_KEY.encode() not in (file.metadata.metadata or {}):
+            return
         subjects = sorted({part.subject for part in _parts_of(file, path)})
     if subjects and subject not in subjects:
         raise TableError(

@@ -222,7 +222,7 @@ def test_without_its_fit_a_model_is_refused(
     assert "--fit: is missing; model whole-hand fits the whole hand" in capsys.readouterr().err
     (fit / "fitted_bones.parquet").unlink()
     assert run_fitted(plan, fit, ["--fit", fit, "--record-failure"]) == 2
-    assert "fitted_bones.parquet: no such file; expected a subject table" in capsys.readouterr().err
+    assert "fitted_bones.parquet: no such file; expected a bone_lengths table" in capsys.readouterr().err
 
 
 ALONE = {"gap_rms_free_mm": 0.4, "n_frames": 90, "n_effective": 12.0, "sd_mm": 3.0, "source": "planes"}
