@@ -248,7 +248,7 @@ def test_the_stated_sd_is_honest(artefact: float) -> None:
     """Of 180 centres 90 to 100 % lie within their stated 95 % radius, whatever the skin; most near it."""
     shares = []
     for seed, side in [(seed, side) for seed in range(300, 306) for side in ("right", "left")]:
-        trial = record(seed, side, Scenario("skin", artefact=artefact), 7200)
+        trial = record(seed, side, Scenario("skin", realism=Realism(artefact=artefact)), 7200)
         for name, one in estimators.anatomical(trial).centres.items():
             true = trial.truth.joints[name]
             worse = max(
