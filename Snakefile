@@ -90,12 +90,12 @@ rule plan:  # what the stages need to know of the study about a subject
         plan=study.plan,
         study=study.file,
         results=results,
-        subject=study.subject,
+        subject=study.subject_options,
     message:
         "plan: subject {wildcards.subject}"
     shell:
         f"{run} workflow.write_plan --study {{params.study:q}} --results {{params.results:q}}"
-        " --subject {params.subject:q} --out {output:q} 2> {log:q}"
+        " {params.subject} --out {output:q} 2> {log:q}"
 
 
 rule simulate:  # only for a study with `simulation`: recordings, and the truth beside them
@@ -106,12 +106,12 @@ rule simulate:  # only for a study with `simulation`: recordings, and the truth 
         f"{logs}/simulate/sub-{{subject}}_hand-{{hand}}_task-{{task}}.log",
     params:
         code=code_digest("stages.simulate"),
-        subject=study.subject,
+        subject=study.subject_options,
         seed=study.seed,
     message:
         "simulate: subject {wildcards.subject}, {wildcards.hand} hand, {wildcards.task}"
     shell:
-        f"{run} stages.simulate --subject {{params.subject:q}} --hand {{wildcards.hand}}"
+        f"{run} stages.simulate {{params.subject}} --hand {{wildcards.hand}}"
         " --task {wildcards.task:q} --seed {params.seed} --out {output.recording:q} 2> {log:q}"
 
 
@@ -161,12 +161,12 @@ rule plan_check:  # the same about its recordings alone, so that a model does no
         plan=study.recordings_plan,
         study=study.file,
         results=results,
-        subject=study.subject,
+        subject=study.subject_options,
     message:
         "plan_check: subject {wildcards.subject}"
     shell:
         f"{run} workflow.write_plan --study {{params.study:q}} --results {{params.results:q}}"
-        " --subject {params.subject:q} --recordings --out {output:q} 2> {log:q}"
+        " {params.subject} --recordings --out {output:q} 2> {log:q}"
 
 
 rule check_recordings:  # not in the paper: what was declared, against what the poses say
@@ -248,13 +248,13 @@ rule plan_fit:  # the same about one hand under one model, so that another model
         plan=study.fit_plan,
         study=study.file,
         results=results,
-        subject=study.subject,
+        subject=study.subject_options,
         model=study.model,
     message:
         "plan_fit: subject {wildcards.subject}, {wildcards.hand} hand, model {wildcards.model}"
     shell:
         f"{run} workflow.write_plan --study {{params.study:q}} --results {{params.results:q}}"
-        " --subject {params.subject:q} --hand {wildcards.hand} --model {params.model:q}"
+        " {params.subject} --hand {wildcards.hand} --model {params.model:q}"
         " --out {output:q} 2> {log:q}"
 
 

@@ -85,7 +85,7 @@ def _worn_by_another(usual_name: str, usual: Measured, own: Measured) -> Finding
         return Finding("other-person", SUSPECT, message)
     message = (
         f"The receivers sit elsewhere on the bones than in {usual_name}, and the bones are about as long: "
-        "probably they were put on anew; give the two as recordings of two subjects in the recordings sheet."
+        "probably they were put on anew; name two sessions in the column session of the recordings sheet."
     )
     return Finding("other-person", NOTE, message)
 

@@ -19,12 +19,11 @@ from schemas.table_columns import (
     OF_SKELETON,
     OF_SKELETON_IN_RECORDING,
     REAL,
+    SESSION,
     SINGLE,
     STATUS,
     SUBJECT,
-    TASK,
     TEXT,
-    TRIAL,
     WHOLE,
     YES_NO,
 )
@@ -88,23 +87,20 @@ CAPTURE_RECORDS = Table(
 
 FINDINGS = Table(
     "findings",
-    1,
+    2,
     "what was declared of a recording and its poses contradict, likeliest first",
     (
-        SUBJECT,
-        HAND,
-        TASK,
-        TRIAL,
+        *OF_RECORDING,
         Column("kind", TEXT, "", "what it is, a kind of docs/mistakes.md"),
         Column("severity", TEXT, "", "refused (not used), suspect (judges nothing) or note"),
         Column("message", TEXT, "", "what is seen, what it probably is, what to write"),
     ),
-    ("subject", "hand", "task", "trial", "kind", "message"),
+    ("subject", "session", "hand", "task", "trial", "kind", "message"),
 )
 
 JOINT_SOLUTIONS = Table(
     "joint_solutions",
-    2,
+    3,
     "the joint as Eq. 1-7 give it, before the plane",
     (
         *OF_SKELETON,
@@ -147,12 +143,12 @@ JOINT_SOLUTIONS = Table(
         STATUS,
         MESSAGE,
     ),
-    ("subject", "hand", "model", "made_without", "joint"),
+    ("subject", "session", "hand", "model", "made_without", "joint"),
 )
 
 JOINT_CENTRES = Table(
     "joint_centres",
-    2,
+    3,
     "the skeleton's joints, the wrist point in use among them",
     (
         *OF_SKELETON,
@@ -192,12 +188,12 @@ JOINT_CENTRES = Table(
         STATUS,
         MESSAGE,
     ),
-    ("subject", "hand", "model", "made_without", "joint"),
+    ("subject", "session", "hand", "model", "made_without", "joint"),
 )
 
 METACARPALS = Table(
     "metacarpals",
-    2,
+    3,
     "posture of the digit's metacarpal",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -209,12 +205,12 @@ METACARPALS = Table(
         _real("length_mm", "distance from the bone's base to the MCP joint, |v(k)|"),
         Column("flags", TEXT, "", "words joined by ';': gap, twist-near-singular, swing-near-singular"),
     ),
-    ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
+    ("subject", "session", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
 )
 
 TIPS = Table(
     "tips",
-    2,
+    3,
     "the replayed tip (the distal receiver's origin), least-squares binding",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -230,12 +226,12 @@ TIPS = Table(
         _real("error_mm", "its distance to the distal receiver"),
         _real("error_first_frame_mm", "the same with the paper's first-frame binding"),
     ),
-    ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
+    ("subject", "session", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
 )
 
 TIP_ERRORS = Table(
     "tip_errors",
-    2,
+    3,
     "the paper's table, one cell group a row",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -252,7 +248,7 @@ TIP_ERRORS = Table(
         Column("held_out", YES_NO, "", "whether the joints were solved without this recording"),
         MESSAGE,
     ),
-    ("subject", "hand", "task", "trial", "model", "made_without", "digit", "binding"),
+    ("subject", "session", "hand", "task", "trial", "model", "made_without", "digit", "binding"),
 )
 
 FINGERTIP, DISTAL_RECEIVER = "fingertip", "distal receiver"
@@ -260,7 +256,7 @@ FINGERTIP, DISTAL_RECEIVER = "fingertip", "distal receiver"
 
 BONE_LENGTHS = Table(
     "bone_lengths",
-    2,
+    3,
     "a bone is named after its segment",
     (
         *OF_SKELETON,
@@ -283,15 +279,16 @@ BONE_LENGTHS = Table(
         _real("sd_over_frames_mm", "metacarpals: SD of |v(k)|, which a true skeleton keeps at 0"),
         MESSAGE,
     ),
-    ("subject", "hand", "model", "made_without", "digit", "bone"),
+    ("subject", "session", "hand", "model", "made_without", "digit", "bone"),
 )
 
 CALIBRATION_ADVICE = Table(
     "calibration_advice",
-    1,
+    2,
     "whether the calibration moves the joint enough, and what more would gain",
     (
         SUBJECT,
+        SESSION,
         HAND,
         JOINT,
         _real("range_deg", "range of motion that it has there"),
@@ -299,12 +296,12 @@ CALIBRATION_ADVICE = Table(
         _real("sd_moved_mm", "the same if it moved as the advice says"),
         Column("advice", TEXT, "", "in words, what to move"),
     ),
-    ("subject", "hand", "joint"),
+    ("subject", "session", "hand", "joint"),
 )
 
 RECEIVERS = Table(
     "receivers",
-    2,
+    3,
     "where the receiver sits on its bone and how it behaves, as fitted",
     (
         *OF_SKELETON,
@@ -334,12 +331,12 @@ RECEIVERS = Table(
         STATUS,
         MESSAGE,
     ),
-    ("subject", "hand", "model", "made_without", "segment"),
+    ("subject", "session", "hand", "model", "made_without", "segment"),
 )
 
 GAINS = Table(
     "gains",
-    2,
+    3,
     "what measuring one more thing on the hand would gain, best first",
     (
         *OF_SKELETON,
@@ -351,12 +348,12 @@ GAINS = Table(
         Column("joint_sd_before_mm", REAL, "mm", "its sd_mm now"),
         Column("joint_sd_after_mm", REAL, "mm", "the same with that measurement"),
     ),
-    ("subject", "hand", "model", "made_without", "quantity"),
+    ("subject", "session", "hand", "model", "made_without", "quantity"),
 )
 
 RECEIVER_COSTS = Table(
     "receiver_costs",
-    1,
+    2,
     "what a task would lose with fewer receivers than the calibration: one left out, or a smaller layout",
     (
         *OF_SKELETON,
@@ -371,14 +368,14 @@ RECEIVER_COSTS = Table(
         Column("joint_centre_sd_mm", REAL, "mm", "1-sigma error of its centre"),
         Column("joint_flexion_sd_deg", REAL, "deg", "1-sigma error of its flexion"),
     ),
-    ("subject", "hand", "model", "made_without", "without", "layout"),
+    ("subject", "session", "hand", "model", "made_without", "without", "layout"),
 )
 
 IN_THIS_FRAME = "in this frame, by the receivers valid in it and what the fit leaves open"
 
 JOINT_ANGLES = Table(
     "joint_angles",
-    3,
+    4,
     "the joint's angles with the fitted hand",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -391,12 +388,12 @@ JOINT_ANGLES = Table(
         _real("abduction_sd_deg", "the same of abduction_deg"),
         _real("rotation_sd_deg", "the same of rotation_deg"),
     ),
-    ("subject", "hand", "task", "trial", "model", "made_without", "joint", "frame"),
+    ("subject", "session", "hand", "task", "trial", "model", "made_without", "joint", "frame"),
 )
 
 BONE_POSES = Table(
     "bone_poses",
-    3,
+    4,
     "a bone of the fitted hand, posed with all receivers",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -409,12 +406,12 @@ BONE_POSES = Table(
         _real("sd_mm", f"1-sigma error of the centre in 3-D {IN_THIS_FRAME}"),
         _real("turn_sd_deg", "the same of the rotation, root of the sum over three axes"),
     ),
-    ("subject", "hand", "task", "trial", "model", "made_without", "segment", "frame"),
+    ("subject", "session", "hand", "task", "trial", "model", "made_without", "segment", "frame"),
 )
 
 POSED_TIPS = Table(
     "posed_tips",
-    3,
+    4,
     "both tips, of bone and of skin, of a digit of the fitted hand, posed with all receivers",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -433,7 +430,7 @@ POSED_TIPS = Table(
         ),
         _real("residual_mm", "rms distance of all receivers of the hand in this frame"),
     ),
-    ("subject", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
+    ("subject", "session", "hand", "task", "trial", "model", "made_without", "digit", "frame"),
 )
 
 CALIBRATED_ON = Column(
@@ -445,7 +442,7 @@ CALIBRATED_ON = Column(
 
 SKELETON_SCORES = Table(
     "skeleton_scores",
-    1,
+    2,
     "how well a skeleton does in one recording",
     (
         *OF_RECORDING,
@@ -473,15 +470,16 @@ SKELETON_SCORES = Table(
         Column("n_frames", WHOLE, "", "frames scored"),
         MESSAGE,
     ),
-    ("subject", "hand", "task", "trial", "model", "calibrated_on", "digit"),
+    ("subject", "session", "hand", "task", "trial", "model", "calibrated_on", "digit"),
 )
 
 JOINT_ERRORS = Table(
     "joint_errors",
-    1,
+    2,
     "simulated hands only, how far a joint is from its truth",
     (
         SUBJECT,
+        SESSION,
         HAND,
         Column("model", TEXT, "", "the skeleton model, or the reference prior-only"),
         CALIBRATED_ON,
@@ -497,12 +495,12 @@ JOINT_ERRORS = Table(
         _real("bone_error_mm", "its stated length minus the true one"),
         _real("bone_error_percent", "the same, of the true one"),
     ),
-    ("subject", "hand", "model", "calibrated_on", "joint"),
+    ("subject", "session", "hand", "model", "calibrated_on", "joint"),
 )
 
 RECORDINGS = Table(
     "recordings",
-    1,
+    2,
     "recording of the study: what became of it",
     (
         *OF_RECORDING,
@@ -518,15 +516,16 @@ RECORDINGS = Table(
         ),
         MESSAGE,
     ),
-    ("subject", "hand", "task", "trial"),
+    ("subject", "session", "hand", "task", "trial"),
 )
 
 PROBLEMS = Table(
     "problems",
-    2,
+    3,
     "a finding: anything that did not go as the study asked",
     (
         Column("subject", TEXT, "", "whose; empty: of the whole study"),
+        Column("session", TEXT, "", "in which session; empty: of no single one, or the sheet names none"),
         Column("hand", TEXT, "", "right or left; empty: of no single hand"),
         Column("task", TEXT, "", "task, and trial, of the recording; empty: of no single one"),
         Column("model", TEXT, "", "the skeleton model; empty: of no single one"),

@@ -12,20 +12,17 @@ from schemas.table_columns import (
     JOINT,
     MESSAGE,
     MODEL,
-    SESSION,
+    OF_RECORDING,
     STATUS,
-    SUBJECT,
     TASK,
     TEXT,
-    TRIAL,
     WHOLE,
     YES_NO,
     real,
 )
 from schemas.tables import Column, Table
 
-_OF_RECORDING = (SUBJECT, SESSION, HAND, TASK, TRIAL)
-_OF_MODEL = (*_OF_RECORDING, MODEL)
+_OF_MODEL = (*OF_RECORDING, MODEL)
 ANGLE = Column("angle", TEXT, "", "flexion, abduction or rotation (docs/joint-angles.md)")
 EVENT = Column("event", TEXT, "", "name of the events that begin the cycles")
 PERCENT = Column("percent", WHOLE, "", "time within the cycle, of its duration: 0 to 100")
@@ -52,7 +49,7 @@ EVENTS = Table(
     1,
     "an event of a recording",
     (
-        *_OF_RECORDING,
+        *OF_RECORDING,
         _count("event", "number of the event in the recording, from 0"),
         Column("name", TEXT, "", "what happened"),
         real("onset_s", "when it began, on the clock of the recording's time_s"),
@@ -62,7 +59,7 @@ EVENTS = Table(
         real("onset_sd_ms", "1-sigma error of onset_s from bringing two clocks together"),
         MESSAGE,
     ),
-    _key(*_OF_RECORDING, "event"),
+    _key(*OF_RECORDING, "event"),
 )
 
 CLOCKS = Table(
@@ -70,7 +67,7 @@ CLOCKS = Table(
     1,
     "how another device's clock was brought to the recording's",
     (
-        *_OF_RECORDING,
+        *OF_RECORDING,
         Column("source", TEXT, "", "the device's stream: motion-bids, xdf, midi or tracker"),
         real("scale_ppm", "how much faster the device's clock runs than the recording's"),
         real("offset_s", "the recording's time at the device's zero"),
@@ -82,7 +79,7 @@ CLOCKS = Table(
         STATUS,
         MESSAGE,
     ),
-    _key(*_OF_RECORDING, "source"),
+    _key(*OF_RECORDING, "source"),
 )
 
 RANGES_OF_MOTION = Table(
@@ -156,7 +153,7 @@ MOVEMENT_CYCLES = Table(
     1,
     "a cycle of a recording, from an event to the next of its name or to its own end",
     (
-        *_OF_RECORDING,
+        *OF_RECORDING,
         EVENT,
         _count("cycle", "number of the cycle among those of its event, from 0"),
         real("onset_s", "when it began, on the clock of the recording's time_s"),
@@ -164,7 +161,7 @@ MOVEMENT_CYCLES = Table(
         Column("used", YES_NO, "", "whether curves are made of it"),
         MESSAGE,
     ),
-    _key(*_OF_RECORDING, EVENT, "cycle"),
+    _key(*OF_RECORDING, EVENT, "cycle"),
 )
 
 MOVEMENT_CURVES = Table(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, astuple, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ import pyarrow.parquet as pq
 
 from schemas.errors import InputError, TableError, listed
 from schemas.parquet_files import naming_damage, open_parquet
+from schemas.study import Hand, SubjectSession
 from schemas.tables import (
     Provenance,
     Table,
@@ -49,11 +50,13 @@ class Part:
     model: str = ""
     made_without: str = ""
     subject: str = ""
+    session: str = ""
 
     def __str__(self) -> str:
+        session = f", session {self.session}" if self.session else ""
         model = f", model {self.model}" if self.model else ""
         without = f", made without {self.made_without}" if self.made_without else ""
-        return f"subject {self.subject}, {self.hand} hand{model}{without}"
+        return f"subject {self.subject}{session}, {self.hand} hand{model}{without}"
 
 
 class PartsWriter:
@@ -118,8 +121,8 @@ def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
         return _parts_of(file, path)
 
 
-def check_subject(path: Path, subject: str) -> None:
-    """Raise TableError where a subject table is of other subjects only.
+def check_subject(path: Path, subject: str, session: str = "") -> None:
+    """Raise TableError where a subject table is of other subjects, or sessions, only.
 
     What is no subject table, or not there, is left to the reader, which knows what it expects.
     """
@@ -128,25 +131,32 @@ def check_subject(path: Path, subject: str) -> None:
     with open_parquet(path, "a subject table") as file:
         if PARTS_KEY.encode() not in (file.metadata.metadata or {}):
             return
-        subjects = sorted({part.subject for part in _parts_of(file, path)})
-    if subjects and subject not in subjects:
+        subjects = sorted({(part.subject, part.session) for part in _parts_of(file, path)})
+    if subjects and (subject, session) not in subjects:
+        names = listed([SubjectSession(*own).label for own in subjects])
         raise TableError(
-            f"{path}: has no rows of subject {subject}, but of {listed(subjects)}; remove it and run the "
-            "study again"
+            f"{path}: has no rows of {SubjectSession(subject, session)}, but of {names}; remove it and run "
+            "the study again"
         )
 
 
-def one_hand_of(path: Path, table: Table, subject: str | None, hand: str | None) -> tuple[str, str]:
-    """Give the one subject and hand that a subject table is of, or those given.
+def one_hand_of(path: Path, table: Table, subject: str | None, session: str | None, hand: str | None) -> Hand:
+    """Give the one hand that a subject table is of, or that of the subject, session and side given.
 
     Raises InputError where the table is of several hands and none is given.
     """
     with open_table(path, table) as file:
-        hands = {(part.subject, part.hand) for part in _parts_of(file, path)}
-    matching = [own for own in sorted(hands) if subject in (None, own[0]) and hand in (None, own[1])]
+        hands = {Hand(part.subject, part.hand, part.session) for part in _parts_of(file, path)}
+    matching = [
+        own
+        for own in hands
+        if subject in (None, own.subject) and session in (None, own.session) and hand in (None, own.hand)
+    ]
     if len(matching) != 1:
-        names = "; ".join(f"subject {own[0]}, {own[1]} hand" for own in sorted(hands)) or "none"
-        raise InputError(f"{path}: holds hands of {names}; say with --subject and --hand which one to take")
+        names = "; ".join(sorted(map(str, hands))) or "none"
+        raise InputError(
+            f"{path}: holds hands of {names}; say with --subject, --session and --hand which one to take"
+        )
     return matching[0]
 
 
@@ -349,10 +359,7 @@ def _check_part(parts: Mapping[Part, Mapping[str, Any]], part: Part, path: Path)
 def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
     try:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
-        parts = {
-            Part(*(one.pop(key) for key in ("hand", "model", "made_without", "subject"))): one
-            for one in listed
-        }
+        parts = {Part(*(one.pop(field.name) for field in fields(Part))): one for one in listed}
         texts = [text for part, one in parts.items() for text in (*astuple(part), one.get("failure", ""))]
         if not all(isinstance(text, str) for text in texts):
             raise TypeError("a name or a reason is no text")

@@ -1,7 +1,8 @@
 """A subject's plan: everything that the stages need to know of the study about one subject, resolved.
 
 `results/<study>/sub-S/plan.json` holds the subject's recordings with their roles, the layout of each hand,
-the models, sizes and the rows of the sheets that are the subject's. It is written from the study file by the
+the models, sizes and the rows of the sheets that are the subject's. A session that the recordings sheet names
+has a plan of its own, `sub-S_ses-X/plan.json`. It is written from the study file by the
 workflow; paths in it are relative to the working directory.
 """
 
@@ -13,7 +14,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from schemas.catalogue import FINDINGS
 from schemas.config_files import CONFIG_FOLDER, read_config
@@ -24,12 +25,12 @@ from schemas.model import SkeletonModel, model_from_config
 from schemas.parts import Part
 from schemas.poses import one_hand, recording_name
 from schemas.results import FIT_TABLES
-from schemas.sheets import HAND_SHEETS, SHEETS, Row, read_sheet
-from schemas.study import Hand, Recording, Study, path_token
+from schemas.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
+from schemas.study import Hand, Recording, Study, SubjectSession, path_token
 from schemas.tables import read_table, rows_of
 from schemas.text_files import read_text
 
-VERSION = 1
+VERSION = 2
 SIZES = ("hand_length_mm", "hand_breadth_mm")
 
 
@@ -62,6 +63,16 @@ class SubjectPlan:
     is_study: bool = True
     refused: Mapping[Recording, str] = field(default_factory=dict)
     suspect: Mapping[Recording, str] = field(default_factory=dict)
+    session: str = ""
+
+    @property
+    def who(self) -> SubjectSession:
+        """The subject, and the session where the sheet names any."""
+        return SubjectSession(self.subject, self.session)
+
+    def hand(self, side: str) -> Hand:
+        """The subject's right or left hand."""
+        return Hand(self.subject, side, self.session)
 
     @property
     def hands(self) -> tuple[str, ...]:
@@ -171,7 +182,7 @@ class SubjectPlan:
 
     def part(self, hand: str, model: str = "", made_without: str = "") -> Part:
         """Give a part of the subject's tables."""
-        return Part(hand, model, made_without, self.subject)
+        return Part(hand, model, made_without, self.subject, self.session)
 
     def parts(self, *models: str) -> list[Part]:
         """Every skeleton of those models (default: all): the whole one, then those without each task."""
@@ -197,37 +208,57 @@ class StudyPlans:
             for row in read_sheet(study.sheets.get(name), SHEETS[name]):
                 self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
 
-    def content(self, subject: str) -> dict[str, Any]:
+    def content(self, subject: str, session: str = "") -> dict[str, Any]:
         """Give a subject's plan as JSON types."""
-        study = self._study.of_subject(subject)
+        study = self._study.of_session(subject, session)
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
         return {
             "plan": VERSION,
             "study": study.name,
             "subject": subject,
-            "folder": (self._results / f"sub-{path_token(subject)}").as_posix(),
+            "session": session,
+            "folder": (self._results / f"sub-{SubjectSession(subject, session).token}").as_posix(),
             **{name: sizes.get(name) for name in SIZES},
             "recordings": [_recording(recording, study, self._results) for recording in study.recordings],
             "layouts": {hand.hand: self._layouts[study.layout_of(hand)] for hand in study.hands},
             "models": self._models,
-            **{name: self._rows[name].get(subject, []) for name in HAND_SHEETS},
+            **{
+                name: rows_of_session(self._rows[name].get(subject, []), SHEETS[name], session)
+                for name in HAND_SHEETS
+            },
             "sheets": {name: _relative(study.sheets[name]) for name in HAND_SHEETS if name in study.sheets},
         }
 
-    def recordings_content(self, subject: str) -> dict[str, Any]:
+    def recordings_content(self, subject: str, session: str = "") -> dict[str, Any]:
         """Give the plan of a subject's recordings alone, without models, sizes and what was measured."""
         nothing: dict[str, Any] = {"models": [], "sheets": {}, **dict.fromkeys(SIZES)}
-        return self.content(subject) | nothing | {name: [] for name in HAND_SHEETS}
+        return self.content(subject, session) | nothing | {name: [] for name in HAND_SHEETS}
 
-    def fit_content(self, subject: str, hand: str, model: str) -> dict[str, Any]:
+    def fit_content(self, subject: str, hand: str, model: str, session: str = "") -> dict[str, Any]:
         """Give the plan of a fit of a hand: with its model alone, and that hand unless lengths are shared."""
-        content = self.content(subject)
+        content = self.content(subject, session)
         config = next(config for config in self._models if config["model"] == model)
         if not config["fit"]["share_lengths"]:
             for name in ("recordings", "measurements", "touches"):
                 content[name] = [row for row in content[name] if row["hand"] == hand]
             content["layouts"] = {hand: content["layouts"][hand]}
         return content | {"models": [config], "corrections": []}
+
+
+SheetRow = TypeVar("SheetRow", Row, dict[str, Any])
+
+
+def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> list[SheetRow]:
+    """Give a subject's rows of a sheet that are for a session: its own, and those for all that it has not."""
+    key = [column for column in sheet.key if column != "session"]
+    own = [row for row in rows if row["session"] == session]
+    named = {tuple(row[column] for column in key) for row in own}
+    return [
+        row
+        for row in rows
+        if row["session"] == session
+        or (not row["session"] and tuple(row[column] for column in key) not in named)
+    ]
 
 
 def _recording(recording: Recording, study: Study, results: Path) -> dict[str, Any]:
@@ -267,17 +298,18 @@ def plan_of_poses(
     models: Sequence[SkeletonModel],
     *,
     subject: str | None = None,
+    session: str | None = None,
     hand: str | None = None,
     sizes_mm: Mapping[str, float | None] | None = None,
     sheets: Mapping[str, Path | None] | None = None,
 ) -> SubjectPlan:
     """Make a plan of one hand's poses files as a command line names them, for a stage that is run alone.
 
-    calibration, evaluated : poses files, one may be both. subject, hand : whose, where no file says it.
+    calibration, evaluated : poses files, one may be both. subject, session, hand : whose, where no file says.
     sizes_mm : hand_length_mm and hand_breadth_mm. sheets : paths of corrections, measurements and touches, of
     which the rows of this hand count. Raises InputError where the files are of several hands.
     """
-    subject, hand = one_hand([*calibration, *evaluated], subject, hand)
+    whose = one_hand([*calibration, *evaluated], subject, session, hand)
     files: dict[Recording, Path] = {}
     for path in dict.fromkeys([*calibration, *evaluated]):
         roles = [
@@ -286,21 +318,27 @@ def plan_of_poses(
         name = recording_name(path)
         role = "both" if len(roles) == 2 else roles[0]
         given = (path, str(path), Path(layout.name), "auto", None, "keep", "")
-        files[Recording(Hand(subject, hand), name.task, name.trial, role, *given)] = path
+        files[Recording(whose, name.task, name.trial, role, *given)] = path
     named = {name: path for name, path in (sheets or {}).items() if path is not None}
     rows: dict[str, Any] = {
         name: tuple(
-            row
-            for row in read_sheet(named.get(name), SHEETS[name])
-            if (row["subject"], row["hand"]) == (subject, hand)
+            rows_of_session(
+                [
+                    row
+                    for row in read_sheet(named.get(name), SHEETS[name])
+                    if (row["subject"], row["hand"]) == (whose.subject, whose.hand)
+                ],
+                SHEETS[name],
+                whose.session,
+            )
         )
         for name in HAND_SHEETS
     }
     sizes = sizes_mm or {}
     return SubjectPlan(
-        "", subject, Path(), sizes.get("hand_length_mm"), sizes.get("hand_breadth_mm"), tuple(files),
-        {hand: layout}, {model.name: model for model in models}, **rows, sheets=named, poses_files=files,
-        truth_folders={}, is_study=False,
+        "", whose.subject, Path(), sizes.get("hand_length_mm"), sizes.get("hand_breadth_mm"), tuple(files),
+        {whose.hand: layout}, {model.name: model for model in models}, **rows, sheets=named,
+        poses_files=files, truth_folders={}, is_study=False, session=whose.session,
     )  # fmt: skip
 
 
@@ -342,10 +380,12 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
 def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
     """Make a plan of its file's content; `where` names it in errors."""
     models = [model_from_config(config, where) for config in content["models"]]
-    recordings = {_read_recording(entry, content["subject"]): entry for entry in content["recordings"]}
+    who = SubjectSession(content["subject"], content["session"])
+    recordings = {_read_recording(entry, who): entry for entry in content["recordings"]}
     return SubjectPlan(
         study=content["study"],
-        subject=content["subject"],
+        subject=who.subject,
+        session=who.session,
         folder=Path(content["folder"]),
         hand_length_mm=content["hand_length_mm"],
         hand_breadth_mm=content["hand_breadth_mm"],
@@ -361,13 +401,13 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
     )
 
 
-def _read_recording(entry: Mapping[str, Any], subject: str) -> Recording:
+def _read_recording(entry: Mapping[str, Any], who: SubjectSession) -> Recording:
     values = {name: value for name, value in entry.items() if name not in ("poses", "truth")}
     mapping = values["mapping"]
     return Recording(
         **values
         | {
-            "hand": Hand(subject, values["hand"]),
+            "hand": Hand(who.subject, values["hand"], who.session),
             "file": Path(values["file"]),
             "layout": Path(values["layout"]),
             "mapping": None if mapping is None else Path(mapping),

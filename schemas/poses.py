@@ -22,6 +22,7 @@ from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
 from schemas.layout import Layout
 from schemas.parquet_files import naming_damage, open_parquet
+from schemas.study import Hand
 from schemas.tables import column_array, open_table, read_metadata
 
 Array = npt.NDArray[np.float64]
@@ -43,10 +44,15 @@ class RecordingName:
     hand: str
     task: str
     trial: str = ""
+    session: str = ""
+
+    @property
+    def of_hand(self) -> Hand:
+        """The hand alone."""
+        return Hand(self.subject, self.hand, self.session)
 
     def __str__(self) -> str:
-        words = [f"subject {self.subject}", f"{self.hand} hand", self.task, self.trial]
-        return ", ".join(word for word in words if word)
+        return ", ".join(word for word in (str(self.of_hand), self.task, self.trial) if word)
 
 
 @dataclass(frozen=True)
@@ -108,6 +114,7 @@ def recording_name(path: Path) -> RecordingName:
         raise TableError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
     parameters = metadata["parameters"]
     names = {name: parameters.get(name) for name in ("subject", "hand", "task", "trial")}
+    names["session"] = parameters.get("session", "")  # a recording without one does not name it
     for name, text in names.items():
         if not isinstance(text, str):
             raise TableError(f"{path}: its metadata lacks {name!r}; make it with stages.capture")
@@ -296,18 +303,19 @@ def _empty(segments: Sequence[str], n_frames: int) -> Poses:
     )
 
 
-def one_hand(paths: Sequence[Path], subject: str | None, hand: str | None) -> tuple[str, str]:
-    """Give the subject and hand that all the poses files are of, or those given where there is no file.
+def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, hand: str | None) -> Hand:
+    """Give the hand that all the poses files are of, or the one given where there is no file.
 
     Raises InputError where the files disagree with each other or with what is given.
     """
     names = [(path, recording_name(path)) for path in paths]
     if not names and (subject is None or hand is None):
         raise InputError("no poses file, so --subject and --hand must say whose hand it is")
-    wanted = (subject or names[0][1].subject, hand or names[0][1].hand)
+    own = names[0][1] if names else RecordingName("", "", "")
+    wanted = Hand(subject or own.subject, hand or own.hand, own.session if session is None else session)
     for path, name in names:
-        if (name.subject, name.hand) != wanted:
-            raise InputError(f"{path}: is of {name}; expected subject {wanted[0]}, {wanted[1]} hand")
+        if name.of_hand != wanted:
+            raise InputError(f"{path}: is of {name}; expected {wanted}")
     return wanted
 
 

@@ -23,10 +23,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
     poses : the recording's poses table; an excluded recording needs none.
     """
     row: Row = {
-        "subject": recording.hand.subject,
-        "hand": recording.hand.hand,
-        "task": recording.task,
-        "trial": recording.trial,
+        **recording.key,
         "role": recording.role,
         "file": recording.file_as_written,
         "status": "used",

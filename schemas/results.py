@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from schemas.study import Recording, path_token
+from schemas.study import Recording, SubjectSession
 
 SUBJECT_TABLES = {
     "findings": "check_recordings",
@@ -89,22 +89,22 @@ class Results:
         """The study as it was understood: its file, layouts and models with every default filled in."""
         return self.folder / "resolved.yaml"
 
-    def subject(self, subject: str) -> Path:
-        """Folder of a subject's plan and tables."""
-        return self.folder / f"sub-{path_token(subject)}"
+    def subject(self, subject: str, session: str = "") -> Path:
+        """Folder of a subject's plan and tables, in one session where the sheet names any."""
+        return self.folder / f"sub-{SubjectSession(subject, session).token}"
 
-    def plan(self, subject: str) -> Path:
+    def plan(self, subject: str, session: str = "") -> Path:
         """A subject's plan."""
-        return self.subject(subject) / "plan.json"
+        return self.subject(subject, session) / "plan.json"
 
     @property
     def exports(self) -> Path:
         """Folder of all skeletons and their motion in other programs' formats."""
         return self.folder / "exports"
 
-    def subject_exports(self, subject: str) -> Path:
+    def subject_exports(self, subject: str, session: str = "") -> Path:
         """Folder that a subject's exports are made in."""
-        return self.subject(subject) / "exports"
+        return self.subject(subject, session) / "exports"
 
     @property
     def new_dataset(self) -> Path:
@@ -116,13 +116,13 @@ class Results:
         """Folder of the Motion-BIDS dataset of all exported recordings."""
         return self.exports / "bids"
 
-    def subject_pages(self, subject: str) -> Path:
+    def subject_pages(self, subject: str, session: str = "") -> Path:
         """Folder of the report's pages of one subject."""
-        return self.folder / "report" / f"sub-{path_token(subject)}"
+        return self.folder / "report" / f"sub-{SubjectSession(subject, session).token}"
 
-    def subject_page(self, subject: str) -> Path:
+    def subject_page(self, subject: str, session: str = "") -> Path:
         """The report's page of one subject."""
-        return self.subject_pages(subject) / "subject.html"
+        return self.subject_pages(subject, session) / "subject.html"
 
     def recording_page(self, recording: Recording) -> Path:
         """The report's page of one recording."""

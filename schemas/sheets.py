@@ -85,6 +85,14 @@ def _positive(text: str) -> float:
 
 
 SUBJECT = Cell("subject", _text, "the subject's name; any text")
+SESSION = Cell(
+    "session",
+    _text,
+    "which session, where receivers were taken off and put on anew: a skeleton is solved for each",
+    False,
+    "",
+)
+OF_SESSION = Cell("session", _text, "the session that the row is for; empty for all", False, "")
 HAND = Cell("hand", _one_of("right", "left"), "right or left")
 
 RECORDINGS = Sheet(
@@ -95,6 +103,7 @@ RECORDINGS = Sheet(
         Cell("task", _text, "what was done, e.g. rom or opposition"),
         Cell("role", _one_of("calibration", "evaluation", "both"), "what the recording is for"),
         Cell("file", _text, "the recording, relative to the study file"),
+        SESSION,
         Cell("trial", _text, "which repetition, where a task was recorded more than once", False, ""),
         Cell(
             "layout",
@@ -121,7 +130,7 @@ RECORDINGS = Sheet(
         Cell("exclude", _text, "a reason to leave the recording out; empty to use it", False, ""),
         Cell("accept", _text, "a reason to let it count though a finding calls it suspect", False, ""),
     ),
-    ("subject", "hand", "task", "trial"),
+    ("subject", "session", "hand", "task", "trial"),
 )
 
 PARTICIPANTS = Sheet(
@@ -140,13 +149,14 @@ CORRECTIONS = Sheet(
     (
         SUBJECT,
         HAND,
+        OF_SESSION,
         Cell("joint", _text, "the joint, as the layout names it"),
         Cell("dx_mm", _number, "shift along x of the child's receiver"),
         Cell("dy_mm", _number, "shift along y of the child's receiver"),
         Cell("dz_mm", _number, "shift along z of the child's receiver"),
         Cell("note", _text, "why", False, ""),
     ),
-    ("subject", "hand", "joint"),
+    ("subject", "session", "hand", "joint"),
 )
 
 MEASUREMENTS = Sheet(
@@ -154,11 +164,12 @@ MEASUREMENTS = Sheet(
     (
         SUBJECT,
         HAND,
+        OF_SESSION,
         Cell("quantity", _text, "what was measured, e.g. the length of a bone by its segment"),
         Cell("value_mm", _number, "its value"),
         Cell("sd_mm", _positive, "1-sigma error of the measurement"),
     ),
-    ("subject", "hand", "quantity"),
+    ("subject", "session", "hand", "quantity"),
 )
 
 TOUCHES = Sheet(
@@ -166,6 +177,7 @@ TOUCHES = Sheet(
     (
         SUBJECT,
         HAND,
+        OF_SESSION,
         Cell("task", _text, "the recording in which the fingertip was touched, or touched something"),
         Cell("trial", _text, "its repetition, where it has one", False, ""),
         Cell("digit", _text, "the digit, as the layout names it"),
@@ -183,7 +195,7 @@ TOUCHES = Sheet(
         Cell("z_mm", _number, "the point in the transmitter frame, z"),
         Cell("sd_mm", _positive, "1-sigma error of the point, per direction"),
     ),
-    ("subject", "hand", "task", "trial", "digit", "from_s"),
+    ("subject", "session", "hand", "task", "trial", "digit", "from_s"),
 )
 
 SHEETS = {sheet.name: sheet for sheet in (RECORDINGS, PARTICIPANTS, CORRECTIONS, MEASUREMENTS, TOUCHES)}

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from schemas.config_files import check_config, config_path, read_config
 from schemas.errors import InputError, guess, listed
@@ -19,17 +19,46 @@ REPETITIONS = 20
 """What ends in so many repetitions of something Snakemake takes for a rule that feeds itself."""
 
 
+class SubjectSession(NamedTuple):
+    """What a skeleton is of: a subject, in one session where the sheet names any; str() names both."""
+
+    subject: str
+    session: str = ""
+
+    @property
+    def token(self) -> str:
+        """Its name in paths, after `sub-`."""
+        return path_token(self.subject) + (f"_ses-{path_token(self.session)}" if self.session else "")
+
+    @property
+    def label(self) -> str:
+        """The subject, and the session where there is one."""
+        return f"{self.subject}, session {self.session}" if self.session else self.subject
+
+    def __str__(self) -> str:
+        return f"subject {self.label}"
+
+
 @dataclass(frozen=True)
 class Hand:
-    """One subject's hand, and its place in paths."""
+    """One subject's hand, in one session where the sheet names any; str() names it."""
 
     subject: str
     hand: str
+    session: str = ""
+
+    @property
+    def who(self) -> SubjectSession:
+        """Whose it is."""
+        return SubjectSession(self.subject, self.session)
 
     @property
     def folder(self) -> str:
         """Its part of a path below the study's results."""
-        return f"sub-{path_token(self.subject)}/{self.hand}"
+        return f"sub-{self.who.token}/{self.hand}"
+
+    def __str__(self) -> str:
+        return f"{self.who}, {self.hand} hand"
 
 
 @dataclass(frozen=True)
@@ -53,6 +82,17 @@ class Recording:
     def name(self) -> str:
         """Task and trial as one part of a path."""
         return path_token(self.task) + (f"_{path_token(self.trial)}" if self.trial else "")
+
+    @property
+    def key(self) -> dict[str, str]:
+        """What tables call it: subject, session, hand, task, trial, in this order."""
+        whose = {"subject": self.hand.subject, "session": self.hand.session, "hand": self.hand.hand}
+        return {**whose, "task": self.task, "trial": self.trial}
+
+    @property
+    def title(self) -> str:
+        """Task and trial in words."""
+        return ", ".join(filter(None, (self.task, self.trial)))
 
 
 @dataclass(frozen=True)
@@ -104,16 +144,21 @@ class Study:
         """Every subject of the study, in the sheet's order."""
         return tuple(dict.fromkeys(recording.hand.subject for recording in self.recordings))
 
-    def of_subject(self, subject: str) -> Study:
-        """The same study with that subject's recordings alone.
+    @property
+    def sessions(self) -> tuple[SubjectSession, ...]:
+        """Every subject in every session of theirs, in the sheet's order."""
+        return tuple(dict.fromkeys(recording.hand.who for recording in self.recordings))
 
-        Raises InputError where the study has no such subject.
+    def of_session(self, subject: str, session: str = "") -> Study:
+        """The same study with that subject's recordings of that session alone.
+
+        Raises InputError where the study has none.
         """
-        recordings = tuple(r for r in self.recordings if r.hand.subject == subject)
+        recordings = tuple(r for r in self.recordings if r.hand.who == (subject, session))
         if not recordings:
-            raise InputError(
-                f"study {self.name}: has no subject {subject!r}; expected one of {listed(self.subjects)}"
-            )
+            known = listed([who.label for who in self.sessions])
+            label = SubjectSession(subject, session).label
+            raise InputError(f"study {self.name}: has no subject {label!r}; expected one of {known}")
         return replace(self, recordings=recordings)
 
     @property
@@ -196,12 +241,13 @@ def _export_settings(config: dict[str, Any], models: dict[str, Path], where: str
 def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
     """Say, a sentence a row, which corrections cannot be applied: no such hand or no such joint."""
     known_hands = set(hands)
+    known_hands |= {replace(hand, session="") for hand in known_hands}  # a row may be for all sessions
     joints = [joint.name for joint in layout.solvable]
     problems = []
     for row in rows:
-        hand = Hand(row["subject"], row["hand"])
+        hand = Hand(row["subject"], row["hand"], row["session"])
         if hand not in known_hands:
-            reason = f"column subject: the study has no {hand.hand} hand of {hand.subject!r}"
+            reason = f"column subject: the study has no {hand.hand} hand of {hand.who.label!r}"
         elif row["joint"] not in joints:
             meant = guess(row["joint"], joints)
             reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}; {meant}"
@@ -224,12 +270,12 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
 
 def _why_unusable(recording: Recording) -> str:
     """Say why no file can have the names that a row asks for; empty where they can."""
-    names = (recording.hand.subject, recording.task, recording.trial)
+    names = (*recording.hand.who, recording.task, recording.trial)
     n_bytes = sum(len(path_token(name).encode()) for name in names)
     if n_bytes > NAMES_BYTES:
         return (
-            f"columns subject, task, trial: have {n_bytes} bytes in the names of files; expected at most "
-            f"{NAMES_BYTES}"
+            f"columns subject, session, task, trial: have {n_bytes} bytes in the names of files; expected at "
+            f"most {NAMES_BYTES}"
         )
     for column, path in (("file", recording.file), ("mapping", recording.mapping)):
         if path and max((len(part.encode()) for part in path.parts), default=0) > FILE_NAME_BYTES:
@@ -246,10 +292,11 @@ def _recordings(
     recordings, unusable = [], []
     layouts: dict[Hand, tuple[Path, int]] = {}
     paths: dict[tuple[str, str], int] = {}
+    units: dict[str, tuple[SubjectSession, int]] = {}
     for row in read_sheet(sheet, RECORDINGS):
         own = config_path(row["layout"], "layout", folder) if row["layout"] else layout
         recording = Recording(
-            Hand(row["subject"], row["hand"]),
+            Hand(row["subject"], row["hand"], row["session"]),
             row["task"],
             row["trial"],
             row["role"],
@@ -277,7 +324,13 @@ def _recordings(
         if line != row.line:
             raise InputError(
                 f"{sheet}: row {row.line}: its results would have the path of row {line}; "
-                "rename subject, task or trial"
+                "rename subject, session, task or trial"
+            )
+        whose, line = units.setdefault(recording.hand.who.token, (recording.hand.who, row.line))
+        if whose != recording.hand.who:
+            raise InputError(
+                f"{sheet}: row {row.line}: results of {recording.hand.who} would have the path of {whose} "
+                f"(row {line}); rename one"
             )
         recordings.append(recording)
     if not recordings:

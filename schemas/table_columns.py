@@ -10,7 +10,7 @@ TEXT, REAL, WHOLE, YES_NO = pa.string(), pa.float64(), pa.int64(), pa.bool_()
 SINGLE = pa.float32()
 
 SUBJECT = Column("subject", TEXT, "", "the subject's name, as in the recordings sheet")
-SESSION = Column("session", TEXT, "", "which donning of the receivers; empty where the sheet names none")
+SESSION = Column("session", TEXT, "", "when receivers were put on; empty where the sheet names none")
 HAND = Column("hand", TEXT, "", "right or left")
 TASK = Column("task", TEXT, "", "what was done, as in the recordings sheet")
 TRIAL = Column("trial", TEXT, "", "which repetition; empty where the sheet names none")
@@ -25,8 +25,8 @@ MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing
 STATUS = Column("status", TEXT, "", "ok, weak (read the message) or failed (no usable number)")
 
 
-OF_RECORDING = (SUBJECT, HAND, TASK, TRIAL)
-OF_SKELETON = (SUBJECT, HAND, MODEL, MADE_WITHOUT)
+OF_RECORDING = (SUBJECT, SESSION, HAND, TASK, TRIAL)
+OF_SKELETON = (SUBJECT, SESSION, HAND, MODEL, MADE_WITHOUT)
 OF_SKELETON_IN_RECORDING = (*OF_RECORDING, MODEL, MADE_WITHOUT)
 """Columns that say what a row is of."""
 

@@ -49,6 +49,7 @@ def add_plan_options(
     alone.add_argument("--layout", help="a layout that ships, or a path")
     alone.add_argument("--model", help="a skeleton model that ships, or a path")
     alone.add_argument("--subject", help="whose hand (default: as the poses say)")
+    alone.add_argument("--session", help="in which session (default: as the poses say)")
     alone.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses say)")
     for name in sizes:
         alone.add_argument(f"--{name.replace('_', '-')}", type=float, help=_SIZES[name][0])
@@ -84,16 +85,15 @@ def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = N
         if value is not None and not least < value < largest:
             option = f"--{name.replace('_', '-')}"
             raise InputError(f"{option}: is {value:g}; expected millimetres, {least:g} to {largest:g}")
-    subject, hand = arguments.subject, arguments.hand
+    whose = {name: given[name] for name in ("subject", "session", "hand")}
     if joints is not None and not given.get("calibration") and not given.get("evaluated"):
-        subject, hand = one_hand_of(*joints, subject, hand)
+        whose = vars(one_hand_of(*joints, **whose))
     return plan_of_poses(
         given.get("calibration", []),
         given.get("evaluated", []),
         read_layout(arguments.layout),
         [] if arguments.model is None else [read_model(arguments.model)],
-        subject=subject,
-        hand=hand,
+        **whose,
         sizes_mm={name: given.get(name) for name in _SIZES},
         sheets={name: given.get(name) for name in ("corrections", "measurements", "touches")},
     )
@@ -217,11 +217,10 @@ def poses_files(plan: SubjectPlan) -> list[Path]:
         if recording.exclude:
             continue
         path, name = plan.poses(recording), recording_name(plan.poses(recording))
-        expected = (plan.subject, recording.hand.hand, recording.task, recording.trial)
-        if (name.subject, name.hand, name.task, name.trial) != expected:
+        if (name.of_hand, name.task, name.trial) != (recording.hand, recording.task, recording.trial):
             raise TableError(
-                f"{path}: is of {name}; expected subject {plan.subject}, {recording.hand.hand} hand, "
-                f"{recording.name}; remove it and run the study again"
+                f"{path}: is of {name}; expected {recording.hand}, {recording.name}; remove it and run the "
+                "study again"
             )
         check_layout(path, plan.layouts[recording.hand.hand])
         files.append(path)
@@ -238,7 +237,7 @@ def provenance_of(plan: SubjectPlan, tables: Sequence[Path], files: Sequence[Pat
     from schemas.tables import Provenance, read_metadata
 
     for path in tables:
-        check_subject(path, plan.subject)
+        check_subject(path, *plan.who)
     provenance = Provenance.of([*tables, *files], plan.folder)
     digests = dict(provenance.inputs) if plan.is_study else {}
     for path in tables:

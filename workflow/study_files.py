@@ -23,10 +23,10 @@ from schemas.results import (
     TRUTH_TABLES,
     Results,
 )
-from schemas.study import Hand, Recording, Study, path_token, read_study
+from schemas.study import Recording, Study, SubjectSession, path_token, read_study
 
 Wildcards = Any
-"""Snakemake's wildcards: attributes subject, hand, recording, model, as they stand in paths."""
+"""Snakemake's wildcards: attributes subject (and session), hand, recording, model, as they stand in paths."""
 
 
 class StudyFiles:
@@ -37,9 +37,7 @@ class StudyFiles:
         self.study: Study = read_study(Path(self.file))
         self.results = Results.of(self.study.name)
         self._study_plans = StudyPlans(self.study, self.results.folder)
-        self._contents = {
-            path_token(subject): self._study_plans.content(subject) for subject in self.study.subjects
-        }
+        self._contents = {who.token: self._study_plans.content(*who) for who in self.study.sessions}
         self._plans = {
             subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
         }
@@ -68,9 +66,15 @@ class StudyFiles:
 
     # --- of one subject -----------------------------------------------------------------------------------
 
-    def subject(self, wildcards: Wildcards) -> str:
-        """The subject's name, of which the wildcard is the form that stands in paths."""
-        return self._plans[wildcards.subject].subject
+    def subject(self, wildcards: Wildcards) -> SubjectSession:
+        """The subject and session of which the wildcard `subject` is the form that stands in paths."""
+        return self._plans[wildcards.subject].who
+
+    def subject_options(self, wildcards: Wildcards) -> str:
+        """Options that say whose a job is."""
+        who = self.subject(wildcards)
+        session = [f"--session={who.session}"] if who.session else []
+        return shlex.join([f"--subject={who.subject}", *session])
 
     def plan(self, wildcards: Wildcards) -> str:
         """Digest of the subject's whole plan."""
@@ -78,7 +82,7 @@ class StudyFiles:
 
     def recordings_plan(self, wildcards: Wildcards) -> str:
         """Digest of what the subject's plan says of its recordings."""
-        return plan_digest(self._study_plans.recordings_content(self.subject(wildcards)))
+        return plan_digest(self._study_plans.recordings_content(*self.subject(wildcards)))
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """A recording's file and mapping, those that are there or are simulated: a missing one must not stop
@@ -105,10 +109,7 @@ class StudyFiles:
             "layout": str(recording.layout),
             "format": recording.format,
             "mapping": None if recording.mapping is None else _relative(recording.mapping),
-            "subject": recording.hand.subject,
-            "hand": recording.hand.hand,
-            "task": recording.task,
-            "trial": recording.trial,
+            **recording.key,
         }
         repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
         return shlex.join([f"--{name}={value}" for name, value in values.items() if value] + repair)
@@ -141,7 +142,7 @@ class StudyFiles:
 
     def layout(self, wildcards: Wildcards) -> str:
         """The layout of a hand."""
-        return _relative(self.study.layout_of(Hand(self.subject(wildcards), wildcards.hand)))
+        return _relative(self.study.layout_of(self._plans[wildcards.subject].hand(wildcards.hand)))
 
     def fits(self, wildcards: Wildcards) -> list[str]:
         """Tables of the subject's whole-hand fits."""
@@ -150,8 +151,9 @@ class StudyFiles:
 
     def fit_plan(self, wildcards: Wildcards) -> str:
         """Digest of the plan of a fit of the whole hand."""
-        subject = self.subject(wildcards)
-        return plan_digest(self._study_plans.fit_content(subject, wildcards.hand, self.model(wildcards)))
+        subject, session = self.subject(wildcards)
+        model = self.model(wildcards)
+        return plan_digest(self._study_plans.fit_content(subject, wildcards.hand, model, session))
 
     def truth(self, wildcards: Wildcards) -> list[str]:
         """Tables of the truth beside the subject's simulated recordings."""
@@ -197,7 +199,7 @@ class StudyFiles:
     @property
     def plans(self) -> list[str]:
         """Plans of all subjects."""
-        return [str(self.results.plan(subject)) for subject in self.study.subjects]
+        return [str(self.results.plan(*who)) for who in self.study.sessions]
 
     @property
     def all_plans(self) -> list[str]:
@@ -271,7 +273,7 @@ class StudyFiles:
     @property
     def export_folders(self) -> list[str]:
         """Folders that exports are made in: of each subject, and of the dataset of all."""
-        folders = [str(self.results.subject_exports(subject)) for subject in self.study.subjects]
+        folders = [str(self.results.subject_exports(*who)) for who in self.study.sessions]
         dataset = [str(self.results.new_dataset)] if "bids" in self.study.exports else []
         return (folders if self.export_formats else []) + dataset
 
@@ -287,7 +289,7 @@ class StudyFiles:
     @property
     def subject_pages(self) -> list[str]:
         """Folders of the subjects' pages of the report."""
-        return [str(self.results.subject_pages(subject)) for subject in self.study.subjects]
+        return [str(self.results.subject_pages(*who)) for who in self.study.sessions]
 
 
 class _Subject:

@@ -21,6 +21,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--study", type=Path, required=True, help="the study file")
     parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
     parser.add_argument("--subject", required=True, help="the subject, as in the recordings sheet")
+    parser.add_argument("--session", default="", help="the session, where the sheet names any")
     parser.add_argument("--hand", choices=("right", "left"), help="for a fit of the whole hand: which")
     parser.add_argument("--model", help="for a fit of the whole hand: under which model")
     parser.add_argument("--recordings", action="store_true", help="for their check: of the recordings alone")
@@ -35,11 +36,12 @@ def write_plan(arguments: argparse.Namespace) -> None:
     from schemas.study import read_study
 
     plans = StudyPlans(read_study(arguments.study), arguments.results)
-    content = plans.content(arguments.subject)
+    subject, session = arguments.subject, arguments.session
+    content = plans.content(subject, session)
     if arguments.recordings:
-        content = plans.recordings_content(arguments.subject)
+        content = plans.recordings_content(subject, session)
     if arguments.model is not None:
-        content = plans.fit_content(arguments.subject, arguments.hand, arguments.model)
+        content = plans.fit_content(subject, arguments.hand, arguments.model, session)
     write_text(arguments.out, plan_text(content))
 
 

@@ -26,6 +26,12 @@ def tracking_system(hand: str) -> str:
     return f"{label(hand)}hand"
 
 
+def motion_folder(name: RecordingName) -> str:
+    """The folder of a recording's files in its dataset."""
+    session = f"ses-{label(name.session)}/" if name.session else ""
+    return f"sub-{label(name.subject)}/{session}motion"
+
+
 def recording_stem(name: RecordingName) -> str:
     """The part of a recording's file names before the suffix, in the order of entities that BIDS wants.
 
@@ -33,6 +39,7 @@ def recording_stem(name: RecordingName) -> str:
     """
     parts = [
         f"sub-{label(name.subject)}",
+        *([f"ses-{label(name.session)}"] if name.session else []),
         f"task-{label(name.task)}",
         f"tracksys-{tracking_system(name.hand)}",
     ]

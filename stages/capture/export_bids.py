@@ -97,7 +97,7 @@ def export(arguments: argparse.Namespace) -> None:
 
 
 def _targets(poses: Sequence[Path], folder: Path) -> list[_Target]:
-    from schemas.bids.labels import label, recording_stem
+    from schemas.bids.labels import motion_folder, recording_stem
     from schemas.poses import recording_name
 
     targets: dict[Path, _Target] = {}
@@ -105,7 +105,7 @@ def _targets(poses: Sequence[Path], folder: Path) -> list[_Target]:
         name = recording_name(path)
         if not (name.subject and name.task):
             raise InputError(f"{path}: names no subject or no task; BIDS needs both in a file's name")
-        stem = folder / f"sub-{label(name.subject)}" / "motion" / recording_stem(name)
+        stem = folder / motion_folder(name) / recording_stem(name)
         if stem in targets:
             raise InputError(
                 f"{path}: is of {name}, as {targets[stem].poses} is; give each recording its trial"

@@ -40,6 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     add("--layout", required=True, help="a layout that ships, or a path")
     add("--subject", required=True, help="whose hand it is")
+    add("--session", default="", help="which session, where receivers were taken off and put on anew")
     add("--hand", required=True, choices=("right", "left"), help="which hand")
     add("--task", required=True, help="what was done")
     add("--trial", default="", help="which repetition, where there are several")
@@ -141,6 +142,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 def _parameters(arguments: argparse.Namespace, layout: str, absent: list[str]) -> dict[str, Any]:
     names = {name: getattr(arguments, name) for name in ("subject", "hand", "task", "trial")}
+    names |= {"session": arguments.session} if arguments.session else {}
     return {**names, "layout": layout, "absent": absent}
 
 

@@ -186,6 +186,7 @@ def _own_json(grid: Grid, columns: list[Column], inputs: Mapping[str, str]) -> d
     return {
         "Version": VERSION,
         "Subject": grid.name.subject,
+        **({"Session": grid.name.session} if grid.name.session else {}),
         "Hand": grid.name.hand,
         "Task": grid.name.task,
         "Trial": grid.name.trial,

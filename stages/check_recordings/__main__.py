@@ -40,14 +40,14 @@ def check(arguments: argparse.Namespace) -> None:
     else:
         plan = command_line.plan_of(arguments)
     checked = check_subject(plan)
-    rows = [row for recording, own in checked for row in _rows(plan, recording, own)]
+    rows = [row for recording, own in checked for row in _rows(recording, own)]
     for row in rows:
         name = " ".join(filter(None, (row["hand"], row["task"], row["trial"])))
         print(f"{name}: {row['severity']}: {row['kind']}: {row['message']}")
     if not rows:
         print("no finding")
     if arguments.out is not None:
-        digests = {"/".join(_key(plan, recording).values()): own.digest for recording, own in checked}
+        digests = {"/".join(recording.key.values()): own.digest for recording, own in checked}
         provenance = Provenance.of(command_line.poses_files(plan), plan.folder, digests=digests)
         write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), provenance)
 
@@ -66,18 +66,9 @@ def check_subject(plan: SubjectPlan) -> list[tuple[Recording, CheckedRecording]]
     return list(zip(recordings, compared(named), strict=True))
 
 
-def _key(plan: SubjectPlan, recording: Recording) -> dict[str, str]:
-    return {
-        "subject": plan.subject,
-        "hand": recording.hand.hand,
-        "task": recording.task,
-        "trial": recording.trial,
-    }
-
-
-def _rows(plan: SubjectPlan, recording: Recording, checked: CheckedRecording) -> list[dict[str, Any]]:
+def _rows(recording: Recording, checked: CheckedRecording) -> list[dict[str, Any]]:
     findings = [finding.accepted(recording.accept) for finding in checked.findings]
-    return [{**_key(plan, recording), **vars(finding)} for finding in findings]
+    return [{**recording.key, **vars(finding)} for finding in findings]
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -93,7 +93,7 @@ def _estimate_part(
     parameters = {
         "calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration],
     }
-    keys = {"subject": plan.subject, "model": part.model, "made_without": part.made_without}
+    keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
     suspicion = next((plan.suspect[own] for own in calibration if own in plan.suspect), "")
     centres = doubted(hand.joints, suspicion) if suspicion else hand.joints
     joints.rows(part, [{**row, **keys} for row in centres], **parameters)
@@ -119,7 +119,7 @@ def _pose_recording(
         posed_by_fit = model.fitting is not None and hand.metacarpals  # none where the fit failed
         fitted = fits.posed(part, recording, frame_count(path)) if posed_by_fit else None
         for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
-            keys = {"subject": plan.subject, "task": recording.task, "trial": recording.trial}
+            keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
             metacarpals.columns(part, {**keys, **columns})
 
 

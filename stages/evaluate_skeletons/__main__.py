@@ -28,7 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
 def evaluate(arguments: argparse.Namespace) -> None:
     """Score the skeletons of each hand in every recording, write both tables."""
     from schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES
-    from schemas.parts import Part, parts_writer
+    from schemas.parts import parts_writer
     from schemas.plan import read_plan
     from stages.evaluate_skeletons.evaluation import evaluate_hand
 
@@ -43,7 +43,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
         parts_writer(arguments.out_joints, JOINT_ERRORS, provenance) as errors,
     ):
         for hand in plan.layouts:
-            part = Part(hand, subject=plan.subject)
+            part = plan.part(hand)
             with command_line.recording_failure(arguments, part, scores, errors):
                 score_rows, joint_rows = evaluate_hand(plan, hand)
                 scores.rows(part, _first_of_each(score_rows, SKELETON_SCORES.key))

@@ -50,7 +50,7 @@ def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, Truth]:
     for recording in plan.recordings_of(hand, "calibration", "evaluation", "both"):
         folder = plan.truth(recording)
         if folder is not None and folder.is_dir():
-            name = RecordingName(plan.subject, hand, recording.task, recording.trial)
+            name = RecordingName(plan.subject, hand, recording.task, recording.trial, plan.session)
             truths[recording] = read_truth(folder, name)
         elif folder is not None:
             print(f"note: no truth: {folder}: no such folder", file=sys.stderr)

@@ -159,7 +159,7 @@ def read_prior(tables: OpenTables, plan: SubjectPlan, hand: str) -> ScoredSkelet
 
     None for a layout whose digits have no known anatomy; a hand that failed has no tables and a message.
     """
-    layout, part = plan.layouts[hand], Part(hand, PRIOR_ONLY, subject=plan.subject)
+    layout, part = plan.layouts[hand], plan.part(hand, PRIOR_ONLY)
     digits = {digit.name for digit in known_digits(layout)}
     if not digits:
         return None

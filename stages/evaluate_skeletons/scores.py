@@ -50,7 +50,7 @@ class EvaluatedRecording:
 
 def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | None) -> EvaluatedRecording:
     """Read a recording and its truth. Raises InputError where the truth is not that of the recording."""
-    name = RecordingName(plan.subject, recording.hand.hand, recording.task, recording.trial)
+    name = RecordingName(**recording.key)
     layout = plan.layouts[recording.hand.hand]
     reasons: list[str] = []
     poses = readable(lambda: read_poses(plan.poses(recording), layout.measured), reasons)

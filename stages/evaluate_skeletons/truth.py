@@ -13,6 +13,7 @@ from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIPS
 from schemas.errors import InputError
 from schemas.parts import numbers_by_name
 from schemas.poses import Poses, RecordingName
+from schemas.study import Hand
 from schemas.tables import Table, read_table, rows_of
 from skeleton.rotations import Array, rotate
 from stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, Stated
@@ -85,10 +86,8 @@ def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
     """Rows of a table of a folder; InputError where they are of another hand than the recording."""
     path = folder / f"{table.name}.parquet"
     rows = list(rows_of(read_table(path, table)))
-    for subject, hand in {(row["subject"], row["hand"]) for row in rows} - {(name.subject, name.hand)}:
-        raise InputError(
-            f"{path}: is of subject {subject}, {hand} hand; expected subject {name.subject}, {name.hand} hand"
-        )
+    for hand in {Hand(row["subject"], row["hand"], row["session"]) for row in rows} - {name.of_hand}:
+        raise InputError(f"{path}: is of {hand}; expected {name.of_hand}")
     return rows
 
 

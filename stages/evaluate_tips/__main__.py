@@ -89,7 +89,7 @@ def _evaluate_recording(
     from stages.evaluate_tips.tip_tables import replay_recording, unavailable_rows
 
     calibrated = plan.calibrating(part.hand, part.model, part.made_without)
-    keys: dict[str, Any] = {"subject": plan.subject, "task": recording.task, "trial": recording.trial}
+    keys: dict[str, Any] = recording.key
     row_keys = {**keys, "held_out": recording not in calibrated}
     try:
         n_frames = frame_count(plan.poses(recording))

@@ -111,7 +111,7 @@ def _export_recording(
     from stages.export.recorded_motion import read_motion
 
     side = hands[0].hand.hand if len(hands) == 1 else "both"
-    stem = file_stem(plan.subject, side, hands[0].task, hands[0].trial, model)
+    stem = file_stem(plan.who, side, hands[0].task, hands[0].trial, model)
     try:
         motions = [read_motion(plan, recording, model, arguments.licence) for recording in hands]
     except InputError as error:

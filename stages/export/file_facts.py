@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from schemas import PROGRAM, VERSION
-from schemas.study import path_token
+from schemas.study import SubjectSession, path_token
 from stages.export.axes import Target
 from stages.export.motion import SkeletonMotion
 
@@ -19,13 +19,14 @@ BONE_FRAME = (
 )
 
 
-def file_stem(subject: str, hand: str, task: str, trial: str, model: str) -> str:
+def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str) -> str:
     """The name of a file without its extension: sub-01_hand-right_task-opposition_model-whole-hand.
 
     Names of any script stay; what a file name cannot hold becomes %XX (`schemas.study.path_token`).
     """
-    parts = {"sub": subject, "hand": hand, "task": task, "trial": trial, "model": model}
-    return "_".join(f"{key}-{path_token(value)}" for key, value in parts.items() if value)
+    parts = {"hand": hand, "task": task, "trial": trial, "model": model}
+    named = [f"{key}-{path_token(value)}" for key, value in parts.items() if value]
+    return "_".join([f"sub-{who.token}", *named])
 
 
 def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -> dict[str, Any]:
@@ -39,6 +40,7 @@ def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -
     return {
         "program": f"{PROGRAM} {VERSION}",
         "subject": origin.subject,
+        **({"session": origin.session} if origin.session else {}),
         "hand": origin.hand,
         "task": origin.task,
         "trial": origin.trial,

@@ -31,6 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from schemas.errors import InputError
+from schemas.poses import RecordingName
 from skeleton.posing import SkeletonJoint, rigid_positions
 from skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
 from stages.export.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
@@ -81,9 +82,15 @@ class Origin:
     layout: str
     inputs: Mapping[str, str] = field(default_factory=dict)
     licence: str = ""
+    session: str = ""
+
+    @property
+    def recording(self) -> RecordingName:
+        """The recording that it is the motion of."""
+        return RecordingName(self.subject, self.hand, self.task, self.trial, self.session)
 
     def __str__(self) -> str:
-        parts = (f"subject {self.subject}", f"{self.hand} hand", self.task, self.trial, self.model)
+        parts = (str(self.recording), self.model)
         return ", ".join(part for part in parts if part)
 
 

@@ -26,10 +26,9 @@ from schemas.bids.dataset_files import (
     tsv_text,
     write_motion,
 )
-from schemas.bids.labels import label, recording_stem, tracking_system
+from schemas.bids.labels import label, motion_folder, recording_stem, tracking_system
 from schemas.errors import InputError
 from schemas.files import write_text
-from schemas.poses import RecordingName
 from stages.export.axes import Target
 from stages.export.bids_channels import (
     System,
@@ -139,10 +138,9 @@ def _write_participants(path: Path, header: Sequence[str], table: Sequence[Seque
 
 def recording_path(folder: Path, origin: Origin, system: str) -> Path:
     """Path of a motion.tsv in the dataset; system : its tracksys label."""
-    name = RecordingName(origin.subject, origin.hand, origin.task, origin.trial)
     hand = tracking_system(origin.hand)
-    stem = recording_stem(name).replace(f"_tracksys-{hand}", f"_tracksys-{system}", 1)
-    return folder / f"sub-{label(origin.subject)}" / "motion" / f"{stem}_motion.tsv"
+    stem = recording_stem(origin.recording).replace(f"_tracksys-{hand}", f"_tracksys-{system}", 1)
+    return folder / motion_folder(origin.recording) / f"{stem}_motion.tsv"
 
 
 def _write_system(

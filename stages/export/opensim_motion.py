@@ -110,7 +110,7 @@ def seen_frames(motion: SkeletonMotion, receivers: Sequence[Triad]) -> Bools:
 
 def _origin_lines(origin: Origin) -> list[str]:
     """Lines on where the motion is from; an equals sign would make a line a key of the header."""
-    keys = ("subject", "hand", "task", "trial", "model", "licence")
+    keys = ("subject", "session", "hand", "task", "trial", "model", "licence")
     facts = {"program": f"{PROGRAM} {VERSION}", **{key: getattr(origin, key) for key in keys}}
     return [" ".join(f"{key}: {fact}".replace("=", ":").split()) for key, fact in facts.items() if fact]
 

@@ -31,7 +31,7 @@ def chosen_recordings(plan: SubjectPlan, path: Path, hand: str, name: str) -> li
     for side in sides:
         if side not in plan.hands:
             raise InputError(
-                f"--hand: {path} has no {side} hand of {plan.subject!r}; it has {', '.join(plan.hands)}"
+                f"--hand: {path} has no {side} hand of {plan.who.label!r}; it has {', '.join(plan.hands)}"
             )
     if hand != "both":
         return [[own] for side in sides for own in _of_hand(plan, path, side, name)]

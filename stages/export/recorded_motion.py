@@ -236,4 +236,5 @@ def _origin(plan: SubjectPlan, recording: Recording, model_name: str, licence: s
         plan.layouts[hand].name,
         inputs,
         licence,
+        plan.session,
     )

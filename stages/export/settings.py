@@ -79,6 +79,6 @@ def _check_bones(motion: SkeletonMotion) -> None:
         above = joint.parent
         if above > 0 and not float(offset @ offset) > 0:
             raise InputError(
-                f"subject {motion.origin.subject}, {motion.origin.hand} hand: the bone from "
+                f"{motion.origin.recording.of_hand}: the bone from "
                 f"{motion.names[above]} to {joint.name} has no length; look at its joints' status"
             )

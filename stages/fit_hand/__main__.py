@@ -69,7 +69,6 @@ def fit(arguments: argparse.Namespace) -> None:
 def _parts(arguments: argparse.Namespace, plan: SubjectPlan) -> list[Part]:
     """Skeletons of the hand under the model; InputError where the plan has no such hand or model."""
     from schemas.errors import InputError
-    from schemas.parts import Part
 
     if arguments.model is None:
         raise InputError("--model: is missing; expected a skeleton model that fits the whole hand")
@@ -82,7 +81,7 @@ def _parts(arguments: argparse.Namespace, plan: SubjectPlan) -> list[Part]:
     if hand not in plan.layouts:
         raise InputError(f"{arguments.plan}: has no {hand} hand; expected {' or '.join(plan.layouts)}")
     parts = [part for part in plan.parts(model) if part.hand == hand]
-    return parts or [Part(hand, model, subject=plan.subject)]
+    return parts or [plan.part(hand, model)]
 
 
 def _fit_part(

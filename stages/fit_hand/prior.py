@@ -46,7 +46,6 @@ def build_parser() -> argparse.ArgumentParser:
 def lay_out(arguments: argparse.Namespace) -> None:
     """Lay out each hand and write its tables; a hand of which no anatomy is known has no part."""
     from anatomy.known_digits import known_digits
-    from schemas.parts import Part
     from schemas.tables import Provenance
     from stages.fit_hand.hand_tables import PRIOR, open_tables
 
@@ -54,7 +53,7 @@ def lay_out(arguments: argparse.Namespace) -> None:
     provenance = Provenance.of(command_line.poses_files(plan), plan.folder)
     with open_tables(arguments.out, PRIOR, provenance) as tables:
         for hand in plan.layouts:
-            part = Part(hand, PRIOR_ONLY, subject=plan.subject)
+            part = plan.part(hand, PRIOR_ONLY)
             if known_digits(plan.layouts[hand]):
                 with command_line.recording_failure(arguments, part, *tables.values()):
                     _write_prior(plan, part, tables)

@@ -21,7 +21,7 @@ from schemas.plan import SubjectPlan, read_plan
 from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
 from schemas.sheets import CORRECTIONS, read_sheet
-from schemas.study import Study, correction_problems
+from schemas.study import Study, SubjectSession, correction_problems
 from schemas.tables import (
     Provenance,
     Table,
@@ -37,7 +37,7 @@ Row = dict[str, Any]
 
 def gather_study(study: Study, results: Results) -> None:
     """Write the study-wide tables into its results folder. Raises TableError where a subject's is damaged."""
-    plans = [read_plan(results.plan(subject), checked=False) for subject in study.subjects]
+    plans = [read_plan(results.plan(*who), checked=False) for who in study.sessions]
     problems: list[Row] = []
     problems += [
         _problem(
@@ -45,8 +45,7 @@ def gather_study(study: Study, results: Results) -> None:
             "recording",
             REFUSED,
             row.message,
-            subject=row.hand.subject,
-            hand=row.hand.hand,
+            **vars(row.hand),
             task=row.task,
         )
         for row in study.unusable
@@ -65,11 +64,11 @@ def gather_study(study: Study, results: Results) -> None:
         write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
 
 
-_UNIQUE = ("subject", "hand", "task", "model", "message")
+_UNIQUE = ("subject", "session", "hand", "task", "model", "message")
 
 
 def _problem(stage: str, kind: str, severity: str, message: str, **where: str) -> Row:
-    whole = {"subject": "", "hand": "", "task": "", "model": "", **where}
+    whole = {"subject": "", "session": "", "hand": "", "task": "", "model": "", **where}
     return {**whole, "stage": stage, "kind": kind, "severity": severity, "message": message}
 
 
@@ -78,9 +77,8 @@ def _recording_rows(plan: SubjectPlan, problems: list[Row]) -> Iterator[Row]:
     for recording in plan.recordings:
         row, sentences = recording_row(recording, plan.poses(recording))
         severity = "refused" if row["status"] == "failed" else "note"
-        task = ", ".join(filter(None, (recording.task, recording.trial)))
         for sentence in sentences:
-            where = {"subject": plan.subject, "hand": recording.hand.hand, "task": task}
+            where = {**vars(recording.hand), "task": recording.title}
             problems.append(_problem("capture", "recording", severity, sentence, **where))
         yield row
 
@@ -93,24 +91,23 @@ def _finding_rows(plan: SubjectPlan, recordings: Sequence[Row]) -> Iterator[Row]
         if row["severity"] == REFUSED and recording["status"] == "used":
             recording |= {"status": REFUSED, "message": row["message"]}
         task = ", ".join(filter(None, (row["task"], row["trial"])))
-        where = {"subject": row["subject"], "hand": row["hand"], "task": task}
+        where = {**{name: row[name] for name in ("subject", "session", "hand")}, "task": task}
         yield _problem(STAGE, row["kind"], row["severity"], row["message"], **where)
 
 
 def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
-    """Name recordings whose poses are, number by number, those of another subject's."""
-    first_of: dict[str, tuple[str, str]] = {}
+    """Name recordings whose poses are, number by number, those of another subject's, or another session's."""
+    first_of: dict[str, tuple[SubjectSession, str]] = {}
     for plan in plans:
         digests = read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"]
         for recording in plan.recordings:
-            name = "/".join((plan.subject, recording.hand.hand, recording.task, recording.trial))
+            name = "/".join(recording.key.values())
             if name not in digests:
                 continue
-            task = ", ".join(filter(None, (recording.task, recording.trial)))
-            own = (plan.subject, f"subject {plan.subject}, {recording.hand.hand} hand, {task}")
-            subject, first = first_of.setdefault(digests[name], own)
-            if subject != plan.subject:
-                where = {"subject": plan.subject, "hand": recording.hand.hand, "task": task}
+            own = (plan.who, f"{recording.hand}, {recording.title}")
+            who, first = first_of.setdefault(digests[name], own)
+            if who != plan.who:
+                where = {**vars(recording.hand), "task": recording.title}
                 one = same_file(first).accepted(recording.accept)
                 yield _problem(STAGE, one.kind, one.severity, one.message, **where)
 
@@ -141,7 +138,7 @@ def _whole_skeletons(file: Path, table: Table) -> pa.Table:
 def _failed_parts(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
     for part, parameters in part_metadata(file, table).items():
         if "failure" in parameters and not part.made_without:
-            where = {"subject": plan.subject, "hand": part.hand, "model": part.model}
+            where = {**vars(plan.hand(part.hand)), "model": part.model}
             yield _problem(
                 stage, "skeleton" if part.model else "hand", "refused", parameters["failure"], **where
             )
@@ -155,7 +152,7 @@ def _receiver_problems(receivers: pa.Table) -> list[Row]:
     return [
         _problem(
             "fit_hand", "receiver", "note", f"{row['segment']}: {row['message']}",
-            subject=row["subject"], hand=row["hand"],
+            subject=row["subject"], session=row["session"], hand=row["hand"],
         )
         for row in rows_of(receivers)
         if row["message"] and row["status"] != "failed"
@@ -167,7 +164,7 @@ def _uncalibrated(plan: SubjectPlan) -> Iterator[Row]:
     message = "no recording calibrates this hand, so none of its joints could be solved"
     for hand in plan.hands:
         if not plan.all_calibrating(hand):
-            yield _problem("solve_joints", "hand", "refused", message, subject=plan.subject, hand=hand)
+            yield _problem("solve_joints", "hand", "refused", message, **vars(plan.hand(hand)))
 
 
 def _correction_rows(study: Study) -> list[Row]:

@@ -61,7 +61,7 @@ def _placed_rows(joints_file: Path, plan: SubjectPlan, part: Part) -> list[dict[
                 "give the layout that the joints were solved with"
             )
         row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
-        rows.append({"subject": plan.subject, **row})
+        rows.append({**plan.who._asdict(), **row})
     return rows
 
 

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from statistics import median
 
 from schemas.model import the_papers
+from schemas.study import Hand
 from stages.report.score_tables import mean, tasks_text
-from stages.report.study_results import LEAST_SQUARES, Row, StudyResults
+from stages.report.study_results import LEAST_SQUARES, Row, StudyResults, hand_of, row_key
 from stages.report.table_cells import alike, counted, listed, number
 from stages.report.truth_tables import FAR_MM, known
 
@@ -34,7 +35,7 @@ def headline(results: StudyResults) -> str:
     if results.simulated:
         used = used.rstrip(".") + "; they are simulated, so no person's hand is behind these numbers."
     if results.suspect:
-        hands = sorted(f"subject {hand.subject}'s {hand.hand} hand" for hand in results.suspect)
+        hands = sorted(f"{hand.who}'s {hand.hand} hand" for hand in results.suspect)
         used += f" Left out of these numbers, for what was found in their recordings: {listed(hands)}."
     results = results.judging
     for model in results.fitted[:1]:
@@ -70,12 +71,11 @@ def _judging(results: StudyResults, model: str) -> tuple[list[Row], str]:
 
 def _left_out(results: StudyResults, model: str, rows: list[Row], scored_on: str) -> str:
     missed = number(mean(row["left_out_mean_mm"] for row in rows))
-    recordings = {(row["subject"], row["hand"], row["task"], row["trial"]) for row in rows}
+    recordings = {row_key(row) for row in rows}
     prior = mean(
         row["left_out_mean_mm"]
         for row in results.scores
-        if row["model"] == "prior-only"
-        and (row["subject"], row["hand"], row["task"], row["trial"]) in recordings
+        if row["model"] == "prior-only" and row_key(row) in recordings
     )
     beside = "" if prior is None else f" (anatomy alone, without data: {number(prior)} mm)"
     return (
@@ -103,10 +103,10 @@ def _against_truth(results: StudyResults, model: str) -> str:
     return f"{text}; those of {skeleton} {number(median(theirs), 1)} mm and {_far(theirs)}."
 
 
-def _judged_skeletons(results: StudyResults, model: str) -> set[tuple[str, str, str]]:
-    """Subject, hand and calibrated_on of the model's skeletons that are judged."""
+def _judged_skeletons(results: StudyResults, model: str) -> set[tuple[Hand, str]]:
+    """Hand and calibrated_on of the model's skeletons that are judged."""
     rows, _ = _judging(results, model)
-    return {(row["subject"], row["hand"], row["calibrated_on"]) for row in rows}
+    return {(hand_of(row), row["calibrated_on"]) for row in rows}
 
 
 def _joint_errors(results: StudyResults, model: str) -> list[float]:
@@ -115,14 +115,14 @@ def _joint_errors(results: StudyResults, model: str) -> list[float]:
         [
             row
             for row in results.joint_errors
-            if row["model"] == model and (row["subject"], row["hand"], row["calibrated_on"]) in judged
+            if row["model"] == model and (hand_of(row), row["calibrated_on"]) in judged
         ],
         "error_mm",
     )
 
 
 def _made_from(results: StudyResults, model: str) -> str:
-    tasks = {tasks_text(calibrated_on) for _, _, calibrated_on in _judged_skeletons(results, model)}
+    tasks = {tasks_text(calibrated_on) for _, calibrated_on in _judged_skeletons(results, model)}
     return " or ".join(sorted(tasks))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -12,7 +12,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from schemas.results import Results
-from schemas.study import Hand, Recording
+from schemas.study import Recording, SubjectSession
 from stages.report.study_results import StudyResults
 
 
@@ -34,13 +34,13 @@ def anchor(to: Link) -> Markup:
 
 
 def recording_links(
-    shown: Iterable[Recording], paths: Results, page: Path, subject: str, hand: str = ""
+    shown: Iterable[Recording], paths: Results, page: Path, who: SubjectSession, hand: str = ""
 ) -> list[Link]:
     """Links to the pages of a subject's recordings that are `shown`, of both hands unless one is named."""
     return [
         link(recording_label(recording, with_hand=not hand), page, paths.recording_page(recording))
         for recording in shown
-        if recording.hand.subject == subject and hand in ("", recording.hand.hand)
+        if recording.hand.who == who and hand in ("", recording.hand.hand)
     ]
 
 
@@ -69,11 +69,11 @@ def navigation(results: StudyResults, recording: Recording) -> Navigation:
     others = [
         link(recording_label(own, with_hand=True), page, paths.recording_page(own))
         for own in results.shown
-        if own.hand.subject == mine.subject and own != recording
+        if own.hand.who == mine.who and own != recording
     ]
     return Navigation(
         study=link(study, page, paths.report),
-        subject=link(f"Subject {mine.subject}", page, paths.subject_page(mine.subject)),
+        subject=link(f"Subject {mine.who.label}", page, paths.subject_page(*mine.who)),
         other_hand=None if other is None else link(words, page, paths.recording_page(other)),
         others=tuple(others),
     )
@@ -81,7 +81,7 @@ def navigation(results: StudyResults, recording: Recording) -> Navigation:
 
 def _same_task(results: StudyResults, side: str, recording: Recording) -> Recording | None:
     """The subject's evaluated recording of that hand and task, of the same trial where there is one."""
-    hand = Hand(recording.hand.subject, side)
+    hand = replace(recording.hand, hand=side)
     known = [own for own in results.shown if own.hand == hand and own.task == recording.task]
     same = [own for own in known if own.trial == recording.trial]
     return next(iter([*same, *known]), None)

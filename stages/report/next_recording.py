@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.study import Hand
-from stages.report.study_results import Row, StudyResults
+from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import Block, DataTable, Folded, counted, number
 
 MOST_GAINS = 5
@@ -57,9 +57,9 @@ class NextRecording:
 
 def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
     """What would make a hand's skeleton better."""
-    rows = [row for row in results.advice if (row["subject"], row["hand"]) == (hand.subject, hand.hand)]
+    rows = [row for row in results.advice if hand_of(row) == hand]
     lacking = [row for row in rows if not row["advice"].startswith("enough")]
-    whose = f"subject {hand.subject}, {hand.hand} hand"
+    whose = str(hand)
     if not rows:
         remark = (
             "Whether its joints move enough could not be computed; the reason is under “What went wrong”."

@@ -50,7 +50,7 @@ def own_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Data
         if hand not in trial.recordings
     ]
     table = "" if model.paper_table is None else f"Table {model.paper_table}, this study: "
-    caption = f"{table}subject {trial.subject}, {trial.title}, model {model.name}."
+    caption = f"{table}{trial.who}, {trial.title}, model {model.name}."
     return DataTable(caption, tuple(blocks), tuple(notes))
 
 
@@ -99,7 +99,7 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
         blocks.append(Block((f"{title(hand)} hand [mm]", *titles, "Held out"), tuple(rows)))
     caption = (
         "Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: "
-        f"subject {trial.subject}, {trial.title}."
+        f"{trial.who}, {trial.title}."
     )
     return DataTable(caption, tuple(blocks))
 

@@ -12,12 +12,12 @@ from schemas.errors import InputError
 from schemas.model import SkeletonModel
 from schemas.study import Recording, Study
 from schemas.tables import read_metadata
-from stages.report.study_results import Row, StudyResults, recording_key
+from stages.report.study_results import Row, StudyResults, hand_of, recording_key
 from stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
 
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 
-_RECORDING_TEXTS = ("File", "Subject", "Hand", "Task", "Trial", "Role")
+_RECORDING_TEXTS = ("File", "Subject", "Session", "Hand", "Task", "Trial", "Role")
 STATUS_MARKS = {"used": "used", "excluded": "○ excluded", "failed": "✕ failed", "missing": "? missing"}
 
 
@@ -25,15 +25,19 @@ def recordings_table(results: StudyResults, whose: str = "of the study's sheet")
     """Every recording of the sheet and what became of it."""
     rows = []
     for recording in results.recordings:
-        subject, hand, task, trial = key = recording_key(recording)
+        key = recording_key(recording)
         status, message = results.status_of(recording)
-        texts = (recording.file_as_written, subject, hand, task, trial, recording.role)
+        texts = (recording.file_as_written, *key, recording.role)
         row = dict(zip(_RECORDING_TEXTS, texts, strict=True)) | {"message": message}
         rows.append(
             results.recording_row_of.get(key, {}) | row | {"Status": STATUS_MARKS.get(status, status)}
         )
     columns = (
-        *(text_column(heading, heading) for heading in (*_RECORDING_TEXTS, "Status")),
+        *(
+            text_column(heading, heading)
+            for heading in (*_RECORDING_TEXTS, "Status")
+            if heading != "Session" or any(who.session for who in results.sessions)
+        ),
         number_column("Frames", "n_frames", 0),
         number_column("Duration [s]", "duration_s"),
         number_column("Valid [%]", "valid_percent", 1),
@@ -73,7 +77,7 @@ def findings(results: StudyResults) -> list[dict[str, str]]:
 def where(problem: Row) -> str:
     """What a row of problems is about, in words."""
     named = (
-        f"subject {problem['subject']}" if problem["subject"] else "",
+        str(hand_of(problem).who) if problem["subject"] else "",
         f"{problem['hand']} hand" if problem["hand"] else "",
         problem["task"],
         f"model {problem['model']}" if problem["model"] else "",

@@ -29,7 +29,7 @@ from stages.report.hand_motion import (
     still_frame,
     view_base,
 )
-from stages.report.study_results import Row, StudyResults, recording_key
+from stages.report.study_results import Row, StudyResults, recording_key, row_key
 
 Array = npt.NDArray[np.float64]
 
@@ -156,22 +156,19 @@ def _model_results(
     results: StudyResults, recording: Recording, name: str, poses: Poses | None
 ) -> ModelResults:
     hand = recording.hand
-    part = Part(hand.hand, name, "", hand.subject)
+    part = Part(hand.hand, name, "", *hand.who)
     joints = results.joints_of.get((hand, name), [])
     if not joints:
-        read_part(results.subject_table(hand.subject, JOINT_CENTRES.name), JOINT_CENTRES, part, ["joint"])
+        read_part(results.subject_table(hand, JOINT_CENTRES.name), JOINT_CENTRES, part, ["joint"])
         raise InputError("the joint_centres table has no row")
     solutions = read_part(
-        results.subject_table(hand.subject, JOINT_SOLUTIONS.name),
+        results.subject_table(hand, JOINT_SOLUTIONS.name),
         JOINT_SOLUTIONS,
         part,
         ["joint", "singular_values"],
     ).to_pylist()
     errors = [
-        row
-        for row in results.tip_errors
-        if (*(row[key] for key in ("subject", "hand", "task", "trial")),) == recording_key(recording)
-        and row["model"] == name
+        row for row in results.tip_errors if row_key(row) == recording_key(recording) and row["model"] == name
     ]
     angles = None
     if results.models[name].fitting is not None:
@@ -226,11 +223,11 @@ def _frames(
 ) -> dict[str, Array]:
     """Numbers (T, C) of one recording by segment, digit or joint; InputError where there is no row of it."""
     hand = recording.hand
-    subject_wide = results.subject_table(hand.subject, table.name)
+    subject_wide = results.subject_table(hand, table.name)
     path = subject_wide if table is TIPS else results.fit_table(hand, model, table.name)
     by = next(name for name in ("segment", "joint", "digit") if name in table.key)
     count = None if poses is None else len(poses.frame)
-    part = Part(hand.hand, model, "", hand.subject)
+    part = Part(hand.hand, model, "", *hand.who)
     found = read_frames(path, table, part, recording.task, recording.trial, by, columns, count)
     if not found:
         raise InputError(f"the {table.name} table has no row of this recording")

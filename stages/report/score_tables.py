@@ -11,7 +11,8 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from stages.report.study_results import HANDS, Row, StudyResults, Trial
+from schemas.study import Hand
+from stages.report.study_results import HANDS, Row, StudyResults, Trial, hand_of
 from stages.report.table_cells import (
     DASH,
     Column,
@@ -113,7 +114,7 @@ def score_table(results: StudyResults, trial: Trial, *, compact: bool = False) -
         return None
     scores = _with_numbers(MEANS, results.scores_in(trial))
     notes = _shortfalls(results, trial, dict(found), scores)
-    whose = f"ean over digits and hands: subject {trial.subject}, {trial.title}."
+    whose = f"ean over digits and hands: {trial.who}, {trial.title}."
     if not compact:
         blocks = {
             kind: [own for own in found if own[0].reference == is_reference]
@@ -144,7 +145,7 @@ def digit_tables(results: StudyResults, trial: Trial) -> list[Folded]:
             title(digit): [(own, [row]) for own, its in found for row in its if row["digit"] == digit]
             for digit in dict.fromkeys(row["digit"] for row in rows)
         }
-        whose = f"subject {trial.subject}, {hand} hand, {trial.title}"
+        whose = f"{trial.who}, {hand} hand, {trial.title}"
         table = table_of_blocks(f"Digit by digit: {whose}; p95: 95th percentile.", columns, blocks)
         folded.append(Folded(f"{title(hand)} hand, digit by digit", table))
     return folded
@@ -216,10 +217,10 @@ def _made_from(found: dict[Skeleton, list[Row]]) -> list[str]:
 
 def held_out_table(results: StudyResults) -> DataTable | None:
     """A row for every model, what it was made from and what it was scored on; None where nothing was."""
-    hands: dict[tuple[Skeleton, str], set[tuple[str, str]]] = defaultdict(set)
+    hands: dict[tuple[Skeleton, str], set[Hand]] = defaultdict(set)
     for skeleton, rows in _in_order(results, [row for row in results.scores if not row["reference"]]):
         for row in rows:
-            hands[skeleton, row["task"]].add((row["subject"], row["hand"]))
+            hands[skeleton, row["task"]].add(hand_of(row))
     order = list(results.models)
     made = sorted(
         hands.items(),
@@ -239,7 +240,8 @@ _HELD_OUT = (
     Column(
         "Hands",
         lambda made: (
-            f"{counted(len(made[1]), 'hand')} of {counted(len({who for who, _ in made[1]}), 'subject')}"
+            f"{counted(len(made[1]), 'hand')} of "
+            f"{counted(len({hand.subject for hand in made[1]}), 'subject')}"
         ),
         is_text=True,
     ),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from schemas.errors import InputError
-from schemas.study import Hand
+from schemas.study import Hand, SubjectSession
 from stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
 from stages.report.pictures.hand_views import Window, hand_picture, window_of
 from stages.report.recording_results import read_still
@@ -50,14 +50,14 @@ class PosedHand:
 
 
 def skeleton_pictures(
-    results: StudyResults, subject: str, models: Collection[str] | None = None
+    results: StudyResults, who: SubjectSession, models: Collection[str] | None = None
 ) -> list[FigureRow]:
     """The subject's posed skeletons: a row for each model (models with equal joints share one).
 
     The left hand stands on the left. models : those to draw, all unless given.
     """
     posed, remarks = [], []
-    for hand in reversed(results.hands_of(subject)):
+    for hand in reversed(results.hands_of(*who)):
         try:
             posed.append(_posed_hand(results, hand))
         except InputError as error:
@@ -98,7 +98,7 @@ def _figure(item: PosedHand, models: Sequence[str], window: Window, scale: float
     """One hand under models whose joints are equal."""
     hand, chains = item.hand, item.chains[models[0]]
     title = (
-        f"Skeleton of subject {hand.subject}, {hand.hand} hand, {listed(models)}, seen from the "
+        f"Skeleton of {hand}, {listed(models)}, seen from the "
         f"back of the hand and from its "
         "side. The caption names the doubtful joints."
     )

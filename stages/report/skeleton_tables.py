@@ -43,7 +43,7 @@ def joint_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     folded = []
     for model in results.models:
         rows = results.joints_of.get((hand, model), [])
-        caption = f"Joints of subject {hand.subject}, {hand.hand} hand, model {model}."
+        caption = f"Joints of {hand}, model {model}."
         table = table_of(caption, _JOINT_COLUMNS, rows, NO_JOINT)
         folded.append(
             Folded(
@@ -65,7 +65,7 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     bones = sorted(by_bone, key=lambda name: order.get(name.split(" ")[0], len(order)))
     rows = tuple((bone, *(_length(by_bone[bone].get(model)) for model in results.models)) for bone in bones)
     return DataTable(
-        f"Bone lengths of subject {hand.subject}, {hand.hand} hand, in mm, with 1-sigma error.",
+        f"Bone lengths of {hand}, in mm, with 1-sigma error.",
         (Block(("Bone [mm]", *results.models), rows),),
         _bone_notes(by_bone) if rows else ("No bone length was computed.",),
     )
@@ -76,9 +76,7 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     folded = []
     for model in results.fitted:
         rows = results.receivers_of.get((hand, model), [])
-        caption = (
-            f"Receivers of subject {hand.subject}, {hand.hand} hand, model {model}, with 1-sigma errors."
-        )
+        caption = f"Receivers of {hand}, model {model}, with 1-sigma errors."
         no_hand = "No hand was fitted; the reason is under “What went wrong”."
         table = table_of(caption, _RECEIVER_COLUMNS, rows, no_hand)
         folded.append(

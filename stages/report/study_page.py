@@ -16,7 +16,7 @@ from stages.report.methods_text import REFERENCES, methods_text
 from stages.report.models_compared.sections import models_compared
 from stages.report.score_tables import held_out_table, mean
 from stages.report.skeleton_stills import skeleton_pictures
-from stages.report.study_results import Row, StudyResults
+from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, DataTable, counted, number
 from stages.report.templates import render
 from stages.report.trust import believed_text, study_trust_table
@@ -53,11 +53,11 @@ def render_study(results: StudyResults, study: Study) -> str:
 
 def _front(results: StudyResults) -> dict[str, Any] | None:
     """The first subject of whom there is a picture, with links to where it moves, or None."""
-    for subject in results.subjects:
-        (row,) = skeleton_pictures(results, subject, [results.leading])
+    for who in results.sessions:
+        (row,) = skeleton_pictures(results, who, [results.leading])
         if row.figures:
-            links = recording_links(results.shown, results.paths, results.paths.report, subject)
-            return {"subject": subject, "row": row, "links": links}
+            links = recording_links(results.shown, results.paths, results.paths.report, who)
+            return {"subject": who.label, "row": row, "links": links}
     return None
 
 
@@ -72,7 +72,7 @@ def subjects_table(results: StudyResults) -> DataTable:
     scores: dict[Hand, list[Row]] = {}
     for row in results.scores:
         if row["model"] == model:
-            scores.setdefault(Hand(row["subject"], row["hand"]), []).append(row)
+            scores.setdefault(hand_of(row), []).append(row)
     truth = any(row["true_tip_mean_mm"] is not None for rows in scores.values() for row in rows)
     fitted = model in results.fitted
     header: tuple[str, ...] = ("Subject", "Hand", "See it move", "Recordings", "Joints to believe")
@@ -95,9 +95,9 @@ def subjects_table(results: StudyResults) -> DataTable:
 
 def _who(results: StudyResults, hand: Hand) -> tuple[str, ...]:
     page = results.paths.report
-    links = recording_links(results.shown, results.paths, page, hand.subject, hand.hand)
+    links = recording_links(results.shown, results.paths, page, hand.who, hand.hand)
     return (
-        anchor(link(hand.subject, page, results.paths.subject_page(hand.subject))),
+        anchor(link(hand.who.label, page, results.paths.subject_page(*hand.who))),
         hand.hand,
         Markup(", ").join(anchor(each) for each in links) if links else DASH,
         _recordings(results, hand),

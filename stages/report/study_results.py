@@ -20,7 +20,7 @@ from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan
 from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
-from schemas.study import Hand, Recording, Study, path_token
+from schemas.study import Hand, Recording, Study, SubjectSession, path_token
 from schemas.tables import Table, open_table, read_metadata, read_table, rows_of
 
 Row = dict[str, Any]
@@ -54,6 +54,12 @@ class Trial:
     task: str
     trial: str
     recordings: dict[str, Recording]
+    session: str = ""
+
+    @property
+    def who(self) -> SubjectSession:
+        """Whose task, and in which session."""
+        return SubjectSession(self.subject, self.session)
 
     @property
     def title(self) -> str:
@@ -67,7 +73,7 @@ def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[R
     def grouped(results: StudyResults) -> dict[HandModel, list[Row]]:
         groups: dict[HandModel, list[Row]] = defaultdict(list)
         for row in getattr(results, attribute):
-            groups[Hand(row["subject"], row["hand"]), row["model"]].append(row)
+            groups[hand_of(row), row["model"]].append(row)
         return dict(groups)
 
     return cached_property(grouped)
@@ -105,6 +111,11 @@ class StudyResults:
         return list(dict.fromkeys(recording.hand.subject for recording in self.recordings))
 
     @cached_property
+    def sessions(self) -> list[SubjectSession]:
+        """Every subject in every session of theirs, in the sheet's order."""
+        return list(dict.fromkeys(recording.hand.who for recording in self.recordings))
+
+    @cached_property
     def hands(self) -> list[Hand]:
         """Every hand, in the sheet's order."""
         return list(dict.fromkeys(recording.hand for recording in self.recordings))
@@ -118,24 +129,22 @@ class StudyResults:
         """A recording's poses table."""
         return self.paths.folder / recording.hand.folder / recording.name / "poses.parquet"
 
-    def subject_table(self, subject: str, table: str) -> Path:
-        """A table of a subject, of both hands and all models."""
-        return self.paths.subject(subject) / f"{table}.parquet"
+    def subject_table(self, hand: Hand, table: str) -> Path:
+        """A table of a hand's subject, of both hands and all models."""
+        return self.paths.subject(*hand.who) / f"{table}.parquet"
 
     def fit_table(self, hand: Hand, model: str, table: str) -> Path:
         """A table of a hand under a model that fits the whole hand."""
-        return self.paths.subject(hand.subject) / "fits" / hand.hand / path_token(model) / f"{table}.parquet"
+        return self.paths.subject(*hand.who) / "fits" / hand.hand / path_token(model) / f"{table}.parquet"
 
     @cached_property
     def suspect(self) -> frozenset[Hand]:
         """Hands with a finding that makes them suspect: they are shown, and are in no statistic."""
-        return frozenset(
-            Hand(row["subject"], row["hand"]) for row in self.problems if row["severity"] == "suspect"
-        )
+        return frozenset(hand_of(row) for row in self.problems if row["severity"] == "suspect")
 
     def counted(self, rows: list[Row]) -> list[Row]:
         """Those rows that statistics are made of: not of suspect hands."""
-        return [row for row in rows if Hand(row["subject"], row["hand"]) not in self.suspect]
+        return [row for row in rows if hand_of(row) not in self.suspect]
 
     @cached_property
     def judging(self) -> StudyResults:
@@ -171,13 +180,13 @@ class StudyResults:
 
     @cached_property
     def tip_error_of(self) -> dict[tuple[str, ...], Row]:
-        """Tip error rows by subject, hand, task, trial, model, digit and binding."""
+        """Tip error rows by subject, session, hand, task, trial, model, digit and binding."""
         key = [name for name in TIP_ERRORS.key if name != "made_without"]
         return {tuple(row[name] for name in key): row for row in self.tip_errors}
 
     @cached_property
     def recording_row_of(self) -> dict[tuple[str, ...], Row]:
-        """Rows of the recordings table by subject, hand, task and trial."""
+        """Rows of the recordings table by subject, session, hand, task and trial."""
         return {tuple(row[name] for name in RECORDINGS.key): row for row in self.recording_rows}
 
     def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> Row | None:
@@ -193,30 +202,41 @@ class StudyResults:
             return "excluded", recording.exclude
         return "missing", "the results do not name this recording"
 
-    def trials(self, subject: str) -> Iterator[Trial]:
+    def trials(self, subject: str, session: str = "") -> Iterator[Trial]:
         """The subject's evaluated tasks, excluded and failed recordings among them, in the sheet's order."""
         groups: dict[tuple[str, str], dict[str, Recording]] = defaultdict(dict)
         for recording in self.recordings:
-            if recording.hand.subject == subject and recording.role in ("evaluation", "both"):
+            if recording.hand.who == (subject, session) and recording.role in ("evaluation", "both"):
                 groups[recording.task, recording.trial][recording.hand.hand] = recording
         for (task, trial), by_hand in groups.items():
-            yield Trial(subject, task, trial, {h: by_hand[h] for h in HANDS if h in by_hand})
+            yield Trial(subject, task, trial, {h: by_hand[h] for h in HANDS if h in by_hand}, session)
 
     def scores_in(self, trial: Trial) -> list[Row]:
         """The rows of skeleton_scores of a subject's task, in the table's order, right hand first."""
-        wanted = (trial.subject, trial.task, trial.trial)
-        rows = [row for row in self.scores if (row["subject"], row["task"], row["trial"]) == wanted]
+        wanted = (*trial.who, trial.task, trial.trial)
+        names = ("subject", "session", "task", "trial")
+        rows = [row for row in self.scores if tuple(row[name] for name in names) == wanted]
         return sorted(rows, key=lambda row: bool(row["hand"] != "right"))
 
-    def hands_of(self, subject: str) -> list[Hand]:
+    def hands_of(self, subject: str, session: str = "") -> list[Hand]:
         """The subject's hands, right first."""
-        mine = [hand for hand in self.hands if hand.subject == subject]
+        mine = [hand for hand in self.hands if hand.who == (subject, session)]
         return sorted(mine, key=lambda hand: hand.hand != "right")
 
 
-def recording_key(recording: Recording) -> tuple[str, str, str, str]:
-    """Subject, hand, task and trial: what the tables call the recording."""
-    return recording.hand.subject, recording.hand.hand, recording.task, recording.trial
+def recording_key(recording: Recording) -> tuple[str, ...]:
+    """Subject, session, hand, task and trial: what the tables call the recording."""
+    return tuple(recording.key.values())
+
+
+def row_key(row: Row) -> tuple[str, ...]:
+    """The same of a row of a table."""
+    return tuple(row[name] for name in RECORDINGS.key)
+
+
+def hand_of(row: Row) -> Hand:
+    """The hand that a row of a table is of."""
+    return Hand(row["subject"], row["hand"], row["session"])
 
 
 def read_results(study: Study, folder: Path) -> StudyResults:
@@ -250,8 +270,8 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
     for recording in plan.recordings:
         row, problems = recording_row(recording, plan.poses(recording))
         rows["recordings"].append(row)
-        where = {"hand": recording.hand.hand, "task": ", ".join(filter(None, recording_key(recording)[2:]))}
-        rows["problems"] += [_problem(plan.subject, "capture", text, **where) for text in problems]
+        where = {"hand": recording.hand.hand, "task": recording.title}
+        rows["problems"] += [_problem(plan.who, "capture", text, **where) for text in problems]
     rows["problems"] += _findings(plan)
     for name, stage in GATHERED_TABLES.items():
         rows[name] = (
@@ -263,7 +283,7 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
         simulated=any(plan.truth(recording) is not None for recording in plan.recordings),
         paths=Results(plan.folder.parent),
         models=plan.models,
-        layouts={Hand(plan.subject, hand): layout for hand, layout in plan.layouts.items()},
+        layouts={plan.hand(hand): layout for hand, layout in plan.layouts.items()},
         **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
     )
 
@@ -273,10 +293,10 @@ def _findings(plan: SubjectPlan) -> list[Row]:
     try:
         found = list(rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)))
     except InputError as error:
-        return [_problem(plan.subject, STAGE, str(error))]
+        return [_problem(plan.who, STAGE, str(error))]
     return [
         _problem(
-            plan.subject,
+            plan.who,
             STAGE,
             row["message"],
             hand=row["hand"],
@@ -316,10 +336,10 @@ def _subject_rows(plan: SubjectPlan, table: Table, stage: str, problems: list[Ro
                 if "failure" in made
             }
         except InputError as error:
-            problems.append(_problem(plan.subject, stage, str(error), hand=hand, model=model))
+            problems.append(_problem(plan.who, stage, str(error), hand=hand, model=model))
             continue
         problems += [
-            _problem(plan.subject, stage, message, hand=part.hand, model=part.model)
+            _problem(plan.who, stage, message, hand=part.hand, model=part.model)
             for part, message in failed.items()
             if not part.made_without
         ]
@@ -330,15 +350,16 @@ def _failed_exports(study: Study, paths: Results) -> list[Row]:
     """What the export stage could not write, and why."""
     files = sorted(paths.exports.glob("*.failed.txt")) if study.exports else []
     return [
-        _problem("", "export", message, task=file.name.removesuffix(".failed.txt"))
+        _problem(SubjectSession(""), "export", message, task=file.name.removesuffix(".failed.txt"))
         for file in files
         for message in file.read_text("utf-8").splitlines()
     ]
 
 
-def _problem(subject: str, stage: str, message: str, **where: str) -> Row:
+def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> Row:
     empty = {column.name: "" for column in PROBLEMS.columns}
-    return empty | {"subject": subject, "stage": stage, "severity": "refused", "message": message} | where
+    known = {"stage": stage, "severity": "refused", "message": message}
+    return empty | who._asdict() | known | where
 
 
 def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
@@ -346,7 +367,7 @@ def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
         raise InputError(f"{path}: no such file; expected a {table.name} table")
     failure = read_metadata(path).get("failure")
     if failure is not None:
-        failures.append(_problem("", "report", f"{path.name}: {failure}"))
+        failures.append(_problem(SubjectSession(""), "report", f"{path.name}: {failure}"))
         return []
     return list(whole_skeletons(read_table(path, table, _columns_shown(table))).to_pylist())
 

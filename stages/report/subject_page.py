@@ -33,24 +33,24 @@ def render_subject(results: StudyResults) -> str:
     Its only link to other subjects is that to the study's page: were they named here, one subject more
     would make the others' pages anew.
     """
-    (subject,) = results.subjects
-    hands = results.hands_of(subject)
-    page = results.paths.subject_page(subject)
+    (who,) = results.sessions
+    hands = results.hands_of(*who)
+    page = results.paths.subject_page(*who)
     return render(
         "subject.html.j2",
         study=results.name,
         to_study=link(results.name, page, results.paths.report),
-        recordings=recording_links(results.shown, results.paths, page, subject),
+        recordings=recording_links(results.shown, results.paths, page, who),
         used=used_text(results),
         findings=provenance.findings(results),
-        problems=provenance.problems_table(results, f"as the study asked: subject {subject}"),
-        name=subject,
+        problems=provenance.problems_table(results, f"as the study asked: {who}"),
+        name=who.label,
         trust=[_trust_part(results, hand) for hand in hands],
-        truth=truth_table(results, subject),
-        joint_errors=joint_error_tables(results, subject),
+        truth=truth_table(results, who),
+        joint_errors=joint_error_tables(results, who),
         next_recording=[next_recording(results, hand) for hand in hands],
-        trials=[_trial_part(results, trial) for trial in results.trials(subject)],
-        skeletons=skeleton_pictures(results, subject),
+        trials=[_trial_part(results, trial) for trial in results.trials(*who)],
+        skeletons=skeleton_pictures(results, who),
         joints=[folded for hand in hands for folded in joint_tables(results, hand)],
         bones=[bone_table(results, hand) for hand in hands],
         receivers=[folded for hand in hands for folded in receiver_tables(results, hand)],
@@ -58,8 +58,8 @@ def render_subject(results: StudyResults) -> str:
         fitted=results.fitted,
         simulated=results.simulated,
         slips=SLIPS,
-        sheet=provenance.recordings_table(results, f"of subject {subject}"),
-        inputs=provenance.inputs_table(results, f"of subject {subject}"),
+        sheet=provenance.recordings_table(results, f"of {who}"),
+        inputs=provenance.inputs_table(results, f"of {who}"),
     )
 
 

@@ -29,17 +29,15 @@ def terminal_tables(results: StudyResults) -> str:
         key=lambda model: model.paper_table or 0,
     )
     parts = [f"Study {results.name}: {used_text(results)}", *_problems(results)]
-    for subject in results.subjects:
-        for trial in _as_the_paper(results.trials(subject)):
+    for who in results.sessions:
+        for trial in _as_the_paper(results.trials(*who)):
             parts += [
                 f"{_wrapped(table_title(model))}\n{table_text(own_table(results, trial, model))}"
                 for model in models
             ]
     if len(parts) == 1 + bool(results.problems):
         parts.append("No recording was evaluated with a model of one of the paper's tables.")
-    scores = (
-        score_table(results, t, compact=True) for subject in results.subjects for t in results.trials(subject)
-    )
+    scores = (score_table(results, t, compact=True) for who in results.sessions for t in results.trials(*who))
     parts += [table_text(table) for table in scores if table is not None]
     return "\n\n".join(parts) + "\n"
 

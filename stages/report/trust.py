@@ -10,7 +10,7 @@ from statistics import median
 
 from schemas.study import Hand
 from stages.report.skeleton_tables import NO_JOINT
-from stages.report.study_results import Row, StudyResults
+from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, DataTable, number
 
 BELIEVED, CARE, NOT = "✓ yes", "◆ with care", "✕ no"
@@ -60,17 +60,13 @@ def verdicts(results: StudyResults, hand: Hand, model: str) -> list[Verdict]:
 
 def trust_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     """Every joint of a hand in words, and what to record or measure again."""
-    advice = {
-        row["joint"]: row["advice"]
-        for row in results.advice
-        if (row["subject"], row["hand"]) == (hand.subject, hand.hand)
-    }
+    advice = {row["joint"]: row["advice"] for row in results.advice if hand_of(row) == hand}
     rows = tuple(
         (v.joint, v.believed, v.why, _apart_in_words(v), _help(advice.get(v.joint, "")))
         for v in verdicts(results, hand, model)
     )
     return DataTable(
-        f"Whether to believe the joints of {model}: subject {hand.subject}, {hand.hand} hand.",
+        f"Whether to believe the joints of {model}: {hand}.",
         (Block(("Joint", "Believe it?", "Why", "Farthest other model", "What would help"), rows),),
         () if rows else (NO_JOINT,),
         frozenset(range(5)),

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from schemas.study import SubjectSession
 from stages.report.score_tables import tasks_text
-from stages.report.study_results import Row, StudyResults
+from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, Column, DataTable, Folded, number, table_of_blocks, title
 
 FAR_MM = 5.0
@@ -18,9 +19,9 @@ Made = tuple[str, str]
 """A model or a reference, and what it was made from as the table names it."""
 
 
-def truth_table(results: StudyResults, subject: str) -> DataTable | None:
+def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
     """The joints of both of a subject's hands against the truth, a row a skeleton; None without a truth."""
-    made = _by_skeleton(results, [row for row in results.joint_errors if row["subject"] == subject])
+    made = _by_skeleton(results, [row for row in results.joint_errors if hand_of(row).who == who])
     if not made:
         return None
     columns = (
@@ -46,18 +47,18 @@ def truth_table(results: StudyResults, subject: str) -> DataTable | None:
         for kind, is_model in (("Skeleton", True), ("Reference", False))
     }
     return table_of_blocks(
-        f"Distance of the joints from the true ones, both hands: subject {subject}. Along and across the "
+        f"Distance of the joints from the true ones, both hands: {who}. Along and across the "
         "axis, axis and bone length: medians.",
         columns,
         blocks,
     )
 
 
-def joint_error_tables(results: StudyResults, subject: str) -> list[Folded]:
+def joint_error_tables(results: StudyResults, who: SubjectSession) -> list[Folded]:
     """The error of every joint, mm: a folded table a hand, a column a skeleton."""
     folded = []
-    for hand in results.hands_of(subject):
-        rows = [r for r in results.joint_errors if (r["subject"], r["hand"]) == (hand.subject, hand.hand)]
+    for hand in results.hands_of(*who):
+        rows = [row for row in results.joint_errors if hand_of(row) == hand]
         if not rows:
             continue
         made = _by_skeleton(results, rows)
@@ -67,7 +68,7 @@ def joint_error_tables(results: StudyResults, subject: str) -> list[Folded]:
             ("Joint [mm]", *(_title(results, key) for key in made)),
             tuple((joint, *(number(errors[key].get(joint)) for key in made)) for joint in joints),
         )
-        caption = f"Distance of each joint from the true one, in mm: subject {subject}, {hand.hand} hand."
+        caption = f"Distance of each joint from the true one, in mm: {hand}."
         folded.append(Folded(f"{title(hand.hand)} hand, joint by joint", DataTable(caption, (block,))))
     return folded
 

@@ -24,6 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
         records_failure=False,
     )
     parser.add_argument("--subject", required=True, help="any name; together with the seed it is a person")
+    parser.add_argument("--session", default="", help="any name; each has its receivers put on anew")
     parser.add_argument("--hand", required=True, choices=("right", "left"))
     parser.add_argument("--task", required=True, choices=("opposition", "rom"), help="rom: range of motion")
     parser.add_argument("--seed", type=int, default=0, help="same seed, same bytes (default: 0)")
@@ -96,11 +97,13 @@ def write_simulation(arguments: argparse.Namespace) -> None:
         realism,
         arguments.frames,
         forearm=arguments.forearm,
+        session=arguments.session,
     )
     try:
         write_recording(arguments.out, simulated)
         folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
         names = ("subject", "hand", "task", "seed", "realism", "forearm")
+        given |= {"session": arguments.session} if arguments.session else {}
         provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | given)
         write_truth(folder, simulated, provenance)
     except OSError as error:

@@ -41,7 +41,13 @@ class Mounts:
 
 
 def mounts_of(
-    subject: str, side: str, seed: int, hand: Hand, segments: tuple[str, ...], realism: Realism
+    subject: str,
+    side: str,
+    seed: int,
+    hand: Hand,
+    segments: tuple[str, ...],
+    realism: Realism,
+    session: str = "",
 ) -> Mounts:
     """Put the receivers on the bones' middles and on the nails, as far off as the realism says.
 
@@ -49,7 +55,7 @@ def mounts_of(
     the back of its bone for a crease.
     """
     nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
-    place, turn = _off(generator(seed, "mounts", subject, side), hand)
+    place, turn = _off(generator(seed, "mounts", subject, side, *[session] * bool(session)), hand)
     receiver_half = generator(seed, "receivers", subject).uniform(*drawn.RECEIVER_HALF_MM)
     place[FIRST_WORN:, 2] += receiver_half - _RECEIVER_HALF_MM
     position = nominal + realism.mounts * place

@@ -49,6 +49,7 @@ class Simulated:
     position_mm: Array
     quaternion: Array
     truth: Truth
+    session: str = ""
 
     @property
     def distal_mm(self) -> Array:
@@ -70,22 +71,23 @@ def simulate(
     n_frames: int | None = None,
     *,
     forearm: bool = False,
+    session: str = "",
     change: Callable[[Motion], Motion] | None = None,
 ) -> Simulated:
     """Simulate one recording with 16 receivers, 17 with `forearm`, at 240 Hz.
 
     hand : right or left. task : opposition or rom. The anatomy depends on seed and subject, the receivers'
     places and the skin also on the hand, motion and noise also on the task: recordings of one hand share it.
-    Another n_frames than the task's own (None) is the same script, faster or slower, with fewer or more
-    rounds of opposition. change : of what the task makes the hand do. Raises InputError where an argument is
-    not usable.
+    In another session the person moves anew, with the receivers put on anew. Another n_frames than the
+    task's own (None) is the same script, faster or slower, with fewer or more rounds of opposition. change :
+    of what the task makes the hand do. Raises InputError where an argument is not usable.
     """
     n_frames = _checked(hand, task, seed, n_frames)
-    layout = read_layout(LAYOUT)
+    layout, in_session = read_layout(LAYOUT), [session] * bool(session)
     segments = tuple(s for s in layout.measured if forearm or not layout.segments[s].optional)
     anatomy = hand_of(subject, hand, seed, realism)
-    mounts = mounts_of(subject, hand, seed, anatomy, segments, realism)
-    motion = move(subject, hand, task, seed, anatomy, realism, n_frames)
+    mounts = mounts_of(subject, hand, seed, anatomy, segments, realism, session)
+    motion = move(subject, hand, task, seed, anatomy, realism, n_frames, session)
     if change is not None:
         motion = change(motion)
     bones = bone_poses(anatomy, motion.angles_rad, motion.wrist_mm, motion.forearm)
@@ -94,20 +96,20 @@ def simulate(
         skin = skin_of(subject, hand, seed, segments, realism.artefact)
         recorded = on_skin(anatomy, mounts, motion, bones, skin)
         of_hand = generator(seed, f"{realism.skin} skin", subject, hand)
-        of_recording = generator(seed, "wander", subject, hand, task)
+        of_recording = generator(seed, "wander", subject, hand, task, *in_session)
         off = LAWS[realism.skin](motion.angles_rad, skin, of_hand, of_recording)
         recorded = displaced(*recorded, *off)
     if realism.field_distortion:
         recorded = distorted(*recorded, seed, realism.field_distortion)
     if realism.noise:
-        rng = generator(seed, "noise", subject, hand, task)
+        rng = generator(seed, "noise", subject, hand, task, *in_session)
         recorded = noisy(*recorded, realism.noise, rng)
     truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism)
     if realism.faults:
-        rng = generator(seed, "faults", subject, hand, task)
+        rng = generator(seed, "faults", subject, hand, task, *in_session)
         recorded = faulty(*recorded, realism.faults, rng)
     frame = np.arange(FIRST_FRAME, FIRST_FRAME + n_frames)
-    return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth)
+    return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth, session)
 
 
 def _checked(hand: str, task: str, seed: int, n_frames: int | None) -> int:

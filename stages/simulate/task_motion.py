@@ -44,10 +44,17 @@ class Motion:
 
 
 def move(
-    subject: str, side: str, task: str, seed: int, hand: Hand, realism: Realism, n_frames: int
+    subject: str,
+    side: str,
+    task: str,
+    seed: int,
+    hand: Hand,
+    realism: Realism,
+    n_frames: int,
+    session: str = "",
 ) -> Motion:
     """Let the hand do its task; a recording of another length is the same script, faster or slower."""
-    rng = generator(seed, "motion", subject, side, task)
+    rng = generator(seed, "motion", subject, side, task, *[session] * bool(session))
     if task == "opposition":
         stiffness = generator(seed, "dip", subject, side)
         script, weights = _opposition(rng, stiffness, hand, realism, n_frames)

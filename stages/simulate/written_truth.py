@@ -77,7 +77,8 @@ def _joint_rows(simulated: Simulated) -> list[dict[str, Any]]:
 
 
 def _keys(simulated: Simulated) -> dict[str, str]:
-    return {"subject": simulated.subject, "hand": simulated.hand, "model": MODEL_NAME, "made_without": ""}
+    whose = {"subject": simulated.subject, "session": simulated.session, "hand": simulated.hand}
+    return {**whose, "model": MODEL_NAME, "made_without": ""}
 
 
 def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:

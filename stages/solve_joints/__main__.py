@@ -46,7 +46,7 @@ def solve(arguments: argparse.Namespace) -> None:
                 plan.check_calibration_left(part.hand)
                 if isinstance(outcome, Exception):
                     raise outcome
-                write.rows(part, [{"subject": plan.subject, **row} for row in outcome])
+                write.rows(part, [{**plan.who._asdict(), **row} for row in outcome])
 
 
 def part_requests(plan: SubjectPlan) -> list[PartRequest]:

@@ -62,7 +62,7 @@ def _printed_rows(arguments: argparse.Namespace, plan: SubjectPlan, hand: str) -
     if len(plan.hands) > 1:
         print(f"{hand} hand")
     print(as_text(advice))
-    return [{"subject": plan.subject, "hand": hand, **vars(row)} for row in advice]
+    return [{**vars(plan.hand(hand)), **vars(row)} for row in advice]
 
 
 def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advice]:

@@ -22,6 +22,7 @@ from schemas.parts import (
     read_part,
     read_recording,
 )
+from schemas.study import Hand
 from schemas.tables import Column, Provenance, Table, read_table, rows_of
 
 TEXT = pa.string()
@@ -256,11 +257,11 @@ def test_a_failed_part_has_no_recordings(long: Path) -> None:
 
 
 def test_whose_hand_a_table_is_of(tmp_path: Path, short: Path) -> None:
-    assert one_hand_of(short, SHORT, None, "left") == ("01", "left")
+    assert one_hand_of(short, SHORT, None, None, "left") == Hand("01", "left")
     for subject, hand in ((None, None), ("01", None), ("02", "left")):
         with pytest.raises(InputError, match="hands of subject 01, left hand; subject 01, right hand; say"):
-            one_hand_of(short, SHORT, subject, hand)
+            one_hand_of(short, SHORT, subject, None, hand)
     one = tmp_path / "one.parquet"
     with parts_writer(one, SHORT, Provenance()) as writer:
         writer.failure(LEFT, "failed")
-    assert one_hand_of(one, SHORT, None, None) == ("01", "left")
+    assert one_hand_of(one, SHORT, None, None, None) == Hand("01", "left")

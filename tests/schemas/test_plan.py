@@ -57,7 +57,7 @@ def test_what_is_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (read.study, read.subject, read.folder) == ("test", "01", Path("study/results/sub-01"))
     assert (read.hand_length_mm, read.hand_breadth_mm) == (190.5, None)
     assert [r.name for r in read.recordings] == ["rom", "opposition_1", "rom"]
-    own = study.of_subject("01").recordings
+    own = study.of_session("01").recordings
     for found, given in zip(read.recordings, own, strict=True):
         assert (found.hand, found.role, found.exclude) == (given.hand, given.role, given.exclude)
         assert found.file == Path("study") / given.file_as_written
@@ -128,8 +128,8 @@ def test_a_plan_changes_with_its_own_subject_alone(
     ("spoil", "message"),
     [
         (lambda text: text[:-100], "not a subject's plan"),
-        (lambda _: "[]", "not a subject's plan of version 1"),
-        (lambda text: text.replace('"plan": 1', '"plan": 0'), "not a subject's plan of version 1"),
+        (lambda _: "[]", "not a subject's plan of version 2"),
+        (lambda text: text.replace('"plan": 2', '"plan": 0'), "not a subject's plan of version 2"),
         (lambda text: text.replace('"recordings"', '"recording"'), "a damaged plan .KeyError: 'recordings'"),
         (lambda text: text.replace('"role"', '"rule"'), "a damaged plan .TypeError"),
         (lambda text: text.replace('"models": [', '"models": 1, "x": ['), "a damaged plan"),

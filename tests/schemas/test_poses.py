@@ -17,6 +17,7 @@ from schemas.poses import (
     recording_name,
     usable_poses,
 )
+from schemas.study import Hand
 from schemas.tables import Provenance, columns_from_rows, write_failure, write_table, write_table_in_parts
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
@@ -157,16 +158,16 @@ def test_a_recordings_name(tmp_path: Path) -> None:
 def test_all_files_must_be_of_one_hand(tmp_path: Path) -> None:
     right = write(tmp_path / "right.parquet", {"hand": [1]})
     left = write(tmp_path / "left.parquet", {"hand": [1]}, hand="left")
-    assert one_hand([right], None, None) == ("01", "right")
-    assert one_hand([], "02", "left") == ("02", "left")
+    assert one_hand([right], None, None, None) == Hand("01", "right")
+    assert one_hand([], "02", None, "left") == Hand("02", "left")
     with pytest.raises(InputError, match="left hand, rom; expected subject 01, right hand"):
-        one_hand([right, left], None, None)
+        one_hand([right, left], None, None, None)
     with pytest.raises(InputError, match="expected subject 02, right hand"):
-        one_hand([right], "02", None)
+        one_hand([right], "02", None, None)
     with pytest.raises(InputError, match="--subject and --hand must say whose hand it is"):
-        one_hand([], "02", None)
+        one_hand([], "02", None, None)
     with pytest.raises(InputError, match=r"absent.parquet: no such file; expected a poses table"):
-        one_hand([tmp_path / "absent.parquet"], "02", None)
+        one_hand([tmp_path / "absent.parquet"], "02", None, None)
 
 
 def test_usable_files_and_the_reasons_why_others_are_not(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ def test_a_recording_without_problems(tmp_path: Path) -> None:
     row, problems = recording_row(RECORDING, poses(tmp_path / "p.parquet", {}))
     assert row == {
         "subject": "01",
+        "session": "",
         "hand": "right",
         "task": "rom",
         "trial": "2",

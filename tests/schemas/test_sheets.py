@@ -28,6 +28,7 @@ def test_the_same_sheet_however_it_is_saved(tmp_path: Path, end: str, encoding: 
     (row,) = read_sheet(written(tmp_path, RECORDING, end, encoding), RECORDINGS)
     given_values = {"subject": "01", "hand": "right", "task": "rom", "role": "both", "file": "rom.csv"}
     defaults = {
+        "session": "",
         "trial": "",
         "layout": "",
         "format": "auto",

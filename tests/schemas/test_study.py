@@ -79,11 +79,11 @@ def test_recordings_that_are_shown(tmp_path: Path) -> None:
 def test_the_study_of_one_subject(tmp_path: Path) -> None:
     read = study(tmp_path, "b left x both 1", "a right x both 2", "b right y both 4")
     assert read.subjects == ("b", "a")
-    own = read.of_subject("b")
+    own = read.of_session("b")
     assert [r.file_as_written for r in own.recordings] == ["1", "4"]
     assert own.hands == (Hand("b", "left"), Hand("b", "right"))
     with pytest.raises(InputError, match=r"study test: has no subject 'c'; expected one of b, a"):
-        read.of_subject("c")
+        read.of_session("c")
 
 
 def test_hands_come_in_the_sheets_order(tmp_path: Path) -> None:
@@ -125,8 +125,8 @@ def test_a_row_that_no_file_can_be_named_by_is_left_out(tmp_path: Path) -> None:
     ]
     left_out = "the row was left out"
     assert [row.message for row in read.unusable] == [
-        "recordings.tsv: row 2, columns subject, task, trial: have 306 bytes in the names of files; expected "
-        f"at most 200; {left_out}",
+        "recordings.tsv: row 2, columns subject, session, task, trial: have 306 bytes in the names of files; "
+        f"expected at most 200; {left_out}",
         "recordings.tsv: row 3, column file: has a part of more than 255 bytes, which no file's name has; "
         f"{left_out}",
     ]

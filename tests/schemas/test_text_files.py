@@ -118,9 +118,9 @@ def row(subject: str = "s", file: str = "a.csv") -> str:
         (
             "",
             row("s" * 5_000),
-            "row 2, columns subject, task, trial: have 5006 bytes in the names of files; expected",
+            "row 2, columns subject, session, task, trial: have 5006 bytes in the names of files; expected",
         ),
-        ("", row("s" * 140_000), "row 2, columns subject, task, trial: have 140006 bytes"),
+        ("", row("s" * 140_000), "row 2, columns subject, session, task, trial: have 140006 bytes"),
         ("", row(file="f" * 5_000), "row 2, column file: has a part of more than 255 bytes, which no file's"),
         (
             "",

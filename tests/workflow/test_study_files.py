@@ -58,7 +58,7 @@ def files(
 def test_paths_of_a_subject(folder: Path) -> None:
     study = files(folder)
     assert study.file == "study/study.yaml"
-    assert study.subject(FIT) == "A&b"
+    assert study.subject(FIT) == ("A&b", "")
     assert study.model(FIT) == "alone"
     poses = [
         f"results/test/{SUBJECT}/{name}/poses.parquet" for name in ("right/rom", "right/pinch_1", "left/rom")

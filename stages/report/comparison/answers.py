@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from schemas.model import the_papers
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, compare
 from stages.report.comparison.questions import PRIOR, Question
-from stages.report.study_results import StudyResults, recording_key
+from stages.report.study_results import StudyResults, recording_key, row_key
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,51 +76,72 @@ def _rows(results: StudyResults, question: Question) -> pd.DataFrame:
     import pandas as pd
 
     of_score = question.table == "skeleton_scores"
-    columns = ["subject", "hand", "task", "trial", "model", "calibrated_on", "digit", "held_out", "message"]
+    columns = [
+        "subject",
+        "session",
+        "hand",
+        "task",
+        "trial",
+        "model",
+        "calibrated_on",
+        "digit",
+        "held_out",
+        "message",
+    ]
     scores = pd.DataFrame.from_records(
         results.counted(results.scores), columns=[*columns, *([question.metric] if of_score else [])]
     )
     if of_score:
         place = (
-            scores["hand"]
+            _in_session(scores)
+            + scores["hand"]
             + " hand, "
             + scores["task"]
             + (", trial " + scores["trial"]).where(scores["trial"] != "", "")
         )
         number = scores[question.metric].astype(float)
         return scores.assign(place=place, number=number, kind=scores["held_out"])
-    made = ["subject", "hand", "model", "calibrated_on"]
+    made = ["subject", "session", "hand", "model", "calibrated_on"]
     kinds = scores[[*made, "held_out"]].drop_duplicates().rename(columns={"held_out": "kind"})
     joints = pd.DataFrame.from_records(
         results.counted(results.joint_errors), columns=[*made, "joint", question.metric]
     )
     joints = joints.merge(kinds, how="left", on=made)
     digits = {
-        (hand.subject, hand.hand, joint): digit.name
+        (*hand.who, hand.hand, joint): digit.name
         for hand, layout in results.layouts.items()
         for digit in layout.digits.values()
         for joint in digit.joints
     }
-    keys = zip(joints["subject"], joints["hand"], joints["joint"], strict=True)
+    keys = zip(*(joints[name] for name in ("subject", "session", "hand", "joint")), strict=True)
     return joints.assign(
-        digit=[digits.get(key, key[2]) for key in keys],
-        place=joints["hand"] + " hand, " + joints["joint"],
+        digit=[digits.get(key, key[3]) for key in keys],
+        place=_in_session(joints) + joints["hand"] + " hand, " + joints["joint"],
         number=joints[question.metric].astype(float),
         message="",
     )
+
+
+def _in_session(rows: pd.DataFrame) -> pd.Series[str]:
+    """How the name of a place begins: with the session, where there is one."""
+    return ("session " + rows["session"] + ", ").where(rows["session"] != "", "")
 
 
 def _unscored(results: StudyResults, question: Question, models: Collection[str]) -> Iterator[Observation]:
     """The evaluated recordings without any score, with what became of them."""
     if question.table == "joint_errors":
         return
-    scored = {(row["subject"], row["hand"], row["task"], row["trial"]) for row in results.scores}
+    scored = {row_key(row) for row in results.scores}
     for recording in results.recordings:
-        subject, hand, task, trial = key = recording_key(recording)
+        subject, session, hand, task, trial = key = recording_key(recording)
         if key in scored or recording.role == "calibration":
             continue
         reason = ": ".join(filter(None, results.status_of(recording)))
-        place = f"{hand} hand, {task}" + (f", trial {trial}" if trial else "")
+        place = (
+            (f"session {session}, " if session else "")
+            + f"{hand} hand, {task}"
+            + (f", trial {trial}" if trial else "")
+        )
         for digit in results.layouts[recording.hand].digits:
             for model in models:
                 yield Observation(subject, model, digit, place, None, reason)

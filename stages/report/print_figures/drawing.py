@@ -34,7 +34,7 @@ def count_range(counts: Iterable[int]) -> str:
 def recording_text(recording: Recording) -> str:
     """The recording in words."""
     trial = f", trial {recording.trial}" if recording.trial else ""
-    return f"subject {recording.hand.subject}, {recording.hand.hand} hand, {recording.task}{trial}"
+    return f"{recording.hand}, {recording.task}{trial}"
 
 
 class NoDataError(Exception):

@@ -96,7 +96,7 @@ def _by_model(errors: pd.DataFrame, stated: pd.DataFrame) -> dict[str, _OfModel]
     found: dict[str, _OfModel] = defaultdict(_OfModel)
     for kind, rows in (("error_mm", errors), ("sd_mm", stated)):
         for each in rows.dropna(subset="value").itertuples():
-            hand, joint = each.place.split(" hand, ", 1)
+            hand, joint = each.place.rsplit(" hand, ", 1)
             getattr(found[each.model], kind)[joint][each.subject, hand] = each.value
     return found
 
@@ -211,8 +211,8 @@ def _trust_panel(axes: Axes, joints: list[str], found: _Statuses, hands: Sequenc
 
 
 _LENGTHS_MM, _BONES_MM = 58.0, 26.0
-_Lengths = dict[str, dict[tuple[str, str], tuple[float, float]]]
-"""By bone, then by subject and hand: length and its 1-sigma error, mm."""
+_Lengths = dict[str, dict[Hand, tuple[float, float]]]
+"""By bone, then by hand: length and its 1-sigma error, mm."""
 
 
 def bone_lengths(results: StudyResults) -> tuple[Figure, str]:
@@ -258,7 +258,7 @@ def _lengths(results: StudyResults, model: str) -> _Lengths:
         for row in rows:
             if name == model and row["length_mm"] is not None:
                 sd = row["sd_mm"]
-                found[row["bone"]][hand.subject, hand.hand] = (row["length_mm"], np.nan if sd is None else sd)
+                found[row["bone"]][hand] = (row["length_mm"], np.nan if sd is None else sd)
     return dict(found)
 
 
@@ -267,7 +267,7 @@ def _length_panel(axes: Axes, bones: list[str], lengths: _Lengths, look: Look) -
     step = dict(zip(hands, _aside(hands), strict=True))
     for place, bone in enumerate(bones):
         for side, filled in (("right", True), ("left", False)):
-            of = {hand: pair for hand, pair in lengths.get(bone, {}).items() if hand[1] == side}
+            of = {hand: pair for hand, pair in lengths.get(bone, {}).items() if hand.hand == side}
             if of:
                 x = place + np.array([step[hand] for hand in of])
                 length, sd = np.array(list(of.values())).T
@@ -286,6 +286,6 @@ def _length_panel(axes: Axes, bones: list[str], lengths: _Lengths, look: Look) -
     axes.grid(axis="y")
 
 
-def _aside(hands: list[tuple[str, str]]) -> list[float]:
+def _aside(hands: list[Hand]) -> list[float]:
     """Subjects side by side, their two hands next to each other."""
     return [float(step) for step in np.sort(scattered(len(hands), 0.72))]

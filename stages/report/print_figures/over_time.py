@@ -30,7 +30,7 @@ from stages.report.print_figures.style import (
 )
 from stages.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
 from stages.report.score_tables import mean
-from stages.report.study_results import LEAST_SQUARES, StudyResults, recording_key
+from stages.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
 from stages.report.table_cells import listed, number, title
 
 _STRIP_MM, _FOOT_MM = 26.0, 22.0
@@ -108,7 +108,7 @@ def _error_caption(results: StudyResults, recording: Recording, traces: Traces, 
         for row in results.tip_errors
         if row["binding"] == LEAST_SQUARES
         and row["mean_mm"] is not None
-        and (row["subject"], row["hand"], row["task"], row["trial"]) == recording_key(recording)
+        and row_key(row) == recording_key(recording)
     ]
     means = [
         f"{model} {number(mean(row['mean_mm'] for row in rows if row['model'] == model))} mm"

@@ -55,9 +55,7 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
     """
     recordings = results.recordings
     of_hand = [
-        r
-        for r in recordings
-        if r.hand.hand == hand and subject in (r.hand.subject, path_token(r.hand.subject))
+        r for r in recordings if r.hand.hand == hand and subject in (r.hand.who.label, r.hand.who.token)
     ]
     for recording in of_hand:
         plain = recording.task + (f"_{recording.trial}" if recording.trial else "")
@@ -66,7 +64,7 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
     if of_hand:
         known = "this hand has " + ", ".join(recording.name for recording in of_hand)
     else:
-        known = "hands are " + ", ".join(f"{h.subject} {h.hand}" for h in results.hands[:12])
+        known = "hands are " + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
     raise InputError(f"--recording {subject} {hand} {name}: no such recording; {known}")
 
 

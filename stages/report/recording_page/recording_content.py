@@ -75,7 +75,7 @@ def failure_page(title: str, message: str) -> str:
 def recording_title(recording: Recording) -> str:
     """Subject, hand, task and trial in words."""
     trial = f", trial {recording.trial}" if recording.trial else ""
-    return f"Subject {recording.hand.subject}, {recording.hand.hand} hand, {recording.task}{trial}"
+    return f"Subject {recording.hand.who.label}, {recording.hand.hand} hand, {recording.task}{trial}"
 
 
 def _facts(results: RecordingResults) -> str:

@@ -63,7 +63,7 @@ def test_findings_by_recording_accepted_where_the_sheet_says_so(plan: SubjectPla
     ]
     assert rows[0]["message"].endswith("Accepted: seen-on-video")
     digests = read_metadata(plan.table("findings"))["parameters"]["digests"]
-    assert {*digests} == {"01/right/rom/", "01/right/grip/", "01/left/rom/"}
+    assert {*digests} == {"01//right/rom/", "01//right/grip/", "01//left/rom/"}
 
 
 def test_a_refused_recording_is_used_by_no_later_stage(plan: SubjectPlan, plan_file: Path) -> None:

@@ -49,7 +49,7 @@ def row_of(table: Table, **values: Any) -> dict[str, Any]:
 
 def write_findings(plan: SubjectPlan, *rows: dict[str, Any], **parameters: Any) -> None:
     """Write a subject's findings."""
-    columns = columns_from_rows(FINDINGS, [{"subject": plan.subject, "trial": "", **row} for row in rows])
+    columns = columns_from_rows(FINDINGS, [{**plan.who._asdict(), "trial": "", **row} for row in rows])
     write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}, **parameters}))
 
 
@@ -117,8 +117,8 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
     plans: list[SubjectPlan], tmp_path: Path
 ) -> None:
     finding = {"hand": "right", "task": "pinch", "trial": "1", "kind": "spikes", "message": "It jumps."}
-    write_findings(plans[0], finding | {"severity": "refused"}, digests={"01/right/rom/": "a"})
-    write_findings(plans[1], digests={"02/right/pinch/": "a"})
+    write_findings(plans[0], finding | {"severity": "refused"}, digests={"01//right/rom/": "a"})
+    write_findings(plans[1], digests={"02//right/pinch/": "a"})
     found = gathered(tmp_path)
     rows = [row for row in found["problems"] if row["stage"] == "check_recordings"]
     keys = ("subject", "hand", "task", "kind", "severity")

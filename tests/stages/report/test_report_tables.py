@@ -64,7 +64,7 @@ def test_terminal_tables_fit_and_hold_the_numbers(results: StudyResults) -> None
     assert max(map(len, text.splitlines())) < 80
     for table in range(1, 5):
         assert text.count(f"\nTable {table}. ") == 2
-    row = results.tip_error_of["S01", "right", "opposition", "", "paper-fig3", "thumb", "first-frame"]
+    row = results.tip_error_of["S01", "", "right", "opposition", "", "paper-fig3", "thumb", "first-frame"]
     assert f"{row['mean_mm'] / 10:.2f}" in text
 
 

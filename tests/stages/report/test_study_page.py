@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from report_samples.read_page import read_page, rows_where, table_called
 
 from schemas.results import Results
-from schemas.study import Hand, Study, read_study
+from schemas.study import Hand, Study, SubjectSession, read_study
 from stages.report.links import anchor, link, recording_links
 from stages.report.methods_text import REFERENCES, methods_text
 from stages.report.study_page import render_study
@@ -130,7 +130,9 @@ def test_rate_is_that_of_the_recordings(fitted: StudyResults) -> None:
 
 def test_links_name_trial_and_hand(results: StudyResults) -> None:
     """What tells recordings apart stands in their links."""
-    links = recording_links(results.shown, results.paths, results.paths.report, "S01")
+    links = recording_links(results.shown, results.paths, results.paths.report, SubjectSession("S01"))
     assert [each.words for each in links] == ["opposition, right hand", "opposition, left hand"]
-    (one,) = recording_links(results.shown, results.paths, results.paths.report, "S01", "left")
+    (one,) = recording_links(
+        results.shown, results.paths, results.paths.report, SubjectSession("S01"), "left"
+    )
     assert one == ("opposition", "report/sub-S01/left/opposition.html")

@@ -209,6 +209,6 @@ def test_why_there_is_no_number(fitted: StudyResults, results: StudyResults) -> 
 
 
 def test_a_suspect_hand_is_in_no_statistic(fitted: StudyResults) -> None:
-    problem = {"subject": "S01", "hand": "left", "severity": "suspect"}
+    problem = {"subject": "S01", "session": "", "hand": "left", "severity": "suspect"}
     seen = observations(replace(fitted, problems=[problem]), TRUE_TIP, PAIR, held_out=True)
     assert set(seen["place"]) == {"right hand, opposition"}

@@ -58,7 +58,7 @@ class MadeHands:
         results = self.subject(hand.subject)
         if table.name in FIT_TABLES:
             return results.fit_table(hand, model, table.name)
-        return results.subject_table(hand.subject, table.name)
+        return results.subject_table(hand, table.name)
 
     def rows(self, model: str, table: Table, **wanted: Any) -> list[dict[str, Any]]:
         """Rows of a table of S01's right hand, those of which columns have these values."""

@@ -53,7 +53,7 @@ class KnownHand:
 
     def results(self, *models: str) -> StudyResults:
         """The results of a study of this recording under those models."""
-        key = {"subject": "01", "hand": self.recording.hand.hand}
+        key = vars(self.recording.hand)
         row = key | {"task": "opposition", "trial": "", "status": "used", "message": ""}
         nothing: dict[str, list[Any]] = {
             name: []
@@ -82,7 +82,7 @@ def make_hand(folder: Path, hand: str, n_frames: int) -> KnownHand:
     recording = Recording(
         who, "opposition", "", "both", folder / "x", "x", folder / "x", "csv", None, "+x", ""
     )
-    key = {"subject": "01", "hand": hand}
+    key = vars(who)
     fitted = key | {"trial": "", "model": "whole-hand"}
     worn = [fitted | {"segment": f"{digit}_distal", "bone_tip_sd_mm": 2.5} for digit in DIGITS]
     write_truth(folder / "truth", made, Provenance())
@@ -104,7 +104,7 @@ def make_hand(folder: Path, hand: str, n_frames: int) -> KnownHand:
     write_table(poses, POSES, columns, Provenance(), row_group_rows=n_frames)
     for table, rows in ((TIPS, of_truth[TIPS]), (JOINT_SOLUTIONS, [])):
         parts = {part_of(who, model): [r for r in rows if r["model"] == model] for model in MODELS}
-        write_parts(results.subject_table("01", table.name), table, parts)
+        write_parts(results.subject_table(who, table.name), table, parts)
     angles = [
         fitted | {"task": "opposition", "joint": "index_pip", "frame": int(frame)} for frame in made.frame
     ]
