@@ -1,6 +1,6 @@
 # `make demo` and `make test` set up all they need; the rest is for those who change the code.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow test-tools test-slurm tools coverage lint format lock docs bench clean
+.PHONY: help demo test test-slow test-tools test-slurm tools coverage lint format lock audit docs bench clean
 
 python := .venv/bin/python
 # Tests, and the processes that they start, share the cores already.
@@ -53,10 +53,15 @@ format: ## put style right
 	@.venv/bin/ruff format .
 	@.venv/bin/snakefmt Snakefile
 
-docs: ## write what is generated of the guide: pages from the schemas, the diagram from the rules
+docs: ## write what is generated of the guide: pages from the schemas, the diagram from the rules, licences
 	@./bootstrap requirements-dev.lock
 	@$(python) -m schemas.reference_pages docs
 	@$(python) -m workflow.diagram
+	@$(python) -m workflow.licences
+
+audit: ## ask whether an advisory is known of what the lock files install
+	@./bootstrap requirements.lock
+	@$(python) .ci/audit.py
 
 bench: ## measure what studies and stages cost, beside others, into docs/benchmarks.md
 	@./bootstrap requirements-bench.lock
@@ -67,6 +72,7 @@ lock: ## resolve the dependencies anew (needs uv)
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-dev.lock
 	uv pip compile pyproject.toml --group cluster --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-cluster.lock
 	uv pip compile pyproject.toml --group dev --group bench --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements-dev.lock --upgrade -o requirements-bench.lock
+	uv pip compile --group audit --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-audit.lock
 
 clean: ## remove results and the demo's recordings
 	rm -rf results data/demo/recordings .snakemake

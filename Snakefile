@@ -1,9 +1,11 @@
 # From recordings to a report, one rule a section of the paper. Rules wire files to stages and hold no logic.
 
+import os
 import sys
 from pathlib import Path
 from shlex import quote
 
+os.environ["PYTHONSAFEPATH"] = "1"  # no job imports what lies in the folder that it runs in
 sys.path.insert(0, workflow.basedir)
 
 from schemas.errors import InputError
@@ -37,7 +39,7 @@ run = f"{quote(sys.executable)} -m workflow.job"
 report: "captions/workflow.rst"  # the first page of `snakemake --report`
 
 
-shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} OMP_NUM_THREADS=1; ")
+shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} PYTHONSAFEPATH=1 OMP_NUM_THREADS=1; ")
 
 
 onstart:

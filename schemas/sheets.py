@@ -6,6 +6,7 @@ Every cell is checked; a message names the file, the row (as an editor counts li
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +54,7 @@ class Row:
 def _text(text: str) -> str:
     if not text:
         raise ValueError("is empty")
-    if any(ord(letter) < 32 for letter in text):
+    if any(unicodedata.category(letter) == "Cc" for letter in text):
         raise ValueError("holds a control character")
     return text
 

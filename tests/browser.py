@@ -28,6 +28,7 @@ OPTIONS = (
 WINDOW = {"width": 1280, "height": 800}
 PATIENCE_MS = 60_000
 """How long a condition may take to come true on a machine that others use, too."""
+PAUSE_MS = 20
 _OPEN = ExitStack()
 """What runs until the tests end: a driver can start but once, however many conftests import `browser`."""
 
@@ -66,8 +67,12 @@ class WatchedPage:
         return self.page.evaluate(expression, argument)
 
     def wait(self, condition: str) -> None:
-        """Wait until a JavaScript expression is true."""
-        self.page.wait_for_function(condition)
+        """Wait until a JavaScript expression is true. Playwright's own wait runs text: pages forbid it."""
+        for _ in range(PATIENCE_MS // PAUSE_MS):
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(PAUSE_MS)
+        raise AssertionError(f"never came true: {condition}")
 
     def check(self) -> None:
         """Fail if the page complained, or asked for what was not opened."""

@@ -42,7 +42,7 @@ class StudyFiles:
             subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
         }
         self._models = {path_token(name): name for name in self.study.models}
-        folders = [_relative(self.study.simulation.folder)] if self.study.simulation else []
+        folders = [_relative(self._simulation_folder())] if self.study.simulation else []
         for path in (*self.configuration, *folders):
             if not _can_be_declared(path):
                 raise InputError(
@@ -171,6 +171,20 @@ class StudyFiles:
         )
 
     # --- simulation ---------------------------------------------------------------------------------------
+
+    def _simulation_folder(self) -> Path:
+        """The folder that recordings are simulated into; InputError where it lies among other people's files,
+        which a simulated recording of the same name would replace.
+        """
+        assert self.study.simulation is not None
+        folder = self.study.simulation.folder
+        own = Path(self.file).parent, Path(), Path(__file__).parents[1]  # the last has the demo's
+        if not any(folder.resolve().is_relative_to(place.resolve()) for place in own):
+            raise InputError(
+                f"{self.file}: simulation.folder: {folder} is neither below the study file's folder nor "
+                "below the one that this runs in; expected a folder there"
+            )
+        return folder
 
     @property
     def simulated(self) -> str:

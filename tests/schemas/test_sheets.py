@@ -77,6 +77,11 @@ def test_quotes_and_markup_are_text(tmp_path: Path) -> None:
             [RECORDING[0], "01\tright\tr\x07m\tboth\tr.csv"],
             "column task: holds a control character",
         ),
+        (
+            RECORDINGS,
+            [RECORDING[0], "\x9b31m\tright\trom\tboth\tr.csv"],
+            "column subject: holds a control character",
+        ),
         (RECORDINGS, [RECORDING[0], RECORDING[1] + "\tx"], "row 2: has 6 cells; expected 5"),
         (
             RECORDINGS,

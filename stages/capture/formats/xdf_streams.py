@@ -191,6 +191,8 @@ def _samples_fill(content: bytes, numbers_bytes: int) -> bool:
 
 
 def _xml(where: str, content: bytes) -> ElementTree.Element:
+    if b"<!" in content.replace(b"<![CDATA[", b"").replace(b"<!--", b""):
+        raise InputError(f"{where}: declares a document type, as no recorder does; record the file again")
     try:
         root = ElementTree.fromstring(content.decode("utf-8"))
     except (ElementTree.ParseError, ValueError) as error:

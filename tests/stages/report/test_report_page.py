@@ -39,9 +39,12 @@ def _add_row(sheet: Path, *cells: str) -> None:
 
 
 def test_pages_load_nothing(pages: dict[Path, str]) -> None:
-    """No script, style or picture from anywhere but the page itself."""
+    """No script, style or picture from anywhere but the page itself; and a browser is told to let none."""
     for page in pages.values():
         reader = read_page(page)
+        (policy,) = [attrs["content"] for _, attrs in reader.tags if "http-equiv" in attrs]
+        assert str(policy).startswith("default-src 'none'; script-src 'unsafe-inline'; ")
+        assert not re.search(r"https?:|\*|-eval", str(policy))
         assert not {"iframe", "object", "embed"} & {tag for tag, _ in reader.tags}
         targets = [
             attrs[name]

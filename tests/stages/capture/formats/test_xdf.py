@@ -3,6 +3,7 @@
 import gzip
 import struct
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,18 @@ def test_the_writer_here_writes_what_pyxdf_reads(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["time_stamps"], TIMES)
     np.testing.assert_array_equal(found["time_series"], VALUES)
     assert found["footer"]["info"]["sample_count"] == ["5"]
+
+
+def test_a_header_cannot_declare_what_unfolds(tmp_path: Path) -> None:
+    """Ten entities of ten of the one before are 10 GB of text after nine of them."""
+    names = "abcdefghij"
+    entities = "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in pairwise(names))
+    bomb = f'<!DOCTYPE info [<!ENTITY a "0123456789">{entities}]>'.encode()
+    head = header(TWO).replace(b"<name>tracker</name>", b"<name>&j;</name>")
+    with pytest.raises(
+        InputError, match=r"header of stream 1: declares a document type, as no recorder does"
+    ):
+        read(tmp_path, xdf(stream(1, bomb + head, TIMES, VALUES)))
 
 
 @pytest.mark.parametrize("field", ["marker", "object"])
