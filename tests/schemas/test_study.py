@@ -125,8 +125,8 @@ def test_a_row_that_no_file_can_be_named_by_is_left_out(tmp_path: Path) -> None:
     ]
     left_out = "the row was left out"
     assert [row.message for row in read.unusable] == [
-        "recordings.tsv: row 2, columns subject, session, task, trial: have 306 bytes in the names of files; expected "
-        f"at most 200; {left_out}",
+        "recordings.tsv: row 2, columns subject, session, task, trial: have 306 bytes in the names of files; "
+        f"expected at most 200; {left_out}",
         "recordings.tsv: row 3, column file: has a part of more than 255 bytes, which no file's name has; "
         f"{left_out}",
     ]
