@@ -130,7 +130,8 @@ def test_rate_is_that_of_the_recordings(fitted: StudyResults) -> None:
 
 def test_links_name_trial_and_hand(results: StudyResults) -> None:
     """What tells recordings apart stands in their links."""
-    links = recording_links(results.shown, results.paths, results.paths.report, SubjectSession("S01"))
+    who = SubjectSession("S01")
+    links = recording_links(results.shown, results.paths, results.paths.report, who)
     assert [each.words for each in links] == ["opposition, right hand", "opposition, left hand"]
     (one,) = recording_links(
         results.shown, results.paths, results.paths.report, SubjectSession("S01"), "left"
