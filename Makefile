@@ -58,6 +58,7 @@ docs: ## write what is generated of the guide: pages from the schemas, the diagr
 	@$(python) -m schemas.reference_pages docs
 	@$(python) -m workflow.diagram
 	@$(python) -m workflow.licences
+	@$(python) -m workflow.refusals
 
 audit: ## ask whether an advisory is known of what the lock files install
 	@./bootstrap requirements.lock

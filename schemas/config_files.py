@@ -192,13 +192,47 @@ def _sentence(error: Any) -> str:
         return f"{prefix}the key {', '.join(map(repr, absent))} is missing"
     if error.validator == "pattern" and error.validator_value in _IN_WORDS:
         return f"{prefix}{shortened(repr(error.instance), 100)} is not {_IN_WORDS[error.validator_value]}"
-    if error.validator in ("minItems", "maxItems") and error.instance:
-        bound = "at least" if error.validator == "minItems" else "at most"
+    bound = _BOUNDS.get(error.validator)
+    if error.validator in ("minItems", "maxItems", "minProperties"):
         meaning = error.schema.get("description", "a list of that length")
         return f"{prefix}has {len(error.instance)}; expected {bound} {error.validator_value}: {meaning}"
-    if error.validator == "maxLength":
-        return f"{prefix}has {len(error.instance)} letters; expected at most {error.validator_value}"
+    if error.validator in ("minLength", "maxLength"):
+        return f"{prefix}has {len(error.instance)} letters; expected {bound} {error.validator_value}"
+    if error.validator == "uniqueItems":
+        return f"{prefix}{_shown(error.instance)} names one thing twice"
+    if error.validator == "type":
+        kinds = error.validator_value
+        expected = " or ".join(_KINDS[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds))
+        return f"{prefix}is {_shown(error.instance)}; expected {expected}"
+    if error.validator == "enum":
+        words = ", ".join(map(str, error.validator_value))
+        return f"{prefix}is {_shown(error.instance)}; expected one of {words}"
+    if bound:
+        return f"{prefix}is {_shown(error.instance)}; expected {bound} {error.validator_value}"
     return f"{prefix}{shortened(error.message, 200)}"
+
+
+_BOUNDS = {
+    **dict.fromkeys(("minimum", "minItems", "minProperties", "minLength"), "at least"),
+    **dict.fromkeys(("maximum", "maxItems", "maxLength"), "at most"),
+    "exclusiveMinimum": "more than",
+}
+_KINDS = {
+    "object": "a group, lines of `key: value`",
+    "array": "a list",
+    "string": "a text",
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "null": "nothing",
+}
+
+
+def _shown(value: Any) -> str:
+    """A value as YAML has it, not too long; that of a key without one is empty."""
+    if value is None:
+        return "empty"
+    return shortened(repr(value) if isinstance(value, str) else json.dumps(value, default=str), 100)
 
 
 def _odd_values(value: Any, place: str = "") -> list[str]:

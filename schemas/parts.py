@@ -365,6 +365,4 @@ def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
             raise TypeError("a name or a reason is no text")
         return parts
     except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
-        raise TableError(
-            f"{path}: does not list its parts ({error!r}); remove it and run the study again"
-        ) from error
+        raise TableError(f"{path}: does not list its parts; remove it and run the study again") from error

@@ -371,9 +371,7 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
     try:
         plan = plan_from_content(content, str(path))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{path}: a damaged plan ({type(error).__name__}: {error}); remove it and run the study again"
-        ) from error
+        raise InputError(f"{path}: a damaged plan; remove it and run the study again") from error
     return plan.with_findings() if checked else plan
 
 

@@ -6,6 +6,7 @@ import re
 import sys
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from schemas.files import write_text
 
@@ -44,8 +45,9 @@ def licence(name: str) -> str:
         if name in ELSEWHERE:
             return ELSEWHERE[name]
         raise
-    stated = [found.metadata.get("License-Expression"), found.metadata.get("License")]
-    classes = [each for each in found.metadata.get_all("Classifier", []) if each.startswith("License ::")]
+    said: Any = found.metadata
+    stated: list[str | None] = [said.get("License-Expression"), said.get("License")]
+    classes = [each for each in said.get_all("Classifier", []) if each.startswith("License ::")]
     stated.append(" or ".join(each.rpartition(" :: ")[2] for each in classes))
     stated += [_title(Path(str(file.locate()))) for file in found.files or () if file.name == "LICENSE"]
     for each in stated:

@@ -93,7 +93,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
             put(put(WIDE, "rate_hz", "CHECK"), "orientation.order", "CHECK"),
             "orientation.order, rate_hz still say CHECK: put the truth there",
         ),
-        (put(WIDE, "position_unit", "miles"), "position_unit: 'miles' is not one of"),
+        (put(WIDE, "position_unit", "miles"), "position_unit: is 'miles'; expected one of"),
         (
             put(C3D, "receivers.hand.markers", ["CHECK", "CHECK2", "CHECK3"]),
             "mapping.yaml: receivers.hand.markers still says CHECK: put the truth there",
@@ -161,7 +161,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         (put(C3D, "receivers.hand.markers", None), "receivers.hand: needs either 'markers' or 'rotation'"),
         (put(C3D, "receivers.hand.markers", list("ABA")), "receivers.hand.markers: 'A' is named twice"),
         (put(C3D, "receivers.CHECK_1", {}), "receivers.CHECK_1 still says CHECK"),
-        (put(C3D, "c3d.first_frame", 0), "c3d.first_frame: 0 is less than the minimum of 1"),
+        (put(C3D, "c3d.first_frame", 0), "c3d.first_frame: is 0; expected at least 1"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(tmp_path: Path, told: dict[str, Any], message: str) -> None:

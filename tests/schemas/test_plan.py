@@ -130,8 +130,8 @@ def test_a_plan_changes_with_its_own_subject_alone(
         (lambda text: text[:-100], "not a subject's plan"),
         (lambda _: "[]", "not a subject's plan of version 2"),
         (lambda text: text.replace('"plan": 2', '"plan": 0'), "not a subject's plan of version 2"),
-        (lambda text: text.replace('"recordings"', '"recording"'), "a damaged plan .KeyError: 'recordings'"),
-        (lambda text: text.replace('"role"', '"rule"'), "a damaged plan .TypeError"),
+        (lambda text: text.replace('"recordings"', '"recording"'), "a damaged plan"),
+        (lambda text: text.replace('"role"', '"rule"'), "a damaged plan"),
         (lambda text: text.replace('"models": [', '"models": 1, "x": ['), "a damaged plan"),
     ],
     ids=["cut", "list", "version", "key", "column", "type"],
@@ -139,7 +139,7 @@ def test_a_plan_changes_with_its_own_subject_alone(
 def test_what_is_no_plan_is_refused(tmp_path: Path, spoil: Any, message: str) -> None:
     path = write_plans(write_study(tmp_path, *ROWS))["01"]
     path.write_text(spoil(path.read_text()))
-    with pytest.raises(InputError, match=f"plan.json: {message}.*remove it and run the study again"):
+    with pytest.raises(InputError, match=f"plan.json: {message}.*; remove it and run the study again"):
         read_plan(path)
 
 

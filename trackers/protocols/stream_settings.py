@@ -49,6 +49,8 @@ class StreamSettings:
 def settings_from_json(loaded: Any, where: str) -> StreamSettings:
     """Read settings that `to_json` gave. Raises InputError where they cannot be what it gave."""
     try:
+        if not all(isinstance(loaded[name], str) for name in ("family", "mode", "unit")):
+            raise TypeError("a name is no text")
         settings = StreamSettings(
             family=str(loaded["family"]),
             mode=str(loaded["mode"]),
@@ -62,12 +64,14 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
             options=dict(loaded.get("options", {})),
         )
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-        raise InputError(f"{where}: the tracker's settings in it cannot be read ({error!r})") from error
+        raise InputError(f"{where}: the tracker's settings in it are damaged; copy it again") from error
     known = settings.family in FAMILIES and settings.mode in ("binary", "ascii")
     stations = {*settings.stations, *settings.items, *settings.hemisphere}
     vectors = [number for vector in settings.hemisphere.values() for number in vector]
     if not stations <= STATIONS or not all(map(math.isfinite, vectors)):
-        raise InputError(f"{where}: the tracker's settings in it name stations or hemispheres that none has")
+        raise InputError(
+            f"{where}: the tracker's settings in it name stations or hemispheres that none has; copy it again"
+        )
     if not known or settings.unit not in MM_PER_UNIT or not 0 < settings.rate_hz < 10_000:
         raise InputError(
             f"{where}: the tracker's settings in it are none that is known (family {settings.family!r}, "

@@ -149,4 +149,4 @@ def _reason(error: Exception) -> str:
     """Say what happened without the layers that pySerial puts around it."""
     if isinstance(error, OSError) and not isinstance(error, serial.SerialException) and error.strerror:
         return error.strerror
-    return str(error) or type(error).__name__
+    return re.sub(r".*\[Errno \d+\] ", "", str(error)) or type(error).__name__
