@@ -8,50 +8,30 @@ from __future__ import annotations
 
 import pyarrow as pa
 
-from schemas.tables import Column, Table
-
-TEXT, REAL, WHOLE, YES_NO = pa.string(), pa.float64(), pa.int64(), pa.bool_()
-SINGLE = pa.float32()
-
-SUBJECT = Column("subject", TEXT, "", "the subject's name, as in the recordings sheet")
-HAND = Column("hand", TEXT, "", "right or left")
-TASK = Column("task", TEXT, "", "what was done, as in the recordings sheet")
-TRIAL = Column("trial", TEXT, "", "which repetition; empty where the sheet names none")
-MODEL = Column("model", TEXT, "", "the skeleton model")
-MADE_WITHOUT = Column(
-    "made_without", TEXT, "", "task whose recordings the skeleton was made without; empty: of all"
+from schemas.movement_tables import MOVEMENT_TABLES
+from schemas.table_columns import (
+    DIGIT,
+    FRAME,
+    HAND,
+    JOINT,
+    MESSAGE,
+    OF_RECORDING,
+    OF_SKELETON,
+    OF_SKELETON_IN_RECORDING,
+    REAL,
+    SINGLE,
+    STATUS,
+    SUBJECT,
+    TASK,
+    TEXT,
+    TRIAL,
+    WHOLE,
+    YES_NO,
 )
-DIGIT = Column("digit", TEXT, "", "the digit, as the layout names it")
-JOINT = Column("joint", TEXT, "", "the joint, as the layout names it")
-FRAME = Column("frame", WHOLE, "", "the tracker's own frame number, kept as it came")
-MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing")
-STATUS = Column("status", TEXT, "", "ok, weak (read the message) or failed (no usable number)")
-
-
-OF_RECORDING = (SUBJECT, HAND, TASK, TRIAL)
-OF_SKELETON = (SUBJECT, HAND, MODEL, MADE_WITHOUT)
-OF_SKELETON_IN_RECORDING = (*OF_RECORDING, MODEL, MADE_WITHOUT)
-"""Columns that say what a row is of."""
-
-_UNITS = {"mm": "mm", "deg": "deg", "s": "s", "percent": "%"}
-
-
-def _real(name: str, description: str) -> Column:
-    """A number, or null, in the unit that its name ends with."""
-    return Column(name, REAL, _UNITS.get(name.rsplit("_", 1)[-1], ""), description, nullable=True)
-
-
-def _xyz(prefix: str, unit: str, description: str) -> tuple[Column, ...]:
-    suffix = f"_{unit}" if unit else ""
-    return tuple(
-        Column(f"{prefix}{axis}{suffix}", REAL, unit, f"{description}, {axis}", nullable=True)
-        for axis in "xyz"
-    )
-
-
-def _quaternion(description: str) -> tuple[Column, ...]:
-    return tuple(Column(f"q{part}", REAL, "", f"{description}, {part}", nullable=True) for part in "wxyz")
-
+from schemas.table_columns import quaternion as _quaternion
+from schemas.table_columns import real as _real
+from schemas.table_columns import xyz as _xyz
+from schemas.tables import Column, Table
 
 POSES = Table(
     "poses",
@@ -583,5 +563,6 @@ TABLES = {
         JOINT_ERRORS,
         RECORDINGS,
         PROBLEMS,
+        *MOVEMENT_TABLES,
     )
 }

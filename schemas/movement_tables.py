@@ -1,0 +1,312 @@
+"""Tables of movement: what each recording shows of it, and what the study says of its subjects.
+
+A row of a recording's movement is of a skeleton made of all its recordings. Statistics have the subject as
+their unit: values are averaged over trials first, and a hand with a suspect finding is in none.
+"""
+
+from __future__ import annotations
+
+from schemas.table_columns import (
+    DIGIT,
+    HAND,
+    JOINT,
+    MESSAGE,
+    MODEL,
+    SESSION,
+    STATUS,
+    SUBJECT,
+    TASK,
+    TEXT,
+    TRIAL,
+    WHOLE,
+    YES_NO,
+    real,
+)
+from schemas.tables import Column, Table
+
+_OF_RECORDING = (SUBJECT, SESSION, HAND, TASK, TRIAL)
+_OF_MODEL = (*_OF_RECORDING, MODEL)
+ANGLE = Column("angle", TEXT, "", "flexion, abduction or rotation (docs/joint-angles.md)")
+EVENT = Column("event", TEXT, "", "name of the events that begin the cycles")
+PERCENT = Column("percent", WHOLE, "", "time within the cycle, of its duration: 0 to 100")
+QUANTITY = Column("quantity", TEXT, "", "what is compared, a column of a table of movement")
+OF = Column("of", TEXT, "", "whose: a joint and its angle, a digit, or two digits joined by '-'")
+UNIT = Column("unit", TEXT, "", "unit of the values; empty where they have none")
+FACTOR = Column("factor", TEXT, "", "what tells the levels apart, a factor of the study file")
+LEVEL = Column("level", TEXT, "", "the level that is compared")
+OTHER_LEVEL = Column("other_level", TEXT, "", "the level that it is compared with")
+LEVELS = (FACTOR, LEVEL, OTHER_LEVEL)
+N_FRAMES = Column("n_frames", WHOLE, "", "frames with a value")
+
+
+def _count(name: str, description: str) -> Column:
+    return Column(name, WHOLE, "", description)
+
+
+def _key(*columns: Column | str) -> tuple[str, ...]:
+    return tuple(column if isinstance(column, str) else column.name for column in columns)
+
+
+EVENTS = Table(
+    "events",
+    1,
+    "an event of a recording",
+    (
+        *_OF_RECORDING,
+        _count("event", "number of the event in the recording, from 0"),
+        Column("name", TEXT, "", "what happened"),
+        real("onset_s", "when it began, on the clock of the recording's time_s"),
+        real("duration_s", "how long it lasted; null where nothing says so"),
+        real("value", "what came with it, e.g. a key's velocity"),
+        Column("source", TEXT, "", "sheet, motion-bids, xdf, midi or tracker"),
+        real("onset_sd_ms", "1-sigma error of onset_s from bringing two clocks together"),
+        MESSAGE,
+    ),
+    _key(*_OF_RECORDING, "event"),
+)
+
+CLOCKS = Table(
+    "clocks",
+    1,
+    "how another device's clock was brought to the recording's",
+    (
+        *_OF_RECORDING,
+        Column("source", TEXT, "", "the device's stream: motion-bids, xdf, midi or tracker"),
+        real("scale_ppm", "how much faster the device's clock runs than the recording's"),
+        real("offset_s", "the recording's time at the device's zero"),
+        real("residual_ms", "rms of the pulses about the straight line"),
+        _count("n_pulses", "pulses that both have"),
+        _count("n_missing", "pulses that the recording lacks"),
+        _count("n_extra", "pulses that only the recording has"),
+        _count("n_steps", "steps of either clock"),
+        STATUS,
+        MESSAGE,
+    ),
+    _key(*_OF_RECORDING, "source"),
+)
+
+RANGES_OF_MOTION = Table(
+    "ranges_of_motion",
+    1,
+    "how far and how fast an angle of a joint moved in a recording",
+    (
+        *_OF_MODEL,
+        JOINT,
+        ANGLE,
+        real("range_deg", "from low_deg to high_deg"),
+        real("low_deg", "2.5th percentile of the angle"),
+        real("high_deg", "97.5th percentile"),
+        real("full_range_deg", "from the least to the largest angle"),
+        real("median_deg", "median of the angle: the posture"),
+        real("range_sd_deg", "1-sigma error of range_deg: what skin and skeleton leave uncertain"),
+        real("median_sd_deg", "the same of median_deg"),
+        real("speed_median_deg_s", "median of the angle's speed"),
+        real("speed_p95_deg_s", "95th percentile of the angle's speed"),
+        N_FRAMES,
+        real("valid_percent", "frames with an angle, of those of the recording"),
+        STATUS,
+        MESSAGE,
+    ),
+    _key(*_OF_MODEL, JOINT, ANGLE),
+)
+
+FINGERTIP_PATHS = Table(
+    "fingertip_paths",
+    1,
+    "the way of a fingertip against the hand in a recording",
+    (
+        *_OF_MODEL,
+        DIGIT,
+        real("path_length_mm", "length of the filtered path, gaps left out"),
+        real("duration_s", "time that the path has, gaps left out"),
+        real("speed_median_mm_s", "median of the tip's speed"),
+        real("speed_p95_mm_s", "95th percentile of the tip's speed"),
+        real("sparc", "smoothness: spectral arc length of the speed; 0 would be smoothest"),
+        real("path_sd_mm", "1-sigma error of path_length_mm"),
+        N_FRAMES,
+        real("valid_percent", "frames with a tip, of those of the recording"),
+        STATUS,
+        MESSAGE,
+    ),
+    _key(*_OF_MODEL, DIGIT),
+)
+
+FINGERTIP_DISTANCES = Table(
+    "fingertip_distances",
+    1,
+    "how near two fingertips came in a recording",
+    (
+        *_OF_MODEL,
+        DIGIT,
+        Column("other_digit", TEXT, "", "the other digit, later in the layout"),
+        real("min_mm", "least distance"),
+        real("median_mm", "median distance"),
+        real("distance_sd_mm", "1-sigma error of a distance"),
+        real("contact_percent", "frames in contact, of those with a distance"),
+        _count("n_contacts", "how often a contact began"),
+        N_FRAMES,
+        STATUS,
+        MESSAGE,
+    ),
+    _key(*_OF_MODEL, DIGIT, "other_digit"),
+)
+
+MOVEMENT_CYCLES = Table(
+    "movement_cycles",
+    1,
+    "a cycle of a recording, from an event to the next of its name or to its own end",
+    (
+        *_OF_RECORDING,
+        EVENT,
+        _count("cycle", "number of the cycle among those of its event, from 0"),
+        real("onset_s", "when it began, on the clock of the recording's time_s"),
+        real("duration_s", "how long it lasted"),
+        Column("used", YES_NO, "", "whether curves are made of it"),
+        MESSAGE,
+    ),
+    _key(*_OF_RECORDING, EVENT, "cycle"),
+)
+
+MOVEMENT_CURVES = Table(
+    "movement_curves",
+    1,
+    "mean course of an angle over the cycles of a recording, at a percent of their duration",
+    (
+        *_OF_MODEL,
+        JOINT,
+        ANGLE,
+        EVENT,
+        PERCENT,
+        real("mean_deg", "mean over the cycles"),
+        real("sd_deg", "standard deviation between the cycles (n - 1); null of a single one"),
+        _count("n_cycles", "cycles used"),
+    ),
+    _key(*_OF_MODEL, JOINT, ANGLE, EVENT, PERCENT),
+)
+
+MOVEMENT_DIFFERENCES = Table(
+    "movement_differences",
+    1,
+    "how two levels of a factor differ in a quantity, subjects as the unit",
+    (
+        *LEVELS,
+        HAND,
+        TASK,
+        MODEL,
+        QUANTITY,
+        OF,
+        Column("design", TEXT, "", "within (the same subjects) or between (groups)"),
+        _count("n", "subjects with a value at the level; within: at both"),
+        _count("n_other", "subjects with a value at the other level; within: at both"),
+        _count("left_out", "subjects that are in neither number"),
+        Column("left_out_reason", TEXT, "", "why they are not"),
+        real("mean", "mean over the subjects at the level"),
+        real("other_mean", "mean at the other level"),
+        real("difference", "mean minus other_mean"),
+        real("low", "lower end of the difference's 95 % interval"),
+        real("high", "upper end"),
+        real("effect_size", "standardised difference"),
+        Column("effect_size_name", TEXT, "", "d_z (within) or hedges_g (between)"),
+        real("p", "two-sided p-value of the test"),
+        real("p_holm", "the same after Holm's correction within the family"),
+        Column("test", TEXT, "", "exact sign-flip, sign-flip, exact permutation or permutation"),
+        UNIT,
+        MESSAGE,
+    ),
+    _key(*LEVELS, HAND, TASK, MODEL, QUANTITY, OF),
+)
+
+MOVEMENT_RELIABILITY = Table(
+    "movement_reliability",
+    1,
+    "how well a quantity repeats across sessions or trials",
+    (
+        Column("across", TEXT, "", "session or trial"),
+        HAND,
+        TASK,
+        MODEL,
+        QUANTITY,
+        OF,
+        _count("n", "subjects with a value in each of the k"),
+        _count("k", "sessions or trials"),
+        *(
+            column
+            for name, meaning in (("icc_2_1", "ICC(2,1), absolute agreement"), ("icc_3_1", "ICC(3,1)"))
+            for column in (
+                real(name, meaning),
+                real(f"{name}_low", "lower end of its 95 % interval"),
+                real(f"{name}_high", "upper end"),
+            )
+        ),
+        real("sem", "standard error of measurement"),
+        real("mdc", "minimal detectable change at 95 %"),
+        real("bias", "mean difference of the second from the first"),
+        real("loa_low", "lower 95 % limit of agreement (Bland-Altman)"),
+        real("loa_high", "upper limit"),
+        real("stated_sd", "root mean square of the values' stated 1-sigma errors"),
+        real("held_percent", "differences within 1.96 stated 1-sigma errors of a difference"),
+        UNIT,
+        MESSAGE,
+    ),
+    _key("across", HAND, TASK, MODEL, QUANTITY, OF),
+)
+
+CURVE_DIFFERENCES = Table(
+    "curve_differences",
+    1,
+    "how two levels of a factor differ in an angle's course, at a percent of the cycle",
+    (
+        *LEVELS,
+        HAND,
+        TASK,
+        MODEL,
+        JOINT,
+        ANGLE,
+        EVENT,
+        PERCENT,
+        real("difference", "of the levels' means there, in degrees"),
+        real("low", "lower end of its pointwise 95 % interval, in degrees"),
+        real("high", "upper end"),
+        real("t", "the difference over its standard error"),
+        real("t_threshold", "what the largest |t| of a curve exceeds in 5 % of permutations"),
+        Column("significant", YES_NO, "", "whether |t| exceeds the threshold there"),
+        real("p", "family-wise p-value there, from the largest |t| of permuted curves"),
+        _count("n", "subjects with a curve at the level"),
+        _count("n_other", "subjects with a curve at the other level"),
+    ),
+    _key(*LEVELS, HAND, TASK, MODEL, JOINT, ANGLE, EVENT, PERCENT),
+)
+
+MODEL_DEPENDENCE = Table(
+    "model_dependence",
+    1,
+    "whether a question has another answer under another skeleton model",
+    (
+        Column("question", TEXT, "", "difference or reliability"),
+        *LEVELS,
+        HAND,
+        TASK,
+        QUANTITY,
+        OF,
+        Column("models", TEXT, "", "the models that answer, joined by ';'"),
+        Column("agree", YES_NO, "", "whether all have the same sign and the same side of p_holm = 0.05"),
+        real("widest_difference", "between the answers of the two models that part most"),
+        Column("which", TEXT, "", "those two models, joined by ';'"),
+        MESSAGE,
+    ),
+    _key("question", *LEVELS, HAND, TASK, QUANTITY, OF),
+)
+
+MOVEMENT_TABLES = (
+    EVENTS,
+    CLOCKS,
+    RANGES_OF_MOTION,
+    FINGERTIP_PATHS,
+    FINGERTIP_DISTANCES,
+    MOVEMENT_CYCLES,
+    MOVEMENT_CURVES,
+    MOVEMENT_DIFFERENCES,
+    MOVEMENT_RELIABILITY,
+    CURVE_DIFFERENCES,
+    MODEL_DEPENDENCE,
+)
