@@ -9,7 +9,7 @@ os.environ["PYTHONSAFEPATH"] = "1"  # no job imports what lies in the folder tha
 sys.path.insert(0, workflow.basedir)
 
 from schemas.errors import InputError
-from schemas.results import FIT_TABLES, PRIOR_TABLES
+from schemas.results import FIT_TABLES, MEASURED_TABLES, PRIOR_TABLES
 from workflow import one_run, warm_process
 from workflow.code_digest import code_digest, write_cache
 from workflow.study_files import StudyFiles
@@ -369,6 +369,29 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
     shell:
         f"{run} stages.evaluate_skeletons --record-failure --plan {{input.plan:q}}"
         " --out {output.scores:q} --out-joints {output.errors:q} 2> {log:q}"
+
+
+rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, ways of the fingertips
+    input:
+        study.poses,
+        study.fits,
+        plan=f"{subject}/plan.json",
+        findings=f"{subject}/findings.parquet",
+        joints=f"{subject}/joint_centres.parquet",
+        bones=f"{subject}/bone_lengths.parquet",
+        metacarpals=f"{subject}/metacarpals.parquet",
+    output:
+        [f"{subject}/{table}.parquet" for table in MEASURED_TABLES],
+    log:
+        f"{logs}/measure_movement/sub-{{subject}}.log",
+    params:
+        code=code_digest("stages.measure_movement"),
+        folder=subject,
+    message:
+        "measure_movement: subject {wildcards.subject}"
+    shell:
+        f"{run} stages.measure_movement --record-failure --plan {{input.plan:q}} --out {{params.folder:q}}"
+        " 2> {log:q}"
 
 
 rule gather:  # the study's short tables, and what went wrong

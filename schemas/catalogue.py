@@ -387,6 +387,13 @@ JOINT_ANGLES = Table(
         _real("flexion_sd_deg", f"1-sigma error of flexion_deg {IN_THIS_FRAME}"),
         _real("abduction_sd_deg", "the same of abduction_deg"),
         _real("rotation_sd_deg", "the same of rotation_deg"),
+        _real(
+            "flexion_change_sd_deg",
+            "1-sigma error of flexion_deg minus its mean over the recording's first frames, without "
+            "what the fit leaves open of both alike",
+        ),
+        _real("abduction_change_sd_deg", "the same of abduction_deg"),
+        _real("rotation_change_sd_deg", "the same of rotation_deg"),
     ),
     ("subject", "session", "hand", "task", "trial", "model", "made_without", "joint", "frame"),
 )

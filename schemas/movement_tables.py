@@ -110,11 +110,11 @@ RANGES_OF_MOTION = Table(
 FINGERTIP_PATHS = Table(
     "fingertip_paths",
     1,
-    "the way of a fingertip against the hand in a recording",
+    "the way of a fingertip in the frame of the hand in a recording",
     (
         *_OF_MODEL,
         DIGIT,
-        real("path_length_mm", "length of the filtered path, gaps left out"),
+        real("path_length_mm", "length of the filtered path in the hand's frame, gaps left out"),
         real("duration_s", "time that the path has, gaps left out"),
         real("speed_median_mm_s", "median of the tip's speed"),
         real("speed_p95_mm_s", "95th percentile of the tip's speed"),
@@ -139,8 +139,10 @@ FINGERTIP_DISTANCES = Table(
         real("min_mm", "least distance"),
         real("median_mm", "median distance"),
         real("distance_sd_mm", "1-sigma error of a distance"),
-        real("contact_percent", "frames in contact, of those with a distance"),
-        _count("n_contacts", "how often a contact began"),
+        real(
+            "contact_percent", "frames in contact, of those with a distance; null where digits have no skin"
+        ),
+        Column("n_contacts", WHOLE, "", "how often a contact began", True),
         N_FRAMES,
         STATUS,
         MESSAGE,

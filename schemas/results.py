@@ -7,6 +7,15 @@ from pathlib import Path
 
 from schemas.study import Recording, SubjectSession
 
+MEASURED_TABLES = (
+    "ranges_of_motion",
+    "fingertip_paths",
+    "fingertip_distances",
+    "movement_cycles",
+    "movement_curves",
+)
+"""Tables of a subject's movement."""
+
 SUBJECT_TABLES = {
     "findings": "check_recordings",
     "calibration_advice": "check_calibration",
@@ -19,6 +28,7 @@ SUBJECT_TABLES = {
     "tip_errors": "evaluate_tips",
     "skeleton_scores": "evaluate_skeletons",
     "joint_errors": "evaluate_skeletons",
+    **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
 }
 """Tables of a subject, of both hands and all models, and the rule that writes each."""
 
@@ -50,6 +60,7 @@ GATHERED_TABLES = {
     "skeleton_scores": "evaluate_skeletons",
     "joint_errors": "evaluate_skeletons",
     "calibration_advice": "check_calibration",
+    **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
 }
 """Short tables that are gathered for the study, of whole skeletons, and the stage that writes each."""
 

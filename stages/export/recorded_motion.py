@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anatomy.neutral_bones import neutral_rotations, to_nail_side
 from schemas.errors import InputError
 from schemas.files import file_sha256
 from schemas.layout import Layout
@@ -16,7 +17,6 @@ from schemas.study import Recording
 from skeleton.posed_recording import posed_bones
 from skeleton.posing import PosedBones, axes_turned_about
 from skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
-from stages.export.hand_anatomy import neutral_rotations, to_nail_side
 from stages.export.long_arrays import chosen_points, empty
 from stages.export.motion import (
     BONE_TO_WEBXR,

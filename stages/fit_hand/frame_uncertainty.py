@@ -12,7 +12,7 @@ set of valid receivers, and each frame takes that of the nearest.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -62,16 +62,32 @@ class PosedErrors:
     centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`; angles_deg : joint to (F, 3), flexion,
     abduction and rotation, NaN of an axis that the joint lacks; tips_mm : (F, D, 2) in 3-D of the ends of
     bone and skin of known digits.
+
+    changes_deg : joint to (F, 3), of how far an angle is from the reference: what the hand's unknowns do to
+    both alike is no error of the change. reference_deg : joint to (3, H), what they do to the reference, as
+    maps of H standard normal numbers. by_hand_deg : joint to (F, 3, H), what they do to each frame.
     """
 
     centre_mm: Array
     turn_deg: Array
     angles_deg: Mapping[str, Array]
     tips_mm: Array
+    by_hand_deg: Mapping[str, Array] = field(default_factory=dict)
+    changes_deg: Mapping[str, Array] = field(default_factory=dict)
+    reference_deg: Mapping[str, Array] = field(default_factory=dict)
 
 
-def posed_errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
-    """Errors of frames as `pose_hand` posed them. frames : that they were posed from."""
+def posed_errors(
+    tips: Fingertips,
+    posed: PosedHand,
+    frames: Frames,
+    reference_deg: Mapping[str, Array] | None = None,
+) -> PosedErrors:
+    """Errors of frames as `pose_hand` posed them, without what the hand's unknowns do to each.
+
+    frames : that they were posed from. reference_deg : from which angles change; the mean of these frames if
+    none is given.
+    """
     chosen, nearest = _postures(posed, frames.valid)
     few = _joined(
         [
@@ -79,6 +95,14 @@ def posed_errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErr
             for rows in np.split(chosen, range(_MOST_AT_ONCE, len(chosen), _MOST_AT_ONCE))
         ]
     )
+
+    if not reference_deg:
+        share = np.bincount(nearest[posed.posed], minlength=len(chosen)) / max(1, posed.posed.sum())
+        reference_deg = {joint: np.tensordot(share, own, 1) for joint, own in few.by_hand_deg.items()}
+    changes_deg = {
+        joint: _change_errors_deg(few.angles_deg[joint], own, reference_deg[joint])
+        for joint, own in few.by_hand_deg.items()
+    }
 
     def of_all(values: Array) -> Array:
         out = values[nearest] if len(values) else np.zeros((len(nearest), *values.shape[1:]))
@@ -90,7 +114,17 @@ def posed_errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErr
         of_all(few.turn_deg),
         {joint: of_all(values) for joint, values in few.angles_deg.items()},
         of_all(few.tips_mm),
+        changes_deg={joint: of_all(values) for joint, values in changes_deg.items()},
+        reference_deg=reference_deg,
     )
+
+
+def _change_errors_deg(angles_deg: Array, by_hand_deg: Array, reference_deg: Array) -> Array:
+    """Errors (F, 3) of angles' changes from a reference: of the frame's own part, and of the hand's what
+    differs.
+    """
+    own = angles_deg**2 - (by_hand_deg**2).sum(-1)
+    return np.asarray(np.sqrt(np.maximum(own, 0.0) + ((by_hand_deg - reference_deg) ** 2).sum(-1)))
 
 
 def _joined(parts: Sequence[PosedErrors]) -> PosedErrors:
@@ -100,6 +134,7 @@ def _joined(parts: Sequence[PosedErrors]) -> PosedErrors:
         np.concatenate([part.turn_deg for part in parts]),
         {joint: np.concatenate([part.angles_deg[joint] for part in parts]) for joint in parts[0].angles_deg},
         np.concatenate([part.tips_mm for part in parts]),
+        {joint: np.concatenate([part.by_hand_deg[joint] for part in parts]) for joint in parts[0].angles_deg},
     )
 
 
@@ -145,12 +180,14 @@ def errors_with(tips: Fingertips, posed: PosedHand, worn: Sequence[str]) -> Pose
 
 def _errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
     """Errors of every frame by a map of its own."""
-    spread = _spread_of(tips, posed, frames)
+    spread, n_hand = _spread_of(tips, posed, frames), len(tips.covariance)
+    angles_deg = dict(_angle_errors_deg(tips, posed, spread))
     return PosedErrors(
         _norm(spread.shift_mm),
         np.degrees(_norm(spread.turn_rad)),
-        dict(_angle_errors_deg(tips, posed, spread)),
+        {joint: np.sqrt((own**2).sum(-1)) for joint, own in angles_deg.items()},
         _tip_errors_mm(tips, posed, spread, frames),
+        {joint: own[..., :n_hand] for joint, own in angles_deg.items()},
     )
 
 
@@ -221,7 +258,7 @@ def _by_root(point: Point, arm_mm: Array) -> Array:
 
 
 def _angle_errors_deg(tips: Fingertips, posed: PosedHand, spread: _Spread) -> Iterator[tuple[str, Array]]:
-    """Errors (F, 3) of the angles of each joint that moves."""
+    """Errors (F, 3, N) of the angles of each joint that moves, as maps; NaN of an axis that it lacks."""
     layout = tips.fit.evidence.layout
     facing, rests = facing_nails(tips.fit, posed)
     hand, known = side_of(tips.fit), known_digits(layout)
@@ -235,13 +272,13 @@ def _angle_errors_deg(tips: Fingertips, posed: PosedHand, spread: _Spread) -> It
                 if hand == "left":
                     turned = turned * -MIRROR[:, None]  # rotations are pseudo-vectors
                 by_turn = _by_turn(facing[:, a], facing[:, b], hand, rests[joint])
-                yield joint, np.sqrt(((by_turn @ turned) ** 2).sum(-1))
+                yield joint, by_turn @ turned
     others = [name for name, _ in posed.angle_names]
     for joint in dict.fromkeys(others):
         if joint not in {name for digit in known for name in digit.joints}:
             own = [index for index, name in enumerate(others) if name == joint]
-            errors = np.full((len(posed.posed), 3), np.nan)
-            errors[:, : len(own)] = np.degrees(np.sqrt((spread.states_rad[:, own] ** 2).sum(-1)))
+            errors = np.full((len(posed.posed), 3, spread.states_rad.shape[-1]), np.nan)
+            errors[:, : len(own)] = np.degrees(spread.states_rad[:, own])
             yield joint, errors
 
 

@@ -40,12 +40,13 @@ def posed_blocks(tips: Fingertips, path: Path) -> Iterator[dict[str, Columns]]:
     """
     fit, name = tips.fit, recording_name(path)
     step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
-    first = 0
+    first, reference_deg = 0, None
     for poses in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
         ends_mm = {part: _carried_mm(tips, posed, poses, part) for part in ENDS}
         frames = fit.evidence.convention.frames(poses)
-        errors = posed_errors(tips, posed, frames)
+        errors = posed_errors(tips, posed, frames, reference_deg)
+        reference_deg = errors.reference_deg
         yield {
             "joint_angles": angle_columns(name, fit, posed, poses, errors),
             "bone_poses": bone_columns(name, posed, poses, errors),
@@ -62,9 +63,12 @@ def angle_columns(
     angles = _turns_deg(posed, layout)
     angles |= angles_of_hand(posed.bones, bones, bones[:, 0], layout, side_of(fit), rests)
     unknown = np.full((len(poses.frame), 3), np.nan)
-    sd_deg = {joint: unknown if errors is None else errors.angles_deg[joint] for joint in angles}
+    sd_deg, change_sd_deg = (
+        {joint: unknown if errors is None else own[joint] for joint in angles}
+        for own in (({}, {}) if errors is None else (errors.angles_deg, errors.changes_deg))
+    )
     columns = _keys(name, "joint", list(angles), poses)
-    for suffix, values in (("deg", angles), ("sd_deg", sd_deg)):
+    for suffix, values in (("deg", angles), ("sd_deg", sd_deg), ("change_sd_deg", change_sd_deg)):
         stacked = np.concatenate([*values.values(), np.empty((0, 3))])
         for index, part in enumerate(("flexion", "abduction", "rotation")):
             columns[f"{part}_{suffix}"] = stacked[:, index]

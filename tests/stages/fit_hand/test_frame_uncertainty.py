@@ -14,7 +14,14 @@ from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.fit_hand.facing import facing_nails
 from stages.fit_hand.fingertips import TIP, Fingertips, fingertips
 from stages.fit_hand.fit import Settings, fit_hand
-from stages.fit_hand.frame_uncertainty import PosedErrors, _point, _spread_of, errors_with, posed_errors
+from stages.fit_hand.frame_uncertainty import (
+    PosedErrors,
+    _point,
+    _spread_of,
+    errors_with,
+    posed_errors,
+    posed_frames,
+)
 from stages.fit_hand.normal_equations import back_substitute, reduce, residuals
 from stages.fit_hand.posed_tables import posed_ends_mm
 from stages.fit_hand.replaying import PosedHand, pose_hand
@@ -152,3 +159,19 @@ def test_ends_carried_by_their_bones_move_as_the_map_says(tips: Fingertips) -> N
     errors = stated(tips, blind, posed)
     assert (errors.tips_mm[..., 1] > errors.tips_mm[..., 0]).mean() > 0.9
     assert posed_ends_mm(tips, posed)[TIP].shape == (*errors.tips_mm[..., 0].shape, 3)
+
+
+def test_a_change_has_no_error_that_all_frames_share(tips: Fingertips) -> None:
+    """In one posture no unknown of the hand is in the change; over a task it is less than the angle's."""
+    poses, posed = task_of(tips)
+    errors = stated(tips, poses, posed)
+    again = posed_errors(tips, posed, tips.fit.evidence.convention.frames(poses), errors.reference_deg)
+    for joint, sd_deg in errors.angles_deg.items():
+        assert (again.changes_deg[joint] == errors.changes_deg[joint]).all()
+        assert np.nanmedian(errors.changes_deg[joint][:, 0]) < np.nanmedian(sd_deg[:, 0])
+    one = np.zeros(20, int)
+    still, frames = posed_frames(posed, one), tips.fit.evidence.convention.frames(poses.take(one))
+    known = replace(tips, covariance=np.zeros_like(tips.covariance))
+    own, alone = posed_errors(tips, still, frames), posed_errors(known, still, frames)
+    for joint, sd_deg in alone.angles_deg.items():
+        np.testing.assert_allclose(own.changes_deg[joint], sd_deg, rtol=1e-6)

@@ -7,7 +7,7 @@ nail's side, as its phalanges do.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +15,8 @@ import numpy as np
 from anatomy.average_hand import DIGITS
 from anatomy.known_digits import known_digits, rest_rotations
 from schemas.layout import Layout
-from skeleton.joint_angles import mirrored
-from skeleton.posing import SkeletonJoint
+from skeleton.joint_angles import joint_angles, mirrored
+from skeleton.posing import PosedBones, SkeletonJoint
 from skeleton.rotations import Array, conjugate, from_matrix, matrix, multiply
 from skeleton.thumb_facing import faces_nail
 
@@ -42,6 +42,27 @@ def to_nail_side(
     if not len(relative) or faces_nail(matrix(relative), *(matrix(rest) for rest in rests)):
         return {}
     return {metacarpal: _of_hand(from_matrix(frames[1][0].T @ frames[0][0]), hand)}
+
+
+def bone_angles_deg(
+    layout: Layout, hand: str, bones: PosedBones, facing: Mapping[int, Array]
+) -> dict[str, Array]:
+    """Flexion, deviation and axial rotation (T, 3) of the joints of known anatomy, by joint.
+
+    bones : in the bone frames of our tables. facing : what `to_nail_side` says of them.
+    """
+    rests = neutral_rotations(layout, hand, bones.joints)
+    turned = {
+        index: multiply(bones.quaternion[:, index], facing[index])
+        if index in facing
+        else bones.quaternion[:, index]
+        for index in range(len(bones.joints))
+    }
+    return {
+        joint.name: joint_angles(turned[joint.parent], turned[index], hand, rests[index])
+        for index, joint in enumerate(bones.joints)
+        if not joint.tip and joint.parent >= 0 and np.isfinite(rests[index]).all()
+    }
 
 
 def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]) -> Array:

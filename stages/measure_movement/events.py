@@ -1,0 +1,50 @@
+"""Cycles of a hand's recordings, from the subject's events."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from schemas.errors import InputError
+from schemas.movement_tables import EVENTS
+from schemas.plan import SubjectPlan
+from schemas.poses import read_poses
+from schemas.study import Recording
+from schemas.tables import read_table, rows_of
+from stages.measure_movement.cycles import Cycle, cut_cycles, within_recording
+
+
+def cycles_of(plan: SubjectPlan, hand: str, events: Path | None) -> dict[Recording, list[list[Cycle]]]:
+    """Cycles of each evaluated recording, by its events' names in turn; none without events or times.
+
+    events : the subject's events table. Raises InputError where it is none.
+    """
+    by_recording: dict[tuple[str, str, str], dict[str, list[tuple[float, float]]]] = {}
+    for row in [] if events is None else rows_of(read_table(events, EVENTS)):
+        if row["hand"] == hand and row["onset_s"] is not None:
+            own = by_recording.setdefault((row["hand"], row["task"], row["trial"]), {})
+            duration = np.nan if row["duration_s"] is None else row["duration_s"]
+            own.setdefault(row["name"], []).append((row["onset_s"], duration))
+    return {
+        recording: _cycles(plan, recording, by_recording.get((hand, recording.task, recording.trial), {}))
+        for recording in plan.evaluated(hand)
+    }
+
+
+def _cycles(
+    plan: SubjectPlan, recording: Recording, events: dict[str, list[tuple[float, float]]]
+) -> list[list[Cycle]]:
+    if not events:
+        return []
+    try:
+        time_s = read_poses(plan.poses(recording), plan.layouts[recording.hand.hand].measured).time_s
+    except InputError:
+        return []  # its import failed: the recordings table says why
+    known = time_s[np.isfinite(time_s)]
+    if not len(known):
+        return []
+    found = (
+        within_recording(cut_cycles(name, *zip(*own, strict=True)), known) for name, own in events.items()
+    )
+    return [own for own in found if own]

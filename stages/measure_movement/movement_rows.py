@@ -1,0 +1,177 @@
+"""Rows of the tables of movement, of one recording under one model: all but the keys of both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skeleton.rotations import Array
+from stages.measure_movement.angle_ranges import angle_range
+from stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
+from stages.measure_movement.differentiation import speed, velocity, velocity_noise_sd
+from stages.measure_movement.fingertip_contacts import contact_count, contacts
+from stages.measure_movement.recorded_movement import AngleSeries, Fingertip
+from stages.measure_movement.sampling import Grid, bridged
+from stages.measure_movement.smoothness import median_smoothness
+
+Row = dict[str, Any]
+
+LEAST_VALID_PERCENT = 50.0
+NO_SKIN = "a digit of this model ends at its distal receiver, which tells no contact"
+NO_TIMES = "the recording has no times, so there are no speeds"
+
+
+def range_rows(
+    series: AngleSeries, grid: Grid | None, reliability: Mapping[str, tuple[str, str]]
+) -> Iterator[Row]:
+    """Rows of ranges_of_motion of one angle. reliability : status and message of each joint.
+
+    An angle that a joint lacks beside another that it has is none.
+    """
+    speeds = _angle_speeds(series.angle_deg, grid)
+    for index, joint in enumerate(series.joints):
+        known = ~np.isnan(series.angle_deg[:, index])
+        row: Row = {"joint": joint, "angle": series.angle} | _coverage(known)
+        status, message = reliability[joint]
+        if not known.any():
+            if series.angle == "flexion":
+                yield row | {"status": "failed", "message": message or "no frame has this angle"}
+            continue
+        of = (own[known, index] for own in (series.angle_deg, series.sd_deg, series.change_sd_deg))
+        row |= asdict(angle_range(*of))
+        row |= _speed_columns(speeds[:, index], "deg_s")
+        yield row | _judged(row, "ok" if status == "failed" else status, message, grid)
+
+
+def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
+    """Rows of ranges_of_motion of joints that a model cannot pose. reasons : why, by joint."""
+    for joint, reason in reasons.items():
+        yield {"joint": joint, "angle": "flexion", "n_frames": 0, "status": "failed", "message": reason}
+
+
+def path_rows(tips: Mapping[str, Fingertip], grid: Grid | None) -> Iterator[Row]:
+    """Rows of fingertip_paths."""
+    for digit, tip in tips.items():
+        known = np.asarray(np.isfinite(tip.place_mm).all(-1))
+        row: Row = {"digit": digit} | _coverage(known)
+        if not known.any():
+            yield row | {"status": "failed", "message": "no frame has this fingertip"}
+            continue
+        if grid is not None:
+            way, turn = (_speeds_of_points(own, grid) for own in (tip.place_mm, tip.pointing))
+            moving = ~np.isnan(way)
+            row |= {
+                "path_length_mm": float(np.nansum(way) * grid.step_s) if moving.any() else None,
+                "duration_s": float(moving.sum() * grid.step_s),
+                "path_sd_mm": _path_sd_mm(tip, turn, grid),
+                "sparc": median_smoothness(way, grid.step_s),
+            }
+            row |= _speed_columns(way, "mm_s")
+        yield row | _judged(row, "ok", "", grid)
+
+
+def distance_rows(tips: Mapping[str, Fingertip]) -> Iterator[Row]:
+    """Rows of fingertip_distances, of every two digits."""
+    for (digit, one), (other_digit, other) in combinations(tips.items(), 2):
+        distance_mm = np.linalg.norm(one.place_mm - other.place_mm, axis=-1)
+        known = np.isfinite(distance_mm)
+        row: Row = {"digit": digit, "other_digit": other_digit, "n_frames": int(known.sum())}
+        if not known.any():
+            yield row | {"status": "failed", "message": "no frame has both fingertips"}
+            continue
+        sd_mm = np.sqrt((one.sd_mm**2 + other.sd_mm**2) / 3.0)[known]
+        row |= {
+            "min_mm": float(distance_mm[known].min()),
+            "median_mm": float(np.median(distance_mm[known])),
+            "distance_sd_mm": float(np.median(sd_mm)),
+        }
+        if not (one.skin and other.skin):
+            yield row | {"status": "weak", "message": NO_SKIN}
+            continue
+        touching = contacts(distance_mm)
+        row |= {
+            "contact_percent": 100.0 * float(touching[known].mean()),
+            "n_contacts": contact_count(touching),
+        }
+        yield row | {"status": "ok", "message": ""}
+
+
+def curve_columns(
+    series: AngleSeries, grid: Grid, time_s: Array, cycles: Sequence[Cycle]
+) -> tuple[dict[str, Any], set[int]]:
+    """Columns of movement_curves of one angle over the cycles of one event, and the cycles used, by number.
+
+    time_s : (T,) of the frames. Joints of which no cycle is whole are left out.
+    """
+    values = bridged(grid.spread(series.angle_deg), grid.step_s)
+    at_s = np.interp(np.arange(grid.count), grid.place, time_s)
+    usable = [one for one in cycles if not one.refusal]
+    if not usable:
+        return {}, set()
+    curves = np.stack([normalised(values, at_s, one) for one in usable])
+    mean, sd, count = mean_curves(curves)
+    kept = np.flatnonzero(count)
+    whole = np.asarray(~np.isnan(curves).any(1))
+    used = {one.number for one, own in zip(usable, whole, strict=True) if own.any()}
+    rows = len(PERCENT)
+    return {
+        "joint": np.repeat(np.array(series.joints, object)[kept], rows),
+        "angle": [series.angle] * (rows * len(kept)),
+        "event": [cycles[0].event] * (rows * len(kept)),
+        "percent": np.tile(PERCENT, len(kept)),
+        "mean_deg": mean[:, kept].T.ravel(),
+        "sd_deg": sd[:, kept].T.ravel(),
+        "n_cycles": np.repeat(count[kept], rows),
+    }, used
+
+
+def _coverage(known: npt.NDArray[np.bool_]) -> Row:
+    """How many frames (T,) there are, and of those of the recording."""
+    return {
+        "n_frames": int(known.sum()),
+        "valid_percent": 100.0 * float(known.mean()) if len(known) else None,
+    }
+
+
+def _judged(row: Row, status: str, message: str, grid: Grid | None) -> Row:
+    """Status and message of a row that has numbers."""
+    reasons = [message] if message else []
+    if row["valid_percent"] < LEAST_VALID_PERCENT:
+        status, reasons = "weak", [f"known in {row['valid_percent']:.0f} % of the frames", *reasons]
+    if grid is None:
+        status, reasons = "weak", [NO_TIMES, *reasons]
+    return {"status": status, "message": "; ".join(reasons)}
+
+
+def _speed_columns(speeds: Array, unit: str) -> Row:
+    known = speeds[~np.isnan(speeds)]
+    if not len(known):
+        return {}
+    middle, high = np.percentile(known, [50.0, 95.0])
+    return {f"speed_median_{unit}": float(middle), f"speed_p95_{unit}": float(high)}
+
+
+def _angle_speeds(angle_deg: Array, grid: Grid | None) -> Array:
+    """Speeds (n, J) of angles (T, J)."""
+    if grid is None:
+        return np.full(angle_deg.shape, np.nan)
+    values = bridged(grid.spread(angle_deg), grid.step_s)
+    noise = velocity_noise_sd(values, grid.step_s)
+    return np.asarray(np.sqrt(np.maximum(velocity(values, grid.step_s) ** 2 - noise**2, 0.0)))
+
+
+def _speeds_of_points(points: Array, grid: Grid) -> Array:
+    """Speeds (n,) of points (T, 3)."""
+    values = bridged(grid.spread(points), grid.step_s)
+    return speed(velocity(values, grid.step_s), velocity_noise_sd(values, grid.step_s))
+
+
+def _path_sd_mm(tip: Fingertip, turn_rad_s: Array, grid: Grid) -> float:
+    """1-sigma error of a path's length: a tip that is off goes so much farther, or less far, as it turns."""
+    turned_rad = float(np.nansum(turn_rad_s) * grid.step_s)
+    return float(np.nanmedian(tip.sd_mm) / np.sqrt(3.0) * turned_rad) if tip.skin else float("nan")

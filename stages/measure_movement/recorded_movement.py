@@ -1,0 +1,166 @@
+"""Joint angles and fingertips of a recording under a model, as the tables of its subject have them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from anatomy.neutral_bones import bone_angles_deg, to_nail_side
+from schemas.catalogue import JOINT_ANGLES, POSED_TIPS
+from schemas.layout import Digit
+from schemas.parts import read_recording
+from schemas.plan import SubjectPlan
+from schemas.poses import Poses, read_poses
+from schemas.study import Recording
+from skeleton.posed_recording import read_motion, read_skeleton
+from skeleton.posing import PosedBones, pose_bones
+from skeleton.rotations import Array, conjugate, rotate
+
+ANGLES = ("flexion", "abduction", "rotation")
+
+_BLOCK_FRAMES = 1 << 15
+_FACING_FRAMES = 512
+"""Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
+
+
+@dataclass(frozen=True)
+class AngleSeries:
+    """One angle of J joints over T frames: (T, J) degrees, NaN in gaps and of errors that are not known."""
+
+    angle: str
+    joints: tuple[str, ...]
+    angle_deg: Array
+    sd_deg: Array
+    change_sd_deg: Array
+
+
+@dataclass(frozen=True)
+class Fingertip:
+    """The end of a digit in the frame of the hand's receiver, (T, 3) mm, and where the digit points, (T, 3).
+
+    sd_mm : (T,) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the end of the skin.
+    """
+
+    place_mm: Array
+    pointing: Array
+    sd_mm: Array
+    skin: bool
+
+
+class RecordedMovement:
+    """One recording of a subject under one model. Raises InputError where a table cannot be read."""
+
+    def __init__(self, plan: SubjectPlan, recording: Recording, model: str) -> None:
+        self._plan, self._recording, self._model = plan, recording, model
+        self.hand = recording.hand.hand
+        self._layout = plan.layouts[self.hand]
+        self.poses: Poses = read_poses(plan.poses(recording), self._layout.measured)
+        self._fitted = plan.models[model].fitting is not None
+        self._skeleton = read_skeleton(plan, self.hand, model)
+
+    def reliability(self, joint: str) -> tuple[str, str]:
+        """Status and message of a joint's centre."""
+        row = self._skeleton.joints.get(joint)
+        return ("failed", "the joint was not solved") if row is None else (row["status"], row["message"])
+
+    def left_out(self) -> Mapping[str, str]:
+        """Joints that the model cannot pose, and why."""
+        reasons = {} if self._fitted else self._ridden[2]
+        return {joint: reasons[name] for name in reasons for joint in self._layout.digits[name].joints}
+
+    def angles(self) -> Iterator[AngleSeries]:
+        """Flexion, abduction and rotation in turn, each of all joints."""
+        for index, angle in enumerate(ANGLES):
+            if self._fitted:
+                columns = [f"{angle}_{what}" for what in ("deg", "sd_deg", "change_sd_deg")]
+                by_joint = self._table(JOINT_ANGLES, "joint", columns)
+            else:
+                unknown = np.full((len(self.poses.frame), 2), np.nan)
+                by_joint = {
+                    joint: np.column_stack([own[:, index], unknown]) for joint, own in self._ridden[0].items()
+                }
+            stacked = (
+                np.stack([*by_joint.values()], 1) if by_joint else np.empty((len(self.poses.frame), 0, 3))
+            )
+            yield AngleSeries(angle, tuple(by_joint), stacked[..., 0], stacked[..., 1], stacked[..., 2])
+
+    def fingertips(self) -> dict[str, Fingertip]:
+        """The ends of all digits that have one."""
+        ends = self._fitted_ends() if self._fitted else self._ridden_ends()
+        return {
+            name: Fingertip(
+                self._in_hand(digit, ends[name][0], place=True),
+                self._in_hand(digit, self._pointing(digit)),
+                ends[name][1],
+                ends[name][2],
+            )
+            for name, digit in self._layout.digits.items()
+            if name in ends
+        }
+
+    def _fitted_ends(self) -> dict[str, tuple[Array, Array, bool]]:
+        """Where digits end, its error and whether that is the skin's end; the bone's of unknown anatomy."""
+        columns = [
+            f"{end}_{what}" for end in ("skin_tip", "tip") for what in ("x_mm", "y_mm", "z_mm", "sd_mm")
+        ]
+        found = {}
+        for digit, values in self._table(POSED_TIPS, "digit", columns).items():
+            skin = bool(np.isfinite(values[:, :3]).any())
+            own = values[:, :4] if skin else values[:, 4:]
+            found[digit] = own[:, :3], own[:, 3], skin
+        return found
+
+    def _ridden_ends(self) -> dict[str, tuple[Array, Array, bool]]:
+        unknown = np.full(len(self.poses.frame), np.nan)
+        return {digit: (place, unknown, False) for digit, place in self._ridden[1].items()}
+
+    @cached_property
+    def _ridden(self) -> tuple[dict[str, Array], dict[str, Array], Mapping[str, str]]:
+        """Angles (T, 3) by joint and ends (T, 3) by digit of a skeleton that rides on receivers; digits that
+        are left out and why.
+        """
+        count = len(self.poses.frame)
+        bones = self._posed(slice(0, None, max(1, count // _FACING_FRAMES)))
+        facing = to_nail_side(self._layout, self.hand, bones.joints, bones.quaternion)
+        pieces: list[dict[str, Array]] = []
+        ends: list[dict[str, Array]] = []
+        for start in range(0, max(count, 1), _BLOCK_FRAMES):
+            bones = self._posed(slice(start, start + _BLOCK_FRAMES))
+            pieces.append(bone_angles_deg(self._layout, self.hand, bones, facing))
+            ends.append({j.digit: bones.position_mm[:, i] for i, j in enumerate(bones.joints) if j.tip})
+        return _joined(pieces), _joined(ends), bones.left_out
+
+    def _posed(self, rows: slice) -> PosedBones:
+        poses = self.poses.take(rows)
+        motion = read_motion(self._plan, self._recording, self._model, poses.frame)
+        return pose_bones(self._skeleton, poses, motion)
+
+    def _table(self, table: Any, by: str, columns: Sequence[str]) -> dict[str, Array]:
+        path = self._plan.fit_table(self.hand, self._model, table.name)
+        part = self._plan.part(self.hand, self._model)
+        own = self._recording
+        return read_recording(path, table, part, own.task, own.trial, by, columns, len(self.poses.frame))
+
+    def _pointing(self, digit: Digit) -> Array:
+        """Where the last bone's receiver points by its layout, (T, 3) in the transmitter frame."""
+        distal = np.array(self._layout.segments[digit.tip].distal, float)
+        return rotate(self._turn(digit.tip), distal)
+
+    def _in_hand(self, digit: Digit, vectors: Array, *, place: bool = False) -> Array:
+        """Places or directions (T, 3) in the frame of the receiver that the digit hangs from."""
+        if place:
+            base = self.poses.index(digit.base)
+            vectors = vectors - self.poses.position_mm[:, base]
+        return rotate(conjugate(self._turn(digit.base)), vectors)
+
+    def _turn(self, segment: str) -> Array:
+        index = self.poses.index(segment)
+        return np.where(self.poses.valid[:, index, None], self.poses.quaternion[:, index], np.nan)
+
+
+def _joined(pieces: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
+    return {name: np.concatenate([own[name] for own in pieces]) for name in pieces[0]}

@@ -1,0 +1,247 @@
+"""The stage from a subject's tables to its own: a ridden and a fitted hand, against the truth."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from planned_subject import PlannedSubject, planned_subject
+from simulated_poses import recorded
+
+from anatomy.neutral_bones import neutral_rotations
+from schemas.catalogue import POSES, TABLES
+from schemas.layout import read_layout
+from schemas.movement_tables import EVENTS
+from schemas.parts import part_metadata, read_part
+from schemas.results import MEASURED_TABLES
+from schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_failure, write_table
+from skeleton.joint_angles import joint_angles
+from skeleton.posing import SkeletonJoint
+from skeleton.rotations import Array
+from stages.measure_movement.__main__ import main
+from stages.measure_movement.fingertip_contacts import CONTACT_MM
+from stages.measure_movement.movement_rows import NO_SKIN
+from stages.simulate.random_hand import BONES, DIGITS
+
+N_FRAMES, SEED = 1500, 4
+FINGERS = ("index", "middle", "ring", "little")
+ANGLES = ("flexion", "abduction", "rotation")
+LAYOUT = read_layout("liberty16")
+ONSETS_S = (0.5, 1.6, 2.7, 3.8, 4.0, 5.1)
+Row = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
+    """Both hands: calibrated on one task, measured in another."""
+    recordings = [
+        (hand, task, role)
+        for hand in ("right", "left")
+        for task, role in (("rom", "calibration"), ("opposition", "evaluation"))
+    ]
+    folder = tmp_path_factory.mktemp("movement")
+    made = planned_subject(folder, recordings, ["rigid", "quick"], n_frames=N_FRAMES, seed=SEED)
+    made.run_stages()
+    rows = [event("right", number, "tap", onset_s) for number, onset_s in enumerate(ONSETS_S)]
+    rows += [event("right", 9, "hold", 1.0, 0.8), event("right", 10, "hold", 2.0, 0.8)]
+    columns = columns_from_rows(EVENTS, rows)
+    write_table(made.plan_file.with_name("events.parquet"), EVENTS, columns, Provenance())
+    return made
+
+
+def event(hand: str, number: int, name: str, onset_s: float, duration_s: float | None = None) -> Row:
+    keys = {"subject": "01", "session": "", "hand": hand, "task": "opposition", "trial": "", "event": number}
+    more = {"name": name, "onset_s": onset_s, "duration_s": duration_s, "source": "sheet", "message": ""}
+    return keys | more
+
+
+@pytest.fixture(scope="module")
+def out(subject: PlannedSubject, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The tables, with events."""
+    folder = tmp_path_factory.mktemp("tables")
+    assert run(subject, folder, f"--events={subject.plan_file.with_name('events.parquet')}") == 0
+    return folder
+
+
+def run(subject: PlannedSubject, out: Path, *options: str) -> int:
+    return main([f"--plan={subject.plan_file}", f"--out={out}", *options])
+
+
+def rows_in(out: Path, name: str, **wanted: str) -> list[Row]:
+    rows = rows_of(read_table(out / f"{name}.parquet", TABLES[name]))
+    return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
+
+
+def true_angles_deg(hand: str) -> dict[str, Array]:
+    """Angles (T, 3) of the fingers' joints, from the bones of the simulation."""
+    truth = recorded(hand, "opposition", seed=SEED, n_frames=N_FRAMES)[0].truth
+    found = {}
+    for name in FINGERS:
+        digit = LAYOUT.digits[name]
+        joints = [SkeletonJoint(joint, 0, "") for joint in digit.joints]
+        rests = neutral_rotations(LAYOUT, hand, joints)
+        for parent, child, joint, rest in zip(
+            (digit.base, *digit.segments), digit.segments, digit.joints, rests, strict=False
+        ):
+            bones = (truth.bone_quaternion[:, BONES.index(bone)] for bone in (parent, child))
+            if LAYOUT.joints[joint].dof:
+                found[joint] = joint_angles(*bones, hand, rest)
+    return found
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(out: Path, hand: str) -> None:
+    rows = {
+        (row["joint"], row["angle"]): row
+        for row in rows_in(out, "ranges_of_motion", hand=hand, model="quick")
+    }
+    assert len({joint for joint, _ in rows}) == 17
+    assert len(rows) == 3 * 17
+    off, sd, speed_ratio = [], [], []
+    for joint, angles in true_angles_deg(hand).items():
+        for index, angle in enumerate(ANGLES):
+            row = rows[joint, angle]
+            assert (row["n_frames"], row["valid_percent"]) == (N_FRAMES, 100.0)
+            low, high = np.percentile(angles[:, index], [2.5, 97.5])
+            off.append(row["range_deg"] - (high - low))
+            sd.append(row["range_sd_deg"])
+        speed = np.abs(np.gradient(angles[:, 0], 1 / 240))
+        speed_ratio.append(rows[joint, "flexion"]["speed_p95_deg_s"] / np.percentile(speed, 95))
+    assert np.mean(np.abs(off) < 1.96 * np.array(sd)) > 0.85
+    assert np.sqrt(np.mean(np.square(sd))) < 2 * np.sqrt(np.mean(np.square(off)))
+    assert np.median(speed_ratio) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_papers_kind_of_model_has_the_same_angles_without_an_error(out: Path) -> None:
+    rows = rows_in(out, "ranges_of_motion", hand="right", model="rigid")
+    pips = [row for row in rows if row["joint"].endswith("_pip") and row["angle"] == "flexion"]
+    truth = true_angles_deg("right")
+    assert len(pips) == len(FINGERS)
+    for row in pips:
+        low, high = np.percentile(truth[row["joint"]][:, 0], [2.5, 97.5])
+        assert row["range_deg"] == pytest.approx(high - low, abs=8.0)
+        assert row["range_sd_deg"] is None
+        assert row["median_sd_deg"] is None
+
+
+def in_hand(points: Array, hand: str) -> Array:
+    """True points (T, ...) in the frame of the true hand."""
+    from skeleton.rotations import conjugate, rotate
+
+    truth = recorded(hand, "opposition", seed=SEED, n_frames=N_FRAMES)[0].truth
+    bone = BONES.index("hand")
+    back = conjugate(truth.bone_quaternion[:, bone])
+    return rotate(back[:, None], points - truth.bone_position_mm[:, bone, None])
+
+
+def test_fingertips_go_as_far_as_they_did(out: Path) -> None:
+    truth = recorded("right", "opposition", seed=SEED, n_frames=N_FRAMES)[0].truth
+    tips = in_hand(truth.skin_tip_mm, "right")
+    rows = {row["digit"]: row for row in rows_in(out, "fingertip_paths", hand="right", model="quick")}
+    assert set(rows) == set(DIGITS)
+    for index, digit in enumerate(DIGITS):
+        path_mm = np.linalg.norm(np.diff(tips[:, index], axis=0), axis=-1).sum()
+        row = rows[digit]
+        share = row["duration_s"] * 240 / N_FRAMES
+        assert 0.97 < share < 1
+        assert row["path_length_mm"] == pytest.approx(
+            share * path_mm, abs=3 * row["path_sd_mm"] + 0.02 * path_mm
+        )
+        assert 0 < row["path_sd_mm"] < 0.1 * path_mm
+        assert -40 < row["sparc"] < -1
+
+
+def test_distances_are_those_of_the_skin_and_contacts_those_of_the_task(out: Path) -> None:
+    truth = recorded("right", "opposition", seed=SEED, n_frames=N_FRAMES)[0].truth
+    rows = rows_in(out, "fingertip_distances", hand="right", model="quick")
+    assert len(rows) == 10
+    met = []
+    for row in rows:
+        ends = [truth.skin_tip_mm[:, DIGITS.index(row[name])] for name in ("digit", "other_digit")]
+        distance_mm = np.linalg.norm(ends[0] - ends[1], axis=-1)
+        assert row["median_mm"] == pytest.approx(np.median(distance_mm), abs=4 * row["distance_sd_mm"])
+        if abs(distance_mm.min() - CONTACT_MM) > 4 * row["distance_sd_mm"]:
+            met.append(bool(distance_mm.min() < CONTACT_MM))
+            assert (row["n_contacts"] > 0) == met[-1]
+            assert (row["contact_percent"] > 0) == met[-1]
+    assert set(met) == {True, False}
+
+
+def test_without_skin_there_are_distances_and_no_contacts(out: Path) -> None:
+    for row in rows_in(out, "fingertip_distances", hand="right", model="rigid"):
+        assert row["median_mm"] > 0
+        assert row["n_contacts"] is row["contact_percent"] is row["distance_sd_mm"] is None
+        assert (row["status"], row["message"]) == ("weak", NO_SKIN)
+
+
+def test_cycles_are_cut_and_refused(out: Path) -> None:
+    cycles = rows_in(out, "movement_cycles")
+    assert {row["hand"] for row in cycles} == {"right"}
+    taps = [row for row in cycles if row["event"] == "tap"]
+    assert [row["used"] for row in taps] == [True, True, True, False, True]
+    assert taps[3]["message"].startswith("too short")
+    assert [row["duration_s"] for row in cycles if row["event"] == "hold"] == [0.8, 0.8]
+
+
+def test_curves_are_the_mean_of_the_cycles(out: Path) -> None:
+    rows = rows_in(out, "movement_curves", model="quick", joint="index_pip", angle="flexion", event="tap")
+    assert [row["percent"] for row in rows] == list(range(101))
+    assert {row["n_cycles"] for row in rows} == {4}
+    truth = true_angles_deg("right")["index_pip"][:, 0]
+    time_s = recorded("right", "opposition", seed=SEED, n_frames=N_FRAMES)[0].time_s
+    share = np.linspace(0, 1, 101)
+    true = [
+        np.interp(start + share * (stop - start), time_s, truth)
+        for start, stop in ((0.5, 1.6), (1.6, 2.7), (2.7, 3.8), (4.0, 5.1))
+    ]
+    found, sd = (np.array([row[name] for row in rows]) for name in ("mean_deg", "sd_deg"))
+    assert np.corrcoef(found, np.mean(true, 0))[0, 1] > 0.99
+    np.testing.assert_allclose(sd, np.std(true, axis=0, ddof=1), atol=0.1 * np.ptp(truth))
+
+
+def test_without_events_there_are_no_cycles_and_the_same_bytes_again(
+    subject: PlannedSubject, tmp_path: Path
+) -> None:
+    for folder in ("once", "twice"):
+        assert run(subject, tmp_path / folder) == 0
+    for name in MEASURED_TABLES:
+        once, twice = ((tmp_path / folder / f"{name}.parquet").read_bytes() for folder in ("once", "twice"))
+        assert once == twice
+    assert rows_in(tmp_path / "once", "movement_cycles") == []
+    assert rows_in(tmp_path / "once", "movement_curves") == []
+    assert len(rows_in(tmp_path / "once", "ranges_of_motion")) > 100
+
+
+def test_gaps_stay_gaps(subject: PlannedSubject, tmp_path: Path) -> None:
+    """A receiver is lost for a third of a recording; under a model that rides on it so are its joints."""
+    copy = subject.copied(tmp_path)
+    path = copy.poses("opposition")
+    poses = read_table(path, POSES).to_pandas()
+    lost = (poses["segment"] == "index_middle") & poses["frame"].between(400, 899)
+    poses.loc[lost, "valid"] = False
+    parameters = {"subject": "01", "hand": "right", "task": "opposition", "trial": ""}
+    columns = {name: poses[name].to_numpy() for name in poses.columns}
+    write_table(path, POSES, columns, Provenance((), parameters), row_group_rows=N_FRAMES)
+    assert run(copy, tmp_path / "out") == 0
+    (row,) = rows_in(
+        tmp_path / "out", "ranges_of_motion", hand="right", model="rigid", joint="index_pip", angle="flexion"
+    )
+    assert row["n_frames"] == N_FRAMES - 500
+    assert row["valid_percent"] == pytest.approx(100 * (1 - 500 / N_FRAMES))
+
+
+def test_a_model_that_failed_has_no_rows_and_the_other_has(subject: PlannedSubject, tmp_path: Path) -> None:
+    copy = subject.copied(tmp_path)
+    fit = copy.fit_folder() / "joint_angles.parquet"
+    shutil.copy(fit, tmp_path / "kept.parquet")
+    write_failure(fit, TABLES["joint_angles"], "no calibration recording is left", Provenance())
+    assert run(copy, tmp_path / "out") == 2
+    assert run(copy, tmp_path / "out", "--record-failure") == 0
+    path = tmp_path / "out" / "ranges_of_motion.parquet"
+    parts = part_metadata(path, TABLES["ranges_of_motion"])
+    assert "no calibration recording is left" in parts[copy.part("quick")]["failure"]
+    assert read_part(path, TABLES["ranges_of_motion"], copy.part("rigid")).num_rows > 0
+    assert read_part(path, TABLES["ranges_of_motion"], copy.part("quick", hand="left")).num_rows > 0

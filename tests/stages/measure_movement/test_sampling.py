@@ -1,0 +1,54 @@
+"""The grid of time, and which gaps are bridged."""
+
+import numpy as np
+import pytest
+
+from stages.measure_movement.sampling import MOST_GAP_S, bridged, grid_of
+
+STEP_S = 1 / 240
+
+
+def test_lost_frames_leave_empty_places() -> None:
+    time_s = 3.0 + STEP_S * np.array([0, 1, 2, 5, 6])
+    grid = grid_of(time_s)
+    assert grid is not None
+    assert grid.place.tolist() == [0, 1, 2, 5, 6]
+    assert grid.step_s == pytest.approx(STEP_S)
+    spread = grid.spread(np.arange(5.0)[:, None])
+    assert np.isnan(spread[:, 0]).tolist() == [False, False, False, True, True, False, False]
+    assert spread[grid.place, 0].tolist() == [0, 1, 2, 3, 4]
+
+
+def test_an_hours_pause_takes_a_seconds_room() -> None:
+    time_s = np.concatenate([np.arange(100) * STEP_S, 3600 + np.arange(100) * STEP_S])
+    grid = grid_of(time_s)
+    assert grid is not None
+    assert grid.count == 199 + 240
+
+
+@pytest.mark.parametrize("time_s", [np.full(9, np.nan), np.zeros(9), np.empty(0), np.ones(1)])
+def test_frames_without_times_have_no_grid(time_s: np.ndarray) -> None:
+    assert grid_of(time_s) is None
+
+
+def test_an_unknown_time_is_a_frame_after_the_last() -> None:
+    time_s = np.arange(20) * STEP_S
+    time_s[7] = np.nan
+    grid = grid_of(time_s)
+    assert grid is not None
+    assert grid.place.tolist() == list(range(20))
+
+
+def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:
+    longest = int(MOST_GAP_S / STEP_S)
+    values = np.column_stack([np.arange(100.0), 2 * np.arange(100.0)])
+    gapped = values.copy()
+    gapped[10 : 10 + longest, 0] = np.nan
+    gapped[50 : 51 + longest, 0] = np.nan
+    gapped[:3, 1] = gapped[-2:, 1] = np.nan
+    filled = bridged(gapped, STEP_S)
+    np.testing.assert_allclose(filled[:50, 0], values[:50, 0])
+    assert np.isnan(filled[50 : 51 + longest, 0]).all()
+    assert np.isnan(filled[:3, 1]).all()
+    assert np.isnan(filled[-2:, 1]).all()
+    assert np.isnan(gapped[10, 0])  # what was given is as it was
