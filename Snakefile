@@ -20,10 +20,7 @@ try:
     )
     if workflow.is_main_process:
         notes = [row.message for row in study.study.unusable]
-        for note in [
-            *notes,
-            *one_run.clear_the_way(study.results.folder, sys.argv[1:]),
-        ]:
+        for note in [*notes, *one_run.begin(study.results.folder, sys.argv[1:])]:
             print(f"note: {note}", file=sys.stderr)
 except InputError as error:
     print(f"error: {error}", file=sys.stderr)
@@ -43,7 +40,6 @@ shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} PYTHONSAFEPATH=1
 
 
 onstart:
-    one_run.hold(study.results.folder)
     write_cache()
     warm_process.start()
 

@@ -16,7 +16,8 @@ from schemas.marked_text import replaced_between
 Cell = str | float | int | None
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-START, END = "<!-- tables: start -->", "<!-- tables: end -->"
+MARK = "tables"
+START, END = f"<!-- {MARK}: start -->", f"<!-- {MARK}: end -->"
 _WIDTH = 110
 
 
@@ -55,12 +56,16 @@ def _text(cell: Cell, form: str) -> str:
     return cell if isinstance(cell, str) else format(cell, form)
 
 
-def write_tables(page: str, tables: Sequence[TextTable], command: str) -> None:
-    """Put the tables of a command into docs/PAGE between its marks, with the machine that they are of."""
+def write_tables(page: str, tables: Sequence[TextTable], command: str, mark: str = MARK) -> None:
+    """Put the tables of a command into docs/PAGE between its marks, with the machine that they are of.
+
+    mark : what the marks are called, in a page that holds the tables of several commands.
+    """
     path = DOCS / page
     blocks = [f"As printed by `{command}` on {machine()}."]
     blocks += [f"```text\n{table}\n```" for table in tables]
-    write_text(path, replaced_between(path.read_text("utf-8"), START, END, "\n\n".join(blocks)))
+    start, end = START.replace(MARK, mark), END.replace(MARK, mark)
+    write_text(path, replaced_between(path.read_text("utf-8"), start, end, "\n\n".join(blocks)))
 
 
 def machine() -> str:

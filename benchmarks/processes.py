@@ -53,6 +53,6 @@ def run_process(command: Sequence[str], folder: Path = ROOT, **environment: str)
     return Usage(float(seconds), float(processor_s), float(memory_mb), output)
 
 
-def run_python(*arguments: str) -> Usage:
-    """Run this Python with arguments in the project's folder; RuntimeError where it fails."""
-    return run_process([sys.executable, *arguments])
+def run_python(*arguments: str, folder: Path = ROOT) -> Usage:
+    """Run this Python with arguments, in the project's folder or another; RuntimeError where it fails."""
+    return run_process([sys.executable, *arguments], folder)

@@ -37,6 +37,13 @@ class TableError(InputError):
     """
 
 
+class StorageError(TableError):
+    """A file could not be written: the disk is full, a quota used up, a folder read-only.
+
+    What would have been in it is no result either: it is made by the next run, when there is room.
+    """
+
+
 def listed(names: Sequence[str], most: int = 8) -> str:
     """Name the first of what a file holds, and how many more there are; "none" where it holds nothing."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

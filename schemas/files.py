@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 
-from schemas.errors import InputError
+from schemas.errors import StorageError
 
 
 @contextmanager
@@ -18,20 +18,33 @@ def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary name beside `path` to write to; it takes the place of `path` at the end.
 
     If writing fails, `path` is left as it was and the temporary file is removed; those of processes that were
-    killed are removed first. A file has one writer at a time. Raises InputError where the folder cannot be
-    written to.
+    killed are removed first. What is under the name after a power cut is the file before or the one after,
+    whole: its bytes are on the disk before it takes the name, and the name is before this returns. A file has
+    one writer at a time. Raises StorageError where it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_leftovers(path)
         yield temporary
+        _sync(temporary)
         temporary.replace(path)
+        with suppress(OSError):  # a file system without it; the file is whole under either name
+            _sync(path.parent)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+        raise StorageError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
         with suppress(OSError):  # a part of the path that is a file was told above
             temporary.unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    """Return when a file's bytes, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def remove_leftovers(path: Path) -> None:

@@ -42,6 +42,10 @@ NAMES_BYTES = 200
 FARTHEST_MM = 1e8
 """A hundred kilometres: what is left of a motion laboratory where millimetres are given as metres."""
 
+START_BYTES = 600 * 2**20
+"""Address space that the libraries of a stage take before it has read a byte. With less, one of them ends the
+process in words of its own, or in none."""
+
 _KINDS = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFCHR: "a device",
@@ -86,6 +90,17 @@ def read_whole(path: Path, expected: str, most_bytes: int | None = None) -> byte
         raise InputError(f"{path}: has {size} bytes; expected {expected}, at most {most_bytes} bytes")
     check_memory(path, MEMORY_PER_BYTE * size, expected)
     return path.read_bytes()
+
+
+def too_little_to_start() -> str:
+    """Say that a limit of this process leaves less than a stage needs to start; empty where it does not."""
+    free = _free_of_process()
+    if free is None or free >= START_BYTES:
+        return ""
+    return (
+        f"not enough memory: a limit (ulimit -v, or the batch job's) leaves {free >> 20} MB of address "
+        f"space and a stage needs {START_BYTES >> 20} MB to start; raise it"
+    )
 
 
 def check_expansion(path: Path, unpacked_bytes: float, remedy: str) -> None:

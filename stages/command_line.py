@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import signal
 import sys
 import traceback
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from schemas.tables import Provenance, Table
 
 EXIT_BAD_INPUT = 2
+OF_THE_MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENOMEM}
+"""Errors of the system that come and go with the machine: nothing that a table should say of a subject."""
 
 
 def add_plan_options(
@@ -185,13 +188,18 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
 def _recorded(record: bool) -> Iterator[list[str]]:
     """Keep and print the message of what is raised inside; raise it without `record`.
 
-    A TableError is raised, and that memory ran out or a package is not installed: no results of a subject's.
+    A TableError is raised, and that memory or the disk's room ran out or a package is not installed: no
+    results of a subject's.
     """
     messages: list[str] = []
     try:
         yield messages
     except (TableError, MemoryError, ModuleNotFoundError):
         raise
+    except OSError as error:
+        if not record or error.errno in OF_THE_MACHINE:
+            raise
+        _keep_bug(error, messages)
     except InputError as error:
         if not record:
             raise
@@ -200,8 +208,12 @@ def _recorded(record: bool) -> Iterator[list[str]]:
     except Exception as error:  # also a bug must not cost the study its other parts
         if not record:
             raise
-        traceback.print_exc()
-        messages.append(f"internal error ({type(error).__name__}: {error}); please report it with the log")
+        _keep_bug(error, messages)
+
+
+def _keep_bug(error: Exception, messages: list[str]) -> None:
+    traceback.print_exc()
+    messages.append(f"internal error ({type(error).__name__}: {error}); please report it with the log")
 
 
 def poses_files(plan: SubjectPlan) -> list[Path]:

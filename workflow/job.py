@@ -24,6 +24,9 @@ KILLED = 137
 def main(argv: Sequence[str]) -> int:
     """Run a module's command line, argv[0] being its dotted name; give its exit code."""
     status = run_in_fork(argv)
+    if status is None and _workflow_has_ended():
+        print("error: the workflow that started this job was killed", file=sys.stderr)
+        return KILLED
     return run(argv) if status is None else status
 
 
@@ -47,6 +50,12 @@ def run_in_fork(argv: Sequence[str]) -> int | None:
         print("error: the job's process was killed before its end", file=sys.stderr)
         return KILLED
     return status[0]
+
+
+def _workflow_has_ended() -> bool:
+    """Whether the warm process has ended with its workflow, whose next run must find nobody at its files."""
+    folder = os.path.dirname(os.environ.get(ADDRESS, ""))  # noqa: PTH120 - pathlib, see above
+    return folder != "" and not os.path.isdir(folder)  # noqa: PTH112
 
 
 def run(argv: Sequence[str]) -> int:

@@ -12,7 +12,8 @@ import os
 import re
 import socket
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -27,16 +28,28 @@ LOOKS = re.compile(
 MOST_NAMED = 3
 _PATIENCE_S = 1.0
 
-_held: list[TextIO] = []
-"""Open as long as this process lives."""
+_RECORD_BYTES = 256
+
+_held: dict[Path, TextIO] = {}
+"""By their paths; open as long as this process lives."""
 
 
-def clear_the_way(results: Path, words: Sequence[str]) -> list[str]:
-    """Remove what a killed run of the study has left of Snakemake's locks; give sentences that say so.
+def begin(results: Path, words: Sequence[str]) -> list[str]:
+    """Hold the study until this process ends, and remove what a killed run has left of Snakemake's locks;
+    give sentences that say so.
 
-    results : the study's folder. words : of Snakemake's command line. Raises InputError where another run of
-    the study is under way, unless this one only looks.
+    It comes before Snakemake locks anything, so that whenever a run is killed, its locks are known for its.
+    results : the study's folder. words : of Snakemake's command line; a run that only looks holds nothing.
+    Raises InputError where another run of the study is under way, unless this one only looks.
     """
+    looks = any(map(LOOKS.fullmatch, words))
+    notes = _clear_the_way(results, looks)
+    if not looks:
+        _hold(results)
+    return notes
+
+
+def _clear_the_way(results: Path, looks: bool) -> list[str]:
     try:
         file = _file_of(results).open("r", encoding="utf-8")
     except OSError:  # there was no run
@@ -46,12 +59,9 @@ def clear_the_way(results: Path, words: Sequence[str]) -> list[str]:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            if any(map(LOOKS.fullmatch, words)):
+            if looks or _file_of(results).absolute() in _held:
                 return []
-            raise InputError(
-                f"study {results.name}: another run of it is under way (process {run.get('process', '?')} on "
-                f"{run.get('host', 'this machine')}); wait for its end, or stop that one first"
-            ) from error
+            raise _under_way(results, run) from error
         except OSError:  # a file system without locks
             return []
         if run.get("host") != socket.gethostname():  # a system's lock need not reach to another machine
@@ -61,24 +71,39 @@ def clear_the_way(results: Path, words: Sequence[str]) -> list[str]:
     return [f"the run of process {run['process']} was killed; its lock is removed, and this one goes on"]
 
 
-def hold(results: Path) -> None:
-    """Hold the study until this process ends; where that cannot be, Snakemake's own lock is all there is."""
+def _hold(results: Path) -> None:
+    """Hold the study; where that cannot be, Snakemake's own lock is all there is."""
     path, end = _file_of(results), time.monotonic() + _PATIENCE_S
-    path.parent.mkdir(parents=True, exist_ok=True)
-    file = path.open("a+", encoding="utf-8")
+    if _file_of(results).absolute() in _held:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "r+", encoding="utf-8")
+    except OSError:  # a folder that cannot be written to: Snakemake will say so
+        return
     while True:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             break
-        except OSError:
+        except BlockingIOError as error:
             if time.monotonic() > end:
-                file.close()
-                return
+                with file:
+                    raise _under_way(results, _read(file)) from error
             time.sleep(0.05)  # somebody may just be looking whether it is held
-    file.truncate(0)
-    json.dump({"process": os.getpid(), "host": socket.gethostname()}, file)
-    file.flush()
-    _held.append(file)
+        except OSError:  # a file system without locks
+            file.close()
+            return
+    record = json.dumps({"process": os.getpid(), "host": socket.gethostname()})
+    with suppress(OSError):  # a full disk: the lock holds all the same
+        os.pwrite(file.fileno(), record.ljust(_RECORD_BYTES).encode(), 0)  # at once: never half a record
+    _held[path.absolute()] = file
+
+
+def _under_way(results: Path, run: Mapping[str, Any]) -> InputError:
+    return InputError(
+        f"study {results.name}: another run of it is under way (process {run.get('process', '?')} on "
+        f"{run.get('host', 'this machine')}); wait for its end, or stop that one first"
+    )
 
 
 def gone(outputs: Iterable[Iterable[str]]) -> str:

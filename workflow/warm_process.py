@@ -62,26 +62,33 @@ def start() -> subprocess.Popen[bytes] | None:
 def serve(listener: socket.socket) -> None:
     """Fork for every job that connects, until standard input ends."""
     command_line.begin()
-    _import_all()
+    import_all()
     gc.freeze()  # what is here stays, and is shared with the forks
-    while listener in select.select([listener, sys.stdin], [], [])[0]:
+    forks: set[int] = set()
+    while sys.stdin not in select.select([listener, sys.stdin], [], [])[0]:
         connection, _ = listener.accept()
-        if os.fork() == 0:
+        fork = os.fork()
+        if fork == 0:
             listener.close()
             _run_job(connection)
+        forks.add(fork)
         connection.close()
-        _wait_for_forks(os.WNOHANG)
-    _wait_for_forks(0)
+        _wait_for_forks(forks, os.WNOHANG)
+    for fork in forks:  # the workflow was killed: its next run must not find somebody else writing its files
+        with suppress(ProcessLookupError):
+            os.kill(fork, signal.SIGKILL)
+    _wait_for_forks(forks, 0)
 
 
-def _wait_for_forks(options: int) -> None:
+def _wait_for_forks(forks: set[int], options: int) -> None:
     """Take the exit codes of forks that have ended, so that what they cost counts as this process's."""
     with suppress(ChildProcessError):
-        while os.waitpid(-1, options)[0]:
-            pass
+        while fork := os.waitpid(-1, options)[0]:
+            forks.discard(fork)
 
 
-def _import_all() -> None:
+def import_all() -> None:
+    """Import what jobs need."""
     for name in PACKAGES:
         package: ModuleType = importlib.import_module(name)
         if name == "stages":

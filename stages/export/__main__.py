@@ -106,7 +106,7 @@ def _export_recording(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[str, str]]:
     """Write one recording, of either hand or of both, under one model; give stem and message of failures."""
-    from schemas.errors import InputError
+    from schemas.errors import InputError, StorageError
     from stages.export.file_facts import file_stem
     from stages.export.recorded_motion import read_motion
 
@@ -123,6 +123,8 @@ def _export_recording(
         path = arguments.out / (FORMATS[name].shared or f"{stem}{FORMATS[name].extensions[0]}")
         try:
             remarks = write_format(motions, settings, name, path)
+        except StorageError:
+            raise  # the disk's trouble, and not that of this recording
         except InputError as error:
             yield f"{stem}_{name}", str(error)
             continue

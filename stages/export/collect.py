@@ -8,6 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from schemas.files import replacing
 from stages import command_line
 
 
@@ -35,12 +36,11 @@ def collect(arguments: argparse.Namespace) -> None:
 
 def link_or_copy(source: Path, target: Path) -> None:
     """Make `target` a hard link to the file, or a copy where the file system has no such links."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.unlink(missing_ok=True)
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copy2(source, target)
+    with replacing(target) as temporary:
+        try:
+            os.link(source, temporary)
+        except OSError:
+            shutil.copy2(source, temporary)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
 
-from schemas.errors import InputError
+from schemas.errors import InputError, StorageError
 from schemas.files import files_in, remove_leftovers, write_text
 from schemas.tables import Provenance
 
@@ -16,6 +18,41 @@ def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     write_text(path, "before")
     with pytest.raises(UnicodeEncodeError):
         write_text(path, "whole until \ud800")
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name_and_its_name_is_before_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    happened: list[str] = []
+    replace = Path.replace
+
+    def synced(descriptor: int) -> None:
+        happened.append(f"synced {Path(f'/proc/self/fd/{descriptor}').readlink().name}")
+
+    def replaced(path: Path, target: Path) -> Path:
+        happened.append(f"renamed {path.name}")
+        return replace(path, target)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(Path, "replace", replaced)
+    write_text(tmp_path / "a.txt", "text")
+    temporary = f".a.txt.{os.getpid()}.tmp"
+    assert happened == [f"synced {temporary}", f"renamed {temporary}", f"synced {tmp_path.name}"]
+
+
+def test_what_cannot_be_synced_is_not_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Network file systems say only then that the disk is full."""
+    path = tmp_path / "a.txt"
+    write_text(path, "before")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(StorageError, match=r"cannot be written \(No space left on device\)"):
+        write_text(path, "after")
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
 

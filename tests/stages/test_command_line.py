@@ -1,6 +1,8 @@
 """What the stages' command lines share: which hands they work on, how they fail, how they begin and end."""
 
 import argparse
+import errno
+import resource
 import signal
 import subprocess
 import sys
@@ -12,7 +14,7 @@ import pytest
 from small_study import write_plans, write_study
 
 from schemas.catalogue import CALIBRATION_ADVICE, JOINT_CENTRES, POSES
-from schemas.errors import InputError, TableError
+from schemas.errors import InputError, StorageError, TableError
 from schemas.files import write_text
 from schemas.layout import read_layout
 from schemas.parquet_files import naming_damage
@@ -278,18 +280,42 @@ def test_a_part_that_fails_is_recorded_in_every_table(
 
 
 @pytest.mark.parametrize(
-    ("argv", "error"), [((), InputError("bad")), (("--record-failure",), TableError("cut"))]
+    ("argv", "error"),
+    [
+        ((), InputError("bad")),
+        (("--record-failure",), TableError("cut")),
+        (("--record-failure",), StorageError("t.parquet: cannot be written")),
+        (("--record-failure",), OSError(errno.ENOSPC, "No space left on device")),
+        (("--record-failure",), MemoryError("none is left")),
+    ],
 )
 def test_a_part_that_fails_ends_the_stage_where_it_is_not_to_be_recorded(
-    tmp_path: Path, argv: tuple[str, ...], error: InputError
+    tmp_path: Path, argv: tuple[str, ...], error: Exception
 ) -> None:
     with (
-        pytest.raises(type(error)),
+        pytest.raises((type(error), StorageError)),
         parts_writer(tmp_path / "one.parquet", JOINT_CENTRES, Provenance()) as one,
         command_line.recording_failure(given(*argv), RIGHT, one),
     ):
         raise error
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("size_mb", [100, 200, 300, 439, 550])
+@pytest.mark.parametrize("module", ["stages.capture", "stages.solve_joints", "stages.report.print_figures"])
+def test_too_little_memory_to_start_is_one_sentence(module: str, size_mb: int) -> None:
+    """In place of the words of the library that is loaded just then, or of none."""
+    size = size_mb << 20
+    done = subprocess.run(
+        [sys.executable, "-m", module, "--help"],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size)),
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: not enough memory: a limit (ulimit -v, or the batch job's) leaves ")
+    assert len(done.stderr.splitlines()) == 1
 
 
 # --- a job's begin and end --------------------------------------------------------------------------------

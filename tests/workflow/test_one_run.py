@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,7 +17,8 @@ from workflow import one_run
 REPOSITORY = Path(__file__).resolve().parents[2]
 STUDY = Path("results", "demo")
 HOLD = (
-    f"import pathlib; from workflow import one_run; one_run.hold(pathlib.Path('{STUDY}')); print(1); input()"
+    "import pathlib; from workflow import one_run; "
+    f"one_run.begin(pathlib.Path('{STUDY}'), []); print(1); input()"
 )
 
 
@@ -55,7 +57,7 @@ def locks() -> set[str]:
 
 
 def test_nothing_is_said_where_nothing_ran() -> None:
-    assert one_run.clear_the_way(STUDY, []) == []
+    assert one_run.begin(STUDY, []) == []
 
 
 def test_a_run_beside_a_live_one_is_refused(run: subprocess.Popen[str]) -> None:
@@ -63,9 +65,9 @@ def test_a_run_beside_a_live_one_is_refused(run: subprocess.Popen[str]) -> None:
         with pytest.raises(
             InputError, match=rf"^study demo: another run of it is under way \(process {run.pid} "
         ):
-            one_run.clear_the_way(STUDY, words)
+            one_run.begin(STUDY, words)
     assert locks() == {"0.input.lock", "0.output.lock", "1.output.lock"}
-    assert one_run.clear_the_way(Path("results", "demo2"), []) == []
+    assert one_run.begin(Path("results", "demo2"), []) == []
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ def test_a_run_beside_a_live_one_is_refused(run: subprocess.Popen[str]) -> None:
     ["-n", "-np", "--dry-run", "--summary", "-S", "--unlock", "--nolock", "--list-changes=code", "--report"],
 )
 def test_who_only_looks_may(run: subprocess.Popen[str], word: str) -> None:
-    assert one_run.clear_the_way(STUDY, ["--cores", "2", word]) == []
+    assert one_run.begin(STUDY, ["--cores", "2", word]) == []
     assert run.poll() is None
     assert len(locks()) == 3
 
@@ -82,10 +84,21 @@ def test_a_killed_runs_lock_is_removed_with_a_word(run: subprocess.Popen[str]) -
     """Those of another study stay."""
     run.send_signal(signal.SIGKILL)
     run.wait()
-    (word,) = one_run.clear_the_way(STUDY, [])
+    (word,) = one_run.begin(STUDY, [])
     assert word == f"the run of process {run.pid} was killed; its lock is removed, and this one goes on"
     assert locks() == {"1.output.lock"}
-    assert one_run.clear_the_way(STUDY, []) == []
+    assert one_run.begin(STUDY, []) == []
+
+
+def test_the_study_is_held_before_snakemake_locks_it(run: subprocess.Popen[str], folder: Path) -> None:
+    """So a kill at any later moment leaves locks that are known to be nobody's; a shorter record is whole."""
+    (record,) = (folder / ".snakemake").glob("shukotsu-run-*.json")
+    assert json.loads(record.read_text())["process"] == run.pid
+    run.kill()
+    run.wait()
+    record.write_text(json.dumps({"process": run.pid, "host": socket.gethostname(), "more": "x" * 300}))
+    one_run.begin(STUDY, [])
+    assert record.read_text().startswith(json.dumps({"process": os.getpid(), "host": socket.gethostname()}))
 
 
 def test_a_lock_of_another_machine_stays(run: subprocess.Popen[str]) -> None:
@@ -94,10 +107,10 @@ def test_a_lock_of_another_machine_stays(run: subprocess.Popen[str]) -> None:
     run.wait()
     (record,) = Path(".snakemake").glob("shukotsu-run-*.json")
     record.write_text(json.dumps({"process": run.pid, "host": "another machine"}))
-    assert one_run.clear_the_way(STUDY, []) == []
+    assert one_run.begin(STUDY, []) == []
     assert len(locks()) == 3
     record.write_text("no JSON")
-    assert one_run.clear_the_way(STUDY, []) == []
+    assert one_run.begin(STUDY, []) == []
     assert len(locks()) == 3
 
 

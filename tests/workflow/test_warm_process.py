@@ -148,6 +148,40 @@ def short_folder() -> Iterator[Path]:
         yield Path(name)
 
 
+ORPHAN = f"""
+import sys, threading, time
+from workflow import job, warm_process
+process = warm_process.start()
+print(process.pid, flush=True)
+threading.Thread(target=job.run_in_fork, args=(["{WAITING}"],), daemon=True).start()
+time.sleep(600)
+"""
+
+
+def test_jobs_end_with_a_workflow_that_is_killed(short_folder: Path) -> None:
+    """Its next run must not find them writing its files."""
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": str(short_folder)}
+    environment.pop(job.ADDRESS, None)
+    words = [sys.executable, "-c", ORPHAN]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(words, env=environment, text=True, **pipes) as workflow:
+        assert workflow.stdout is not None
+        warm = psutil.Process(int(workflow.stdout.readline()))
+        assert workflow.stdout.readline() == "begun\n"
+        (fork,) = forks(warm)
+        keeper = os.dup(workflow.stdin.fileno())  # type: ignore[union-attr] # the job itself would wait on
+        workflow.kill()
+        workflow.wait()
+        wait_for(lambda: not fork.is_running())
+        os.close(keeper)
+
+
+def test_a_job_of_a_workflow_that_has_ended_is_not_begun(tmp_path: Path) -> None:
+    finished = done(HELP, tmp_path, address=str(tmp_path / "removed" / "jobs"))
+    assert finished.returncode == job.KILLED
+    assert finished.stderr == "error: the workflow that started this job was killed\n"
+
+
 def test_it_ends_with_who_started_it(short_folder: Path) -> None:
     """Also where that is killed; then, too, it leaves nothing behind."""
     code = (
