@@ -162,8 +162,8 @@ def commands_of(study: SmallStudy) -> list[Command]:
     made = ("stages.simulate", *who, "--seed", "1", "--frames", str(FRAMES), "--out", simulated)
     stream = ("stages.capture", "emulate", "--recording", simulated, "--layout", "liberty16")
     decode = ("stages.capture", "decode", "--in", streamed, "--out", decoded)
-    for words in (made, (*stream, "--archive", streamed), decode):
-        run_python("-m", *words, folder=study.folder)
+    for argv in (made, (*stream, "--archive", streamed), decode):
+        run_python("-m", *argv, folder=study.folder)
     truths = tuple(path.relative_to(study.folder).as_posix() for path in study.folder.glob("sim/*_truth/*"))
     commands.append(Command("simulate", made, (), (simulated, *truths)))
     commands.append(Command("decode", decode, (streamed,), (decoded,)))

@@ -75,12 +75,17 @@ def _full_disk(study: SmallStudy, commands: Sequence[Command], limit: Limit) -> 
         study = study.copied(disk / "study")
         for command in commands:
             for room in () if limit.is_over else ROOM_BYTES:
-                for path in (study.folder / name for name in command.outputs):
-                    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-                ballast = disk / "ballast"
-                _fill(ballast, room)
-                tries.add(try_once(study, command, None, ballast.unlink))
+                tries.add(fill_and_try(study, command, disk, room))
     return tries.row()
+
+
+def fill_and_try(study: SmallStudy, command: Command, disk: Path, room: int) -> str:
+    """Run a command, its outputs removed, with so many bytes left on the disk, see `try_once`."""
+    for path in (study.folder / name for name in command.outputs):
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    ballast = disk / "ballast"
+    _fill(ballast, room)
+    return try_once(study, command, None, ballast.unlink)
 
 
 def _fill(ballast: Path, room: int) -> None:
