@@ -196,24 +196,16 @@ def _recorded(record: bool) -> Iterator[list[str]]:
         yield messages
     except (TableError, MemoryError, ModuleNotFoundError):
         raise
-    except OSError as error:
-        if not record or error.errno in OF_THE_MACHINE:
-            raise
-        _keep_bug(error, messages)
     except InputError as error:
         if not record:
             raise
         messages.append(str(error))
         print(f"error: {error}", file=sys.stderr)
     except Exception as error:  # also a bug must not cost the study its other parts
-        if not record:
+        if not record or (isinstance(error, OSError) and error.errno in OF_THE_MACHINE):
             raise
-        _keep_bug(error, messages)
-
-
-def _keep_bug(error: Exception, messages: list[str]) -> None:
-    traceback.print_exc()
-    messages.append(f"internal error ({type(error).__name__}: {error}); please report it with the log")
+        traceback.print_exc()
+        messages.append(f"internal error ({type(error).__name__}: {error}); please report it with the log")
 
 
 def poses_files(plan: SubjectPlan) -> list[Path]:
