@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import sys
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -77,6 +79,7 @@ def _become(argv: Sequence[str], folder: Path, said: int, prepare: Callable[[], 
         os.dup2(os.open(os.devnull, os.O_RDWR), 0)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         os.dup2(said, 2)
+        sys.stdout, sys.stderr = (os.fdopen(number, "w", 1, closefd=False) for number in (1, 2))
         os.chdir(folder)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         signal.alarm(int(PATIENCE_S))
@@ -88,9 +91,6 @@ def _become(argv: Sequence[str], folder: Path, said: int, prepare: Callable[[], 
 
 
 def _status(argv: Sequence[str]) -> int:
-    import sys
-    import traceback
-
     try:
         return job.run(argv)
     except SystemExit as end:
