@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import random
 import resource
@@ -19,7 +20,6 @@ ROOM_BYTES = (0, 4096, 65536)
 """Left on the disk, in whole pages of a file system in memory."""
 QUOTA_BYTES = (500, 5000, 50000)
 """Most that a file may have."""
-NOBODY = 65534
 READ_ONLY = 0o555
 
 Prepare = Callable[[], None] | None
@@ -31,8 +31,8 @@ def rows(limit: Limit, seed: int, study: SmallStudy) -> list[Row]:
     commands = commands_of(study)
     study, chance = SmallStudy(study.folder, state_of(study.folder)), random.Random(seed)
     chance.shuffle(commands)
-    nobody = _as_nobody(study, commands, chance, limit)
-    return [*nobody, _quota(study, commands, limit), _full_disk(study, commands, limit)]
+    owner = as_owner(study, commands, chance, limit)
+    return [*owner, _quota(study, commands, limit), _full_disk(study, commands, limit)]
 
 
 def _quota(study: SmallStudy, commands: Sequence[Command], until: Limit) -> Row:
@@ -109,21 +109,12 @@ def small_disk(folder: Path) -> Iterator[Path | None]:
         subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
-def _as_nobody(
+def as_owner(
     study: SmallStudy, commands: Sequence[Command], chance: random.Random, limit: Limit
 ) -> list[Row]:
-    """What root may always do is tried as an ordinary user."""
+    """What root may always do is tried without its privileges."""
     read_only = Tries("folders that are read-only", REFUSED)
     unreadable = Tries("an input that may not be read", "one sentence; then the same command, same bytes")
-    for folder in (study.folder, *study.folder.parents):
-        if folder.is_relative_to("/tmp") and folder != Path("/tmp") and os.geteuid() == 0:
-            folder.chmod(folder.stat().st_mode | 0o055)
-    if (
-        os.geteuid() == 0
-        and run_forked((*commands[0].argv[:1], "--help"), study.folder, prepare=_be_nobody).code
-    ):
-        why = "another user cannot read this program"
-        return [not_tried(tries.fault, why) for tries in (read_only, unreadable)]
     for command in commands:
         if limit.is_over:
             break
@@ -135,7 +126,7 @@ def _as_nobody(
 
         for path in modes:
             path.chmod(READ_ONLY)
-        read_only.add(try_once(study, command, _be_nobody, restore))
+        read_only.add(try_once(study, command, _without_privileges, restore))
         inputs = [study.folder / name for name in command.inputs if (study.folder / name).is_file()]
         if inputs:
             unreadable.add(_without_leave(study, command, chance.choice(inputs)))
@@ -143,15 +134,11 @@ def _as_nobody(
 
 
 def _without_leave(study: SmallStudy, command: Command, path: Path) -> str:
-    """Run a command as an ordinary user who may write everywhere and not read one input."""
-    modes = {each: each.stat().st_mode for each in study.folder.rglob("*")}
-    for each, mode in modes.items():
-        each.chmod(mode | 0o777)
+    """Run a command that may not read one of its inputs."""
+    mode = path.stat().st_mode
     path.chmod(0)
-    ended = run_forked(command.argv, study.folder, prepare=_be_nobody)
-    for each, mode in modes.items():
-        if each.exists():
-            each.chmod(mode)
+    ended = run_forked(command.argv, study.folder, prepare=_without_privileges)
+    path.chmod(mode)
     problem = ended.refusal
     if not problem and ended.code == 0 and path.name not in ended.said and study.incomplete():
         problem = f"other results without a word on {path.name}"
@@ -162,8 +149,12 @@ def _without_leave(study: SmallStudy, command: Command, path: Path) -> str:
     return f"{command.name}: {path.name}: {problem}" if problem else ""
 
 
-def _be_nobody() -> None:
-    if os.geteuid() == 0:
-        os.setgroups([])
-        os.setgid(NOBODY)
-        os.setuid(NOBODY)
+def _without_privileges() -> None:
+    """Leave this process, where it is root's, what its owner may do with a file and no more.
+
+    Another user's it cannot be, who need not be able to read this Python.
+    """
+    version = 0x20080522  # of capset(2): two words each of what is effective, permitted, inheritable
+    header, none = (ctypes.c_uint32 * 2)(version, 0), (ctypes.c_uint32 * 6)()
+    if os.geteuid() == 0 and ctypes.CDLL(None, use_errno=True).capset(header, none) != 0:
+        raise OSError(ctypes.get_errno(), "capset")

@@ -131,6 +131,15 @@ def test_what_changes_while_a_study_runs_is_noticed(study: SmallStudy, tmp_path:
 
 
 @pytest.mark.slow
+def test_what_may_not_be_read_or_written_is_one_sentence(
+    commands: tuple[SmallStudy, list[Command]],
+) -> None:
+    study, each = commands
+    rows = storage.as_owner(study, each, random.Random(1), Limit(1))
+    assert [row.tried > 0 and row.failed for row in rows] == [0, 0]
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="a disk is mounted")
 def test_a_full_disk_is_no_result(commands: tuple[SmallStudy, list[Command]], tmp_path: Path) -> None:
     study, each = commands
