@@ -39,11 +39,12 @@ class SubjectPlan:
     """One subject of a study.
 
     folder : the subject's results, results/<study>/sub-S. layouts : by hand. models : by name, in the study's
-    order. corrections, measurements, touches : the subject's rows of these sheets. sheets : their paths, for
-    messages. poses_files : every recording's poses table. truth_folders : of simulated recordings, where the
-    truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks are left
-    out in turn; else every recording is used as a command line names it. refused : the sentence of each
-    recording that a finding refuses; such a one is excluded. suspect : that of each that a finding suspects.
+    order. corrections, measurements, touches, events : the subject's rows of these sheets. sheets : their
+    paths, for messages. poses_files : every recording's poses table. truth_folders : of simulated recordings,
+    where the truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks
+    are left out in turn; else every recording is used as a command line names it. refused : the sentence of
+    each recording that a finding refuses; such a one is excluded. suspect : that of each that one suspects.
+    session : where the recordings sheet names any. factors : the subject's levels, by the participants sheet.
     """
 
     study: str
@@ -57,6 +58,7 @@ class SubjectPlan:
     corrections: tuple[Row, ...]
     measurements: tuple[Row, ...]
     touches: tuple[Row, ...]
+    events: tuple[Row, ...]
     sheets: Mapping[str, Path]
     poses_files: Mapping[Recording, Path]
     truth_folders: Mapping[Recording, Path]
@@ -64,6 +66,7 @@ class SubjectPlan:
     refused: Mapping[Recording, str] = field(default_factory=dict)
     suspect: Mapping[Recording, str] = field(default_factory=dict)
     session: str = ""
+    factors: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def who(self) -> SubjectSession:
@@ -219,6 +222,7 @@ class StudyPlans:
             "session": session,
             "folder": (self._results / f"sub-{SubjectSession(subject, session).token}").as_posix(),
             **{name: sizes.get(name) for name in SIZES},
+            "factors": {name: sizes[name] for name in study.factors if name in sizes},
             "recordings": [_recording(recording, study, self._results) for recording in study.recordings],
             "layouts": {hand.hand: self._layouts[study.layout_of(hand)] for hand in study.hands},
             "models": self._models,
@@ -232,7 +236,8 @@ class StudyPlans:
     def recordings_content(self, subject: str, session: str = "") -> dict[str, Any]:
         """Give the plan of a subject's recordings alone, without models, sizes and what was measured."""
         nothing: dict[str, Any] = {"models": [], "sheets": {}, **dict.fromkeys(SIZES)}
-        return self.content(subject, session) | nothing | {name: [] for name in HAND_SHEETS}
+        nothing |= {name: [] for name in HAND_SHEETS if name != "events"}
+        return _without_factors(self.content(subject, session)) | nothing
 
     def fit_content(self, subject: str, hand: str, model: str, session: str = "") -> dict[str, Any]:
         """Give the plan of a fit of a hand: with its model alone, and that hand unless lengths are shared."""
@@ -242,7 +247,10 @@ class StudyPlans:
             for name in ("recordings", "measurements", "touches"):
                 content[name] = [row for row in content[name] if row["hand"] == hand]
             content["layouts"] = {hand: content["layouts"][hand]}
-        return content | {"models": [config], "corrections": []}
+        content = _without_factors(content)
+        for entry in content["recordings"]:
+            entry |= {"events": None, "pulses": ""}
+        return content | {"models": [config], "corrections": [], "events": []}
 
 
 SheetRow = TypeVar("SheetRow", Row, dict[str, Any])
@@ -261,6 +269,12 @@ def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> lis
     ]
 
 
+def _without_factors(content: Mapping[str, Any]) -> dict[str, Any]:
+    """A plan for jobs that no factor concerns, so that another one does not run them again."""
+    recordings = [entry | {"factors": {}} for entry in content["recordings"]]
+    return {**content, "recordings": recordings, "factors": {}}
+
+
 def _recording(recording: Recording, study: Study, results: Path) -> dict[str, Any]:
     simulated = study.simulation is not None and recording.file.parent == study.simulation.folder
     return {
@@ -276,6 +290,9 @@ def _recording(recording: Recording, study: Study, results: Path) -> dict[str, A
         "hemisphere": recording.hemisphere,
         "exclude": recording.exclude,
         "accept": recording.accept,
+        "events": None if recording.events is None else _relative(recording.events),
+        "pulses": recording.pulses,
+        "factors": dict(recording.factors),
         "poses": (results / recording.hand.folder / recording.name / "poses.parquet").as_posix(),
         "truth": _relative(truth_folder(recording.file)) if simulated else None,
     }
@@ -306,7 +323,7 @@ def plan_of_poses(
     """Make a plan of one hand's poses files as a command line names them, for a stage that is run alone.
 
     calibration, evaluated : poses files, one may be both. subject, session, hand : whose, where no file says.
-    sizes_mm : hand_length_mm and hand_breadth_mm. sheets : paths of corrections, measurements and touches, of
+    sizes_mm : hand_length_mm and hand_breadth_mm. sheets : paths of HAND_SHEETS, of
     which the rows of this hand count. Raises InputError where the files are of several hands.
     """
     whose = one_hand([*calibration, *evaluated], subject, session, hand)
@@ -393,6 +410,8 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
         corrections=_rows(content["corrections"]),
         measurements=_rows(content["measurements"]),
         touches=_rows(content["touches"]),
+        events=_rows(content["events"]),
+        factors=content["factors"],
         sheets={name: Path(file) for name, file in content["sheets"].items()},
         poses_files={recording: Path(entry["poses"]) for recording, entry in recordings.items()},
         truth_folders={r: Path(entry["truth"]) for r, entry in recordings.items() if entry["truth"]},
@@ -401,7 +420,7 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
 
 def _read_recording(entry: Mapping[str, Any], who: SubjectSession) -> Recording:
     values = {name: value for name, value in entry.items() if name not in ("poses", "truth")}
-    mapping = values["mapping"]
+    mapping, events = values["mapping"], values["events"]
     return Recording(
         **values
         | {
@@ -409,6 +428,8 @@ def _read_recording(entry: Mapping[str, Any], who: SubjectSession) -> Recording:
             "file": Path(values["file"]),
             "layout": Path(values["layout"]),
             "mapping": None if mapping is None else Path(mapping),
+            "events": None if events is None else Path(events),
+            "factors": tuple(values["factors"].items()),
         }
     )
 

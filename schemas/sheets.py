@@ -5,10 +5,12 @@ Every cell is checked; a message names the file, the row (as an editor counts li
 
 from __future__ import annotations
 
+import difflib
 import math
 import unicodedata
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +132,8 @@ RECORDINGS = Sheet(
         ),
         Cell("exclude", _text, "a reason to leave the recording out; empty to use it", False, ""),
         Cell("accept", _text, "a reason to let it count though a finding calls it suspect", False, ""),
+        Cell("events", _text, "a file of its events, relative to the study file (docs/events.md)", False, ""),
+        Cell("pulses", _text, "which of these events the recording has too (docs/events.md)", False, ""),
     ),
     ("subject", "session", "hand", "task", "trial"),
 )
@@ -199,14 +203,33 @@ TOUCHES = Sheet(
     ("subject", "session", "hand", "task", "trial", "digit", "from_s"),
 )
 
-SHEETS = {sheet.name: sheet for sheet in (RECORDINGS, PARTICIPANTS, CORRECTIONS, MEASUREMENTS, TOUCHES)}
-HAND_SHEETS = ("corrections", "measurements", "touches")
+EVENTS = Sheet(
+    "events",
+    (
+        SUBJECT,
+        HAND,
+        Cell("session", _text, "its session, where the subject has several", False, ""),
+        Cell("task", _text, "the recording in which it happened"),
+        Cell("trial", _text, "its repetition, where there are several", False, ""),
+        Cell("onset_s", _number, "when it began, device time of the recording"),
+        Cell("duration_s", _positive, "how long it lasted", False),
+        Cell("name", _text, "what it was; events of one name cut the movement into cycles", False, ""),
+        Cell("value", _number, "what came with it, e.g. a key's velocity", False),
+    ),
+    ("subject", "session", "hand", "task", "trial", "onset_s", "name", "value"),
+)
+
+SHEETS = {
+    sheet.name: sheet for sheet in (RECORDINGS, PARTICIPANTS, CORRECTIONS, MEASUREMENTS, TOUCHES, EVENTS)
+}
+HAND_SHEETS = ("corrections", "measurements", "touches", "events")
 """Those whose rows say something of one hand each."""
 
 
-def read_sheet(path: Path | None, sheet: Sheet) -> list[Row]:
+def read_sheet(path: Path | None, sheet: Sheet, more: Collection[str] = ()) -> list[Row]:
     """Read a sheet (UTF-8, tab-separated, a header line; empty lines are skipped); no path, no rows.
 
+    more : further columns that it may have, read as text.
     Raises InputError that names every bad cell (the first five) by file, row and column.
     """
     if path is None:
@@ -219,7 +242,7 @@ def read_sheet(path: Path | None, sheet: Sheet) -> list[Row]:
     ]
     if not numbered:
         raise InputError(f"{path}: is empty; expected a header line with {_columns(sheet)}")
-    _check_header(path, sheet, numbered[0][1])
+    _check_header(path, sheet, numbered[0][1], more)
     header = numbered[0][1]
     rows, messages = [], []
     for line, cells in numbered[1:]:
@@ -237,7 +260,7 @@ def _columns(sheet: Sheet) -> str:
     return ", ".join(cell.name for cell in sheet.cells if cell.required)
 
 
-def _check_header(path: Path, sheet: Sheet, header: list[str]) -> None:
+def _check_header(path: Path, sheet: Sheet, header: list[str], more: Collection[str]) -> None:
     known = [cell.name for cell in sheet.cells]
     missing = [cell.name for cell in sheet.cells if cell.required and cell.name not in header]
     if missing:
@@ -248,15 +271,17 @@ def _check_header(path: Path, sheet: Sheet, header: list[str]) -> None:
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
         raise InputError(f"{path}: row 1: column {listed(twice)} is given twice")
-    odd = [name for name in header if name not in known]
+    odd = [name for name in header if name not in known and name not in more]
     if odd and not sheet.more_columns:
-        raise InputError(f"{path}: row 1: unknown column {listed(odd)}; known are {', '.join(known)}")
+        close = difflib.get_close_matches(odd[0], known, 1)
+        meant = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+        raise InputError(f"{path}: row 1: unknown column {listed(odd)}; {meant}")
 
 
 def _read_row(sheet: Sheet, header: list[str], line: int, cells: list[str]) -> tuple[Row, list[str]]:
     if len(cells) > len(header):
         return Row(line, {}), [f"row {line}: has {len(cells)} cells; expected {len(header)}"]
-    given = dict(zip(header, cells, strict=False))
+    given = dict(zip_longest(header, cells, fillvalue=""))
     values: dict[str, Any] = {k: v for k, v in given.items() if k not in {c.name for c in sheet.cells}}
     messages = []
     for cell in sheet.cells:

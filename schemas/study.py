@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,10 @@ from schemas.errors import InputError, guess, listed
 from schemas.layout import Layout, read_layout
 from schemas.limits import FILE_NAME_BYTES, NAMES_BYTES
 from schemas.model import SkeletonModel, read_model
-from schemas.sheets import HAND_SHEETS, RECORDINGS, SHEETS, Row, read_sheet
+from schemas.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
+
+OWN_FACTORS = ("session", "hand", "task")
+"""Columns that every recording has and that may be factors."""
 
 REPETITIONS = 20
 """What ends in so many repetitions of something Snakemake takes for a rule that feeds itself."""
@@ -77,6 +80,9 @@ class Recording:
     hemisphere: str
     exclude: str
     accept: str = ""
+    events: Path | None = None
+    pulses: str = ""
+    factors: tuple[tuple[str, str], ...] = ()
 
     @property
     def name(self) -> str:
@@ -162,6 +168,11 @@ class Study:
         return replace(self, recordings=recordings)
 
     @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the study's factors, see `schemas.factors`."""
+        return tuple(self.config["factors"])
+
+    @property
     def shown(self) -> tuple[Recording, ...]:
         """Every recording that tips are evaluated on, and so has a page in the report."""
         return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
@@ -203,11 +214,13 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     layout = config_path(config["layout"], "layout", folder)
     models = _models(config["models"], folder, where)
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
-    recordings, unusable = _recordings(sheets["recordings"], folder, layout)
+    recordings, unusable = _recordings(sheets["recordings"], folder, layout, config["factors"])
     for path in {r.layout for r in recordings} | {layout}:
         read_layout(path.absolute())
-    for name in ("participants", *HAND_SHEETS):
-        read_sheet(sheets.get(name), SHEETS[name])
+    read = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
+    _check_factors(config["factors"], recordings, read["participants"], where)
+    if "events" in sheets:
+        _check_events(sheets["events"], read["events"], recordings, unusable)
     simulation = None
     if "simulation" in config:
         part = config["simulation"]
@@ -257,6 +270,50 @@ def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], 
     return problems
 
 
+def _check_factors(
+    names: Sequence[str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
+) -> None:
+    """Raise InputError where a factor is no further column of one sheet, participants' or recordings'."""
+    read_otherwise = {cell.name for sheet in (PARTICIPANTS, RECORDINGS) for cell in sheet.cells}
+    further = dict.fromkeys(name for row in participants for name in row.values)
+    known = [*OWN_FACTORS, *(name for name in further if name not in read_otherwise)]
+    of_recordings = {name for recording in recordings for name, _ in recording.factors}
+    for name in names:
+        if name in OWN_FACTORS:
+            continue
+        if name in read_otherwise:
+            reason = f"tells no levels apart; expected one of {', '.join(known)}"
+        elif name in of_recordings and name in known:
+            reason = "is a column of both sheets, participants and recordings; keep one of them"
+        elif name not in of_recordings and name not in known:
+            reason = f"is no column of the sheets of participants and recordings; {guess(name, known)}"
+        else:
+            continue
+        raise InputError(f"{where}: factors: {name!r} {reason}")
+
+
+def _check_events(
+    path: Path, rows: Sequence[Row], recordings: Sequence[Recording], unusable: Sequence[UnusableRow]
+) -> None:
+    """Raise InputError where a row is of no single recording: session and trial may be left out for one."""
+    of_key: dict[tuple[str, ...], list[Recording]] = {}
+    for recording in recordings:
+        of_key.setdefault((recording.hand.subject, recording.hand.hand, recording.task), []).append(recording)
+    left_out = {(row.hand.subject, row.hand.hand, row.task) for row in unusable}
+    for row in rows:
+        key = tuple(row[name] for name in ("subject", "hand", "task"))
+        named = [
+            recording
+            for recording in of_key.get(key, [])
+            if all(row[name] in ("", recording.key[name]) for name in ("session", "trial"))
+        ]
+        if len(named) == 1 or (not named and key in left_out):
+            continue
+        what = "several recordings; say which in the columns session and trial" if named else "no recording"
+        words = ", ".join(row[name] for name in ("subject", "session", "hand", "task", "trial") if row[name])
+        raise InputError(f"{path}: row {row.line}: {words} names {what} of the recordings sheet")
+
+
 def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
     models: dict[str, Path] = {}
     for name in names:
@@ -277,7 +334,11 @@ def _why_unusable(recording: Recording) -> str:
             f"columns subject, session, task, trial: have {n_bytes} bytes in the names of files; expected at "
             f"most {NAMES_BYTES}"
         )
-    for column, path in (("file", recording.file), ("mapping", recording.mapping)):
+    for column, path in (
+        ("file", recording.file),
+        ("mapping", recording.mapping),
+        ("events", recording.events),
+    ):
         if path and max((len(part.encode()) for part in path.parts), default=0) > FILE_NAME_BYTES:
             return (
                 f"column {column}: has a part of more than {FILE_NAME_BYTES} bytes, which no file's name has"
@@ -286,14 +347,14 @@ def _why_unusable(recording: Recording) -> str:
 
 
 def _recordings(
-    sheet: Path, folder: Path, layout: Path
+    sheet: Path, folder: Path, layout: Path, factors: Sequence[str]
 ) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
     """Give the recordings of the sheet, and the rows that can be none."""
     recordings, unusable = [], []
     layouts: dict[Hand, tuple[Path, int]] = {}
     paths: dict[tuple[str, str], int] = {}
     units: dict[str, tuple[SubjectSession, int]] = {}
-    for row in read_sheet(sheet, RECORDINGS):
+    for row in read_sheet(sheet, RECORDINGS, factors):
         own = config_path(row["layout"], "layout", folder) if row["layout"] else layout
         recording = Recording(
             Hand(row["subject"], row["hand"], row["session"]),
@@ -308,6 +369,9 @@ def _recordings(
             row["hemisphere"],
             row["exclude"],
             row["accept"],
+            folder / row["events"] if row["events"] else None,
+            row["pulses"],
+            tuple((name, row[name]) for name in factors if name in row.values and name not in OWN_FACTORS),
         )
         reason = _why_unusable(recording)
         if reason:

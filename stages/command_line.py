@@ -77,6 +77,7 @@ def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = N
     from schemas.model import read_model
     from schemas.parts import one_hand_of
     from schemas.plan import plan_of_poses, read_plan
+    from schemas.sheets import HAND_SHEETS
 
     given: dict[str, Any] = vars(arguments)
     if arguments.plan is not None:
@@ -98,7 +99,7 @@ def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = N
         [] if arguments.model is None else [read_model(arguments.model)],
         **whose,
         sizes_mm={name: given.get(name) for name in _SIZES},
-        sheets={name: given.get(name) for name in ("corrections", "measurements", "touches")},
+        sheets={name: given.get(name) for name in HAND_SHEETS},
     )
 
 

@@ -93,6 +93,12 @@ class StudyFiles:
         simulated = [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
         return [path for path in _files_of(recording) if _can_be_read(Path(path)) or path in simulated]
 
+    def event_files(self, wildcards: Wildcards) -> list[str]:
+        """Files of the events of the subject's recordings that are there."""
+        files = [recording.events for recording in self._plans[wildcards.subject].recordings]
+        paths = [_relative(path) for path in files if path is not None]
+        return [path for path in paths if _can_be_declared(path) and _can_be_read(Path(path))]
+
     def undeclared_files(self, wildcards: Wildcards) -> str:
         """What tells a change of those files of a recording whose names Snakemake would read as wildcards."""
         odd = [

@@ -36,6 +36,8 @@ def test_the_same_sheet_however_it_is_saved(tmp_path: Path, end: str, encoding: 
         "hemisphere": "keep",
         "exclude": "",
         "accept": "",
+        "events": "",
+        "pulses": "",
     }
     assert row.values == given_values | defaults
 
@@ -89,6 +91,7 @@ def test_quotes_and_markup_are_text(tmp_path: Path) -> None:
             "row 3: subject '01', hand 'right', task 'rom' already stands in row 2",
         ),
         (RECORDINGS, [RECORDING[0] + "\tnotes"], "row 1: unknown column notes; known are subject, hand"),
+        (RECORDINGS, [RECORDING[0] + "\tsesion"], "unknown column sesion; did you mean 'session'?"),
         (RECORDINGS, [RECORDING[0] + "\thand"], "row 1: column hand is given twice"),
         (RECORDINGS, ["subject\thand\ttask\tfile"], "row 1: column role is missing; found subject, hand"),
         (RECORDINGS, [RECORDING[0].replace("\t", ",")], "are the columns separated by tabs"),

@@ -12,6 +12,7 @@ from snakemake.io import PeriodicityDetector
 from schemas.config_files import CONFIG_FOLDER
 from schemas.errors import InputError
 from schemas.layout import read_layout
+from schemas.plan import StudyPlans, plan_from_content
 from schemas.sheets import CORRECTIONS, read_sheet
 from schemas.study import Hand, Study, correction_problems, path_token, read_study
 
@@ -204,3 +205,82 @@ def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) 
     assert "expected one of wrist, thumb_cmc, " in problems[2]
     assert "'index_cmc' is no joint of layout" in problems[3]
     assert all(problem.endswith("the row was not applied") for problem in problems)
+
+
+SESSIONS = "subject\tsession\thand\ttask\trole\tfile\ttrial\tevents\tpulses"
+
+
+def study_of_sessions(folder: Path, *rows: str, **sheets: str) -> Study:
+    """Read a study with those rows of the columns SESSIONS, and other sheets of that content."""
+    (folder / "recordings.tsv").write_text("\n".join([SESSIONS, *rows]).replace(" ", "\t").replace("-", ""))
+    named = {name: f"{name}.tsv" for name in ("recordings", *sheets)}
+    for name, text in sheets.items():
+        (folder / f"{name}.tsv").write_text(text.replace(" ", "\t"))
+    keys = "".join(f"{name}: {file}\n" for name, file in named.items())
+    (folder / "study.yaml").write_text(f"study: s\nlayout: liberty16\nmodels: [rigid]\n{keys}")
+    return read_study(folder / "study.yaml")
+
+
+def test_sessions_are_kept_apart(tmp_path: Path) -> None:
+    read = study_of_sessions(
+        tmp_path,
+        "01 1 right rom both a.csv",
+        "01 2/b right rom both b.csv - b.mid sync",
+        "01 - left rom both c.csv",
+    )
+    assert read.subjects == ("01",)
+    assert [who.token for who in read.sessions] == ["01_ses-1", "01_ses-2%2Fb", "01"]
+    assert [hand.folder for hand in read.hands] == [f"sub-{own}" for own in (
+        "01_ses-1/right", "01_ses-2%2Fb/right", "01/left"
+    )]  # fmt: skip
+    assert str(read.hands[1]) == "subject 01, session 2/b, right hand"
+    (recording,) = read.of_session("01", "2/b").recordings
+    assert (recording.file_as_written, recording.events, recording.pulses) == (
+        "b.csv", tmp_path / "b.mid", "sync"
+    )  # fmt: skip
+    with pytest.raises(InputError, match="has no subject '01, session 3'; expected one of 01, session 1, "):
+        read.of_session("01", "3")
+
+
+def test_a_session_may_not_have_the_path_of_another_subject(tmp_path: Path) -> None:
+    (tmp_path / "recordings.tsv").write_text(
+        f"{SESSIONS}\n01\t2\tright\trom\tboth\ta.csv\n01_ses-2\t\tright\treach\tboth\tb.csv\n"
+    )
+    (tmp_path / "study.yaml").write_text(
+        "study: s\nlayout: liberty16\nmodels: [rigid]\nrecordings: recordings.tsv\n"
+    )
+    with pytest.raises(InputError, match="row 3: results of subject 01_ses-2 would have the path of subject"):
+        read_study(tmp_path / "study.yaml")
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("01 right scale 1", "row 2: 01, right, scale names several recordings; say which in the columns"),
+        ("01 left scale 1", "row 2: 01, left, scale names no recording of the recordings sheet"),
+        ("01 right scale x", "row 2, column onset_s: is 'x'; expected a number"),
+    ],
+)
+def test_events_are_of_one_recording(tmp_path: Path, row: str, message: str) -> None:
+    recordings = ("01 1 right scale both a.csv", "01 2 right scale both b.csv", "01 2 right rom both c.csv")
+    with pytest.raises(InputError, match=message):
+        study_of_sessions(tmp_path, *recordings, events=f"subject hand task onset_s\n{row}\n")
+    events = "subject hand session task onset_s name\n01 right 2 scale 1.5 key\n01 right - rom 2 key\n"
+    read = study_of_sessions(tmp_path, *recordings, events=events.replace("-", ""))
+    plans = StudyPlans(read, tmp_path / "results")
+    for session, tasks in (("1", {"rom"}), ("2", {"scale", "rom"})):
+        plan = plan_from_content(plans.recordings_content("01", session), "here")
+        assert {row["task"] for row in plan.events} == tasks
+
+
+def test_rows_of_one_session_come_before_those_of_all(tmp_path: Path) -> None:
+    sheet = (
+        "subject hand session quantity value_mm sd_mm\n01 right - a 1 1\n01 right 2 a 2 1\n01 right 2 b 3 1\n"
+    )
+    recordings = ("01 1 right rom both a.csv", "01 2 right rom both b.csv")
+    read = study_of_sessions(tmp_path, *recordings, measurements=sheet.replace("-", ""))
+    plans = StudyPlans(read, tmp_path / "results")
+    for session, values in (("1", {"a": 1.0}), ("2", {"a": 2.0, "b": 3.0})):
+        content = plans.content("01", session)
+        assert content["session"] == session
+        assert {row["quantity"]: row["value_mm"] for row in content["measurements"]} == values

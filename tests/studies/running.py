@@ -35,6 +35,8 @@ PARTS = (
     "data",
 )
 
+HEADER = "subject\thand\ttask\trole\tfile\texclude"
+
 _JOB = re.compile(r"^Job \d+: (\w+): (.*)$", re.MULTILINE)
 
 Row = dict[str, Any]
@@ -128,10 +130,10 @@ def jobs_in(text: str) -> set[Job]:
 def write_study(folder: Path, name: str, rows: list[str], models: list[str], **keys: str) -> StudyRun:
     """Write a study file, NAME.yaml, and its sheet of recordings, NAME.tsv.
 
-    rows: subject, hand, task, role, file and, where there is a reason to leave it out, exclude.
+    rows: cells of the columns HEADER, separated by tabs; the first may be another header.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    sheet = ["subject\thand\ttask\trole\tfile\texclude", *rows]
+    sheet = rows if rows[0].startswith("subject\t") else [HEADER, *rows]
     (folder / f"{name}.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
     lines = [f"study: {name}", f"recordings: {name}.tsv", f"models: [{', '.join(models)}]"]
     lines += [f"{key}: {value}" for key, value in ({"layout": "liberty16"} | keys).items()]
@@ -140,10 +142,16 @@ def write_study(folder: Path, name: str, rows: list[str], models: list[str], **k
 
 
 def record(
-    file: Path, *, subject: str = "01", hand: str = "right", task: str = "rom", frames: int = 300
+    file: Path,
+    *,
+    subject: str = "01",
+    hand: str = "right",
+    task: str = "rom",
+    frames: int = 300,
+    session: str = "",
 ) -> Path:
     """Simulate a short recording into a file whose ending says its format."""
-    write_recording(file, simulate(subject, hand, task, 3, Realism.full(), frames))
+    write_recording(file, simulate(subject, hand, task, 3, Realism.full(), frames, session=session))
     return file
 
 
