@@ -139,7 +139,8 @@ def _tip_numbers(
     names = ("skin_tip_x_mm", "skin_tip_y_mm", "skin_tip_z_mm", "skin_tip_sd_mm")
     found = _columns(blocks, "posed_tips", "digit", names)
     grid, bone = grid_of(poses.time_s), BONES.index("hand")
-    seen = poses.position_mm[:, poses.index("hand")], poses.quaternion[:, poses.index("hand")]
+    pose = _columns(blocks, "bone_poses", "segment", ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"))["hand"]
+    seen = pose[:, :3], pose[:, 3:]
     true = made.truth.bone_position_mm[:, bone], made.truth.bone_quaternion[:, bone]
     tips, true_tips = {}, {}
     for index, digit in enumerate(DIGITS):
