@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stages import command_line
 
@@ -83,6 +83,7 @@ def _measure_part(
     from schemas.errors import InputError, TableError
     from schemas.poses import frame_count
 
+    curves: list[dict[str, Any]] = []
     for table in _by_model(tables):
         table.rows(part, [])
     for recording in plan.evaluated(part.hand):
@@ -92,7 +93,11 @@ def _measure_part(
             raise
         except InputError:
             continue  # its import failed: the recordings table says why
-        used |= _measure_recording(plan, part, recording, cycles[recording], tables)
+        whole, own_curves = _measure_recording(plan, part, recording, cycles[recording], tables)
+        used |= whole
+        curves += own_curves
+    for columns in curves:  # only now, as what `columns` has written stays there where the part fails
+        tables["movement_curves"].columns(part, columns)
 
 
 def _measure_recording(
@@ -101,8 +106,8 @@ def _measure_recording(
     recording: Recording,
     cycles: Sequence[Sequence[Cycle]],
     tables: Mapping[str, PartsWriter],
-) -> set[tuple[Recording, str, int]]:
-    """Write the rows of one recording; give the cycles that its curves are made of."""
+) -> tuple[set[tuple[Recording, str, int]], list[dict[str, Any]]]:
+    """Write the rows of one recording; give its curves' cycles and columns."""
     from stages.measure_movement.movement_rows import (
         curve_columns,
         distance_rows,
@@ -113,7 +118,9 @@ def _measure_recording(
     from stages.measure_movement.recorded_movement import RecordedMovement
     from stages.measure_movement.sampling import grid_of
 
-    movement, keys = RecordedMovement(plan, recording, part.model), _keys(recording)
+    keys: dict[str, Any] = {**recording.key}
+    curves: list[dict[str, Any]] = []
+    movement = RecordedMovement(plan, recording, part.model)
     grid, ranges, used = grid_of(movement.poses.time_s), list(left_out_rows(movement.left_out())), set()
     for series in movement.angles():
         ranges += range_rows(series, grid, {joint: movement.reliability(joint) for joint in series.joints})
@@ -121,8 +128,7 @@ def _measure_recording(
             assert grid is not None  # without times there are no cycles
             columns, whole = curve_columns(series, grid, movement.poses.time_s, own)
             used |= {(recording, own[0].event, number) for number in whole}
-            if whole:
-                tables["movement_curves"].columns(part, keys | columns)
+            curves += [keys | columns] if whole else []
     tips = movement.fingertips()
     for name, rows in (
         ("ranges_of_motion", ranges),
@@ -130,7 +136,7 @@ def _measure_recording(
         ("fingertip_distances", distance_rows(tips)),
     ):
         tables[name].rows(part, [keys | row for row in rows])
-    return used
+    return used, curves
 
 
 def _write_cycles(
@@ -144,16 +150,11 @@ def _write_cycles(
     for recording, by_event in cycles.items():
         for cycle in (cycle for own in by_event for cycle in own):
             is_used = (recording, cycle.event, cycle.number) in used
-            row = _keys(recording) | {"event": cycle.event, "cycle": cycle.number, "used": is_used}
+            row = recording.key | {"event": cycle.event, "cycle": cycle.number, "used": is_used}
             row |= {"onset_s": cycle.onset_s, "duration_s": cycle.duration_s}
             message = "" if is_used else cycle.refusal or "every angle has a gap in it"
             rows.append(row | {"message": message})
     table.rows(plan.part(hand), rows)
-
-
-def _keys(recording: Recording) -> dict[str, object]:
-    """What says of which recording a row is, beside its hand's part."""
-    return {"session": "", "task": recording.task, "trial": recording.trial}
 
 
 def main(argv: list[str] | None = None) -> int:

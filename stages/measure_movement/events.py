@@ -13,6 +13,7 @@ from schemas.poses import read_poses
 from schemas.study import Recording
 from schemas.tables import read_table, rows_of
 from stages.measure_movement.cycles import Cycle, cut_cycles, within_recording
+from stages.measure_movement.sampling import grid_of
 
 
 def cycles_of(plan: SubjectPlan, hand: str, events: Path | None) -> dict[Recording, list[list[Cycle]]]:
@@ -20,14 +21,14 @@ def cycles_of(plan: SubjectPlan, hand: str, events: Path | None) -> dict[Recordi
 
     events : the subject's events table. Raises InputError where it is none.
     """
-    by_recording: dict[tuple[str, str, str], dict[str, list[tuple[float, float]]]] = {}
+    by_recording: dict[tuple[str, str], dict[str, list[tuple[float, float]]]] = {}
     for row in [] if events is None else rows_of(read_table(events, EVENTS)):
-        if row["hand"] == hand and row["onset_s"] is not None:
-            own = by_recording.setdefault((row["hand"], row["task"], row["trial"]), {})
+        if (row["session"], row["hand"]) == (plan.session, hand) and row["onset_s"] is not None:
+            own = by_recording.setdefault((row["task"], row["trial"]), {})
             duration = np.nan if row["duration_s"] is None else row["duration_s"]
             own.setdefault(row["name"], []).append((row["onset_s"], duration))
     return {
-        recording: _cycles(plan, recording, by_recording.get((hand, recording.task, recording.trial), {}))
+        recording: _cycles(plan, recording, by_recording.get((recording.task, recording.trial), {}))
         for recording in plan.evaluated(hand)
     }
 
@@ -41,9 +42,9 @@ def _cycles(
         time_s = read_poses(plan.poses(recording), plan.layouts[recording.hand.hand].measured).time_s
     except InputError:
         return []  # its import failed: the recordings table says why
-    known = time_s[np.isfinite(time_s)]
-    if not len(known):
+    if grid_of(time_s) is None:
         return []
+    known = time_s[np.isfinite(time_s)]
     found = (
         within_recording(cut_cycles(name, *zip(*own, strict=True)), known) for name, own in events.items()
     )

@@ -109,7 +109,7 @@ def curve_columns(
     time_s : (T,) of the frames. Joints of which no cycle is whole are left out.
     """
     values = bridged(grid.spread(series.angle_deg), grid.step_s)
-    at_s = np.interp(np.arange(grid.count), grid.place, time_s)
+    at_s = grid.times(time_s)
     usable = [one for one in cycles if not one.refusal]
     if not usable:
         return {}, set()

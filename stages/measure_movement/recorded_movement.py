@@ -5,23 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from anatomy.neutral_bones import bone_angles_deg, to_nail_side
-from schemas.catalogue import JOINT_ANGLES, POSED_TIPS
+from schemas.catalogue import BONE_POSES, JOINT_ANGLES, POSED_TIPS
 from schemas.layout import Digit
 from schemas.parts import read_recording
 from schemas.plan import SubjectPlan
 from schemas.poses import Poses, read_poses
 from schemas.study import Recording
+from schemas.tables import Table
 from skeleton.posed_recording import read_motion, read_skeleton
 from skeleton.posing import PosedBones, pose_bones
 from skeleton.rotations import Array, conjugate, rotate
 
 ANGLES = ("flexion", "abduction", "rotation")
 
+_BONE_POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 _BLOCK_FRAMES = 1 << 15
 _FACING_FRAMES = 512
 """Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
@@ -40,7 +41,7 @@ class AngleSeries:
 
 @dataclass(frozen=True)
 class Fingertip:
-    """The end of a digit in the frame of the hand's receiver, (T, 3) mm, and where the digit points, (T, 3).
+    """The end of a digit in the hand's frame, (T, 3) mm, and where its distal receiver points, (T, 3).
 
     sd_mm : (T,) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the end of the skin.
     """
@@ -139,11 +140,15 @@ class RecordedMovement:
         motion = read_motion(self._plan, self._recording, self._model, poses.frame)
         return pose_bones(self._skeleton, poses, motion)
 
-    def _table(self, table: Any, by: str, columns: Sequence[str]) -> dict[str, Array]:
+    def _table(
+        self, table: Table, by: str, columns: Sequence[str], rows: slice = slice(None)
+    ) -> dict[str, Array]:
+        """Columns (T, C) of a table of the fit, by joint, digit or segment; rows : some of the frames."""
         path = self._plan.fit_table(self.hand, self._model, table.name)
-        part = self._plan.part(self.hand, self._model)
-        own = self._recording
-        return read_recording(path, table, part, own.task, own.trial, by, columns, len(self.poses.frame))
+        part, own = self._plan.part(self.hand, self._model), self._recording
+        frame = self.poses.frame[rows]
+        ends = (int(frame[0]), int(frame[-1])) if len(frame) else None
+        return read_recording(path, table, part, own.task, own.trial, by, columns, len(frame), ends)
 
     def _pointing(self, digit: Digit) -> Array:
         """Where the last bone's receiver points by its layout, (T, 3) in the transmitter frame."""
@@ -151,11 +156,23 @@ class RecordedMovement:
         return rotate(self._turn(digit.tip), distal)
 
     def _in_hand(self, digit: Digit, vectors: Array, *, place: bool = False) -> Array:
-        """Places or directions (T, 3) in the frame of the receiver that the digit hangs from."""
-        if place:
-            base = self.poses.index(digit.base)
-            vectors = vectors - self.poses.position_mm[:, base]
-        return rotate(conjugate(self._turn(digit.base)), vectors)
+        """Places or directions (T, 3) in the frame of what the digit hangs from."""
+        base_mm, turn = self._bases[digit.base]
+        return rotate(conjugate(turn), vectors - base_mm if place else vectors)
+
+    @cached_property
+    def _bases(self) -> dict[str, tuple[Array, Array]]:
+        """Where the bones are that digits hang from, (T, 3) and (T, 4): as fitted, else their receivers."""
+        names = {digit.base for digit in self._layout.digits.values()}
+        if not self._fitted:
+            return {
+                name: (self.poses.position_mm[:, self.poses.index(name)], self._turn(name)) for name in names
+            }
+        pieces: list[dict[str, Array]] = []
+        for start in range(0, max(len(self.poses.frame), 1), _BLOCK_FRAMES):  # of many bones few are kept
+            read = self._table(BONE_POSES, "segment", _BONE_POSE, slice(start, start + _BLOCK_FRAMES))
+            pieces.append({name: read[name] for name in names})
+        return {name: (pose[:, :3], pose[:, 3:]) for name, pose in _joined(pieces).items()}
 
     def _turn(self, segment: str) -> Array:
         index = self.poses.index(segment)

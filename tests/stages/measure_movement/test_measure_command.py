@@ -20,7 +20,7 @@ from schemas.results import MEASURED_TABLES
 from schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_failure, write_table
 from skeleton.joint_angles import joint_angles
 from skeleton.posing import SkeletonJoint
-from skeleton.rotations import Array
+from skeleton.rotations import Array, conjugate, rotate
 from stages.measure_movement.__main__ import main
 from stages.measure_movement.fingertip_contacts import CONTACT_MM
 from stages.measure_movement.movement_rows import NO_SKIN
@@ -86,9 +86,9 @@ def true_angles_deg(hand: str) -> dict[str, Array]:
         for parent, child, joint, rest in zip(
             (digit.base, *digit.segments), digit.segments, digit.joints, rests, strict=False
         ):
-            bones = (truth.bone_quaternion[:, BONES.index(bone)] for bone in (parent, child))
+            above, below = (truth.bone_quaternion[:, BONES.index(bone)] for bone in (parent, child))
             if LAYOUT.joints[joint].dof:
-                found[joint] = joint_angles(*bones, hand, rest)
+                found[joint] = joint_angles(above, below, hand, rest)
     return found
 
 
@@ -129,8 +129,6 @@ def test_the_papers_kind_of_model_has_the_same_angles_without_an_error(out: Path
 
 def in_hand(points: Array, hand: str) -> Array:
     """True points (T, ...) in the frame of the true hand."""
-    from skeleton.rotations import conjugate, rotate
-
     truth = recorded(hand, "opposition", seed=SEED, n_frames=N_FRAMES)[0].truth
     bone = BONES.index("hand")
     back = conjugate(truth.bone_quaternion[:, bone])

@@ -37,6 +37,7 @@ def test_an_unknown_time_is_a_frame_after_the_last() -> None:
     grid = grid_of(time_s)
     assert grid is not None
     assert grid.place.tolist() == list(range(20))
+    np.testing.assert_allclose(grid.times(time_s), np.arange(20) * STEP_S)
 
 
 def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:
