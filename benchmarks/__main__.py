@@ -17,6 +17,7 @@ BENCHMARKS = {
     "fewer_receivers": "a task, and a calibration, with 16, 11, 7 and 6 receivers: centres, angles, their sd",
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
+    "null_studies": "studies in which nothing differs: false positives, coverage of intervals, power",
     "bit_flips": "one flipped bit in every kind of file: how often it goes unnoticed",
     "cluster_plan": "a study of thousands on a cluster: jobs, hours, files, and what ends first",
     "report_pages": "the report: bytes of its pages, how a browser shows them",

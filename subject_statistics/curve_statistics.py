@@ -113,7 +113,7 @@ def curves_between(values: Array, others: Array) -> CurveTest | None:
         fewest = np.minimum(first @ known, (1.0 - first) @ known)
         return np.where(fewest >= FEWEST_IN_GROUP, welch_t(first, curves), np.nan)
 
-    t = t_of(np.r_[np.ones(n), np.zeros(m)][None])[0]
+    t = t_of(np.concatenate([np.ones(n), np.zeros(m)])[None])[0]
     low, high = (np.where(np.isnan(t), np.nan, edge) for edge in welch_band(values, others))
     largest = np.concatenate([_largest(t_of(rows)) for rows in _blocks(assignments(n, m))])
     return _test((low + high) / 2, (low, high), t, largest, (n, m), exact=is_enumerated(n, m))
@@ -129,7 +129,7 @@ def _blocks(rows: Array) -> Iterator[Array]:
 
 def _largest(t: Array) -> Array:
     """The largest |t| of every curve (a, k), NaN left out; 0 of a curve without any."""
-    return np.nan_to_num(np.abs(t)).max(axis=1)
+    return np.asarray(np.nan_to_num(np.abs(t)).max(axis=1))
 
 
 def _test(

@@ -173,7 +173,7 @@ def assignments(n: int, m: int) -> Array:
 
 
 def _as_they_are(n: int, m: int) -> Array:
-    return np.r_[np.ones(n), np.zeros(m)][None]
+    return np.concatenate([np.ones(n), np.zeros(m)])[None]
 
 
 def _effect(values: Array, others: Array) -> tuple[float | None, tuple[float, float] | None]:

@@ -92,7 +92,7 @@ def _within(first: Array, other: Array) -> Row:
     if n == 0:
         return _NOTHING | {"message": "no subject has a value at both levels"}
     found = paired(first - other)
-    row = {"mean": float(first.mean()), "other_mean": float(other.mean()), "difference": found.mean}
+    row: Row = {"mean": float(first.mean()), "other_mean": float(other.mean()), "difference": found.mean}
     row |= _NOTHING | {"message": ""}
     if found.effect is not None:
         d = first - other
@@ -108,7 +108,7 @@ def _between(first: Array, other: Array) -> Row:
     if min(len(first), len(other)) == 0:
         return _NOTHING | {"message": "no subject has a value at one of the levels"}
     found = two_groups(first, other)
-    row = {"mean": found.mean, "other_mean": found.other_mean, "difference": found.difference}
+    row: Row = {"mean": found.mean, "other_mean": found.other_mean, "difference": found.difference}
     row |= _NOTHING | {"message": ""}
     if found.effect is not None and found.effect_interval is not None:
         row |= _effect("hedges_g", found.effect, found.effect_interval)

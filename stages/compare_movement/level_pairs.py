@@ -83,7 +83,8 @@ def level_pairs(everything: Recorded, factor: str, place: Mapping[str, str]) -> 
 
 def _pair(rows: pd.DataFrame, factor: str, level: str, other: str) -> LevelPair:
     levels_of = {str(subject): frozenset(own) for subject, own in rows.groupby("subject", sort=False)[factor]}
-    in_part, wholly = {}, {}
+    in_part: dict[str, str] = {}
+    wholly: dict[str, str] = {}
     for subject, reasons in rows.groupby("subject", sort=False)["left_out"]:
         dropped = [reason for reason in reasons if reason]
         if dropped:

@@ -9,6 +9,9 @@ import sys
 
 import numpy as np
 
+MOST = 10_000
+"""Permutations that are all tried; data sets with more are left out."""
+
 
 def of_pingouin(asked):
     """ICC(2,1) and ICC(3,1) of values (n, k), and standardised differences of two samples."""
@@ -23,13 +26,15 @@ def of_pingouin(asked):
             "value": np.ravel(asked["values"]),
         }
     )
-    pingouin.options["round"] = None
+    for name in ("round", "round.column.CI95"):
+        pingouin.options[name] = None
     icc = pingouin.intraclass_corr(rows, "subject", "session", "value").set_index("Type")
     first, other = (np.array(asked[name]) for name in ("first", "other"))
     least = min(len(first), len(other))
     welch = pingouin.ttest(first, other, correction=True)
+    kinds = ("ICC(A,1)", "ICC(C,1)")
     return {
-        "icc": {name: [icc.at[name, "ICC"], *map(float, icc.at[name, "CI95"])] for name in ("ICC(A,1)", "ICC(C,1)")},
+        "icc": {kind: [icc.at[kind, "ICC"], *map(float, icc.at[kind, "CI95"])] for kind in kinds},
         "cohen": pingouin.compute_effsize(first, other, eftype="cohen"),
         "d_z": float(pingouin.ttest(first[:least], other[:least], paired=True)["T"].iloc[0]) / least**0.5,
         "welch": [float(end) for end in welch["CI95"].iloc[0]],
@@ -49,7 +54,7 @@ def of_spm1d(_):
         spm1d.data.uv1d.t2.SimulatedTwoLocalMax(),
         spm1d.data.uv1d.t2.SmallSampleLargePosNegEffects(),
     ):
-        one, other = (data.get_data() if len(data.get_data()) == 2 else (None, None))
+        one, other = data.get_data()
         name = f"{type(data).__module__.rpartition('.')[2]} {type(data).__name__}"
         if name.startswith("t1"):
             test = spm1d.stats.nonparam.ttest(one, other)
@@ -59,17 +64,17 @@ def of_spm1d(_):
             one, other = one - other, None
         else:
             test = spm1d.stats.nonparam.ttest2(one, other)
-        if test.permuter.ncomb > 20_000:
+        if test.permuter.ncomb > MOST:
             continue
-        result = test.inference(0.05, two_tailed=True, iterations=-1, force_iterations=True)
+        threshold = test.inference(0.05, two_tailed=True, iterations=-1).zstar
         found.append(
             {
                 "name": name,
                 "one": one.tolist(),
                 "other": None if other is None else other.tolist(),
                 "t": test.z.tolist(),
-                "largest": result.PDF0.tolist() if hasattr(result, "PDF0") else test.mgr.Z.tolist(),
-                "threshold": float(result.zstar),
+                "largest": test.mgr.Z.tolist(),
+                "threshold": float(threshold),
             }
         )
     return found
