@@ -81,7 +81,7 @@ def same_subjects(studies: int) -> TextTable:
         ("subjects:d", "differences", "false positives, %:.1f", "possible, %:.1f", "interval holds, %:.1f",
          "power, %:.1f"),
         rows,
-        "Sign flips. Possible: the largest share up to 5 % that a test of every flip can have. The test takes "
+        "Sign flips. Possible: the largest share up to 5 % that a test of every flip can have. It takes "
         "symmetric differences for granted, which exponential ones are not. Power: of an effect of one "
         "standard deviation of the differences.",
     )  # fmt: skip
