@@ -44,9 +44,8 @@ def compare_study(levels: pd.DataFrame, factors: Sequence[str], results: Results
     levels : subject, session, hand, task, trial of every recording that is used, and a column a factor, empty
     where it has no level. Raises TableError where a table is damaged.
     """
-    names = [c.name for c in PROBLEMS.columns if c.name in ("subject", "session", "hand", "severity")]
-    problems = read_frame(results.study_table(PROBLEMS.name), PROBLEMS, names)
-    problems = problems if "session" in problems else problems.assign(session="")
+    columns = ["subject", "session", "hand", "severity"]
+    problems = read_frame(results.study_table(PROBLEMS.name), PROBLEMS, columns)
     everything = recorded(levels, factors, problems)
     for message in too_many_levels(everything):
         print(f"note: {message}", file=sys.stderr)
