@@ -34,6 +34,7 @@ SESSION, TRIAL = "session", "trial"
 
 def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
     """Rows of movement_reliability for one quantity; numbers : as `numbers_of` gives them."""
+    reasons = _reasons(everything)
     for across, own in ((SESSION, numbers), (TRIAL, _first_sessions(numbers, everything))):
         if own.empty or own[across].nunique() < 2:
             continue
@@ -41,7 +42,10 @@ def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Reco
         wide = means.unstack(across, sort=False)
         for key, cell in wide.groupby(CELL, sort=False):
             where = dict(zip(CELL, key, strict=True)) | {"across": across}
-            row = _row(cell["value"], cell["sd"], _left_out(cell, everything, where))
+            present = set(cell.index.get_level_values("subject"))
+            expected = reasons[where["hand"], where["task"]].items()
+            absent = {subject: reason for subject, reason in expected if subject not in present}
+            row = _row(cell["value"], cell["sd"], absent)
             if row:
                 yield where | {"quantity": quantity.name, "unit": quantity.unit} | row
 
@@ -53,15 +57,17 @@ def _first_sessions(numbers: pd.DataFrame, everything: Recorded) -> pd.DataFrame
     return numbers.merge(first, on=[*place, SESSION])
 
 
-def _left_out(cell: pd.DataFrame, everything: Recorded, where: Row) -> dict[str, str]:
-    """Subjects recorded for this that have no value, and why."""
-    rows = everything.rows
-    rows = rows[(rows["hand"] == where["hand"]) & (rows["task"] == where["task"])]
-    present = set(cell.index.get_level_values("subject"))
-    reasons = rows.groupby("subject", sort=False)["left_out"].agg(
-        lambda own: own.iloc[0] if (own != "").all() else "no value"
-    )
-    return {str(subject): reason for subject, reason in reasons.items() if subject not in present}
+def _reasons(everything: Recorded) -> dict[tuple[str, str], dict[str, str]]:
+    """By hand and task, every subject who was recorded, and why they would have no value."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for row in everything.rows.itertuples():
+        subjects = found.setdefault((row.hand, row.task), {})
+        known = subjects.setdefault(row.subject, row.left_out)
+        subjects[row.subject] = known if known and row.left_out else ""
+    return {
+        place: {subject: reason or "no value" for subject, reason in subjects.items()}
+        for place, subjects in found.items()
+    }
 
 
 def _row(values: pd.DataFrame, sd: pd.DataFrame, absent: dict[str, str]) -> Row:
