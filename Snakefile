@@ -5,7 +5,9 @@ import sys
 from pathlib import Path
 from shlex import quote
 
-os.environ["PYTHONSAFEPATH"] = "1"  # no job imports what lies in the folder that it runs in
+os.environ["PYTHONSAFEPATH"] = (
+    "1"  # no job imports what lies in the folder that it runs in
+)
 sys.path.insert(0, workflow.basedir)
 
 from schemas.errors import InputError
@@ -36,7 +38,9 @@ run = f"{quote(sys.executable)} -m workflow.job"
 report: "captions/workflow.rst"  # the first page of `snakemake --report`
 
 
-shell.prefix(f"export PYTHONPATH={quote(str(workflow.basedir))} PYTHONSAFEPATH=1 OMP_NUM_THREADS=1; ")
+shell.prefix(
+    f"export PYTHONPATH={quote(str(workflow.basedir))} PYTHONSAFEPATH=1 OMP_NUM_THREADS=1; "
+)
 
 
 onstart:
@@ -70,6 +74,7 @@ rule all:
         f"{results}/report.html",
         f"{results}/resolved.yaml",
         study.study_tables,
+        study.comparison_tables,
         study.all_plans,
         study.tables,
         study.subject_pages,
@@ -411,6 +416,24 @@ rule gather:  # the study's short tables, and what went wrong
         f"{run} stages.gather --study {{params.study:q}} --results {{params.results:q}} 2> {{log:q}}"
 
 
+rule compare_movement:  # not in the paper: how subjects, sessions and tasks differ, and how well it repeats
+    input:
+        study.study_tables,
+        configuration=study.configuration,
+    output:
+        study.comparison_tables,
+    log:
+        f"{logs}/compare_movement.log",
+    params:
+        code=code_digest("stages.compare_movement"),
+        study=study.file,
+        results=results,
+    message:
+        "compare_movement: how subjects, sessions and tasks differ"
+    shell:
+        f"{run} stages.compare_movement --study {{params.study:q}} --results {{params.results:q}} 2> {{log:q}}"
+
+
 rule export:  # skeletons and their motion for other programs
     input:
         study.poses,
@@ -474,6 +497,7 @@ rule report:
     input:
         study.exports,
         study.study_tables,
+        study.comparison_tables,
         configuration=study.configuration,
     output:
         report(
@@ -516,6 +540,7 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
 rule print_figures:  # the study's figures for print; each is written, if only to say what it lacks
     input:
         study.study_tables,
+        study.comparison_tables,
         configuration=study.configuration,
     output:
         [

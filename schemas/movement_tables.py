@@ -33,6 +33,8 @@ FACTOR = Column("factor", TEXT, "", "what tells the levels apart, a factor of th
 LEVEL = Column("level", TEXT, "", "the level that is compared")
 OTHER_LEVEL = Column("other_level", TEXT, "", "the level that it is compared with")
 LEVELS = (FACTOR, LEVEL, OTHER_LEVEL)
+LEFT_OUT = Column("left_out", WHOLE, "", "subjects that were recorded for this and are in no number")
+LEFT_OUT_REASON = Column("left_out_reason", TEXT, "", "why they are not, and which recordings are not")
 N_FRAMES = Column("n_frames", WHOLE, "", "frames with a value")
 
 
@@ -42,6 +44,12 @@ def _count(name: str, description: str) -> Column:
 
 def _key(*columns: Column | str) -> tuple[str, ...]:
     return tuple(column if isinstance(column, str) else column.name for column in columns)
+
+
+def _with_interval(name: str, description: str) -> tuple[Column, Column, Column]:
+    """A number with the ends of its interval."""
+    low = real(f"{name}_low", f"lower end of the 95 % interval of {name}")
+    return real(name, description), low, real(f"{name}_high", "upper end")
 
 
 EVENTS = Table(
@@ -197,18 +205,20 @@ MOVEMENT_DIFFERENCES = Table(
         Column("design", TEXT, "", "within (the same subjects) or between (groups)"),
         _count("n", "subjects with a value at the level; within: at both"),
         _count("n_other", "subjects with a value at the other level; within: at both"),
-        _count("left_out", "subjects that are in neither number"),
-        Column("left_out_reason", TEXT, "", "why they are not"),
+        LEFT_OUT,
+        LEFT_OUT_REASON,
         real("mean", "mean over the subjects at the level"),
         real("other_mean", "mean at the other level"),
         real("difference", "mean minus other_mean"),
         real("low", "lower end of the difference's 95 % interval"),
         real("high", "upper end"),
         real("effect_size", "standardised difference"),
-        Column("effect_size_name", TEXT, "", "d_z (within) or hedges_g (between)"),
+        real("effect_low", "lower end of its 95 % interval"),
+        real("effect_high", "upper end"),
+        Column("effect_size_name", TEXT, "", "d_z (within) or hedges_g (between); empty without one"),
         real("p", "two-sided p-value of the test"),
-        real("p_holm", "the same after Holm's correction within the family"),
-        Column("test", TEXT, "", "exact sign-flip, sign-flip, exact permutation or permutation"),
+        real("p_holm", "the same after Holm's correction over all `of` of the quantity"),
+        Column("test", TEXT, "", "exact sign-flip, sign-flip, exact permutation or permutation; empty: none"),
         UNIT,
         MESSAGE,
     ),
@@ -227,23 +237,19 @@ MOVEMENT_RELIABILITY = Table(
         QUANTITY,
         OF,
         _count("n", "subjects with a value in each of the k"),
-        _count("k", "sessions or trials"),
-        *(
-            column
-            for name, meaning in (("icc_2_1", "ICC(2,1), absolute agreement"), ("icc_3_1", "ICC(3,1)"))
-            for column in (
-                real(name, meaning),
-                real(f"{name}_low", "lower end of its 95 % interval"),
-                real(f"{name}_high", "upper end"),
-            )
-        ),
-        real("sem", "standard error of measurement"),
-        real("mdc", "minimal detectable change at 95 %"),
-        real("bias", "mean difference of the second from the first"),
-        real("loa_low", "lower 95 % limit of agreement (Bland-Altman)"),
-        real("loa_high", "upper limit"),
-        real("stated_sd", "root mean square of the values' stated 1-sigma errors"),
-        real("held_percent", "differences within 1.96 stated 1-sigma errors of a difference"),
+        _count("k", "sessions or trials that at least half of the subjects have"),
+        LEFT_OUT,
+        LEFT_OUT_REASON,
+        *_with_interval("icc_2_1", "ICC(2,1), absolute agreement"),
+        *_with_interval("icc_3_1", "ICC(3,1), consistency"),
+        *_with_interval("sem", "standard error of measurement: standard deviation within subjects"),
+        real("mdc", "minimal detectable change at 95 %: 1.96 sqrt(2) sem"),
+        *_with_interval("bias", "mean difference of a session, or trial, from the one before it"),
+        *_with_interval("loa_low", "lower 95 % limit of agreement (Bland-Altman)"),
+        *_with_interval("loa_high", "upper limit"),
+        real("stated_sd", "rms of the stated 1-sigma error of a difference between two sessions"),
+        real("difference_to_stated", "rms difference between two sessions, over stated_sd"),
+        real("held_percent", "differences within 1.96 times their own stated 1-sigma error"),
         UNIT,
         MESSAGE,
     ),
@@ -270,8 +276,10 @@ CURVE_DIFFERENCES = Table(
         real("t_threshold", "what the largest |t| of a curve exceeds in 5 % of permutations"),
         Column("significant", YES_NO, "", "whether |t| exceeds the threshold there"),
         real("p", "family-wise p-value there, from the largest |t| of permuted curves"),
+        real("p_holm", "the curve's smallest p after Holm's correction over joints and angles"),
         _count("n", "subjects with a curve at the level"),
         _count("n_other", "subjects with a curve at the other level"),
+        MESSAGE,
     ),
     _key(*LEVELS, HAND, TASK, MODEL, JOINT, ANGLE, EVENT, PERCENT),
 )
@@ -288,9 +296,18 @@ MODEL_DEPENDENCE = Table(
         QUANTITY,
         OF,
         Column("models", TEXT, "", "the models that answer, joined by ';'"),
-        Column("agree", YES_NO, "", "whether all have the same sign and the same side of p_holm = 0.05"),
-        real("widest_difference", "between the answers of the two models that part most"),
+        Column(
+            "agree",
+            YES_NO,
+            "",
+            "difference: whether all are on one side of p_holm = 0.05 and, where one is shown, of one sign; "
+            "reliability: whether the intervals of ICC(2,1) overlap; null where no two models can be held "
+            "against each other",
+            True,
+        ),
+        real("widest_difference", "between the two models that part most: of the difference, or of the sem"),
         Column("which", TEXT, "", "those two models, joined by ';'"),
+        UNIT,
         MESSAGE,
     ),
     _key("question", *LEVELS, HAND, TASK, QUANTITY, OF),

@@ -66,6 +66,9 @@ GATHERED_TABLES = {
 
 STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems")
 
+COMPARISON_TABLES = ("movement_differences", "movement_reliability", "curve_differences", "model_dependence")
+"""What the study says of its subjects' movement, made from its tables."""
+
 
 STUDY_FIGURES = ("models-by-digit", "paired-differences", "joint-errors", "bone-lengths", "joint-trust")
 """Figures of a study for print, each always written: where it has no data, with a sentence that says so."""

@@ -13,13 +13,23 @@ from pathlib import Path
 
 BELOW: Mapping[str, Sequence[str]] = {
     "schemas": (),
+    "subject_statistics": (),
     "skeleton": ("schemas",),
     "anatomy": ("skeleton", "schemas"),
     "checks": ("anatomy", "skeleton", "schemas"),
     "trackers": ("anatomy", "skeleton", "schemas"),
-    "stages": ("checks", "trackers", "anatomy", "skeleton", "schemas"),
-    "workflow": ("stages", "checks", "trackers", "anatomy", "skeleton", "schemas"),
-    "benchmarks": ("workflow", "stages", "checks", "trackers", "anatomy", "skeleton", "schemas"),
+    "stages": ("subject_statistics", "checks", "trackers", "anatomy", "skeleton", "schemas"),
+    "workflow": ("stages", "subject_statistics", "checks", "trackers", "anatomy", "skeleton", "schemas"),
+    "benchmarks": (
+        "workflow",
+        "stages",
+        "subject_statistics",
+        "checks",
+        "trackers",
+        "anatomy",
+        "skeleton",
+        "schemas",
+    ),
 }
 """Each room with the rooms that it may import."""
 

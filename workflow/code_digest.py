@@ -19,7 +19,16 @@ from schemas.errors import InputError
 from schemas.files import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
-ROOMS = ("stages", "trackers", "skeleton", "anatomy", "schemas", "workflow")
+ROOMS = (
+    "stages",
+    "subject_statistics",
+    "checks",
+    "trackers",
+    "skeleton",
+    "anatomy",
+    "schemas",
+    "workflow",
+)
 CACHE = Path(".snakemake", f"shukotsu-{sys.implementation.cache_tag}.json")
 """Digest and imports of every module, by the digest of its bytes: reading all syntax trees takes seconds."""
 

@@ -13,6 +13,7 @@ from schemas.config_files import read_config
 from schemas.errors import InputError
 from schemas.plan import StudyPlans, plan_digest, plan_from_content, truth_folder
 from schemas.results import (
+    COMPARISON_TABLES,
     FIGURE_KINDS,
     FIT_TABLES,
     GATHERED_TABLES,
@@ -259,6 +260,11 @@ class StudyFiles:
     def study_tables(self) -> list[str]:
         """The study-wide tables."""
         return [str(self.results.study_table(table)) for table in STUDY_TABLES]
+
+    @property
+    def comparison_tables(self) -> list[str]:
+        """The study-wide tables that compare its subjects' movement."""
+        return [str(self.results.study_table(table)) for table in COMPARISON_TABLES]
 
     @property
     def configuration(self) -> list[str]:

@@ -9,9 +9,9 @@ from collections import Counter
 from statistics import median
 
 from schemas import VERSION
-from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
 from stages.report.study_results import Row, StudyResults
 from stages.report.table_cells import capital, counted, listed, number
+from subject_statistics.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
 
 REFERENCES = (
     "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "

@@ -81,7 +81,17 @@ SIGNS = {
 }
 
 
-ROOMS = ("schemas", "anatomy", "checks", "skeleton", "trackers", "stages", "benchmarks", "config")
+ROOMS = (
+    "schemas",
+    "anatomy",
+    "checks",
+    "skeleton",
+    "subject_statistics",
+    "trackers",
+    "stages",
+    "benchmarks",
+    "config",
+)
 
 GUARDS = (
     "skeleton/test_rotations.py",

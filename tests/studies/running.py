@@ -29,6 +29,7 @@ PARTS = (
     "anatomy",
     "schemas",
     "checks",
+    "subject_statistics",
     "config",
     "profiles",
     "captions",

@@ -6,8 +6,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from stages.report.comparison.comparisons import Comparison, Missing, missing_text
-from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, LEVEL, Paired
 from stages.report.table_cells import counted, listed, number
+from subject_statistics.multiple_comparisons import LEVEL
+from subject_statistics.paired_statistics import FEWEST_SUBJECTS, Paired
 
 MOST_NAMED = 3
 _MOST = 2 / 3

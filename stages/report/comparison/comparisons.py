@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stages.report.comparison.paired_statistics import LEVEL, Paired, holm, paired
 from stages.report.comparison.questions import Question
 from stages.report.table_cells import listed
+from subject_statistics.multiple_comparisons import LEVEL, holm
+from subject_statistics.paired_statistics import Paired, paired
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,7 +19,6 @@ from stages.report.comparison.comparison_text import (
     with_statistics,
 )
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, missing_text
-from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, Paired
 from stages.report.comparison.questions import QUESTIONS
 from stages.report.palette import DIGITS, INK
 from stages.report.pictures.scale import Scale
@@ -33,6 +32,7 @@ from stages.report.pictures.subject_dots import (
 )
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import DASH, Block, DataTable, Folded, counted, listed, number, title
+from subject_statistics.paired_statistics import FEWEST_SUBJECTS, Paired
 
 _SCALES = {"linear": "", "log": ", log scale", "asinh": ", even about 0, squeezed outward"}
 

@@ -14,7 +14,6 @@ from schemas.errors import InputError
 from stages.report.comparison.answers import Answer, answer
 from stages.report.comparison.comparison_text import Tested, missing_sentences, p_text, with_statistics
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison
-from stages.report.comparison.paired_statistics import FEWEST_SUBJECTS, Paired
 from stages.report.comparison.questions import JOINT_ERROR, LEFT_OUT, REPLAY, TRUE, TRUE_TIP, Question
 from stages.report.palette import SOFT, model_looks
 from stages.report.print_figures.drawing import NoDataError, count_range, study_text
@@ -36,6 +35,7 @@ from stages.report.print_figures.style import (
 )
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import listed, number, title
+from subject_statistics.paired_statistics import FEWEST_SUBJECTS, Paired
 
 if TYPE_CHECKING:
     pass

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stages.report.comparison.paired_statistics import (
+from subject_statistics.paired_statistics import (
     FEWEST_SUBJECTS,
     N_FLIPS,
     bootstrap_tail,
+    effect_interval,
     effect_size,
-    holm,
     interval_95,
     paired,
     sign_flip_p,
@@ -98,21 +98,6 @@ def test_tail_makes_a_normal_interval_students() -> None:
         assert -stats.norm.ppf(bootstrap_tail(n)) * spread == pytest.approx(stats.t.ppf(0.975, n - 1))
 
 
-def test_holm_by_hand() -> None:
-    """0.01 x 4, 0.02 x 3, 0.03 x 2 raised to the one before, 0.9; no test stays none and does not count."""
-    corrected = holm([0.02, None, 0.9, 0.01, 0.03])
-    assert corrected == [
-        pytest.approx(0.06),
-        None,
-        pytest.approx(0.9),
-        pytest.approx(0.04),
-        pytest.approx(0.06),
-    ]
-    assert holm([0.4, 0.5]) == [pytest.approx(0.8), pytest.approx(0.8)]
-    assert holm([0.6, 0.7]) == [1.0, 1.0]
-    assert holm([]) == []
-
-
 def test_effect_size_by_hand() -> None:
     """Mean 3, SD sqrt(2.5), and the correction for 4 degrees of freedom, gamma(2) / (sqrt(2) gamma(1.5))."""
     d = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
@@ -121,6 +106,15 @@ def test_effect_size_by_hand() -> None:
     assert effect_size(-d) == pytest.approx(-3.0 / math.sqrt(2.5) * correction)
     assert effect_size(d[:2]) is None
     assert effect_size(np.full(9, 0.7)) is None
+
+
+@pytest.mark.parametrize(("t", "freedom", "n_effective"), [(2.0, 5, 6.0), (-3.1, 18, 5.0), (0.0, 11, 12.0)])
+def test_effect_interval_is_where_scipys_noncentral_t_has_its_tails(
+    t: float, freedom: int, n_effective: float
+) -> None:
+    low, high = (end * math.sqrt(n_effective) for end in effect_interval(t, freedom, n_effective))
+    assert stats.nct.sf(t, freedom, low) == pytest.approx(0.025, abs=1e-5)
+    assert stats.nct.cdf(t, freedom, high) == pytest.approx(0.025, abs=1e-5)
 
 
 def test_comparisons_share_what_is_random() -> None:

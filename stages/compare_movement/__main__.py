@@ -1,0 +1,44 @@
+"""Command line: a study's tables of movement -> how its subjects, sessions and tasks differ."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from stages import command_line
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the stage's argument parser."""
+    parser = command_line.parser(
+        "stages.compare_movement",
+        "Compare the movement of a study's subjects over its factors, say how well it repeats, and whether "
+        "the skeleton model changes the answer.",
+        "python -m stages.compare_movement --study config/demo.yaml --results results/demo",
+        records_failure=False,
+    )
+    parser.add_argument("--study", type=Path, required=True, help="the study file")
+    parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
+    return parser
+
+
+def compare(arguments: argparse.Namespace) -> None:
+    """Read the study's tables of movement, write those of comparisons."""
+
+    from schemas.results import Results
+    from schemas.study import read_study
+    from stages.compare_movement.study_comparison import compare_study
+    from stages.compare_movement.study_levels import recordings_with_levels
+
+    levels, factors = recordings_with_levels(read_study(arguments.study))
+    compare_study(levels, factors, Results(arguments.results))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser().parse_args(argv), compare)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,124 @@
+"""How two levels differ in every number, a subject at a time, Holm-corrected over what is compared together.
+
+A family, of which p_holm is: all joints and angles, digits or pairs of digits of one quantity, for one pair
+of levels, hand, task and model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stages.compare_movement.level_pairs import MOST_LEVELS, WITHIN, LevelPair, level_pairs, places
+from stages.compare_movement.movement_values import Quantity, Recorded, subject_means
+from subject_statistics.group_statistics import FEWEST_IN_GROUP, two_groups
+from subject_statistics.multiple_comparisons import holm
+from subject_statistics.paired_statistics import (
+    FEWEST_SUBJECTS,
+    MOST_ENUMERATED,
+    Array,
+    effect_interval,
+    paired,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Row = dict[str, Any]
+
+
+def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
+    """Rows of movement_differences for one quantity, over every factor.
+
+    numbers : as `numbers_of` gives them.
+    """
+    for factor in everything.factors:
+        columns = [column for column in ("hand", "task") if column != factor]
+        cell = [*columns, "model", "of"]
+        wide = subject_means(numbers, factor, cell)["value"].unstack("level", sort=False)
+        families = dict(list(wide.groupby([*columns, "model"], sort=False))) if len(wide) else {}
+        for place in places(everything, factor):
+            for pair in level_pairs(everything, factor, place):
+                for key, family in families.items():
+                    if key[:-1] == tuple(place.values()):
+                        yield from _family(quantity, family, pair, {**place, "model": key[-1]})
+
+
+def too_many_levels(everything: Recorded) -> list[str]:
+    """A sentence on every factor that is not compared because it has too many levels."""
+    counts = {factor: everything.rows[factor].nunique() for factor in everything.factors}
+    return [
+        f"factor {factor}: has {count} levels; at most {MOST_LEVELS} are compared pair by pair; put groups "
+        "of them into the sheet's column"
+        for factor, count in counts.items()
+        if count > MOST_LEVELS
+    ]
+
+
+def _family(quantity: Quantity, family: pd.DataFrame, pair: LevelPair, where: Row) -> list[Row]:
+    rows = []
+    wanted = family.reindex(columns=[pair.level, pair.other])
+    for of, own in wanted.groupby("of", sort=False):
+        by_subject = own.droplevel([name for name in own.index.names if name != "subject"])
+        rows.append(_row(by_subject, pair) | {"of": of})
+    shared = {
+        "hand": "", "task": "", **where, "quantity": quantity.name, "unit": quantity.unit,
+        "factor": pair.factor, "level": pair.level, "other_level": pair.other, "design": pair.design,
+    }  # fmt: skip
+    corrected = holm([row["p"] for row in rows])
+    return [shared | row | {"p_holm": p} for row, p in zip(rows, corrected, strict=True)]
+
+
+def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
+    """One comparison. values : a row a subject, a column a level, NaN where there is none."""
+    first = values.loc[values.index.isin(pair.candidates(pair.level)), pair.level].dropna()
+    other = values.loc[values.index.isin(pair.candidates(pair.other)), pair.other].dropna()
+    if pair.design == WITHIN:
+        both = first.index.intersection(other.index, sort=False)
+        first, other = first[both], other[both]
+    n_left_out, reason = pair.left_out({*first.index, *other.index})
+    compare = _within if pair.design == WITHIN else _between
+    counts = {"n": len(first), "n_other": len(other), "left_out": n_left_out, "left_out_reason": reason}
+    return counts | compare(first.to_numpy(), other.to_numpy())
+
+
+_NOTHING: Row = {"p": None, "test": "", "effect_size_name": ""}
+
+
+def _within(first: Array, other: Array) -> Row:
+    n = len(first)
+    if n == 0:
+        return _NOTHING | {"message": "no subject has a value at both levels"}
+    found = paired(first - other)
+    row: Row = {"mean": float(first.mean()), "other_mean": float(other.mean()), "difference": found.mean}
+    row |= _NOTHING | {"message": ""}
+    if found.effect is not None:
+        d = first - other
+        low, high = effect_interval(float(d.mean() / d.std(ddof=1)) * np.sqrt(n), n - 1, n)
+        row |= _effect("d_z", found.effect, (low, high))
+    if found.interval is None:
+        return row | {"message": f"not tested: {n} subjects have both levels, a test needs {FEWEST_SUBJECTS}"}
+    row |= {"p": found.p, "test": "exact sign-flip" if n <= MOST_ENUMERATED else "sign-flip"}
+    return row | {"low": found.interval[0], "high": found.interval[1]}
+
+
+def _between(first: Array, other: Array) -> Row:
+    if min(len(first), len(other)) == 0:
+        return _NOTHING | {"message": "no subject has a value at one of the levels"}
+    found = two_groups(first, other)
+    row: Row = {"mean": found.mean, "other_mean": found.other_mean, "difference": found.difference}
+    row |= _NOTHING | {"message": ""}
+    if found.effect is not None and found.effect_interval is not None:
+        row |= _effect("hedges_g", found.effect, found.effect_interval)
+    if found.p is None or found.interval is None:
+        counts = f"{len(first)} and {len(other)} subjects"
+        return row | {"message": f"not tested: groups of {counts}, a test needs {FEWEST_IN_GROUP} in each"}
+    row |= {"p": found.p, "test": "exact permutation" if found.exact else "permutation"}
+    return row | {"low": found.interval[0], "high": found.interval[1]}
+
+
+def _effect(name: str, size: float, interval: Sequence[float]) -> Row:
+    low, high = interval
+    return {"effect_size": size, "effect_size_name": name, "effect_low": low, "effect_high": high}

@@ -1,0 +1,99 @@
+"""Pairs of a factor's levels: whether the same subjects have both, and who is left out and why."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+from schemas.errors import listed
+from stages.compare_movement.movement_values import Recorded
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WITHIN, BETWEEN = "within", "between"
+MOST_LEVELS = 8
+"""A factor with more levels than this is a measured quantity, and is not compared pair by pair."""
+
+
+@dataclass(frozen=True)
+class LevelPair:
+    """Two levels of a factor in one place (a hand and a task, less the factor itself).
+
+    levels_of : each subject's levels among the two, recordings that count or not. in_part : subjects of whom
+    some recordings do not count, by the reason. wholly : those of whom none does.
+    """
+
+    factor: str
+    level: str
+    other: str
+    levels_of: Mapping[str, frozenset[str]]
+    in_part: Mapping[str, str]
+    wholly: Mapping[str, str]
+
+    @property
+    def design(self) -> str:
+        """Within where at least as many subjects have both levels as have one, else between."""
+        n_both = sum(len(levels) == 2 for levels in self.levels_of.values())
+        return WITHIN if 2 * n_both >= len(self.levels_of) else BETWEEN
+
+    def candidates(self, level: str) -> frozenset[str]:
+        """Subjects that may stand for the level: within those with both, between those with it alone."""
+        wanted = {self.level, self.other} if self.design == WITHIN else {level}
+        return frozenset(subject for subject, levels in self.levels_of.items() if levels == wanted)
+
+    def left_out(self, used: Collection[str]) -> tuple[int, str]:
+        """How many subjects are not in `used`, and why they, or some recordings of others, are not."""
+        missing = [subject for subject in self.levels_of if subject not in used]
+        reasons: dict[str, list[str]] = defaultdict(list)
+        for subject in missing:
+            reasons[self._reason(subject)].append(subject)
+        for subject, reason in self.in_part.items():
+            if subject in used:
+                reasons[f"{reason} in part"].append(subject)
+        text = "; ".join(f"{reason}: {listed(subjects)}" for reason, subjects in reasons.items())
+        return len(missing), text
+
+    def _reason(self, subject: str) -> str:
+        levels = self.levels_of[subject]
+        if subject in self.wholly:
+            return self.wholly[subject]
+        if self.design == WITHIN and len(levels) == 1:
+            return f"only at {next(iter(levels))}"
+        if self.design == BETWEEN and len(levels) == 2:
+            return "at both levels"
+        return "no value"
+
+
+def level_pairs(everything: Recorded, factor: str, place: Mapping[str, str]) -> Iterator[LevelPair]:
+    """Pairs of the factor's levels in a place, in the sheet's order; none of a factor with too many."""
+    rows = everything.rows
+    for column, value in place.items():
+        rows = rows[rows[column] == value]
+    rows = rows[rows[factor] != ""]
+    levels = list(dict.fromkeys(rows[factor]))
+    if len(levels) > MOST_LEVELS:
+        return
+    for level, other in combinations(levels, 2):
+        yield _pair(rows[rows[factor].isin([level, other])], factor, level, other)
+
+
+def _pair(rows: pd.DataFrame, factor: str, level: str, other: str) -> LevelPair:
+    levels_of = {str(subject): frozenset(own) for subject, own in rows.groupby("subject", sort=False)[factor]}
+    in_part: dict[str, str] = {}
+    wholly: dict[str, str] = {}
+    for subject, reasons in rows.groupby("subject", sort=False)["left_out"]:
+        dropped = [reason for reason in reasons if reason]
+        if dropped:
+            (wholly if len(dropped) == len(reasons) else in_part)[str(subject)] = dropped[0]
+    return LevelPair(factor, level, other, levels_of, in_part, wholly)
+
+
+def places(everything: Recorded, factor: str) -> Iterator[dict[str, str]]:
+    """Every hand and task of the study, less the one that is the factor."""
+    columns = [column for column in ("hand", "task") if column != factor]
+    for key in everything.rows[columns].drop_duplicates().itertuples(index=False, name=None):
+        yield dict(zip(columns, key, strict=True))

@@ -1,0 +1,77 @@
+"""Whether the same question has another answer under another skeleton model, and which two part most."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import combinations
+from typing import Any
+
+from subject_statistics.multiple_comparisons import LEVEL
+
+Row = dict[str, Any]
+
+DIFFERENCE, RELIABILITY = "difference", "reliability"
+_PLACE = ("hand", "task", "quantity", "of")
+
+
+def dependence_rows(differences: Iterable[Row], reliabilities: Iterable[Row]) -> Iterator[Row]:
+    """Rows of model_dependence: one for each question that several models were asked.
+
+    A reliability's factor is what it is across.
+    """
+    named = ("factor", "level", "other_level")
+    for key, rows in _by_question(differences, named).items():
+        where = dict(zip((*named, *_PLACE), key, strict=True))
+        yield _row(DIFFERENCE, where, rows, "difference", *_same_conclusion(rows))
+    for key, rows in _by_question(reliabilities, ("across",)).items():
+        where = dict(zip(("factor", *_PLACE), key, strict=True)) | {"level": "", "other_level": ""}
+        yield _row(RELIABILITY, where, rows, "sem", *_same_reliability(rows))
+
+
+def _by_question(rows: Iterable[Row], named: Sequence[str]) -> dict[tuple[str, ...], list[Row]]:
+    questions: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        questions.setdefault(tuple(row[name] for name in (*named, *_PLACE)), []).append(row)
+    return questions
+
+
+def _row(question: str, where: Row, rows: list[Row], of: str, agree: bool | None, message: str) -> Row:
+    known = [row for row in rows if row.get(of) is not None]
+    widest, which = None, ""
+    if len(known) >= 2:
+        one, other = max(combinations(known, 2), key=lambda pair: abs(pair[0][of] - pair[1][of]))
+        widest, which = abs(one[of] - other[of]), f"{one['model']};{other['model']}"
+    return where | {
+        "question": question,
+        "models": ";".join(row["model"] for row in rows),
+        "agree": agree,
+        "widest_difference": widest,
+        "which": which,
+        "unit": rows[0]["unit"],
+        "message": message,
+    }
+
+
+def _same_conclusion(rows: Sequence[Row]) -> tuple[bool | None, str]:
+    """Whether all models are on one side of LEVEL and, where they show a difference, of one sign."""
+    tested = [row for row in rows if row["p_holm"] is not None]
+    if len(tested) < 2:
+        return None, "fewer than two models have a test"
+    up = [row["model"] for row in tested if row["p_holm"] <= LEVEL and row["difference"] > 0]
+    down = [row["model"] for row in tested if row["p_holm"] <= LEVEL and row["difference"] <= 0]
+    none = [row["model"] for row in tested if row["p_holm"] > LEVEL]
+    groups = [(up, "more at {level}"), (down, "less at {level}"), (none, "no difference shown")]
+    said = [f"{text.format(**tested[0])}: {', '.join(own)}" for own, text in groups if own]
+    return len(said) == 1, "" if len(said) == 1 else "; ".join(said)
+
+
+def _same_reliability(rows: Sequence[Row]) -> tuple[bool | None, str]:
+    """Whether the intervals of ICC(2,1) of all models overlap."""
+    known = [row for row in rows if row.get("icc_2_1") is not None and row["icc_2_1"] == row["icc_2_1"]]
+    if len(known) < 2:
+        return None, "fewer than two models have an ICC"
+    highest_low = max(known, key=lambda row: row["icc_2_1_low"])
+    lowest_high = min(known, key=lambda row: row["icc_2_1_high"])
+    if highest_low["icc_2_1_low"] <= lowest_high["icc_2_1_high"]:
+        return True, ""
+    return False, f"ICC(2,1) is higher under {highest_low['model']} than under {lowest_high['model']}"

@@ -1,0 +1,98 @@
+"""Repeatability: the textbook's ICC, sums of squares by regression, and simulated sessions of known error."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from subject_statistics.reliability_statistics import (
+    bland_altman,
+    mean_squares,
+    reliability,
+    stated_against_seen,
+)
+
+JUDGES = np.array(
+    [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]], dtype=float
+)
+"""Table 2 of Shrout and Fleiss (1979): 6 targets, 4 judges."""
+
+
+def test_iccs_of_shrout_and_fleiss() -> None:
+    found = reliability(JUDGES)
+    assert found.agreement.value == pytest.approx(0.29, abs=0.005)
+    assert found.consistency.value == pytest.approx(0.71, abs=0.005)
+    assert found.agreement.interval == pytest.approx((0.02, 0.76), abs=0.005)
+    assert found.consistency.interval == pytest.approx((0.34, 0.95), abs=0.005)
+
+
+def test_sem_is_the_spread_within_subjects() -> None:
+    found = reliability(JUDGES)
+    assert found.sem == pytest.approx(math.sqrt(JUDGES.var(axis=1, ddof=1).mean()))
+    assert found.mdc == pytest.approx(1.96 * math.sqrt(2) * found.sem, rel=1e-4)
+    low, high = found.sem_interval
+    assert low < found.sem < high
+    assert 18 * found.sem**2 / low**2 == pytest.approx(stats.chi2.ppf(0.975, 18))
+
+
+def test_mean_squares_are_those_of_least_squares() -> None:
+    """What is left of the values when subjects, sessions or both are fitted."""
+    n, k = JUDGES.shape
+    of_rows, of_columns = np.kron(np.eye(n), np.ones((k, 1))), np.kron(np.ones((n, 1)), np.eye(k))
+
+    def left(design: np.ndarray) -> float:
+        fitted = design @ np.linalg.lstsq(design, JUDGES.ravel(), rcond=None)[0]
+        return float(((JUDGES.ravel() - fitted) ** 2).sum())
+
+    both = left(np.hstack([of_rows, of_columns]))
+    assert mean_squares(JUDGES) == pytest.approx(
+        ((left(of_columns) - both) / 5, (left(of_rows) - both) / 3, both / 15)
+    )
+
+
+def test_sessions_that_repeat_exactly_and_values_all_alike() -> None:
+    repeated = reliability(np.repeat([[1.0], [2.0], [4.0]], 3, axis=1))
+    assert (repeated.agreement.value, repeated.consistency.value, repeated.sem) == (1.0, 1.0, 0.0)
+    assert math.isnan(reliability(np.ones((4, 2))).agreement.value)
+
+
+def test_limits_of_two_sessions_are_bland_and_altmans() -> None:
+    d = JUDGES[:, 1] - JUDGES[:, 0]
+    found = bland_altman(JUDGES[:, :2])
+    assert found.bias == pytest.approx(d.mean())
+    assert (found.high - found.low) / 2 == pytest.approx(stats.norm.ppf(0.975) * d.std(ddof=1))
+    expected = stats.ttest_1samp(d, 0.0).confidence_interval()
+    assert found.bias_interval == pytest.approx((expected.low, expected.high))
+    assert found.high_interval[0] < found.high < found.high_interval[1]
+    assert found.low - found.low_interval[0] == pytest.approx(found.high_interval[1] - found.high)
+
+
+def test_limits_of_three_sessions_hold_new_differences() -> None:
+    """Of 4000 subjects: an error of 2 in every session, and a shift of 1 from one to the next."""
+    rng = np.random.default_rng(3)
+    values = rng.normal(0, 9, (4000, 1)) + rng.normal(0, 2, (4000, 3)) + np.arange(3)
+    found = bland_altman(values)
+    assert found.bias == pytest.approx(1.0, abs=0.1)
+    assert found.high == pytest.approx(1.0 + 1.96 * math.sqrt(8), abs=0.12)
+    assert reliability(values).sem == pytest.approx(math.sqrt(4 + 1), abs=0.06)
+
+
+def test_the_interval_of_a_limit_holds_it_in_19_of_20_studies() -> None:
+    """12 subjects, 3 sessions, an error of 1: the upper limit is 1.96 sqrt(2)."""
+    rng = np.random.default_rng(4)
+    intervals = np.array([bland_altman(rng.normal(size=(12, 3))).high_interval for _ in range(1500)])
+    limit = 1.96 * math.sqrt(2)
+    assert 0.93 < ((intervals[:, 0] <= limit) & (limit <= intervals[:, 1])).mean() < 0.98
+
+
+def test_stated_sd_against_what_was_seen() -> None:
+    found = stated_against_seen(np.array([1.0, -2.0, 5.0, np.nan]), np.array([1.0, 1.0, 2.0, 1.0]))
+    assert found is not None
+    assert found.n == 3
+    assert found.held_percent == pytest.approx(100 / 3)
+    assert found.stated == pytest.approx(math.sqrt(2))
+    assert found.ratio == pytest.approx(math.sqrt(10 / 2))
+    assert stated_against_seen(np.array([1.0]), np.array([np.nan])) is None
