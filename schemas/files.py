@@ -21,6 +21,8 @@ def replacing(path: Path) -> Iterator[Path]:
     killed are removed first. A file has one writer at a time. Raises InputError where the folder cannot be
     written to.
     """
+    if not path.name:
+        raise InputError(f"{path}: is a folder; expected the name of a file to write")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
