@@ -161,7 +161,7 @@ def run(
 
 
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:
-    """Raise InputError where an argument is not in UTF-8, as tables and captures have it, or no file's path."""
+    """Raise InputError where an argument is not in UTF-8, as tables and captures have it, or no path."""
     for name, value in vars(arguments).items():
         option = f"--{name.replace('_', '-')}"
         for each in value if isinstance(value, list | tuple) else [value]:
