@@ -204,3 +204,11 @@ def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) 
     assert "expected one of wrist, thumb_cmc, " in problems[2]
     assert "'index_cmc' is no joint of layout" in problems[3]
     assert all(problem.endswith("the row was not applied") for problem in problems)
+
+
+def test_exports_are_of_models_of_the_study(tmp_path: Path) -> None:
+    more = "exports: [bvh]\nexport_settings: {models: [whole-hand]}\n"
+    with pytest.raises(
+        InputError, match=r"export_settings.models: 'whole-hand' is no model of the study; expec"
+    ):
+        study(tmp_path, "01 right rom both a.csv", more=more)
