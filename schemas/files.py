@@ -22,6 +22,8 @@ def replacing(path: Path) -> Iterator[Path]:
     whole: its bytes are on the disk before it takes the name, and the name is before this returns. A file has
     one writer at a time. Raises StorageError where it cannot be written.
     """
+    if not path.name:
+        raise InputError(f"{path}: is a folder; expected the name of a file to write")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -122,4 +122,5 @@ def naming_damage(
     except (FileNotFoundError, InputError, MemoryError):
         raise
     except (OSError, ValueError, pa.ArrowException) as damage:
-        raise error(f"{path}: {what} ({damage}); {remedy}") from damage
+        reason = getattr(damage, "strerror", None) or damage
+        raise error(f"{path}: {what} ({reason}); {remedy}") from damage

@@ -21,9 +21,11 @@ import pyarrow.parquet as pq
 from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
 from schemas.layout import Layout
+from schemas.limits import check_regular
 from schemas.parquet_files import naming_damage, open_parquet
 from schemas.study import Hand
 from schemas.tables import column_array, open_table, read_metadata
+from schemas.text_files import reading
 
 Array = npt.NDArray[np.float64]
 
@@ -107,8 +109,11 @@ def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
 
 def recording_name(path: Path) -> RecordingName:
     """Give the recording's name from a poses file's metadata, also where its making failed."""
-    if not path.is_file():
-        raise TableError(f"{path}: no such file; expected a {POSES.name} table")
+    try:
+        with reading(path, f"a {POSES.name} table"):
+            check_regular(path, f"a {POSES.name} table")
+    except InputError as error:
+        raise TableError(str(error)) from error
     metadata = read_metadata(path)
     if metadata["schema"] != POSES.name:
         raise TableError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schemas.errors import InputError, TableError
+from schemas.limits import FILE_NAME_BYTES
 
 if TYPE_CHECKING:
     from checks.checked_recording import CheckedRecording
@@ -135,7 +136,7 @@ def run(
     """
     message = ""
     try:
-        _refuse_undecodable(arguments)
+        _refuse_odd_text(arguments)
         with _recorded(record_failure is not None and arguments.record_failure) as messages:
             work(arguments)
         if messages and record_failure is not None:
@@ -163,12 +164,19 @@ def run(
     return 0
 
 
-def _refuse_undecodable(arguments: argparse.Namespace) -> None:
-    """Raise InputError where an argument is not in UTF-8, as tables and captures have it."""
+def _refuse_odd_text(arguments: argparse.Namespace) -> None:
+    """Raise InputError where an argument is not in UTF-8, as tables and captures have it, or no path."""
     for name, value in vars(arguments).items():
-        for text in map(str, value if isinstance(value, list | tuple) else [value]):
+        option = f"--{name.replace('_', '-')}"
+        for each in value if isinstance(value, list | tuple) else [value]:
+            text = str(each)
             if any("\ud800" <= letter <= "\udfff" for letter in text):
-                raise InputError(f"--{name.replace('_', '-')}: {text}: is not UTF-8 text; write it in UTF-8")
+                raise InputError(f"{option}: {text}: is not UTF-8 text; write it in UTF-8")
+            if not isinstance(each, Path):
+                continue
+            longest = max((len(part.encode()) for part in each.parts), default=0)
+            if "\0" in text or longest > FILE_NAME_BYTES:
+                raise InputError(f"{option}: {text}: no file can have this name; give a shorter, plain one")
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from schemas.files import write_text
@@ -32,6 +33,7 @@ class Place:
     pattern: str
 
 
+@cache
 def places() -> list[Place]:
     """Every place in the rooms, by file and line."""
     return [

@@ -63,6 +63,11 @@ def test_a_path_below_a_file_is_one_sentence(tmp_path: Path) -> None:
         write_text(tmp_path / "file" / "a.txt", "text")
 
 
+def test_a_name_is_needed_to_write() -> None:
+    with pytest.raises(InputError, match=r"^\.: is a folder; expected the name of a file to write"):
+        write_text(Path(), "text")
+
+
 def test_what_a_killed_writer_left_goes_with_the_next_writing(tmp_path: Path) -> None:
     left = tmp_path / ".a.txt.4194305.tmp"
     others = [tmp_path / name for name in (".a.txt.b.7.tmp", ".aatxt.7.tmp", ".b.txt.7.tmp", ".a.txt.unit")]

@@ -38,6 +38,14 @@ def test_the_papers_tables() -> None:
         ),
         ("model: mine", "the key 'description' is missing"),
         (
+            "model: mine\ndescription: d\njoints: {solver: anatomical}",
+            "planes.cut: is true; the solver anatomical gives final centres",
+        ),
+        (
+            "model: mine\ndescription: d\nplanes: {cut: false, corrections: true}",
+            "planes.corrections: is true, but planes.cut: false makes centres final",
+        ),
+        (
             "model: mine\ndescription: d\nmetacarpals: {unmeasured: fitted}",
             "metacarpals.unmeasured: is fitted, but no whole hand is fitted",
         ),

@@ -1,5 +1,6 @@
 """Reading poses tables: names, hands, and files that are not what they should be."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -192,14 +193,25 @@ def test_a_reader_gives_the_recordings_in_turn(tmp_path: Path, monkeypatch: pyte
     np.testing.assert_array_equal(list(reader("thumb"))[1].position_mm[:, 0], short[1].position_mm[:, 1])
 
 
-@pytest.mark.parametrize("spoil", ["text", "other", "absent"])
+@pytest.mark.parametrize("spoil", ["text", "other", "absent", "folder", "pipe"])
 def test_a_name_is_of_a_poses_table(tmp_path: Path, spoil: str) -> None:
     path = tmp_path / "p.parquet"
     if spoil == "text":
         path.write_text("frame,time_s")
     elif spoil == "other":
         write_table(path, PROBLEMS, columns_from_rows(PROBLEMS, []), Provenance())
-    with pytest.raises(TableError, match=r"p\.parquet: (not a readable|is a problems table|no such file)"):
+    elif spoil == "folder":
+        path.mkdir()
+    elif spoil == "pipe":
+        os.mkfifo(path)
+    said = {
+        "text": "not a readable Parquet file",
+        "other": "is a problems table; expected poses",
+        "absent": "no such file; expected a poses table",
+        "folder": "is a folder; expected a poses table, a regular file",
+        "pipe": "is a pipe; expected a poses table, a regular file",
+    }
+    with pytest.raises(TableError, match=rf"p\.parquet: {said[spoil]}"):
         recording_name(path)
 
 

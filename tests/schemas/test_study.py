@@ -284,3 +284,11 @@ def test_rows_of_one_session_come_before_those_of_all(tmp_path: Path) -> None:
         content = plans.content("01", session)
         assert content["session"] == session
         assert {row["quantity"]: row["value_mm"] for row in content["measurements"]} == values
+
+
+def test_exports_are_of_models_of_the_study(tmp_path: Path) -> None:
+    more = "exports: [bvh]\nexport_settings: {models: [whole-hand]}\n"
+    with pytest.raises(
+        InputError, match=r"export_settings.models: 'whole-hand' is no model of the study; expec"
+    ):
+        study(tmp_path, "01 right rom both a.csv", more=more)

@@ -180,6 +180,16 @@ def test_a_stray_byte_in_an_argument_is_refused(value: object, capsys: pytest.Ca
     assert "is not UTF-8 text; write it in UTF-8" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("path", ["a\0b", "x" * 5000, "folder/" + "é" * 128 + ".csv"])
+def test_a_path_that_no_file_can_have_is_refused(path: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for given in (Path(path), [Path("good.csv"), Path(path)]):
+        arguments = argparse.Namespace(out_joints=given, note="x" * 5000)
+        assert command_line.run(arguments, lambda _: pytest.fail("worked")) == 2
+        said = capsys.readouterr().err
+        assert said.startswith("error: --out-joints: ")
+        assert said.endswith(": no file can have this name; give a shorter, plain one\n")
+
+
 @pytest.mark.parametrize("module", ["solve_joints", "evaluate_tips", "capture inspect x.csv"])
 def test_a_python_without_the_packages_is_said(module: str) -> None:
     """The system's own, outside the environment."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from schemas.config_files import json_schema
 from schemas.errors import InputError
 from skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply, unit
 from stages.capture.formats.orientation import proper_rotations, quaternions
@@ -47,6 +48,23 @@ def test_polhemus_angles_are_the_manuals_matrix() -> None:
     )
     found = quaternions(angles, told("euler", axes="ZYX", unit="deg"), place)
     np.testing.assert_allclose(matrix(found), np.moveaxis(manual, -1, 0), atol=1e-12)
+
+
+def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> None:
+    """As the page of configuration says; the matrix written out as in the guide of the Flock of Birds."""
+    keys = json_schema("mapping")["properties"]["orientation"]["properties"]
+    assert (
+        "A trakSTAR's quaternions and matrices do the second, its angles (ZYX) the first."
+        in (keys["rotates"]["description"])
+    )
+    angles = np.array([[30.0, -20.0, 50.0], [-170.0, 80.0, 5.0]])
+    (ca, ce, cr), (sa, se, sr) = np.cos(np.radians(angles)).T, np.sin(np.radians(angles)).T
+    guide = [ce * ca, ce * sa, -se, sr * se * ca - cr * sa, cr * ca + sr * se * sa, sr * ce]
+    guide += [sr * sa + cr * se * ca, cr * se * sa - sr * ca, cr * ce]
+    same(
+        quaternions(np.stack(guide, axis=-1), told("matrix", BACK), place),
+        quaternions(angles, told("euler", FORWARD, axes="ZYX", unit="deg"), place),
+    )
 
 
 @pytest.mark.parametrize(
