@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from stages.align_events.pulse_matching import (
     CHANCE,
-    LARGEST_RATE,
     RATE_SD,
     USUAL_JITTER_S,
     Array,
@@ -42,6 +42,7 @@ DECIDED = float(np.log(100))
 SHIFTS = 200
 """So many pulses to either side are tried for another way to lay them over each other."""
 
+AHEAD_S = 1000.0
 FEWEST_GAINED = 3
 """Pulses that must coincide more than without a step where one is believed."""
 
@@ -53,10 +54,11 @@ FEWEST_PULSES = 3
 class ClockFit:
     """The line of every stretch, and what was seen of the pulses.
 
-    starts : (K - 1, 2) last pulse before and first after every step, on the other clock. steps_s : (K - 1,)
-    by how much the reference runs ahead after it. jitter_s : 1-sigma of a single pulse. ambiguity_s : 1-sigma
-    of the shift by whole periods that pulses at regular intervals leave open. residual_s : rms. n_missing,
-    n_extra : pulses that only the reference, only the other clock has while both ran. status : as in tables.
+    steps_between_s : (K - 1, 2) last pulse before and first after every step, on the other clock. steps_s :
+    (K - 1,) by how much the other clock was set ahead. jitter_s : 1-sigma of a single pulse. ambiguity_s :
+    1-sigma of the shift by whole periods that pulses at regular intervals leave open. residual_s : rms of the
+    pulses. clock_sd_s : largest 1-sigma error of a mapped time between the first and the last pulse.
+    n_missing, n_extra : pulses that only the reference, only the other clock has while both ran.
     """
 
     lines: tuple[Line, ...]
@@ -82,6 +84,13 @@ class ClockFit:
         """Time of the reference at the other clock's zero, on the line of the first stretch."""
         return float(self.lines[0](np.zeros(1))[0])
 
+    def near_step(self, other_s: Array) -> npt.NDArray[np.bool_]:
+        """Whether times (N,) lie between the two pulses about a step, so that either line may be theirs."""
+        near = np.zeros(len(other_s), bool)
+        for before, after in self.steps_between_s:
+            near |= (other_s > before) & (other_s < after)
+        return near
+
     def mapped(self, other_s: Array) -> tuple[Array, Array]:
         """Times of the reference clock (N,) and their 1-sigma error, for any times of the other clock.
 
@@ -99,20 +108,22 @@ class ClockFit:
         return time_s, np.sqrt(variance)
 
 
-def ascending(time_s: Array) -> Array:
-    """Give times in the order of their recording without steps back: what follows one is a second later.
+def ascending(time_s: Array) -> tuple[Array, Array]:
+    """Give times in the order of their recording without steps back, and by how much each was put ahead.
 
-    A step back is a clock that was set; `fit_clock` finds it as any other step. A shorter one, of events
-    written out of order, is left to who sorts.
+    A step back is a clock that was set: what follows is put AHEAD_S after it, and `fit_clock` finds the step.
+    Events that were written out of order by no more than jitter are left as they are.
     """
-    jumps = np.diff(time_s, prepend=time_s[:1])
-    return np.asarray(time_s + np.cumsum(np.where(jumps < -1.5 * USUAL_JITTER_S, 1.0 - jumps, 0.0)))
+    back = np.diff(time_s, prepend=time_s[:1])
+    ahead_s = np.cumsum(np.where(back < -1.5 * USUAL_JITTER_S, AHEAD_S - back, 0.0))
+    return time_s + ahead_s, ahead_s
 
 
-def fit_clock(reference_s: Array, other_s: Array) -> ClockFit | str:
+def fit_clock(reference_s: Array, other_s: Array, ahead_s: Array | None = None) -> ClockFit | str:
     """Match the pulses of two clocks and fit the lines; both ascending. Gives a sentence where nothing fits.
 
     Offsets may be of any size, rates differ by up to 600 ppm; pulses may be lost or added on either clock.
+    ahead_s : by how much `ascending` has put each pulse of the other clock ahead; steps are without it.
     """
     if not len(reference_s) or not len(other_s):
         which = "the recording's clock" if not len(reference_s) else "the file"
@@ -126,9 +137,13 @@ def fit_clock(reference_s: Array, other_s: Array) -> ClockFit | str:
         )
     stretches = _supported(reference_s, other_s, stretches, within_s)
     stretches, ambiguity_s, odds = _best_shifts(reference_s, other_s, stretches, within_s)
-    fit = _fitted(reference_s, other_s, _refined(reference_s, other_s, stretches, within_s))
+    fit = _fitted(other_s, _refined(reference_s, other_s, stretches, within_s))
+    ahead_s = np.zeros(len(other_s)) if ahead_s is None else ahead_s
+    before_s, after_s = ahead_s[np.searchsorted(other_s, fit.steps_between_s)].T
+    fit = replace(fit, steps_s=fit.steps_s - (after_s - before_s))
     by_chance = max(stretch.by_chance for stretch in stretches)
-    status, message = _judgement(fit, other_s, ambiguity_s, odds, by_chance)
+    set_at_s = fit.steps_between_s[:, 0] - before_s
+    status, message = _judgement(fit, set_at_s, other_s, ambiguity_s, odds, by_chance)
     return replace(fit, ambiguity_s=ambiguity_s, status=status, message=message)
 
 
@@ -330,7 +345,7 @@ def _stretch_of_each(r: Array, o: Array, pairs: _Pairs, lines: Sequence[Line], w
     return stretch
 
 
-def _fitted(r: Array, o: Array, matched: tuple[Integers, _Pairs]) -> ClockFit:
+def _fitted(o: Array, matched: tuple[Integers, _Pairs]) -> ClockFit:
     """The fit, yet to be judged."""
     i, pairs = matched
     j = np.searchsorted(o, pairs.x)
@@ -338,7 +353,9 @@ def _fitted(r: Array, o: Array, matched: tuple[Integers, _Pairs]) -> ClockFit:
     sd_s = _stated_sd_s(error, int(pairs.stretch[-1]) + 2)
     lines = pairs.lines(sd_s * np.sqrt(_hanging_together(error)))
     ends = np.flatnonzero(np.diff(pairs.stretch))
-    steps = [float(b(pairs.x[k : k + 1])[0] - a(pairs.x[k : k + 1])[0]) for (a, b), k in zip(pairwise(lines), ends, strict=True)]
+    steps = [  # between the two lines, on the other clock
+        (a.offset - b.offset + a.rate * (b.at - a.at)) / (1 + a.rate) for a, b in pairwise(lines)
+    ]
     fit = ClockFit(
         lines, np.stack([pairs.x[ends], pairs.x[ends + 1]], -1), np.array(steps), sd_s, 0.0,
         float(np.sqrt(np.mean(error**2))), 0.0, len(i), int(i[-1] - i[0] + 1 - len(i)),
@@ -368,12 +385,11 @@ def _hanging_together(error: Array) -> float:
 
 
 def _judgement(
-    fit: ClockFit, other_s: Array, ambiguity_s: float, odds: float, by_chance: float
+    fit: ClockFit, set_at_s: Array, other_s: Array, ambiguity_s: float, odds: float, by_chance: float
 ) -> tuple[str, str]:
     """Status and message."""
     steps = ", ".join(
-        f"{step:+.3f} s at {after:.1f} s"
-        for (_, after), step in zip(fit.steps_between_s[:3], fit.steps_s, strict=False)
+        f"{step:+.3f} s after {at_s:.1f} s" for at_s, step in zip(set_at_s[:3], fit.steps_s, strict=False)
     )
     more = f" and {len(fit.steps_s) - 3} more" if len(fit.steps_s) > 3 else ""
     message = f"a clock was set or a recorder paused: {steps}{more}" if steps else ""
@@ -386,13 +402,15 @@ def _judgement(
         return "weak", f"{fit.n_pulses} pulses may fit so by chance; give more of them"
     if fit.n_pulses < FEWEST_PULSES:
         return "weak", (
-            f"{fit.n_pulses} common pulse{'s'[: fit.n_pulses - 1]}: the rates of the clocks are taken to differ "
-            f"by less than {2e6 * RATE_SD:.0f} ppm, which is {2 * RATE_SD * 60e3:.0f} ms in a minute"
+            f"{fit.n_pulses} common pulse{'s'[: fit.n_pulses - 1]}: the rates of the clocks are taken to "
+            f"differ by less than {2e6 * RATE_SD:.0f} ppm, which is {2 * RATE_SD * 60e3:.0f} ms in a minute"
         )
     if fit.n_pulses < (fit.n_pulses + min(fit.n_missing, fit.n_extra)) / 2:
         return "weak", "fewer than half of the pulses are common to both clocks; are they the same pulses?"
     if odds < np.inf and ambiguity_s == 0.0 and _regular(other_s):
-        message = "; ".join(filter(None, (message, "pulses at regular intervals, laid so that the fewest are unmatched")))
+        message = "; ".join(
+            filter(None, (message, "pulses at regular intervals, laid so that the fewest are unmatched"))
+        )
     return "ok", message
 
 

@@ -44,7 +44,7 @@ CHANCE = 0.01
 
 @dataclass(frozen=True)
 class Line:
-    """reference = other + offset + rate * (other - at); its variance in s^2 at any time of the other clock."""
+    """reference = other + offset + rate * (other - at); variances in s^2 and of the rate."""
 
     at: float
     offset: float
@@ -92,7 +92,7 @@ def match_pulses(reference_s: Array, other_s: Array, within_s: float) -> list[St
     """Match pulses, both ascending; give the stretches in order of time, none where nothing fits."""
     if len(reference_s) == len(other_s) == 1:
         return [Stretch(np.array([0]), np.array([0]), 0.0)]
-    stretches = []
+    stretches: list[Stretch] = []
     left = [(0, len(reference_s), 0, len(other_s))]
     while left:
         first, end, other_first, other_end = left.pop()
@@ -173,7 +173,7 @@ def _coinciding(r: Array, o: Array, start: int, size: int, within_s: float) -> t
 
 
 def _rates(span_s: float, within_s: float) -> Array:
-    """Rates to try, so close that none in between moves the ends of a window by a quarter of the tolerance."""
+    """Rates to try: none in between moves the ends of a window by more than a quarter of the tolerance."""
     n_steps = int(np.ceil(LARGEST_RATE * span_s / within_s - 0.5))
     return np.linspace(-LARGEST_RATE, LARGEST_RATE, 2 * n_steps + 1) if n_steps > 0 else np.zeros(1)
 
