@@ -199,4 +199,5 @@ def _span_s(poses: Path) -> tuple[float, float]:
         groups = (file.metadata.row_group(number) for number in range(file.num_row_groups))
         known = [group.column(place).statistics for group in groups]
         ends = [(own.min, own.max) for own in known if own is not None and own.has_min_max]
-    return min((low for low, _ in ends), default=np.nan), max((high for _, high in ends), default=np.nan)
+    low, high = ([end[side] for end in ends] or [np.nan] for side in (0, 1))
+    return min(low) + 0.0, max(high)  # Parquet's least zero is -0
