@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+from fuzzing.sample_files import capture_bytes
 
 from schemas.catalogue import CAPTURE_RECORDS, POSES
 from schemas.tables import Provenance, Table, write_table
@@ -107,3 +109,21 @@ def marker_stream(
 def xdf_of(*streams: bytes) -> bytes:
     """An XDF file of those streams."""
     return b"XDF:" + _chunk(1, b"<info><version>1.0</version></info>") + b"".join(streams)
+
+
+def _bytes_of(write: Callable[[Path], Path]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return write(Path(folder)).read_bytes()
+
+
+PULSES_S = np.array([1.0, 1.7, 3.6, 4.7])
+SAMPLES: Mapping[str, Callable[[], bytes]] = {
+    "a_events.tsv": lambda: b"onset\tduration\ttrial_type\tvalue\n1\t0.5\ttap\t3\n3\tn/a\tgo\tn/a\n",
+    "a.mid": lambda: _bytes_of(lambda folder: midi_of(folder, PULSES_S)),
+    "a.xdf": lambda: xdf_of(
+        marker_stream(1, "cues", [["go"], ["stop"]], [1.0, 2.0], [(0.0, 1.0), (5.0, 1.0)])
+    ),
+    "a.parquet": lambda: _bytes_of(lambda folder: records_of(folder, PULSES_S)),
+    "a.arrows": capture_bytes,
+}
+"""A small valid file of every kind, by a name of that ending: what tests spoil."""

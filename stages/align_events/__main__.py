@@ -63,7 +63,8 @@ def align(arguments: argparse.Namespace) -> None:
     else:
         recordings = [_alone(arguments)]
         parts, folder = [recordings[0][0]], None
-    files = [path for *_, own in recordings for path in (own.poses, own.file) if path is not None]
+    with_events = [own for *_, own in recordings if own.file is not None or own.rows]
+    files = [path for own in with_events for path in (own.poses, own.file) if path is not None]
     provenance = Provenance.of(files, folder)
     with (
         parts_writer(arguments.out, TABLES["events"], provenance) as events,
@@ -101,40 +102,30 @@ def _of_plan(plan: SubjectPlan) -> Iterator[Named]:
 
     sheet = getattr(plan, "events", ())
     for recording in plan.recordings:
-        poses = plan.poses(recording)
+        poses, key = plan.poses(recording), recording.key
         if recording.exclude or not usable_poses([poses])[0]:
             continue
-        key = _key(poses)
-        rows = [row for row in sheet if all(row.values.get(name, "") in ("", key[name]) for name in key)]
+        rows = [
+            row.values for row in sheet if all(row.values.get(name, "") in ("", key[name]) for name in key)
+        ]
         file, pulses = getattr(recording, "events", None), getattr(recording, "pulses", "")
-        own = RecordingEvents(poses, recording.file, file, pulses, [row.values for row in rows])
-        yield plan.part(recording.hand.hand), key, own
+        yield plan.part(recording.hand.hand), key, RecordingEvents(poses, recording.file, file, pulses, rows)
 
 
 def _alone(arguments: argparse.Namespace) -> Named:
     """The recording that the command line names."""
     from schemas.parts import Part
+    from schemas.poses import recording_name
     from stages.align_events.recording_events import RecordingEvents
 
-    key = _key(arguments.poses)
-    own = RecordingEvents(arguments.poses, arguments.recording, arguments.events, arguments.pulses)
-    return Part(key["hand"], subject=key["subject"]), key, own
-
-
-def _key(poses: Path) -> dict[str, str]:
-    """What tables call a recording."""
-    from schemas.poses import recording_name
-    from schemas.tables import read_metadata
-
-    name = recording_name(poses)
-    session = str(read_metadata(poses)["parameters"].get("session", ""))
-    return {
-        "subject": name.subject,
-        "session": session,
-        "hand": name.hand,
-        "task": name.task,
-        "trial": name.trial,
-    }
+    name = recording_name(arguments.poses)
+    part = Part(name.hand, subject=name.subject, session=name.session)
+    key = {**vars(name.of_hand), "task": name.task, "trial": name.trial}
+    return (
+        part,
+        key,
+        RecordingEvents(arguments.poses, arguments.recording, arguments.events, arguments.pulses),
+    )
 
 
 def main(argv: list[str] | None = None) -> int:

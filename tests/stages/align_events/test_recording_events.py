@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from event_files import marker_stream, midi_of, poses_of, records_of, xdf_of
+from event_files import SAMPLES, marker_stream, midi_of, poses_of, records_of, xdf_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from schemas.errors import InputError
-from stages.align_events.recording_events import SAME_CLOCK, RecordingEvents, read_events
+from stages.align_events.recording_events import READERS, SAME_CLOCK, RecordingEvents, read_events
 
+REPOSITORY = Path(__file__).resolve().parents[3]
 BIDS = "onset\tduration\ttrial_type\n1\t0.5\ttap\n3\t0\ttap\n"
 TRUE_S = np.cumsum([1.0, 0.7, 1.9, 1.1, 2.3, 0.9, 1.4, 3.0, 0.8, 1.7])
 """Pulses, on the recording's clock."""
@@ -148,6 +151,30 @@ def test_poses_without_times(tmp_path: Path) -> None:
     poses = poses_of(tmp_path, np.nan, np.nan)
     with pytest.raises(InputError, match="has no times, so onsets from its start say nothing"):
         RecordingEvents(poses, file=tmp_path / "a_events.tsv").aligned()
+
+
+def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
+    page = (REPOSITORY / "docs" / "events.md").read_text("utf-8")
+    for endings in READERS:
+        assert any(name.endswith(endings) for name in SAMPLES)
+        assert f"`*{endings[0]}`" in page or f"`{endings[0]}`" in page
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+@settings(max_examples=100, deadline=None)
+@given(place=st.floats(0, 1), byte=st.integers(0, 255), cut=st.booleans())
+def test_a_spoilt_file_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, name: str, place: float, byte: int, cut: bool
+) -> None:
+    data = SAMPLES[name]()
+    at = int(place * (len(data) - 1))
+    path = tmp_path_factory.mktemp("spoilt") / name
+    path.write_bytes(data[:at] if cut else data[:at] + bytes([byte]) + data[at + 1 :])
+    try:
+        events = read_events(path)
+    except InputError:
+        return
+    assert np.isfinite(events.time_s).all()
 
 
 @pytest.mark.parametrize("name", ["a.wav", "events.txt", "a"])
