@@ -29,9 +29,11 @@ def filled(table: Table, rows: int, columns: Mapping[str, Any]) -> dict[str, Any
     } | dict(columns)
 
 
-def poses_of(folder: Path, first_s: float = 0.0, last_s: float = 20.0, file: Path | None = None) -> Path:
+def poses_of(
+    folder: Path, first_s: float = 0.0, last_s: float = 20.0, file: Path | None = None, **key: str
+) -> Path:
     """A poses table of one segment, imported from that file."""
-    names = {"subject": "01", "hand": "right", "task": "piece", "trial": "2"}
+    names = {"subject": "01", "hand": "right", "task": "piece", "trial": "2", **key}
     columns = {"segment": ["hand"] * 3, "frame": np.arange(3), "time_s": np.linspace(first_s, last_s, 3)}
     path = folder / "poses.parquet"
     provenance = Provenance.of([] if file is None else [file], **names)

@@ -100,6 +100,7 @@ def _of_plan(plan: SubjectPlan) -> Iterator[Named]:
     from schemas.poses import usable_poses
     from stages.align_events.recording_events import RecordingEvents
 
+    command_line.poses_files(plan)  # which are those of the plan
     sheet = getattr(plan, "events", ())
     for recording in plan.recordings:
         poses, key = plan.poses(recording), recording.key
@@ -108,7 +109,7 @@ def _of_plan(plan: SubjectPlan) -> Iterator[Named]:
         rows = [
             row.values for row in sheet if all(row.values.get(name, "") in ("", key[name]) for name in key)
         ]
-        file, pulses = getattr(recording, "events", None), getattr(recording, "pulses", "")
+        file, pulses = getattr(recording, "events", None) or None, getattr(recording, "pulses", "")
         yield plan.part(recording.hand.hand), key, RecordingEvents(poses, recording.file, file, pulses, rows)
 
 

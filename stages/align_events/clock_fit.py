@@ -29,6 +29,9 @@ from stages.align_events.pulse_matching import (
     tolerance_s,
 )
 
+WANDER_BLOCKS = (8, 16, 32, 64)
+"""Into how many pieces a recording is cut to see whether its errors hang together."""
+
 LEAST_STEP_S = 0.005
 """A smaller change of the offset is a clock that wanders."""
 
@@ -56,9 +59,10 @@ class ClockFit:
 
     steps_between_s : (K - 1, 2) last pulse before and first after every step, on the other clock. steps_s :
     (K - 1,) by how much the other clock was set ahead. jitter_s : 1-sigma of a single pulse. ambiguity_s :
-    1-sigma of the shift by whole periods that pulses at regular intervals leave open. residual_s : rms of the
-    pulses. clock_sd_s : largest 1-sigma error of a mapped time between the first and the last pulse.
-    n_missing, n_extra : pulses that only the reference, only the other clock has while both ran.
+    1-sigma of the shift by whole periods that pulses at regular intervals leave open. wander_s : 1-sigma of
+    what a rate that changes bends the line. residual_s : rms of the pulses. clock_sd_s : largest 1-sigma
+    error of a mapped time between the first and the last pulse. n_missing, n_extra : pulses that only the
+    reference, only the other clock has while both ran.
     """
 
     lines: tuple[Line, ...]
@@ -66,6 +70,7 @@ class ClockFit:
     steps_s: Array
     jitter_s: float
     ambiguity_s: float
+    wander_s: float
     residual_s: float
     clock_sd_s: float
     n_pulses: int
@@ -94,15 +99,15 @@ class ClockFit:
     def mapped(self, other_s: Array) -> tuple[Array, Array]:
         """Times of the reference clock (N,) and their 1-sigma error, for any times of the other clock.
 
-        The error is that of the line, of the shift left open, and between the two pulses about a step also
-        that of not knowing where the step was; without the jitter of the event itself.
+        The error is that of the line and its bend, of the shift left open, and between the two pulses about a
+        step also that of not knowing where it was; without the jitter of the event itself.
         """
         stretch = np.searchsorted(self.steps_between_s.mean(-1), other_s)
         time_s, sd_s = np.empty(len(other_s)), np.empty(len(other_s))
         for number, line in enumerate(self.lines):
             own = stretch == number
             time_s[own], sd_s[own] = line(other_s[own]), line.sd_s(other_s[own])
-        variance = sd_s**2 + self.ambiguity_s**2
+        variance = sd_s**2 + self.ambiguity_s**2 + self.wander_s**2
         for (before, after), step in zip(self.steps_between_s, self.steps_s, strict=True):
             variance[(other_s > before) & (other_s < after)] += step**2 / 4
         return time_s, np.sqrt(variance)
@@ -351,13 +356,13 @@ def _fitted(o: Array, matched: tuple[Integers, _Pairs]) -> ClockFit:
     j = np.searchsorted(o, pairs.x)
     error = pairs.residuals_s(pairs.lines(_robust_sd_s(pairs)))
     sd_s = _stated_sd_s(error, int(pairs.stretch[-1]) + 2)
-    lines = pairs.lines(sd_s * np.sqrt(_hanging_together(error)))
+    lines = pairs.lines(sd_s)
     ends = np.flatnonzero(np.diff(pairs.stretch))
     steps = [  # between the two lines, on the other clock
         (a.offset - b.offset + a.rate * (b.at - a.at)) / (1 + a.rate) for a, b in pairwise(lines)
     ]
     fit = ClockFit(
-        lines, np.stack([pairs.x[ends], pairs.x[ends + 1]], -1), np.array(steps), sd_s, 0.0,
+        lines, np.stack([pairs.x[ends], pairs.x[ends + 1]], -1), np.array(steps), sd_s, 0.0, _wander_s(error),
         float(np.sqrt(np.mean(error**2))), 0.0, len(i), int(i[-1] - i[0] + 1 - len(i)),
         int(j[-1] - j[0] + 1 - len(j)), "", "",
     )  # fmt: skip
@@ -375,13 +380,21 @@ def _stated_sd_s(error: Array, n_unknown: int) -> float:
     return float(np.sqrt((error**2).sum() / free) * t.ppf(0.975, free) / 1.96)
 
 
-def _hanging_together(error: Array) -> float:
-    """How much larger the variance of means is than of independent errors: a clock's rate that wanders."""
-    size = int(np.sqrt(len(error)))
-    if size < 10:
-        return 1.0
-    means = error[: len(error) // size * size].reshape(-1, size).mean(-1)
-    return max(1.0, float(size * np.mean(means**2) / np.mean(error**2)))
+def _wander_s(error: Array) -> float:
+    """1-sigma of what many pulses in turn have in common, as of a changing rate; 0 if chance may be it."""
+    from scipy.stats import chi2
+
+    most = 0.0
+    for n_blocks in WANDER_BLOCKS:
+        size = len(error) // n_blocks
+        if size < WANDER_BLOCKS[0]:
+            continue
+        blocks = error[: size * n_blocks].reshape(n_blocks, size)
+        of_means = float(blocks.var(-1, ddof=1).mean()) / size
+        found = float(np.mean(blocks.mean(-1) ** 2))
+        if found * n_blocks > of_means * chi2.isf(0.001 / len(WANDER_BLOCKS), n_blocks):
+            most = max(most, found - of_means)
+    return float(np.sqrt(most))
 
 
 def _judgement(

@@ -12,6 +12,9 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
+FARTHEST_S = 1e11
+"""Three thousand years: a time beyond it is a damaged one."""
+
 
 class Clock(Enum):
     """Whose clock the times of events are on."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from schemas.errors import InputError, listed
 from schemas.xdf_streams import SAMPLE_BYTES, TEXT, Stream, clock_offsets, load_stream, read_streams
-from stages.align_events.event_list import Clock, Events
+from stages.align_events.event_list import FARTHEST_S, Clock, Events
 
 _WHOLE = tuple(name for name in SAMPLE_BYTES if name.startswith("int"))
 
@@ -56,6 +56,7 @@ def is_marker_stream(stream: Stream) -> bool:
 def offset_sd_s(path: Path, stream: Stream) -> float:
     """Scatter (rms) of a stream's clock offsets about a straight line, NaN where there are none."""
     offsets = clock_offsets(path, stream)
+    offsets = offsets[(np.abs(offsets) < FARTHEST_S).all(-1)]
     if not len(offsets):
         return float("nan")
     at = offsets[:, 0] - offsets[:, 0].mean()

@@ -20,6 +20,8 @@ TOLERANCE_S = 0.05
 """How far two pulses that are the same may lie from the line: five times a jitter of 10 ms. It is a quarter
 of the interval between pulses where these are denser than 5 Hz."""
 
+SHORTEST_TOLERANCE_S = 0.001
+
 USUAL_JITTER_S = 0.01
 """1-sigma error of a pulse's time before any is known."""
 
@@ -27,6 +29,7 @@ RATE_SD = 250e-6
 """1-sigma of how far the rates of two clocks differ before anything is known: 500 ppm is two of it."""
 
 LARGEST_RATE = 600e-6
+MOST_RATES = 400
 WINDOW_PULSES = (32, 16, 8, 4)
 """Pulses in a window: fewer where more do not fit, as between two steps."""
 
@@ -85,7 +88,7 @@ class Stretch:
 def tolerance_s(reference_s: Array, other_s: Array) -> float:
     """How far the same pulse may lie from the line, see TOLERANCE_S."""
     intervals = [float(np.median(np.diff(times))) for times in (reference_s, other_s) if len(times) > 1]
-    return min([TOLERANCE_S, *(interval / 4 for interval in intervals)])
+    return max(SHORTEST_TOLERANCE_S, min([TOLERANCE_S, *(interval / 4 for interval in intervals)]))
 
 
 def match_pulses(reference_s: Array, other_s: Array, within_s: float) -> list[Stretch]:
@@ -174,7 +177,7 @@ def _coinciding(r: Array, o: Array, start: int, size: int, within_s: float) -> t
 
 def _rates(span_s: float, within_s: float) -> Array:
     """Rates to try: none in between moves the ends of a window by more than a quarter of the tolerance."""
-    n_steps = int(np.ceil(LARGEST_RATE * span_s / within_s - 0.5))
+    n_steps = min(MOST_RATES // 2, int(np.ceil(LARGEST_RATE * span_s / within_s - 0.5)))
     return np.linspace(-LARGEST_RATE, LARGEST_RATE, 2 * n_steps + 1) if n_steps > 0 else np.zeros(1)
 
 
@@ -192,9 +195,9 @@ def _followed(
 ) -> tuple[Integers, Integers]:
     """Follow the line through a window's pairs both ways, as far as it is known and pulses keep to it."""
     while True:
-        line = Line.through(o[other], r[reference])
-        sure = np.flatnonzero(2.5 * line.sd_s(o) < within_s)
-        first, end = int(min(sure[0], other[0])), int(max(sure[-1], other[-1])) + 1
+        line = Line.through(o[other], r[reference], min(USUAL_JITTER_S, within_s / 5))
+        sure = np.concatenate([other, np.flatnonzero(2.5 * line.sd_s(o) < within_s)])
+        first, end = int(sure.min()), int(sure.max()) + 1
         i, j = nearest_pairs(r, line(o[first:end]), within_s)
         hit = np.zeros(end - first, bool)
         hit[j] = True

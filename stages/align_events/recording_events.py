@@ -15,7 +15,7 @@ from schemas.errors import InputError, guess, listed
 from schemas.files import file_sha256
 from schemas.tables import open_table, read_metadata
 from stages.align_events.clock_fit import ClockFit, ascending, fit_clock
-from stages.align_events.event_list import Array, Clock, Events, events_of_rows
+from stages.align_events.event_list import FARTHEST_S, Array, Clock, Events, events_of_rows
 
 READERS = {
     ("_events.tsv", ".tsv"): "stages.align_events.bids_events:read_bids_events",
@@ -27,6 +27,9 @@ READERS = {
 
 SAME_CLOCK = "same clock"
 """What stands for the name of the pulses where a file's times are the recording's own."""
+
+MOST_PULSES = 200_000
+"""What an hour has at 55 Hz, far more than can be told apart."""
 
 _TRACKER_ENDINGS = (".arrows", ".parquet", ".pq")
 
@@ -101,6 +104,10 @@ class RecordingEvents:
         if not pulses.any():
             known = list(dict.fromkeys(events.names))
             raise InputError(f"{self.file}: has no event named {name!r}; it has {listed(known)}")
+        if pulses.sum() > MOST_PULSES:
+            raise InputError(
+                f"{self.file}: has {pulses.sum()} events {name!r}; expected at most {MOST_PULSES} pulses"
+            )
         times, ahead_s = ascending(events.time_s)
         order = np.argsort(times[pulses], kind="stable")
         reference_s = np.sort(self._reference_s(own, name, other))
@@ -141,9 +148,19 @@ def read_events(path: Path) -> Events:
         if path.name.lower().endswith(endings):
             module, _, function = place.partition(":")
             read: Callable[[Path], Events] = getattr(import_module(module), function)
-            return read(path)
+            return _checked(path, read(path))
     known = [ending for endings in READERS for ending in endings]
     raise InputError(f"{path}: is no file of events; {guess(path.suffix, known)}")
+
+
+def _checked(path: Path, events: Events) -> Events:
+    """The events; InputError where one has no time that a clock shows."""
+    bad = np.flatnonzero(~(np.abs(events.time_s) < FARTHEST_S))
+    if len(bad):
+        raise InputError(
+            f"{path}: event {bad[0] + 1}: its time is {events.time_s[bad[0]]:g} s; copy the file again"
+        )
+    return events
 
 
 def _event_rows(events: Events, time_s: Array, sd_s: Array, messages: Sequence[str]) -> list[dict[str, Any]]:

@@ -90,7 +90,7 @@ def test_a_plan_of_recordings_without_events(tmp_path: Path) -> None:
     plan = read_plan(path)
     for recording in plan.recordings:
         plan.poses(recording).parent.mkdir(parents=True)
-        poses_of(plan.poses(recording).parent)
+        poses_of(plan.poses(recording).parent, **recording.key)
     assert run(tmp_path, "--record-failure", "--plan", path) == 0
     for name in ("events", "clocks"):
         assert rows(tmp_path, name) == []

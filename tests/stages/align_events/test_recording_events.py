@@ -177,6 +177,13 @@ def test_a_spoilt_file_is_read_or_refused(
     assert np.isfinite(events.time_s).all()
 
 
+@pytest.mark.parametrize("time_s", [np.nan, 1e300])
+def test_a_time_that_no_clock_shows(tmp_path: Path, time_s: float) -> None:
+    (tmp_path / "a.xdf").write_bytes(xdf_of(marker_stream(1, "cues", [["go"]], [time_s])))
+    with pytest.raises(InputError, match="event 1: its time is"):
+        read_events(tmp_path / "a.xdf")
+
+
 @pytest.mark.parametrize("name", ["a.wav", "events.txt", "a"])
 def test_another_ending_is_refused(name: str) -> None:
     with pytest.raises(InputError, match="is no file of events"):
