@@ -188,6 +188,24 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
         f"{run} stages.check_recordings --plan {{input.plan:q}} --out {{output:q}} > /dev/null 2> {{log:q}}"
 
 
+rule align_events:  # not in the paper: notes, markers and pulses, on each recording's own clock
+    input:
+        study.poses,
+        plan=f"{subject}/plan_of_recordings.json",
+    output:
+        events=f"{subject}/events.parquet",
+        clocks=f"{subject}/clocks.parquet",
+    log:
+        f"{logs}/align_events/sub-{{subject}}.log",
+    params:
+        code=code_digest("stages.align_events"),
+    message:
+        "align_events: subject {wildcards.subject}"
+    shell:
+        f"{run} stages.align_events --record-failure --plan {{input.plan:q}} --out {{output.events:q}}"
+        " --out-clocks {output.clocks:q} 2> {log:q}"
+
+
 rule check_calibration:  # not in the paper: which joints should have moved more
     input:
         study.poses,

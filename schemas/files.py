@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 
-from schemas.errors import StorageError
+from schemas.errors import InputError, StorageError
 
 
 @contextmanager

@@ -18,6 +18,8 @@ MEASURED_TABLES = (
 
 SUBJECT_TABLES = {
     "findings": "check_recordings",
+    "events": "align_events",
+    "clocks": "align_events",
     "calibration_advice": "check_calibration",
     "joint_solutions": "solve_joints",
     "projected_joints": "project_planes",
@@ -60,6 +62,8 @@ GATHERED_TABLES = {
     "skeleton_scores": "evaluate_skeletons",
     "joint_errors": "evaluate_skeletons",
     "calibration_advice": "check_calibration",
+    "events": "align_events",
+    "clocks": "align_events",
     **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
 }
 """Short tables that are gathered for the study, of whole skeletons, and the stage that writes each."""

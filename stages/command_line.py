@@ -137,7 +137,7 @@ def run(
     message = ""
     try:
         _refuse_odd_text(arguments)
-        with _recorded(record_failure is not None and arguments.record_failure) as messages:
+        with recorded(record_failure is not None and arguments.record_failure) as messages:
             work(arguments)
         if messages and record_failure is not None:
             message = messages[0]
@@ -186,7 +186,7 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
     That holds for a bug too: it must not cost a study its other hands and models, and its traceback stays in
     the log. A TableError is no result of the subject's data, and is raised.
     """
-    with _recorded(arguments.record_failure) as messages:
+    with recorded(arguments.record_failure) as messages:
         yield
     for message in messages:
         for table in tables:
@@ -194,7 +194,7 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
 
 
 @contextmanager
-def _recorded(record: bool) -> Iterator[list[str]]:
+def recorded(record: bool) -> Iterator[list[str]]:
     """Keep and print the message of what is raised inside; raise it without `record`.
 
     A TableError is raised, and that memory or the disk's room ran out or a package is not installed: no

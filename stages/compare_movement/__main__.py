@@ -25,7 +25,6 @@ def build_parser() -> argparse.ArgumentParser:
 
 def compare(arguments: argparse.Namespace) -> None:
     """Read the study's tables of movement, write those of comparisons."""
-
     from schemas.results import Results
     from schemas.study import read_study
     from stages.compare_movement.study_comparison import compare_study

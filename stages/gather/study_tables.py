@@ -16,6 +16,7 @@ from schemas.config_files import read_config
 from schemas.files import write_text
 from schemas.findings import REFUSED, STAGE, same_file
 from schemas.layout import read_layout
+from schemas.movement_tables import CLOCKS
 from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan, read_plan
 from schemas.recording_summary import recording_row
@@ -125,7 +126,8 @@ def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> 
     provenance = Provenance.of([file for _, file in files], results.folder)
     columns = {column.name: rows.column(column.name) for column in table.columns}
     write_table(results.study_table(name), table, columns, provenance)
-    return problems + (_receiver_problems(rows) if name == RECEIVERS.name else [])
+    of_rows = {RECEIVERS.name: _receiver_problems, CLOCKS.name: _clock_problems}
+    return problems + (of_rows[name](rows) if name in of_rows else [])
 
 
 def _whole_skeletons(file: Path, table: Table) -> pa.Table:
@@ -156,6 +158,18 @@ def _receiver_problems(receivers: pa.Table) -> list[Row]:
         )
         for row in rows_of(receivers)
         if row["message"] and row["status"] != "failed"
+    ]  # fmt: skip
+
+
+def _clock_problems(clocks: pa.Table) -> list[Row]:
+    """Recordings whose events were not read, or stand on a clock that is not sure to be theirs."""
+    return [
+        _problem(
+            "align_events", "events", "note", row["message"], subject=row["subject"], hand=row["hand"],
+            task=", ".join(filter(None, (row["task"], row["trial"]))),
+        )
+        for row in rows_of(clocks)
+        if row["status"] in ("weak", "failed")
     ]  # fmt: skip
 
 

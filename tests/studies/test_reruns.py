@@ -25,7 +25,8 @@ ROWS = [
 ]
 CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t{}\t0\t0\n"
 CHECKED = {"plan_check", "check_recordings"}
-AFTER_CAPTURE = {"check_recordings", "check_calibration", "solve_joints", "fit_prior", "fit_hand"}
+AFTER_CAPTURE = {"check_recordings", "align_events", "check_calibration", "solve_joints"}
+AFTER_CAPTURE |= {"fit_prior", "fit_hand"}
 AFTER_SOLVING = {
     "project_planes",
     "estimate_metacarpals",

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +10,10 @@ import numpy as np
 from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import MM_PER_UNIT, UNIT_NAMES, FileMapping
+from schemas.xdf_streams import SAMPLE_BYTES, Channel, Stream, load_stream, read_streams
 from skeleton.rotations import Array
 from stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
 from stages.capture.formats.orientation import quaternions
-from stages.capture.formats.xdf_streams import SAMPLE_BYTES, Channel, Stream, read_streams, whole_chunks_of
 from stages.capture.samples import Samples, did_you_mean
 
 POSITION = ("positionx", "positiony", "positionz")
@@ -40,7 +37,8 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
         raise InputError(f"{mapping.where}: orientation.kind: must be quaternion; others of XDF are not read")
     names = [name_in_file(mapping, key, "value", owners(stream), where) for key in mapping.receivers]
     channels = [_pose_channels(where, stream, mapping, name) for name in names]
-    time_s, values, notes = _load(path, stream)
+    time_s, series, notes = load_stream(path, stream)
+    values = np.asarray(series, float)
 
     def place(row: int) -> str:
         return f"{where}, sample {row + 1}"
@@ -140,41 +138,6 @@ def _check_unit(where: str, channel: Channel, mapping: FileMapping) -> None:
             f"{mapping.where}: position_unit: is {mapped_unit}, but {where} has {channel.unit}; find out "
             "which is right"
         )
-
-
-def _load(path: Path, stream: Stream) -> tuple[Array, Array, tuple[str, ...]]:
-    """Time stamps (T,), values (T, C) and notes of a stream, read by pyxdf without its smoothing of time."""
-    import pyxdf
-
-    file, cut_off = whole_chunks_of(path, stream)
-    try:
-        with _quiet():
-            streams, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
-    except Exception as error:  # pyxdf raises whatever its code runs into
-        what = f"{type(error).__name__}: {error}"
-        raise InputError(f"{path}: stream {stream.name}: pyxdf cannot read it ({what})") from error
-    time_s = np.asarray(streams[0]["time_stamps"], float)
-    values = np.asarray(streams[0]["time_series"], float)
-    if not len(time_s):
-        raise InputError(f"{path}: stream {stream.name}: has no samples")
-    notes = []
-    if cut_off is not None:
-        notes.append(f"the file is cut off in the chunk at byte {cut_off}; what comes before it is read")
-    return time_s, values, tuple(notes)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep pyxdf from writing to stderr: what a reader must know is a sentence of its own."""
-    logger = logging.getLogger("pyxdf.pyxdf")
-    before = logger.disabled
-    logger.disabled = True
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.disabled = before
 
 
 def _numbers(

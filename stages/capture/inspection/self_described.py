@@ -51,8 +51,8 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
 
     Raises InputError where the file is none, is damaged or has no stream of type MoCap.
     """
+    from schemas.xdf_streams import read_streams
     from stages.capture.formats.xdf import POSITION, is_mocap, mocap_streams, owners
-    from stages.capture.formats.xdf_streams import read_streams
 
     streams = read_streams(path)
     lines = []

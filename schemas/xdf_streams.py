@@ -8,11 +8,19 @@ from __future__ import annotations
 
 import gzip
 import io
+import logging
+import struct
+import warnings
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
 
 from schemas.errors import InputError
 from schemas.limits import MEMORY_BYTES, MEMORY_PER_BYTE, read_whole
@@ -20,6 +28,9 @@ from schemas.text_files import reading
 
 SAMPLE_BYTES = {"double64": 8, "float32": 4, "int64": 8, "int32": 4, "int16": 2, "int8": 1}
 """Bytes of one number of every channel format that holds numbers."""
+
+TEXT = "string"
+"""The channel format that holds texts, each with its length before it."""
 
 _MAGIC = b"XDF:"
 _FILE_HEADER, _STREAM_HEADER, _SAMPLES, _CLOCK_OFFSET, _BOUNDARY, _STREAM_FOOTER = range(1, 7)
@@ -91,6 +102,55 @@ def whole_chunks_of(path: Path, stream: Stream) -> tuple[io.BytesIO, int | None]
             _check_chunk(path, chunk, stream)
             kept.append(chunk.raw)
     return io.BytesIO(b"".join(kept)), cut_off
+
+
+def load_stream(path: Path, stream: Stream) -> tuple[npt.NDArray[np.float64], Any, tuple[str, ...]]:
+    """Time stamps (T,), values by sample and channel, and notes of a stream, read by pyxdf.
+
+    Time is corrected by the stream's clock offsets where it has any, and not smoothed. Raises InputError
+    where the stream has no samples, and as `whole_chunks_of`.
+    """
+    import pyxdf
+
+    file, cut_off = whole_chunks_of(path, stream)
+    try:
+        with _quiet():
+            streams, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
+    except Exception as error:  # pyxdf raises whatever its code runs into
+        what = f"{type(error).__name__}: {error}"
+        raise InputError(f"{path}: stream {stream.name}: pyxdf cannot read it ({what})") from error
+    time_s = np.asarray(streams[0]["time_stamps"], float)
+    if not len(time_s):
+        raise InputError(f"{path}: stream {stream.name}: has no samples")
+    notes = []
+    if cut_off is not None:
+        notes.append(f"the file is cut off in the chunk at byte {cut_off}; what comes before it is read")
+    return time_s, streams[0]["time_series"], tuple(notes)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep pyxdf from writing to stderr: what a reader must know is a sentence of its own."""
+    logger = logging.getLogger("pyxdf.pyxdf")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.disabled = before
+
+
+def clock_offsets(path: Path, stream: Stream) -> npt.NDArray[np.float64]:
+    """The stream's clock offsets, (N, 2): time on the stream's clock, and what is to be added to it, in s."""
+    pairs = [
+        struct.unpack("<dd", chunk.content)
+        for chunk in _chunks(path)
+        if chunk.whole and (chunk.tag, chunk.stream) == (_CLOCK_OFFSET, stream.number)
+        if len(chunk.content) == 16
+    ]
+    return np.array(pairs, float).reshape(-1, 2)
 
 
 def _chunks(path: Path) -> Iterator[Chunk]:
@@ -168,7 +228,7 @@ def _check_chunk(path: Path, chunk: Chunk, stream: Stream) -> None:
     what, good = "", True
     if chunk.tag == _SAMPLES:
         what = "a chunk of samples"
-        good = _samples_fill(chunk.content, stream.channel_count * SAMPLE_BYTES[stream.format])
+        good = _samples_fill(chunk.content, stream)
     elif chunk.tag == _CLOCK_OFFSET:
         what, good = "a clock offset", len(chunk.content) == 16
     elif chunk.tag == _STREAM_FOOTER:
@@ -178,7 +238,7 @@ def _check_chunk(path: Path, chunk: Chunk, stream: Stream) -> None:
         raise _damaged(path, chunk.start, f"{what} is not as long as it says")
 
 
-def _samples_fill(content: bytes, numbers_bytes: int) -> bool:
+def _samples_fill(content: bytes, stream: Stream) -> bool:
     """Whether the samples, each with 8 bytes of time stamp or none, end where the chunk does."""
     if not content or content[0] not in (1, 4, 8) or len(content) <= content[0]:
         return False
@@ -186,7 +246,15 @@ def _samples_fill(content: bytes, numbers_bytes: int) -> bool:
     for _ in range(int.from_bytes(content[1:at], "little")):
         if at >= len(content) or content[at] not in (0, 8):
             return False
-        at += 1 + content[at] + numbers_bytes
+        at += 1 + content[at]
+        if stream.format != TEXT:
+            at += stream.channel_count * SAMPLE_BYTES[stream.format]
+            continue
+        for _ in range(stream.channel_count):
+            if at >= len(content) or content[at] not in (1, 4, 8):
+                return False
+            start = at + 1 + content[at]
+            at = start + int.from_bytes(content[at + 1 : start], "little")
     return at == len(content)
 
 

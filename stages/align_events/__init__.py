@@ -1,0 +1,1 @@
+"""Not in the paper: events of recordings, on the recording's own clock."""

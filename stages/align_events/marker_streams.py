@@ -1,0 +1,73 @@
+"""Marker streams of an XDF file, as LabStreamingLayer records them, on the clock of the file's recorder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schemas.errors import InputError, listed
+from schemas.xdf_streams import SAMPLE_BYTES, TEXT, Stream, clock_offsets, load_stream, read_streams
+from stages.align_events.event_list import FARTHEST_S, Clock, Events
+
+_WHOLE = tuple(name for name in SAMPLE_BYTES if name.startswith("int"))
+
+
+def read_markers(path: Path) -> Events:
+    """Read the markers of every stream of them: streams of texts, and of whole numbers at no fixed rate.
+
+    A text is the event's name; a number is its value, and its name that of the stream. Times are corrected
+    by each stream's clock offsets, so that all streams of the file share one clock; how well is in sd_s.
+    Raises InputError where the file has no such stream, or is damaged.
+    """
+    streams = read_streams(path)
+    markers = [stream for stream in streams if is_marker_stream(stream)]
+    if not markers:
+        have = listed([f"{stream.name} ({stream.type or 'no type'})" for stream in streams])
+        raise InputError(f"{path}: has no stream of markers (of texts, or of whole numbers); it has {have}")
+    rows: list[tuple[Any, ...]] = []
+    notes: list[str] = []
+    for stream in markers:
+        try:
+            time_s, series, own = load_stream(path, stream)
+        except InputError as error:
+            if "has no samples" not in str(error):
+                raise
+            notes.append(f"stream {stream.name} has no markers")
+            continue
+        sd_s = offset_sd_s(path, stream)
+        if np.isnan(sd_s):
+            own = (*own, f"stream {stream.name} has no clock offsets: its clock is taken for the recorder's")
+        notes += [note for note in own if note not in notes]
+        for time, sample in zip(time_s.tolist(), series, strict=True):
+            name, value = _marker(stream, sample)
+            rows.append((name, time, np.nan, value, 0.0 if np.isnan(sd_s) else sd_s))
+    if len(markers) > 1:  # else a step back shows that the stream's clock was set
+        rows.sort(key=lambda row: row[1])
+    return Events.of("xdf", Clock.OWN, rows, *notes)
+
+
+def is_marker_stream(stream: Stream) -> bool:
+    """Whether a stream's samples are markers."""
+    return stream.format == TEXT or (stream.format in _WHOLE and not stream.rate_hz)
+
+
+def offset_sd_s(path: Path, stream: Stream) -> float:
+    """Scatter (rms) of a stream's clock offsets about a straight line, NaN where there are none."""
+    offsets = clock_offsets(path, stream)
+    offsets = offsets[(np.abs(offsets) < FARTHEST_S).all(-1)]
+    if not len(offsets):
+        return float("nan")
+    at = offsets[:, 0] - offsets[:, 0].mean()
+    error = offsets[:, 1] - offsets[:, 1].mean()
+    if at.any():
+        error = error - at * (at @ error) / (at @ at)
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def _marker(stream: Stream, sample: Any) -> tuple[str, float]:
+    """Name and value of a sample."""
+    if stream.format != TEXT:
+        return stream.name or "marker", float(sample[0])
+    return "; ".join(filter(None, map(str, sample))) or "marker", np.nan

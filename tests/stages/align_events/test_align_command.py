@@ -1,0 +1,99 @@
+"""The command line: one recording alone, a subject's plan, and recordings whose events cannot be read."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from event_files import midi_of, poses_of, records_of
+from small_study import write_plans, write_study
+
+from schemas.catalogue import TABLES
+from schemas.parts import Part, part_metadata
+from schemas.plan import read_plan
+from schemas.tables import read_table, rows_of
+from stages.align_events.__main__ import main
+
+TRUE_S = np.cumsum([1.0, 0.7, 1.9, 1.1, 2.3, 0.9, 1.4, 3.0, 0.8, 1.7])
+KEY = {"subject": "01", "session": "", "hand": "right", "task": "piece", "trial": "2"}
+
+
+def run(folder: Path, *argv: object) -> int:
+    outputs = ["--out", folder / "events.parquet", "--out-clocks", folder / "clocks.parquet"]
+    return main([str(argument) for argument in (*argv, *outputs)])
+
+
+def rows(folder: Path, name: str) -> list[dict[str, Any]]:
+    return list(rows_of(read_table(folder / f"{name}.parquet", TABLES[name])))
+
+
+def test_a_recording_alone(tmp_path: Path) -> None:
+    files = ["--poses", poses_of(tmp_path), "--events", midi_of(tmp_path, TRUE_S + 7)]
+    assert run(tmp_path, *files, "--pulses", "note 24", "--recording", records_of(tmp_path, TRUE_S)) == 0
+    found = rows(tmp_path, "events")
+    assert {name: found[0][name] for name in KEY} == KEY
+    notes = [row for row in found if row["name"] == "note 60"]
+    np.testing.assert_allclose([row["onset_s"] for row in notes], TRUE_S + 0.25, atol=0.003)
+    assert [row["event"] for row in found] == list(range(20))
+    (clock,) = rows(tmp_path, "clocks")
+    assert {name: clock[name] for name in KEY} == KEY
+    assert (clock["source"], clock["n_pulses"], clock["status"]) == ("midi", 10, "ok")
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+    files = ["--poses", poses_of(tmp_path), "--events", midi_of(tmp_path, TRUE_S), "--pulses", "same clock"]
+    written = []
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        assert run(tmp_path / name, *files) == 0
+        written.append([path.read_bytes() for path in sorted((tmp_path / name).iterdir())])
+    assert written[0] == written[1]
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        ((), "--plan, or --poses and --events: give the subject's plan"),
+        (("--poses", "{poses}", "--events", "no.mid"), "no.mid: no such file; expected a standard MIDI file"),
+        (("--poses", "{poses}", "--events", "{midi}"), "runs on a clock of its own"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], argv: tuple[str, ...], message: str
+) -> None:
+    files = {"poses": poses_of(tmp_path), "midi": midi_of(tmp_path, TRUE_S)}
+    assert run(tmp_path, *(argument.format(**files) for argument in argv)) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ")
+    assert message in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "events.parquet").exists()
+
+
+def test_a_file_that_cannot_be_read_is_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "take.mid").write_bytes(b"RIFF")
+    files = ["--poses", poses_of(tmp_path), "--events", tmp_path / "take.mid"]
+    assert run(tmp_path, "--record-failure", *files) == 0
+    assert rows(tmp_path, "events") == []
+    (clock,) = rows(tmp_path, "clocks")
+    assert (clock["status"], clock["source"], clock["task"]) == ("failed", "", "piece")
+    assert "does not begin with MThd" in clock["message"]
+    assert "failed: right, piece, 2: " in capsys.readouterr().err
+    assert part_metadata(tmp_path / "clocks.parquet", TABLES["clocks"]) == {Part("right", subject="01"): {}}
+
+
+def test_a_plan_of_recordings_without_events(tmp_path: Path) -> None:
+    """Every hand has its part, so that the tables can be gathered, and no row."""
+    study = write_study(tmp_path, "01 right rom both a.csv", "01 left rom both b.csv")
+    path = write_plans(study)["01"]
+    plan = read_plan(path)
+    for recording in plan.recordings:
+        plan.poses(recording).parent.mkdir(parents=True)
+        poses_of(plan.poses(recording).parent, **recording.key)
+    assert run(tmp_path, "--record-failure", "--plan", path) == 0
+    for name in ("events", "clocks"):
+        assert rows(tmp_path, name) == []
+        parts = part_metadata(tmp_path / f"{name}.parquet", TABLES[name])
+        assert [part.hand for part in parts] == ["right", "left"]
+    assert json.loads(path.read_text())["subject"] == "01"

@@ -1,0 +1,264 @@
+"""Two clocks brought together: simulated pulses whose true times are known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stages.align_events.clock_fit import ClockFit, ascending, fit_clock
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Pulses as each clock saw them; true_s, other_s : all of them, without jitter, on either clock."""
+
+    reference_s: Array
+    seen_s: Array
+    true_s: Array
+    other_s: Array
+    n_lost: tuple[int, int]
+
+    def fit(self) -> ClockFit:
+        """Fit them; they must fit somewhere."""
+        found = fit_clock(self.reference_s, np.sort(self.seen_s))
+        assert isinstance(found, ClockFit), found
+        return found
+
+    def errors_s(self) -> tuple[Array, Array]:
+        """What the fit is off at every pulse, and what it says of that."""
+        mapped_s, sd_s = self.fit().mapped(self.other_s)
+        return mapped_s - self.true_s, sd_s
+
+
+def simulated(
+    seed: int,
+    kind: str = "random",
+    *,
+    seconds: float = 3600.0,
+    ppm: float = 50.0,
+    jitter_s: float = 0.01,
+    lost: float = 0.03,
+    extra: float = 0.01,
+    steps: dict[float, float] | None = None,
+) -> Pulses:
+    """Pulses of an hour at about 1 Hz, the second clock with any offset.
+
+    kind : random intervals, coded ones (of four lengths) or regular. steps : at which part of the recording
+    the second clock is set, and by how much [s].
+    """
+    g = np.random.default_rng(seed)
+    n = int(seconds)
+    intervals = {
+        "random": 0.2 + g.exponential(0.8, n),
+        "coded": g.choice([0.8, 1.0, 1.2, 2.0], n),
+        "regular": np.ones(n),
+    }[kind]
+    true_s = np.cumsum(intervals)
+    other_s = (true_s - g.choice([-1, 1]) * 10 ** g.uniform(0, 6)) / (1 + ppm * 1e-6)
+    for part, step_s in (steps or {}).items():
+        other_s[int(part * n) :] += step_s
+    keep, keep_other = g.random((2, n)) >= lost
+    before = g.choice(n - 1, int(extra * n), replace=False)
+    added = other_s[before] + g.uniform(0.1, 0.9, len(before)) * np.diff(other_s)[before]
+    seen_s = np.concatenate([(other_s + g.normal(0, jitter_s, n))[keep_other], added])
+    number = np.concatenate([np.flatnonzero(keep_other), before + 0.5])
+    reference_s = np.sort([*true_s[keep], *g.uniform(true_s[0], true_s[-1], int(extra * n))])
+    n_lost = int((~keep & keep_other).sum()), int((keep & ~keep_other).sum())
+    return Pulses(reference_s, seen_s[np.argsort(number)], true_s, other_s, n_lost)
+
+
+def check_an_hour(kind: str, seeds: range) -> None:
+    """50 ppm, 10 ms jitter, lost pulses: at most 2 ms off, and its own estimate of that right."""
+    errors, sds = zip(*(simulated(seed, kind).errors_s() for seed in seeds), strict=True)
+    assert max(np.abs(error).max() for error in errors) < 0.002
+    assert 0.90 < np.mean(np.abs(np.concatenate(errors)) < 1.96 * np.concatenate(sds)) < 0.99
+
+
+@pytest.mark.parametrize("kind", ["random", "coded"])
+def test_an_hour(kind: str) -> None:
+    check_an_hour(kind, range(40))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["random", "coded"])
+def test_an_hour_many_times(kind: str) -> None:
+    check_an_hour(kind, range(1000, 1400))
+
+
+@pytest.mark.parametrize(("seconds", "jitter_s"), [(20, 0.01), (60, 0.01), (600, 0.001), (600, 0.0)])
+def test_the_stated_error_holds_also_of_shorter_recordings(seconds: float, jitter_s: float) -> None:
+    """With drifts to 500 ppm, which are not known beforehand. Without jitter nothing is off."""
+    held, worst = [], 0.0
+    for seed in range(60):
+        ppm = float(np.random.default_rng(seed).uniform(-500, 500))
+        error, sd_s = simulated(
+            seed, ppm=ppm, seconds=seconds, jitter_s=jitter_s, extra=0, lost=0.05
+        ).errors_s()
+        held.append(np.mean(np.abs(error) < 1.96 * sd_s))
+        worst = max(worst, float(np.abs(error).max()))
+    if jitter_s:
+        assert 0.90 < np.mean(held) < 0.99
+    else:
+        assert worst < 1e-6
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    kind=st.sampled_from(["random", "coded"]),
+    ppm=st.floats(-500, 500),
+    lost=st.floats(0, 0.2),
+    seconds=st.sampled_from([120.0, 900.0]),
+)
+def test_any_offset_drift_and_loss(seed: int, kind: str, ppm: float, lost: float, seconds: float) -> None:
+    pulses = simulated(seed, kind, ppm=ppm, lost=lost, seconds=seconds)
+    fit = pulses.fit()
+    error, sd_s = pulses.errors_s()
+    assert fit.status == "ok"
+    assert len(fit.steps_s) == 0
+    assert (np.abs(error) < 5 * sd_s).all()
+    assert fit.jitter_s == pytest.approx(0.01, rel=0.35)
+    n = int(seconds)
+    assert fit.n_extra == pytest.approx(pulses.n_lost[0] + int(0.01 * n), abs=4 + 0.01 * n)
+    assert fit.n_missing == pytest.approx(pulses.n_lost[1] + int(0.01 * n), abs=4 + 0.01 * n)
+
+
+@pytest.mark.parametrize("kind", ["random", "coded"])
+@pytest.mark.parametrize(
+    "steps",
+    [{0.5: 0.03}, {0.3: 1.7, 0.6: 12.25}, {0.2: -0.15, 0.4: -35.0, 0.8: 3600.0}, {0.5: 0.4, 0.52: -0.4}],
+    ids=["small", "forward", "set-back", "soon-again"],
+)
+def test_steps_are_found(kind: str, steps: dict[float, float]) -> None:
+    """The clock was set, forward or back."""
+    for seed in range(5):
+        pulses = simulated(seed, kind, steps=steps, seconds=1200)
+        seen_s, ahead_s = ascending(pulses.seen_s)
+        fit = fit_clock(pulses.reference_s, np.sort(seen_s), ahead_s)
+        assert isinstance(fit, ClockFit)
+        assert len(fit.steps_s) == len(steps)
+        assert "a clock was set or a recorder paused" in fit.message
+        np.testing.assert_allclose(fit.steps_s, [*steps.values()], atol=0.01)
+        mapped_s, _ = fit.mapped(seen_s)
+        nearest_s = np.abs(mapped_s[:, None] - pulses.true_s).min(-1)
+        assert np.mean(nearest_s < 0.06) > 0.97, "all but those that were added"
+
+
+def test_a_recorder_that_paused() -> None:
+    """Its clock stood still meanwhile: pulses are missing, and what follows is later."""
+    pulses = simulated(3, seconds=600)
+    paused = (pulses.seen_s > pulses.other_s[200]) & (pulses.seen_s < pulses.other_s[230])
+    length_s = pulses.other_s[230] - pulses.other_s[200] - 1.0
+    seen_s = np.where(pulses.seen_s >= pulses.other_s[230], pulses.seen_s - length_s, pulses.seen_s)[~paused]
+    fit = fit_clock(pulses.reference_s, np.sort(seen_s))
+    assert isinstance(fit, ClockFit)
+    np.testing.assert_allclose(fit.steps_s, [-length_s], atol=0.005)
+    assert fit.n_missing >= 25
+    between = fit.steps_between_s[0].mean(keepdims=True)
+    assert fit.near_step(between).all()
+    assert fit.mapped(between)[1] > length_s / 3, "whether an event there came before or after is open"
+
+
+def test_regular_pulses_are_laid_end_to_end() -> None:
+    """No offset but the one at which first and last coincide leaves none unmatched."""
+    pulses = simulated(1, "regular", lost=0, extra=0, seconds=300)
+    fit, (error, _) = pulses.fit(), pulses.errors_s()
+    assert fit.status == "ok"
+    assert "regular intervals, laid so that the fewest are unmatched" in fit.message
+    assert np.abs(error).max() < 0.01
+
+
+def test_regular_pulses_with_lost_ones_are_right_or_said_to_be_open() -> None:
+    """Never sure of a wrong period; and where it is open, the stated error holds the shift."""
+    statuses = set()
+    for seed in range(40):
+        pulses = simulated(seed, "regular", seconds=400, lost=0.05)
+        fit, (error, sd_s) = pulses.fit(), pulses.errors_s()
+        statuses.add(fit.status)
+        assert (np.abs(error) < 3 * sd_s + 0.02).all(), seed
+        assert (fit.status == "weak") == ("regular intervals can be laid" in fit.message)
+    assert statuses == {"ok", "weak"}
+
+
+@pytest.mark.parametrize("late", [20, -20])
+def test_regular_pulses_of_a_recorder_that_started_otherwise_are_open(late: int) -> None:
+    pulses = simulated(1, "regular", lost=0, extra=0, seconds=300)
+    cut = slice(late, None) if late > 0 else slice(None, late)
+    fit = fit_clock(pulses.reference_s, pulses.seen_s[cut])
+    assert isinstance(fit, ClockFit)
+    assert fit.status == "weak"
+    assert fit.ambiguity_s > 4
+    assert "pulse at irregular intervals" in fit.message
+
+
+def test_gaps_that_both_have_decide_regular_pulses() -> None:
+    """Every tenth pulse or so is left out by whoever sends them; the recorder starts late."""
+    pulses = simulated(2, "regular", lost=0.02, extra=0, seconds=600)
+    sent = np.random.default_rng(5).random(600) > 0.1
+    g = np.random.default_rng(6)
+    reference_s = pulses.true_s[sent & (g.random(600) > 0.02)]
+    seen = sent & (g.random(600) > 0.02) & (np.arange(600) > 50)
+    fit = fit_clock(reference_s, pulses.other_s[seen] + g.normal(0, 0.01, int(seen.sum())))
+    assert isinstance(fit, ClockFit)
+    assert fit.status == "ok"
+    assert np.abs(fit.mapped(pulses.other_s)[0] - pulses.true_s).max() < 0.01
+
+
+def test_a_single_event_gives_the_offset_alone() -> None:
+    fit = fit_clock(np.array([12.5]), np.array([1002.0]))
+    assert isinstance(fit, ClockFit)
+    mapped_s, sd_s = fit.mapped(np.array([1002.0, 1062.0]))
+    np.testing.assert_allclose(mapped_s, [12.5, 72.5])
+    np.testing.assert_allclose(sd_s, [0.01, np.hypot(0.01, 60 * 250e-6)])
+    assert fit.status == "weak"
+    assert "1 common pulse:" in fit.message
+    assert "500 ppm, which is 30 ms in a minute" in fit.message
+
+
+@pytest.mark.parametrize("jitter_s", [0.001, 0.01])
+def test_a_rate_that_changes_is_in_the_stated_error(jitter_s: float) -> None:
+    """A crystal that warms up bends the line, by 5 ms here; one line is fitted all the same."""
+    pulses = simulated(4, jitter_s=0)
+    part = (pulses.other_s - pulses.other_s[0]) / np.ptp(pulses.other_s)
+    bent_s = pulses.other_s + 0.02 * part * (1 - part)
+    jitter = np.random.default_rng(1).normal(0, jitter_s, len(bent_s))
+    fit = fit_clock(pulses.reference_s, np.sort(bent_s + jitter))
+    assert isinstance(fit, ClockFit)
+    assert len(fit.steps_s) == 0
+    mapped_s, sd_s = fit.mapped(bent_s)
+    assert 0.9 < np.mean(np.abs(mapped_s - pulses.true_s) < 1.96 * sd_s) < 0.99
+
+
+@pytest.mark.parametrize("n", [2, 5, 40, 400])
+def test_pulses_that_are_not_the_same_are_never_called_ok(n: int) -> None:
+    for seed in range(20):
+        one, other = np.cumsum(0.2 + np.random.default_rng(seed).exponential(1, (2, n)), -1)
+        fit = fit_clock(one, other)
+        assert isinstance(fit, str) or fit.status == "weak"
+
+
+@pytest.mark.parametrize("n", [2, 3, 40])
+def test_pulses_at_one_and_the_same_time_are_taken(n: int) -> None:
+    """As of a key that bounces, or of two buttons: no error, and no more than a weak fit."""
+    fit = fit_clock(np.repeat([1.0, 3.0], n), np.repeat([7.0, 9.0], n))
+    assert isinstance(fit, str) or fit.status == "weak"
+
+
+@pytest.mark.parametrize(
+    ("reference_s", "other_s", "message"),
+    [
+        ([], [1.0], "no common pulse on the recording's clock"),
+        ([1.0], [], "no common pulse on the file"),
+        ([1.0, 2.5], [7.0], "the 1 pulses of the file fit the 2 of the recording nowhere"),
+        ([1.0, 2.5], [7.0, 9.5], "fit the 2 of the recording nowhere"),
+    ],
+)
+def test_what_fits_nowhere_is_said(reference_s: list[float], other_s: list[float], message: str) -> None:
+    found = fit_clock(np.array(reference_s), np.array(other_s))
+    assert isinstance(found, str)
+    assert message in found

@@ -1,0 +1,178 @@
+"""Reading MIDI: files assembled here byte by byte, their times worked out with fractions."""
+
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schemas.errors import InputError
+from stages.align_events.event_list import Clock, Events
+from stages.align_events.midi_file import read_midi
+
+
+def length(value: int) -> bytes:
+    """A number of variable length."""
+    parts = [value & 0x7F]
+    while value := value >> 7:
+        parts.append(value & 0x7F | 0x80)
+    return bytes(reversed(parts))
+
+
+def track(content: bytes) -> bytes:
+    return b"MTrk" + len(content).to_bytes(4, "big") + content
+
+
+def midi(*tracks: bytes, kind: int = 1, division: int = 480) -> bytes:
+    numbers = b"".join(number.to_bytes(2, "big") for number in (kind, len(tracks), division))
+    return b"MThd" + (6).to_bytes(4, "big") + numbers + b"".join(map(track, tracks))
+
+
+def tempo(us: int) -> bytes:
+    return b"\xff\x51\x03" + us.to_bytes(3, "big")
+
+
+END = b"\x00\xff\x2f\x00"
+
+
+def read(tmp_path: Path, data: bytes) -> Events:
+    (tmp_path / "a.mid").write_bytes(data)
+    return read_midi(tmp_path / "a.mid")
+
+
+def test_running_status_and_a_note_on_of_velocity_0(tmp_path: Path) -> None:
+    """Middle C and the E above it, 120 quarters a minute where no tempo is given: 480 ticks are 0.5 s."""
+    content = b"\x00\x90\x3c\x40\x83\x60\x40\x50\x81\x70\x3c\x00\x00\x40\x00" + END
+    events = read(tmp_path, midi(content, kind=0))
+    assert events.names == ("note 60", "note 64")
+    np.testing.assert_allclose(events.time_s, [0.0, 0.5])
+    np.testing.assert_allclose(events.duration_s, [0.75, 0.25])
+    assert events.value.tolist() == [0x40, 0x50]
+    assert events.channel.tolist() == [1, 1]
+    assert (events.source, events.clock, events.notes) == ("midi", Clock.OWN, ())
+
+
+def test_a_tempo_of_one_track_holds_for_all(tmp_path: Path) -> None:
+    """96 ticks a quarter: one quarter at 0.5 s, two at 0.25 s, the rest at 1 s."""
+    first = b"\x60" + tempo(250_000) + b"\x81\x40" + tempo(1_000_000) + END
+    second = b"\x30\x92\x18\x01\x30\x82\x18\x00\x81\x70\x92\x18\x7f\x30\x82\x18\x40" + END
+    events = read(tmp_path, midi(first, second, division=96))
+    np.testing.assert_allclose(events.time_s, [0.25, 1.5])
+    np.testing.assert_allclose(events.duration_s, [0.25, 0.5])
+    assert events.channel.tolist() == [3, 3]
+
+
+@pytest.mark.parametrize(("code", "rate_hz"), [(24, 24), (25, 25), (29, 30_000 / 1001), (30, 30)])
+def test_time_code_knows_no_tempo(tmp_path: Path, code: int, rate_hz: float) -> None:
+    division = (256 - code) << 8 | 40
+    content = b"\x00" + tempo(1) + length(40 * 50) + b"\x90\x3c\x40\x28\x80\x3c\x00" + END
+    events = read(tmp_path, midi(content, kind=0, division=division))
+    np.testing.assert_allclose(events.time_s, [50 / rate_hz])
+    np.testing.assert_allclose(events.duration_s, [1 / rate_hz])
+
+
+def test_what_is_no_note_is_counted(tmp_path: Path) -> None:
+    """Pedal, bend, program, pressure, system exclusive; the status runs on only between channel messages."""
+    others = b"\x00\xb0\x40\x7f\x00\x40\x00\x00\xe0\x00\x40\x00\xc0\x05\x00\xd0\x11"
+    exclusive = b"\x00\xf0\x03\x43\x12\xf7"
+    text = b"\x00\xff\x06\x04Bar1"
+    events = read(tmp_path, midi(others + exclusive + text + b"\x00\x90\x3c\x40" + END, kind=0))
+    assert events.names == ("note 60",)
+    assert np.isnan(events.duration_s).all()
+    assert events.notes == ("1 notes have no note off", "6 messages that are no notes are left out")
+
+
+def test_a_key_struck_twice_ends_in_order(tmp_path: Path) -> None:
+    content = b"\x00\x90\x3c\x40\x60\x3c\x41\x60\x80\x3c\x00\x60\x3c\x00\x60\x3c\x00" + END
+    events = read(tmp_path, midi(content, kind=0, division=96))
+    np.testing.assert_allclose(events.time_s, [0.0, 0.5])
+    np.testing.assert_allclose(events.duration_s, [1.0, 1.0])
+
+
+NOTE = st.tuples(st.integers(0, 5000), st.integers(0, 127), st.integers(1, 127), st.integers(1, 3000))
+CHANGE = st.tuples(st.integers(0, 5000), st.integers(1, 2**24 - 1))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    notes=st.lists(NOTE, min_size=1, max_size=12, unique_by=lambda note: note[1]),
+    changes=st.lists(CHANGE, max_size=6, unique_by=lambda change: change[0]),
+    division=st.integers(1, 0x7FFF),
+)
+def test_times_are_those_of_fractions(
+    tmp_path_factory: pytest.TempPathFactory,
+    notes: list[tuple[int, int, int, int]],
+    changes: list[tuple[int, int]],
+    division: int,
+) -> None:
+    def seconds(tick: int) -> Fraction:
+        known = [(0, 500_000), *sorted(changes), (10**9, 1)]
+        pieces = [max(0, min(tick, after) - begin) * us for (begin, us), (after, _) in pairwise(known)]
+        return Fraction(sum(pieces), division * 1_000_000)
+
+    def written(messages: list[tuple[int, bytes]]) -> bytes:
+        ticks = [0, *(tick for tick, _ in messages)]
+        gaps = [b - a for a, b in pairwise(ticks)]
+        return b"".join(length(gap) + own for gap, (_, own) in zip(gaps, messages, strict=True)) + END
+
+    ons = [(begin, bytes([0x91, key, velocity])) for begin, key, velocity, _ in notes]
+    offs = [(begin + lasting, bytes([0x81, key, 9])) for begin, key, _, lasting in notes]
+    tempos = [(tick, tempo(us)) for tick, us in sorted(changes)]
+    data = midi(written(tempos), written(sorted([*ons, *offs])), division=division)
+    events = read(tmp_path_factory.mktemp("midi"), data)
+    expected = sorted(
+        (float(seconds(begin)), f"note {key}", velocity, float(seconds(begin + lasting) - seconds(begin)))
+        for begin, key, velocity, lasting in notes
+    )
+    columns = (events.time_s, events.names, events.value, events.duration_s)
+    found = sorted(zip(*columns, strict=True))
+    assert [row[1:3] for row in found] == [row[1:3] for row in expected]
+    for place in (0, 3):
+        times = ([row[place] for row in rows] for rows in (found, expected))
+        np.testing.assert_allclose(*times, rtol=1e-9, atol=1e-9)
+
+
+WHOLE = midi(b"\x00" + tempo(400_000) + END, b"\x00\x90\x3c\x40\x60\x80\x3c\x00" + END)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "does not begin with MThd"),
+        (b"RIFF1234RMID", "does not begin with MThd"),
+        (midi(END, kind=2), "format 2; expected 0 or 1"),
+        (WHOLE[:-1], "is cut off in track 2"),
+        (WHOLE[:40], "has 1 tracks and its header says 2"),
+        (midi(b"\x00\x3c\x40" + END), "a message has no status"),
+        (midi(b"\x00\x90\x3c"), "it ends within a message"),
+        (midi(b"\x00\x90\x3c\x90\x00" + END), "a status byte stands where a number is due"),
+        (midi(b"\xff\xff\xff\xff\x01" + END), "more than four bytes"),
+        (midi(b"\x00\xf1\x00" + END), "no file may hold the message 0xf1"),
+        (midi(b"\x00\xff\x51\x03\x00\x00\x00" + END), "tempo is no number"),
+        (midi(b"\x00\xff\x06\x7fBar" + END), "it ends within a message"),
+        (midi(END, division=0), "0 ticks a quarter"),
+        (midi(END, division=0xE300), "29 frames a second"),
+        (midi(END, division=0x9028), "112 frames a second"),
+    ],
+)
+def test_other_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, data)
+
+
+@settings(max_examples=300, deadline=None)
+@given(place=st.integers(0, len(WHOLE) - 1), byte=st.integers(0, 255), cut=st.booleans())
+def test_a_spoilt_file_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, place: int, byte: int, cut: bool
+) -> None:
+    data = WHOLE[:place] if cut else WHOLE[:place] + bytes([byte]) + WHOLE[place + 1 :]
+    path = tmp_path_factory.mktemp("midi") / "a.mid"
+    path.write_bytes(data)
+    try:
+        events = read_midi(path)
+    except InputError:
+        return
+    assert np.isfinite(events.time_s).all()

@@ -1,0 +1,190 @@
+"""Events of one recording from every source, on its clock."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from event_files import SAMPLES, marker_stream, midi_of, poses_of, records_of, xdf_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schemas.errors import InputError
+from stages.align_events.recording_events import READERS, SAME_CLOCK, RecordingEvents, read_events
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+BIDS = "onset\tduration\ttrial_type\n1\t0.5\ttap\n3\t0\ttap\n"
+TRUE_S = np.cumsum([1.0, 0.7, 1.9, 1.1, 2.3, 0.9, 1.4, 3.0, 0.8, 1.7])
+"""Pulses, on the recording's clock."""
+
+
+def sheet(*onsets_s: float, name: str = "sync") -> list[dict[str, Any]]:
+    return [{"onset_s": onset_s, "name": name, "duration_s": None, "value": None} for onset_s in onsets_s]
+
+
+def names(rows: list[dict[str, Any]]) -> list[tuple[str, float]]:
+    return [(row["name"], row["onset_s"]) for row in rows]
+
+
+def test_rows_of_the_sheet_and_a_file_in_order_of_time(tmp_path: Path) -> None:
+    """A BIDS file counts from the recording's first time; the sheet is on the recording's clock."""
+    (tmp_path / "a_events.tsv").write_text(BIDS)
+    recording = RecordingEvents(
+        poses_of(tmp_path, 100.0, 110.0), file=tmp_path / "a_events.tsv", rows=sheet(102.0, name="")
+    )
+    events, (clock,) = recording.aligned()
+    assert names(events) == [("tap", 101.0), ("event", 102.0), ("tap", 103.0)]
+    assert [row["event"] for row in events] == [0, 1, 2]
+    assert [row["source"] for row in events] == ["motion-bids", "sheet", "motion-bids"]
+    assert (clock["status"], clock["offset_s"], clock["scale_ppm"], clock["message"]) == ("ok", 100, 0, "")
+
+
+def test_a_sheet_alone_has_no_clock_of_its_own(tmp_path: Path) -> None:
+    events, clocks = RecordingEvents(poses_of(tmp_path), rows=sheet(2.0, 1.0)).aligned()
+    assert names(events) == [("sync", 1.0), ("sync", 2.0)]
+    assert clocks == []
+
+
+def check_midi(recording: RecordingEvents, tolerance_s: float) -> dict[str, Any]:
+    """The notes stand where they were played; gives the row of clocks."""
+    events, (clock,) = recording.aligned()
+    played = [row for row in events if row["source"] == "midi" and row["name"] == "note 60"]
+    np.testing.assert_allclose([row["onset_s"] for row in played], TRUE_S + 0.25, atol=tolerance_s)
+    assert [row["value"] for row in played] == [64.0] * len(TRUE_S)
+    assert {row["channel"] for row in played} == {1}
+    assert all(row["onset_sd_ms"] > 0 for row in played)
+    return clock
+
+
+@pytest.mark.parametrize("pulses", ["note 24 = sync", "note 24=sync", "note 24"])
+def test_midi_is_brought_over_by_the_trackers_sync_input(tmp_path: Path, pulses: str) -> None:
+    """Its pulses are the note 24, 200 ppm and 40 s off; frames at 240 Hz leave 1.2 ms open."""
+    file = midi_of(tmp_path, (TRUE_S + 40) * (1 + 200e-6))
+    records = records_of(tmp_path, TRUE_S)
+    clock = check_midi(RecordingEvents(poses_of(tmp_path), records, file, pulses), 0.003)
+    assert (clock["status"], clock["n_pulses"], clock["n_steps"]) == ("ok", 10, 0)
+    assert clock["offset_s"] == pytest.approx(-40, abs=0.01)
+    assert clock["residual_ms"] < 2.5
+    assert 0 < clock["clock_sd_ms"] < 3
+
+
+def test_midi_is_brought_over_by_events_of_the_sheet(tmp_path: Path) -> None:
+    """As claps that were seen in the recording itself."""
+    file = midi_of(tmp_path, TRUE_S + 40)
+    rows = sheet(*TRUE_S, name="clap")
+    recording = RecordingEvents(poses_of(tmp_path), None, file, "note 24 = clap", rows)
+    assert check_midi(recording, 0.003)["n_pulses"] == 10
+
+
+def test_a_clock_that_is_declared_the_same(tmp_path: Path) -> None:
+    clock = check_midi_same(tmp_path, TRUE_S)
+    assert (clock["status"], clock["message"]) == ("ok", "declared to be the recording's own clock")
+
+
+def test_events_that_all_lie_outside_the_recording(tmp_path: Path) -> None:
+    clock = check_midi_same(tmp_path, TRUE_S + 500)
+    assert clock["status"] == "weak"
+    assert "no event lies within the recording (0.0 to 20.0 s), but from 501.0 to 515.0 s" in clock["message"]
+
+
+def check_midi_same(tmp_path: Path, pulses_s: Any) -> dict[str, Any]:
+    recording = RecordingEvents(poses_of(tmp_path), file=midi_of(tmp_path, pulses_s), pulses=SAME_CLOCK)
+    events, (clock,) = recording.aligned()
+    onsets_s = [row["onset_s"] for row in events if row["name"] == "note 24"]
+    np.testing.assert_allclose(onsets_s, pulses_s, atol=0.001)
+    return clock
+
+
+def test_pulses_that_do_not_fit_leave_no_event(tmp_path: Path) -> None:
+    file = midi_of(tmp_path, np.cumsum(np.random.default_rng(1).exponential(2, 10)))
+    events, (clock,) = RecordingEvents(
+        poses_of(tmp_path), records_of(tmp_path, TRUE_S[:3]), file, "note 24"
+    ).aligned()
+    assert events == []
+    assert clock["status"] == "failed"
+    assert "are they the same pulses?" in clock["message"]
+
+
+@pytest.mark.parametrize(
+    ("pulses", "rows", "message"),
+    [
+        ("", [], "runs on a clock of its own; say which of its events the recording has as well"),
+        ("note 25", [], "has no event named 'note 25'; it has note 24, note 60"),
+        ("note 24", [], "the recording has no events named 'note 24' to bring them to"),
+        ("note 24 = clap", sheet(1.0), "the recording has no events named 'clap'"),
+    ],
+)
+def test_what_is_missing_is_said(
+    tmp_path: Path, pulses: str, rows: list[dict[str, Any]], message: str
+) -> None:
+    recording = RecordingEvents(poses_of(tmp_path), None, midi_of(tmp_path, TRUE_S), pulses, rows)
+    with pytest.raises(InputError, match=message):
+        recording.aligned()
+
+
+def test_a_capture_without_such_a_pulse(tmp_path: Path) -> None:
+    file, records = midi_of(tmp_path, TRUE_S), records_of(tmp_path, TRUE_S)
+    with pytest.raises(InputError, match="has no button pulse; it has sync"):
+        RecordingEvents(poses_of(tmp_path), records, file, "note 24 = button").aligned()
+
+
+def test_the_trackers_own_events(tmp_path: Path) -> None:
+    events, (clock,) = RecordingEvents(poses_of(tmp_path), file=records_of(tmp_path, TRUE_S)).aligned()
+    np.testing.assert_allclose([row["onset_s"] for row in events], TRUE_S, atol=1 / 240)
+    assert events[0]["onset_sd_ms"] == pytest.approx(1e3 / 240 / np.sqrt(12))
+    assert (clock["source"], clock["status"], clock["offset_s"]) == ("tracker", "ok", 0)
+
+
+def test_markers_of_the_file_that_the_recording_is_from(tmp_path: Path) -> None:
+    """All streams of an XDF file share its recorder's clock, so nothing need be declared."""
+    file = tmp_path / "a.xdf"
+    file.write_bytes(xdf_of(marker_stream(1, "cues", [["go"]], [101.0], [(100.0, -3.0), (120.0, -3.0)])))
+    events, (clock,) = RecordingEvents(poses_of(tmp_path, 90.0, 100.0, file), file=file).aligned()
+    assert names(events) == [("go", pytest.approx(98.0))]
+    assert (clock["source"], clock["status"]) == ("xdf", "ok")
+    with pytest.raises(InputError, match="runs on a clock of its own"):
+        RecordingEvents(poses_of(tmp_path), file=file).aligned()
+
+
+def test_poses_without_times(tmp_path: Path) -> None:
+    (tmp_path / "a_events.tsv").write_text(BIDS)
+    poses = poses_of(tmp_path, np.nan, np.nan)
+    with pytest.raises(InputError, match="has no times, so onsets from its start say nothing"):
+        RecordingEvents(poses, file=tmp_path / "a_events.tsv").aligned()
+
+
+def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
+    page = (REPOSITORY / "docs" / "events.md").read_text("utf-8")
+    for endings in READERS:
+        assert any(name.endswith(endings) for name in SAMPLES)
+        assert f"`*{endings[0]}`" in page or f"`{endings[0]}`" in page
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+@settings(max_examples=100, deadline=None)
+@given(place=st.floats(0, 1), byte=st.integers(0, 255), cut=st.booleans())
+def test_a_spoilt_file_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, name: str, place: float, byte: int, cut: bool
+) -> None:
+    data = SAMPLES[name]()
+    at = int(place * (len(data) - 1))
+    path = tmp_path_factory.mktemp("spoilt") / name
+    path.write_bytes(data[:at] if cut else data[:at] + bytes([byte]) + data[at + 1 :])
+    try:
+        events = read_events(path)
+    except InputError:
+        return
+    assert np.isfinite(events.time_s).all()
+
+
+@pytest.mark.parametrize("time_s", [np.nan, 1e300])
+def test_a_time_that_no_clock_shows(tmp_path: Path, time_s: float) -> None:
+    (tmp_path / "a.xdf").write_bytes(xdf_of(marker_stream(1, "cues", [["go"]], [time_s])))
+    with pytest.raises(InputError, match="event 1: its time is"):
+        read_events(tmp_path / "a.xdf")
+
+
+@pytest.mark.parametrize("name", ["a.wav", "events.txt", "a"])
+def test_another_ending_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="is no file of events"):
+        read_events(Path(name))

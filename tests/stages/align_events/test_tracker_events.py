@@ -1,0 +1,73 @@
+"""The tracker's own sync input and buttons, from its records."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from fuzzing.sample_files import capture_bytes
+
+from schemas.catalogue import CAPTURE_RECORDS
+from schemas.errors import InputError
+from schemas.tables import Provenance, write_table
+from stages.align_events.event_list import Clock, Events
+from stages.align_events.tracker_events import read_tracker_events
+
+FRAMES = 10
+RATE_HZ = 240.0
+
+
+def records(
+    tmp_path: Path, sync: list[int | None], buttons: dict[int, list[int]], lost: tuple[int, ...] = ()
+) -> Events:
+    """Two stations' records, frame by frame."""
+    rows = [(frame, station) for frame in range(FRAMES) for station in (1, 2) if frame not in lost]
+    frame, station = np.array(rows).T
+    columns: dict[str, object] = {
+        column.name: pa.nulls(len(rows), column.type) if column.nullable else np.zeros(len(rows))
+        for column in CAPTURE_RECORDS.columns
+    }
+    columns |= {"frame": frame, "station": station, "time_s": frame / RATE_HZ}
+    columns |= {"sync": pa.array([sync[f] for f in frame], pa.int8())}
+    columns |= {"button": pa.array([buttons.get(s, [0] * FRAMES)[f] for f, s in rows], pa.int8())}
+    path = tmp_path / "records.parquet"
+    write_table(path, CAPTURE_RECORDS, columns, Provenance())
+    return read_tracker_events(path)
+
+
+def test_sync_rises_between_two_frames(tmp_path: Path) -> None:
+    """Once for the tracker, though every station says it; a button is its station's."""
+    events = records(tmp_path, [0, 0, 1, 1, 0, 0, 0, 1, 0, 0], {2: [0, 0, 0, 1, 1, 1, 0, 0, 0, 0]})
+    assert events.names == ("sync", "button", "sync")
+    np.testing.assert_allclose(events.time_s * RATE_HZ, [1.5, 2.5, 6.5])
+    np.testing.assert_allclose(events.duration_s * RATE_HZ, [2, 3, 1])
+    np.testing.assert_array_equal(events.value, [np.nan, 2, np.nan])
+    np.testing.assert_allclose(events.sd_s * RATE_HZ, np.full(3, 12**-0.5))
+    assert events.clock is Clock.RECORDING
+
+
+def test_lost_frames_leave_the_time_less_sure(tmp_path: Path) -> None:
+    events = records(tmp_path, [0, 0, 0, 0, 1, 1, 1, 1, 1, 1], {}, lost=(2, 3))
+    np.testing.assert_allclose(events.time_s * RATE_HZ, [2.5])
+    np.testing.assert_allclose(events.sd_s * RATE_HZ, [3 / np.sqrt(12)])
+    assert np.isnan(events.duration_s).all()
+
+
+def test_what_is_on_from_the_start_has_no_onset(tmp_path: Path) -> None:
+    assert records(tmp_path, [1, 1, 0, 0, 0, 1, 0, 0, 0, 0], {}).time_s * RATE_HZ == pytest.approx([4.5])
+
+
+def test_a_raw_capture_is_decoded(tmp_path: Path) -> None:
+    (tmp_path / "a.arrows").write_bytes(capture_bytes())
+    assert read_tracker_events(tmp_path / "a.arrows").names == (), "both flags are sent and never on"
+
+
+def test_a_tracker_that_sends_neither(tmp_path: Path) -> None:
+    path = tmp_path / "records.parquet"
+    columns = {
+        column.name: pa.nulls(2, column.type) if column.nullable else np.zeros(2)
+        for column in CAPTURE_RECORDS.columns
+    }
+    write_table(path, CAPTURE_RECORDS, columns, Provenance())
+    with pytest.raises(InputError, match="sent neither sync nor buttons"):
+        read_tracker_events(path)
