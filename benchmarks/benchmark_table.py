@@ -55,12 +55,16 @@ def _text(cell: Cell, form: str) -> str:
     return cell if isinstance(cell, str) else format(cell, form)
 
 
-def write_tables(page: str, tables: Sequence[TextTable], command: str) -> None:
-    """Put the tables of a command into docs/PAGE between its marks, with the machine that they are of."""
+def write_tables(page: str, tables: Sequence[TextTable], command: str, name: str = "tables") -> None:
+    """Put the tables of a command into docs/PAGE between its marks, with the machine that they are of.
+
+    name : of the marks, where a page has several.
+    """
     path = DOCS / page
+    start, end = (mark.replace("tables", name) for mark in (START, END))
     blocks = [f"As printed by `{command}` on {machine()}."]
     blocks += [f"```text\n{table}\n```" for table in tables]
-    write_text(path, replaced_between(path.read_text("utf-8"), START, END, "\n\n".join(blocks)))
+    write_text(path, replaced_between(path.read_text("utf-8"), start, end, "\n\n".join(blocks)))
 
 
 def machine() -> str:
