@@ -18,6 +18,7 @@ BENCHMARKS = {
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
     "bit_flips": "one flipped bit in every kind of file: how often it goes unnoticed",
+    "reader_memory": "import and inspect of large files of every format: the most memory that each takes",
     "fuzz": "damaged input for every reader and configuration file: tracebacks, hangs, memory (`make fuzz`)",
     "cluster_plan": "a study of thousands on a cluster: jobs, hours, files, and what ends first",
     "report_pages": "the report: bytes of its pages, how a browser shows them",

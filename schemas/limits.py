@@ -42,6 +42,9 @@ NAMES_BYTES = 200
 FARTHEST_MM = 1e8
 """A hundred kilometres: what is left of a motion laboratory where millimetres are given as metres."""
 
+RATES_HZ = (0.001, 1e6)
+"""Frames a second: times in s of any number of frames stay numbers."""
+
 _KINDS = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFCHR: "a device",

@@ -170,6 +170,7 @@ class PartsReader:
         """Rows by the keys of their parts."""
         with naming_damage(self._path):
             read = self._file.read(use_threads=False)
+            read.validate(full=True)
         names = [*_named_keys(self._table, Part(""))]
         by_part: dict[tuple[str, ...], list[dict[str, Any]]] = {}
         for row in rows_of(read):
@@ -246,6 +247,7 @@ class PartsReader:
         wanted = None if columns is None else [*dict.fromkeys([*mixed, *columns])]
         with naming_damage(self._path):
             rows = self._file.read_row_groups([*groups], wanted, use_threads=False)
+            rows.validate(full=True)
         matches = np.ones(rows.num_rows, bool)
         for name in mixed:
             matches &= pc.equal(rows.column(name), keys[name]).to_numpy()

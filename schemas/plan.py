@@ -27,7 +27,7 @@ from schemas.results import FIT_TABLES
 from schemas.sheets import HAND_SHEETS, SHEETS, Row, read_sheet
 from schemas.study import Hand, Recording, Study, path_token
 from schemas.tables import read_table, rows_of
-from schemas.text_files import read_text
+from schemas.text_files import read_text, reading
 
 VERSION = 1
 SIZES = ("hand_length_mm", "hand_breadth_mm")
@@ -133,8 +133,9 @@ class SubjectPlan:
     def with_findings(self) -> SubjectPlan:
         """The plan with what the subject's findings table, if there is one, refuses and suspects."""
         path = self.table(FINDINGS.name)
-        if not path.is_file():
-            return self
+        with reading(path, "a findings table"):
+            if not path.is_file():
+                return self
         rows = list(rows_of(read_table(path, FINDINGS)))
         reasons, suspicions = (
             {
@@ -332,7 +333,7 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
         )
     try:
         plan = plan_from_content(content, str(path))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(
             f"{path}: a damaged plan ({type(error).__name__}: {error}); remove it and run the study again"
         ) from error
@@ -341,6 +342,7 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
 
 def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
     """Make a plan of its file's content; `where` names it in errors."""
+    _check_texts(content)
     models = [model_from_config(config, where) for config in content["models"]]
     recordings = {_read_recording(entry, content["subject"]): entry for entry in content["recordings"]}
     return SubjectPlan(
@@ -359,6 +361,21 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
         poses_files={recording: Path(entry["poses"]) for recording, entry in recordings.items()},
         truth_folders={r: Path(entry["truth"]) for r, entry in recordings.items() if entry["truth"]},
     )
+
+
+def _check_texts(content: Mapping[str, Any]) -> None:
+    """Raise as Python does where names or paths are no texts that a file can be called, or sizes no numbers."""
+    named = [content[name] for name in ("study", "subject", "folder")]
+    named += [config["model"] for config in content["models"]]
+    named += [*content["layouts"], *(config["layout"] for config in content["layouts"].values())]
+    for entry in content["recordings"]:
+        given = {**entry, "mapping": entry["mapping"] or "", "truth": entry["truth"] or ""}
+        named += given.values()
+    for text in named:
+        if "\0" in text.encode().decode():  # half a character cannot be encoded
+            raise ValueError(f"{text!r} is no name")
+    for name in SIZES:
+        float(content[name] or 0)
 
 
 def _read_recording(entry: Mapping[str, Any], subject: str) -> Recording:

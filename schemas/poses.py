@@ -21,6 +21,7 @@ import pyarrow.parquet as pq
 from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
 from schemas.layout import Layout
+from schemas.limits import FARTHEST_MM
 from schemas.parquet_files import naming_damage, open_parquet
 from schemas.tables import column_array, open_table, read_metadata
 
@@ -30,6 +31,9 @@ BLOCK_FRAMES = 1 << 16
 
 KEPT_BYTES = 200 * 10**6
 """Of recordings that were read whole, together; one that takes more than a quarter of it is not kept."""
+
+_LARGEST_PART = 1.01
+"""Of a unit quaternion, rounded."""
 
 BYTES_A_POSE = 57
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
@@ -259,9 +263,10 @@ def _row_groups(path: Path, file: pq.ParquetFile) -> dict[str, list[int]]:
         if not group.num_rows:
             continue
         known = group.column(column).statistics
-        if known is None or not known.has_min_max or known.min != known.max:
-            raise TableError(f"{path}: a row group holds several segments; make it with stages.capture")
-        groups.setdefault(known.min, []).append(index)
+        with naming_damage(path):  # a name that is no UTF-8
+            if known is None or not known.has_min_max or known.min != known.max:
+                raise TableError(f"{path}: a row group holds several segments; make it with stages.capture")
+            groups.setdefault(known.min, []).append(index)
     return groups
 
 
@@ -278,6 +283,8 @@ def _fill(path: Path, block: Poses, segment: str, rows: _SegmentRows, start: int
         elif not np.array_equal(piece["frame"], block.frame[at]):
             raise _unshared(path, segment)
         for axis, name in enumerate(_NUMBERS):
+            if (piece["valid"] & (np.abs(piece[name]) > (FARTHEST_MM if axis < 3 else _LARGEST_PART))).any():
+                raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
             numbers = block.position_mm if axis < 3 else block.quaternion
             numbers[at, column, axis if axis < 3 else axis - 3] = piece[name]
         block.valid[at, column] = piece["valid"]

@@ -41,7 +41,7 @@ MEMORY_BYTES, MEMORY_PER_BYTE = 300 * 10**6, 4
 STALLED_S = 300.0
 """Of the clock without a finished input: what its own limit of processor time does not stop either."""
 MOST_RESTARTS = 20
-ROUND_INPUTS = 100_000
+ROUND_INPUTS = 20_000
 LEFT_BYTES = 3 << 30
 """Address space beyond what is there at the start: what asks for more gets a MemoryError."""
 MOST_LETTERS = 1 << 20
