@@ -1,4 +1,4 @@
-"""Damaged input for every reader, decoder and configuration file: what raises, hangs or takes too much memory.
+"""Damaged input for every reader, decoder and configuration file: what raises, hangs or grows too large.
 
 Coverage guides it where atheris is installed (`make fuzz`), else the damage is random; the table says which.
 """

@@ -6,7 +6,7 @@ import argparse
 import json
 import struct
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from schemas.limits import MEMORY_BYTES, MEMORY_PER_BYTE
 PAGE, MARKS = "reliability.md", "memory"
 LAYOUT = "liberty16"
 PARTS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+FORMATS = ("tidy Parquet", "tidy CSV", "raw capture", "mapped CSV", "matrices", "Motion-BIDS", "XDF", "C3D")
 C3D_FRAMES = 65_000
 """A header counts no more."""
 
@@ -34,26 +35,28 @@ C3D_FRAMES = 65_000
 class LargeFile:
     """A recording; mapping : how to read it, where it needs one."""
 
-    format: str
     path: Path
     mapping: Mapping[str, Any] | None = None
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="of 16 receivers at 240 Hz (10)")
+    parser.add_argument("--formats", nargs="*", choices=FORMATS, help="these alone")
     parser.add_argument("--write", action="store_true", help=f"put the table into docs/{PAGE}")
 
 
-def run(minutes: float = 10.0, write: bool = False) -> Iterator[TextTable]:
+def run(
+    minutes: float = 10.0, formats: Sequence[str] | None = None, write: bool = False
+) -> Iterator[TextTable]:
     """Give the table for recordings of that length."""
     rows: list[tuple[Cell, ...]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         tidy = folder / "tidy.parquet"
         write_long_recording(tidy, minutes)
-        for write_file in (_tidy, _csv, _capture, _mapped_csv, _matrices, _motion_bids, _xdf, _c3d):
-            file = write_file(folder, tidy, minutes)
-            rows += _rows(file, folder)
+        for kind in formats or FORMATS:
+            file = _WRITERS[kind](folder, tidy, minutes)
+            rows += _rows(kind, file, folder)
             if file.path != tidy:
                 file.path.unlink()
     table = TextTable(
@@ -65,10 +68,12 @@ def run(minutes: float = 10.0, write: bool = False) -> Iterator[TextTable]:
     )
     yield table
     if write:
-        write_tables(PAGE, [table], f"python -m benchmarks reader_memory --minutes {minutes:g} --write", MARKS)
+        write_tables(
+            PAGE, [table], f"python -m benchmarks reader_memory --minutes {minutes:g} --write", MARKS
+        )
 
 
-def _rows(file: LargeFile, folder: Path) -> Iterator[tuple[Cell, ...]]:
+def _rows(kind: str, file: LargeFile, folder: Path) -> Iterator[tuple[Cell, ...]]:
     mapping = []
     if file.mapping is not None:
         path = folder / "mapping.yaml"
@@ -83,11 +88,11 @@ def _rows(file: LargeFile, folder: Path) -> Iterator[tuple[Cell, ...]]:
         ("inspect", [str(file.path)]),
     ):
         usage = run_python("-m", "stages.capture", command, *options)
-        yield file.format, command, size / 1e6, usage.memory_mb, allowed
+        yield kind, command, size / 1e6, usage.memory_mb, allowed
 
 
 def _tidy(_: Path, tidy: Path, __: float) -> LargeFile:
-    return LargeFile("tidy Parquet", tidy)
+    return LargeFile(tidy)
 
 
 def _csv(folder: Path, tidy: Path, _: float) -> LargeFile:
@@ -95,12 +100,12 @@ def _csv(folder: Path, tidy: Path, _: float) -> LargeFile:
     with pq.ParquetFile(tidy) as file, pa_csv.CSVWriter(path, file.schema_arrow) as writer:
         for batch in file.iter_batches():
             writer.write_batch(batch)
-    return LargeFile("tidy CSV", path)
+    return LargeFile(path)
 
 
 def _capture(folder: Path, _: Path, minutes: float) -> LargeFile:
     write_capture(folder / "rom.arrows", 60 * minutes)
-    return LargeFile("raw capture", folder / "rom.arrows")
+    return LargeFile(folder / "rom.arrows")
 
 
 def _frames(tidy: Path) -> tuple[tuple[str, ...], np.ndarray]:
@@ -138,7 +143,7 @@ def _mapped_csv(folder: Path, tidy: Path, minutes: float) -> LargeFile:
     }
     orientation = {"kind": "quaternion", "order": "wxyz"}
     mapping = {"format": "csv", "position_unit": "mm", "rate_hz": RATE_HZ, "orientation": orientation}
-    return LargeFile("mapped CSV", folder / "wide.txt", {**mapping, "receivers": receivers})
+    return LargeFile(folder / "wide.txt", {**mapping, "receivers": receivers})
 
 
 _GROUPS = {"position": PARTS[:3], "orientation": PARTS[3:]}
@@ -160,7 +165,7 @@ def _matrices(folder: Path, tidy: Path, minutes: float) -> LargeFile:
     tile = _text_rows(matrices.reshape(-1, 4), " ")
     _repeated(folder / "rom.traj", b"", tile, _times(minutes, poses))
     mapping = {"format": "matrices", "position_unit": "mm", "rate_hz": RATE_HZ}
-    return LargeFile("matrices", folder / "rom.traj", {**mapping, "receivers": {one: {} for one in segments}})
+    return LargeFile(folder / "rom.traj", {**mapping, "receivers": {one: {} for one in segments}})
 
 
 def _motion_bids(folder: Path, tidy: Path, minutes: float) -> LargeFile:
@@ -173,7 +178,7 @@ def _motion_bids(folder: Path, tidy: Path, minutes: float) -> LargeFile:
     (folder / f"{stem}_motion.json").write_text(json.dumps({"SamplingFrequency": RATE_HZ}), "utf-8")
     tile = _text_rows(poses.reshape(len(poses), -1), "\t").replace(b"\t\t", b"\tn/a\t")
     _repeated(folder / f"{stem}_motion.tsv", b"", tile, _times(minutes, poses))
-    return LargeFile("Motion-BIDS", folder / f"{stem}_motion.tsv")
+    return LargeFile(folder / f"{stem}_motion.tsv")
 
 
 def _xdf(folder: Path, tidy: Path, minutes: float) -> LargeFile:
@@ -196,11 +201,17 @@ def _xdf(folder: Path, tidy: Path, minutes: float) -> LargeFile:
     stamped = [b"\x08" + struct.pack("<d", i / RATE_HZ) + frame.tobytes() for i, frame in enumerate(poses)]
     sizes = range(0, len(stamped), 100)
     tile = b"".join(
-        _chunk(3, number + b"\x04" + struct.pack("<I", len(stamped[at : at + 100])) + b"".join(stamped[at : at + 100]))
+        _chunk(
+            3,
+            number
+            + b"\x04"
+            + struct.pack("<I", len(stamped[at : at + 100]))
+            + b"".join(stamped[at : at + 100]),
+        )
         for at in sizes
     )
     _repeated(folder / "rom.xdf", start, tile, _times(minutes, poses))
-    return LargeFile("XDF", folder / "rom.xdf")
+    return LargeFile(folder / "rom.xdf")
 
 
 def _chunk(tag: int, content: bytes) -> bytes:
@@ -228,4 +239,16 @@ def _c3d(folder: Path, _: Path, __: float) -> LargeFile:
     path = folder / "rom.c3d"
     run_python("-c", _WRITE_C3D, str(path), str(C3D_FRAMES), ",".join(segments))
     receivers = {one: {"markers": [f"{one}{number}" for number in "123"]} for one in segments}
-    return LargeFile("C3D", path, {"format": "c3d", "position_unit": "mm", "receivers": receivers})
+    return LargeFile(path, {"format": "c3d", "position_unit": "mm", "receivers": receivers})
+
+
+_WRITERS: Mapping[str, Callable[[Path, Path, float], LargeFile]] = {
+    "tidy Parquet": _tidy,
+    "tidy CSV": _csv,
+    "raw capture": _capture,
+    "mapped CSV": _mapped_csv,
+    "matrices": _matrices,
+    "Motion-BIDS": _motion_bids,
+    "XDF": _xdf,
+    "C3D": _c3d,
+}

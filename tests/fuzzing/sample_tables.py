@@ -29,7 +29,8 @@ STUDY: dict[str, bytes] = {
     b"\taccept\n01\tright\trom\tboth\ta.csv\t\t\t\t\t\t\t\n01\tright\tgrasp\tevaluation\tb.csv\t2\tliberty16"
     b"\tauto\tm.yaml\trepair\tlost\tseen\n02\tleft\trom\tcalibration\tc.csv\n",
     "participants.tsv": b"subject\thand_length_mm\thand_breadth_mm\tage\n01\t180\t80\t33\n02\t\t\t\n",
-    "corrections.tsv": b"subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\tnote\n01\tright\tindex_pip\t1\t-2\t3e0\tx\n",
+    "corrections.tsv": b"subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\tnote\n"
+    b"01\tright\tindex_pip\t1\t-2\t3e0\tx\n",
     "measurements.tsv": b"subject\thand\tquantity\tvalue_mm\tsd_mm\n01\tright\tindex_proximal\t40.5\t1\n",
     "touches.tsv": b"subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm\n"
     b"01\tright\trom\tindex\tpad\t0.5\t1\t1\t2\t3\t0.5\n",
@@ -105,7 +106,9 @@ def _poses_columns() -> dict[str, list[Any]]:
     numbers = [[*position, *turn] for position, turn in (pose(*row) for row in rows)]
     names = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
     return {
-        **{c.name: [""] * len(rows) if pa.types.is_string(c.type) else [0] * len(rows) for c in POSES.columns},
+        **{
+            c.name: [""] * len(rows) if pa.types.is_string(c.type) else [0] * len(rows) for c in POSES.columns
+        },
         "frame": [frame for frame, _ in rows],
         "time_s": [frame / 240 for frame, _ in rows],
         "segment": [SEGMENTS[station] for _, station in rows],

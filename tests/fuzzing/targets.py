@@ -1,7 +1,7 @@
 """Every reader and decoder, and what must hold whatever bytes it is given.
 
 A decoder gives every byte of any stream to one record, reply or skip, the same however the stream is cut. A
-reader gives what it reads, or InputError of one sentence. Nothing raises anything else, warns, hangs or crashes.
+reader gives what it reads, or InputError of one sentence. Nothing raises anything else, warns or hangs.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ from schemas.poses import check_layout, frame_count, one_hand, pose_blocks, read
 from schemas.recording_summary import recording_row
 from schemas.results import SUBJECT_TABLES
 from schemas.sheets import SHEETS, read_sheet
-from schemas.study import Hand, Recording as StudyRecording, read_study
+from schemas.study import Hand, read_study
+from schemas.study import Recording as StudyRecording
 from schemas.tables import read_metadata, read_table, rows_of
 from stages.capture.formats import c3d_content
 from stages.capture.formats.readers import find_parts_reader
@@ -60,7 +61,7 @@ LAYOUT = "liberty16"
 class Target:
     """What is fuzzed.
 
-    seeds : clean inputs. check : takes an input, gives the name of its outcome, or raises. damage : what makes
+    seeds : clean inputs. check : takes an input, gives the name of its outcome, or raises. damage : makes
     another input of one. share : of all inputs, against other targets': less where a reader takes long.
     """
 
@@ -277,7 +278,7 @@ def _odd_parquet() -> Target:
 def _c3d_in_a_fork() -> Iterator[None]:
     """Let the process that reads C3D be a fork, which starts in a tenth of the time."""
 
-    def run(command: Sequence[str], timeout: float, **_: Any) -> subprocess.CompletedProcess[bytes]:
+    def run(command: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
         reading, writing = os.pipe()
         child = os.fork()
         if not child:

@@ -34,7 +34,17 @@ except ImportError:  # no wheel for this Python
 if TYPE_CHECKING:
     from fuzzing.targets import Target
 
-INSTRUMENTED = ("schemas", "skeleton", "stages", "trackers", "checks", "anatomy", "pyxdf", "yaml", "jsonschema")
+INSTRUMENTED = (
+    "schemas",
+    "skeleton",
+    "stages",
+    "trackers",
+    "checks",
+    "anatomy",
+    "pyxdf",
+    "yaml",
+    "jsonschema",
+)
 LONGEST_S = 10.0
 """Of a processor, for one input."""
 MEMORY_BYTES, MEMORY_PER_BYTE = 300 * 10**6, 4
@@ -169,7 +179,7 @@ def _limit_memory() -> None:
 
 @dataclass(frozen=True)
 class Job:
-    """A target and how it is to be run; folder : for inputs that fail; scratch : for the corpus and counts."""
+    """A target and how it is to be run; folder : for inputs that fail, scratch : for counts."""
 
     name: str
     inputs: int
