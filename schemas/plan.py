@@ -364,7 +364,7 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
 
 
 def _check_texts(content: Mapping[str, Any]) -> None:
-    """Raise as Python does where names or paths are no texts that a file can be called, or sizes no numbers."""
+    """Raise as Python does where names or paths are no texts, or sizes no numbers."""
     named = [content[name] for name in ("study", "subject", "folder")]
     named += [config["model"] for config in content["models"]]
     named += [*content["layouts"], *(config["layout"] for config in content["layouts"].values())]
