@@ -112,9 +112,11 @@ def _frames_promised(path: Path) -> int:
     Words 4 and 5 of the header are the first and the last frame (C3D user guide); the parameter section
     says, in its fourth byte, in which order the bytes are. Longer recordings have 65535 as their last.
     """
-    data = path.read_bytes()
-    processor = data[512 * (data[0] - 1) + 3]
-    first, last = struct.unpack_from(">HH" if processor == _MIPS else "<HH", data, 6)
+    with path.open("rb") as stream:
+        header = stream.read(512)
+        stream.seek(512 * (header[0] - 1) + 3)
+        processor = stream.read(1)[0]
+    first, last = struct.unpack_from(">HH" if processor == _MIPS else "<HH", header, 6)
     return int(last) - int(first) + 1
 
 
