@@ -32,9 +32,6 @@ BLOCK_FRAMES = 1 << 16
 KEPT_BYTES = 200 * 10**6
 """Of recordings that were read whole, together; one that takes more than a quarter of it is not kept."""
 
-_LARGEST_PART = 1.01
-"""Of a unit quaternion, rounded."""
-
 BYTES_A_POSE = 57
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
@@ -283,7 +280,7 @@ def _fill(path: Path, block: Poses, segment: str, rows: _SegmentRows, start: int
         elif not np.array_equal(piece["frame"], block.frame[at]):
             raise _unshared(path, segment)
         for axis, name in enumerate(_NUMBERS):
-            if (piece["valid"] & (np.abs(piece[name]) > (FARTHEST_MM if axis < 3 else _LARGEST_PART))).any():
+            if (piece["valid"] & (np.abs(piece[name]) > FARTHEST_MM)).any():  # squares overflow
                 raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
             numbers = block.position_mm if axis < 3 else block.quaternion
             numbers[at, column, axis if axis < 3 else axis - 3] = piece[name]
