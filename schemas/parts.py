@@ -277,7 +277,10 @@ class PartsReader:
     def _ends(self, group: int, name: str) -> tuple[Any, Any] | None:
         """The least and the largest value of a column in a row group; None where not known of every row."""
         known = self._file.metadata.row_group(group).column(self._place[name]).statistics
-        return None if known is None or not known.has_min_max or known.null_count else (known.min, known.max)
+        if known is None or not known.has_min_max or known.null_count:
+            return None
+        with naming_damage(self._path):  # a text that is no UTF-8
+            return known.min, known.max
 
     @cached_property
     def _place(self) -> dict[str, int]:
