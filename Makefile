@@ -1,11 +1,12 @@
 # `make demo` and `make test` set up all they need; the rest is for those who change the code.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow test-tools test-slurm tools coverage lint format lock audit docs bench clean
+.PHONY: help demo test test-slow fuzz test-tools test-slurm tools coverage lint format lock audit docs bench clean
 
 python := .venv/bin/python
 # Tests, and the processes that they start, share the cores already.
 pytest := OMP_NUM_THREADS=1 $(python) -m pytest
 cores ?= all
+inputs ?= 20000
 
 help: ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' Makefile
@@ -19,10 +20,14 @@ test: ## run the fast tests
 	@./bootstrap requirements-dev.lock
 	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile
 
-test-slow: ## run the rest: whole studies through Snakemake, planted wrong signs
+test-slow: fuzz ## run the rest: damaged input, whole studies through Snakemake, planted wrong signs
 	@./bootstrap requirements-dev.lock
 	@$(pytest) -m slow --ignore=tests/studies -n auto --dist loadfile
 	@$(pytest) -m slow tests/studies # each has all cores
+
+fuzz: ## feed damaged input to every reader, guided by coverage (inputs=20000)
+	@./bootstrap requirements-fuzz.lock .venv-fuzz
+	@.venv-fuzz/bin/python -m benchmarks fuzz --inputs $(inputs)
 
 tools: ## put programs by others that read exports into .tools (some 1.4 GB), and a browser
 	@./tests/export_tools/install
@@ -72,6 +77,7 @@ lock: ## resolve the dependencies anew (needs uv)
 	uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-dev.lock
 	uv pip compile pyproject.toml --group cluster --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-cluster.lock
+	uv pip compile pyproject.toml --group fuzz --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-fuzz.lock
 	uv pip compile pyproject.toml --group dev --group bench --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements-dev.lock --upgrade -o requirements-bench.lock
 	uv pip compile --group audit --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-audit.lock
 

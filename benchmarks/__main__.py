@@ -22,6 +22,8 @@ BENCHMARKS = {
     "pianists": "12 pianists, 2 groups, 3 sessions: a known effect, sem of re-donning, the stated sd",
     "bit_flips": "one flipped bit in every kind of file: how often it goes unnoticed",
     "faults": "kills, full disks, little memory, changed files, lost power, against what is promised",
+    "reader_memory": "import and inspect of large files of every format: the most memory that each takes",
+    "fuzz": "damaged input for every reader and configuration file: tracebacks, hangs, memory (`make fuzz`)",
     "cluster_plan": "a study of thousands on a cluster: jobs, hours, files, and what ends first",
     "report_pages": "the report: bytes of its pages, how a browser shows them",
     "opensim_figure": "the guide's picture of an export in OpenSim, and its inverse kinematics",

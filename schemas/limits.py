@@ -45,6 +45,8 @@ FARTHEST_MM = 1e8
 START_BYTES = 600 * 2**20
 """Address space that the libraries of a stage take before it has read a byte. With less, one of them ends the
 process in words of its own, or in none."""
+RATES_HZ = (0.001, 1e6)
+"""Frames a second: times in s of any number of frames stay numbers."""
 
 _KINDS = {
     stat.S_IFIFO: "a pipe",

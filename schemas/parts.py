@@ -180,6 +180,7 @@ class PartsReader:
         """Rows by the keys of their parts."""
         with naming_damage(self._path):
             read = self._file.read(use_threads=False)
+            read.validate(full=True)
         names = [*_named_keys(self._table, Part(""))]
         by_part: dict[tuple[str, ...], list[dict[str, Any]]] = {}
         for row in rows_of(read):
@@ -256,6 +257,7 @@ class PartsReader:
         wanted = None if columns is None else [*dict.fromkeys([*mixed, *columns])]
         with naming_damage(self._path):
             rows = self._file.read_row_groups([*groups], wanted, use_threads=False)
+            rows.validate(full=True)
         matches = np.ones(rows.num_rows, bool)
         for name in mixed:
             matches &= pc.equal(rows.column(name), keys[name]).to_numpy()
@@ -285,7 +287,10 @@ class PartsReader:
     def _ends(self, group: int, name: str) -> tuple[Any, Any] | None:
         """The least and the largest value of a column in a row group; None where not known of every row."""
         known = self._file.metadata.row_group(group).column(self._place[name]).statistics
-        return None if known is None or not known.has_min_max or known.null_count else (known.min, known.max)
+        if known is None or not known.has_min_max or known.null_count:
+            return None
+        with naming_damage(self._path):  # a text that is no UTF-8
+            return known.min, known.max
 
     @cached_property
     def _place(self) -> dict[str, int]:

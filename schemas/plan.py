@@ -28,7 +28,7 @@ from schemas.results import FIT_TABLES
 from schemas.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
 from schemas.study import Hand, Recording, Study, SubjectSession, path_token
 from schemas.tables import read_table, rows_of
-from schemas.text_files import read_text
+from schemas.text_files import read_text, reading
 
 VERSION = 2
 SIZES = ("hand_length_mm", "hand_breadth_mm")
@@ -147,8 +147,9 @@ class SubjectPlan:
     def with_findings(self) -> SubjectPlan:
         """The plan with what the subject's findings table, if there is one, refuses and suspects."""
         path = self.table(FINDINGS.name)
-        if not path.is_file():
-            return self
+        with reading(path, "a findings table"):
+            if not path.is_file():
+                return self
         rows = list(rows_of(read_table(path, FINDINGS)))
         reasons, suspicions = (
             {
@@ -387,13 +388,14 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
         )
     try:
         plan = plan_from_content(content, str(path))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(f"{path}: a damaged plan; remove it and run the study again") from error
     return plan.with_findings() if checked else plan
 
 
 def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
     """Make a plan of its file's content; `where` names it in errors."""
+    _check_texts(content)
     models = [model_from_config(config, where) for config in content["models"]]
     who = SubjectSession(content["subject"], content["session"])
     recordings = {_read_recording(entry, who): entry for entry in content["recordings"]}
@@ -416,6 +418,22 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
         poses_files={recording: Path(entry["poses"]) for recording, entry in recordings.items()},
         truth_folders={r: Path(entry["truth"]) for r, entry in recordings.items() if entry["truth"]},
     )
+
+
+def _check_texts(content: Mapping[str, Any]) -> None:
+    """Raise as Python does where names or paths are no texts, or sizes no numbers."""
+    named = [content[name] for name in ("study", "subject", "folder")]
+    named += [config["model"] for config in content["models"]]
+    named += [*content["layouts"], *(config["layout"] for config in content["layouts"].values())]
+    for entry in content["recordings"]:
+        paths = {name: entry[name] or "" for name in ("mapping", "truth", "events")}
+        named += {**entry, **paths, "factors": ""}.values()
+        named += entry["factors"].values()
+    for text in named:
+        if "\0" in text.encode().decode():  # half a character cannot be encoded
+            raise ValueError(f"{text!r} is no name")
+    for name in SIZES:
+        float(content[name] or 0)
 
 
 def _read_recording(entry: Mapping[str, Any], who: SubjectSession) -> Recording:

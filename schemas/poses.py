@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
 from schemas.layout import Layout
-from schemas.limits import check_regular
+from schemas.limits import FARTHEST_MM, check_regular
 from schemas.parquet_files import naming_damage, open_parquet
 from schemas.study import Hand
 from schemas.tables import column_array, open_table, read_metadata
@@ -271,9 +271,10 @@ def _row_groups(path: Path, file: pq.ParquetFile) -> dict[str, list[int]]:
         if not group.num_rows:
             continue
         known = group.column(column).statistics
-        if known is None or not known.has_min_max or known.min != known.max:
-            raise TableError(f"{path}: a row group holds several segments; make it with stages.capture")
-        groups.setdefault(known.min, []).append(index)
+        with naming_damage(path):  # a name that is no UTF-8
+            if known is None or not known.has_min_max or known.min != known.max:
+                raise TableError(f"{path}: a row group holds several segments; make it with stages.capture")
+            groups.setdefault(known.min, []).append(index)
     return groups
 
 
@@ -290,6 +291,8 @@ def _fill(path: Path, block: Poses, segment: str, rows: _SegmentRows, start: int
         elif not np.array_equal(piece["frame"], block.frame[at]):
             raise _unshared(path, segment)
         for axis, name in enumerate(_NUMBERS):
+            if (piece["valid"] & (np.abs(piece[name]) > FARTHEST_MM)).any():  # squares overflow
+                raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
             numbers = block.position_mm if axis < 3 else block.quaternion
             numbers[at, column, axis if axis < 3 else axis - 3] = piece[name]
         block.valid[at, column] = piece["valid"]

@@ -39,6 +39,11 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
         return row | {"status": "failed", "message": str(error)}, [str(error)]
     parameters = read_metadata(poses)["parameters"]
     notes, absent, losses = (_texts(poses, parameters, name) for name in ("notes", "absent", "losses"))
+    missing = parameters.get("missing_frames", 0)
+    if not isinstance(missing, int):
+        raise TableError(
+            f"{poses}: its metadata have no number of missing_frames; make it with stages.capture"
+        )
     by_segment = table.group_by("segment", use_threads=False).aggregate([("valid", "sum")])
     n_valid = dict(zip(*(column.to_pylist() for column in by_segment.columns), strict=True))
     dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
@@ -46,7 +51,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
     problems += losses
     row["message"] = "; ".join(dict.fromkeys([*problems, *notes]))
     n_frames = table.num_rows // max(len(n_valid), 1)
-    expected = (n_frames + parameters.get("missing_frames", 0)) * len({*n_valid, *absent})
+    expected = (n_frames + missing) * len({*n_valid, *absent})
     row["n_frames"] = n_frames
     row["n_receivers"] = sum(1 for count in n_valid.values() if count)
     row["duration_s"] = _duration_s(table)

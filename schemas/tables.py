@@ -170,7 +170,9 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
     """
     with open_table(path, table) as file, naming_damage(path):
         threads = file.metadata.num_rows > ROW_GROUP_ROWS // 2  # a few rows are read before they start
-        return file.read(columns=None if columns is None else list(columns), use_threads=threads)
+        read = file.read(columns=None if columns is None else list(columns), use_threads=threads)
+        read.validate(full=True)  # texts that are no UTF-8 raise where they are looked at, which is anywhere
+        return read
 
 
 def open_table(path: Path, table: Table) -> pq.ParquetFile:

@@ -1,190 +1,519 @@
-"""Damaged byte streams and files: whether every decoder and reader takes them.
+"""Every reader and decoder, and what must hold whatever bytes it is given.
 
-A decoder must give every byte of any stream to one record, reply or skip, the same however the stream is cut.
-A reader must give samples, or InputError. Nothing may raise anything else, warn, hang or crash.
+A decoder gives every byte of any stream to one record, reply or skip, the same however the stream is cut. A
+reader gives what it reads, or InputError of one sentence. Nothing raises anything else, warns or hangs.
 """
 
 from __future__ import annotations
 
-import copy
+import contextlib
+import gzip
+import io
 import json
+import os
 import random
+import subprocess
 import tempfile
-import warnings
-from collections import Counter
-from collections.abc import Callable, Mapping
+import zlib
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
+from fuzzing import sample_tables
+from fuzzing.damage import damage, damage_values
 from fuzzing.decoding import check_decoder, check_settings
-from fuzzing.sample_files import RECORDINGS, capture_bytes
-from fuzzing.tracker_streams import streams
-from schemas.errors import InputError
+from fuzzing.sample_files import RECORDINGS, SEGMENTS, Recording, capture_bytes
+from fuzzing.tracker_streams import Stream, streams
+from schemas.catalogue import POSES, TABLES
+from schemas.errors import MOST_LETTERS, InputError
 from schemas.layout import read_layout
-from schemas.mapping import mapping_from_config
-from stages.capture.formats.readers import find_reader
+from schemas.mapping import read_mapping
+from schemas.marked_text import replaced_between
+from schemas.model import read_model
+from schemas.parts import check_subject, one_hand_of, open_parts, part_metadata
+from schemas.plan import StudyPlans, read_plan
+from schemas.poses import check_layout, frame_count, one_hand, pose_blocks, read_poses, usable_poses
+from schemas.recording_summary import recording_row
+from schemas.results import SUBJECT_TABLES
+from schemas.sheets import SHEETS, read_sheet
+from schemas.study import Hand, read_study
+from schemas.study import Recording as StudyRecording
+from schemas.tables import read_metadata, read_table, rows_of
+from stages.capture.formats import c3d_content
+from stages.capture.formats.readers import find_parts_reader
+from stages.capture.import_recording import build_parser, import_recording
+from stages.capture.inspect_file import inspect
+from stages.capture.poses_table import poses_table
 from trackers.archive import open_archive
 
-Files = Mapping[str, bytes]
+FOLDER_OF_SEEDS = Path(__file__).with_name("seeds")
+"""Inputs that failed once, in a folder for each target."""
 
-_TOKENS = (
-    *(b"LY", b"PA", b"VPRP", b"VPRC", b"01", b"02  ", b"\r\n", b"nan", b"inf", b"1e999", b"-", b".", b","),
-    *(bytes(4), b"\xff" * 4, b"\x7f\xff\xff\xff", b"\xff\xff\xff\x7f", b"\t", b'"', b"\xef\xbb\xbf", b"{}"),
-)
-_VALUES: tuple[Any, ...] = (
-    *(None, True, -1, 0, 2, 7, 16, 77, 10**400, 1e308, float("nan"), "", "viper", "ascii", "inch", "7"),
-    *([], [1], {}, {"1": [2, 4]}),
-)
-
-
-def damage(data: bytes, chance: random.Random) -> bytes:
-    """Change bytes in up to 8 places: other bits, other bytes, less, more, the same again, cut off."""
-    out = bytearray(data)
-    for _ in range(chance.randint(0, 8)):
-        place = chance.randint(0, len(out))
-        length = chance.choice((1, 1, 1, 2, 4, 8, chance.randint(0, 200)))
-        kind = chance.randrange(8)
-        if kind == 0 and place < len(out):
-            out[place] ^= 1 << chance.randrange(8)
-        elif kind == 1:
-            out[place : place + length] = chance.randbytes(length)
-        elif kind == 2:
-            del out[place : place + length]
-        elif kind == 3:
-            out[place:place] = chance.randbytes(length)
-        elif kind == 4:
-            out[place:place] = out[place : place + length]
-        elif kind == 5:
-            out[place : place + length] = chance.choice(_TOKENS)
-        elif kind == 6:
-            first = chance.randint(0, len(out))
-            out[place : place + length] = out[first : first + length]
-        elif chance.randrange(8) == 0:
-            del out[place:]
-    return bytes(out)
-
-
-def _damage_json(loaded: Any, chance: random.Random) -> None:
-    """Change one value somewhere in lists and objects to one of another kind or size."""
-    inside = loaded
-    while True:
-        keys = list(inside) if isinstance(inside, dict) else list(range(len(inside)))
-        if not keys:
-            return
-        key = chance.choice(keys)
-        if isinstance(inside[key], dict | list) and chance.randrange(6):
-            inside = inside[key]
-            continue
-        inside[key] = copy.deepcopy(chance.choice(_VALUES))
-        return
+LAYOUT = "liberty16"
 
 
 @dataclass(frozen=True)
 class Target:
-    """What is fuzzed: `damaged` gives a case, `run` the name of its outcome or raises."""
+    """What is fuzzed.
 
-    damaged: Callable[[random.Random], Files]
-    run: Callable[[Files, random.Random], str]
+    seeds : clean inputs. check : takes an input, gives the name of its outcome, or raises. damage : makes
+    another input of one. share : of all inputs, against other targets': less where a reader takes long.
+    """
+
+    seeds: Sequence[bytes]
+    check: Callable[[bytes], str]
+    damage: Callable[[bytes, random.Random], bytes] = damage
+    share: float = 1.0
 
 
-def _decoder(name: str) -> Target:
-    stream = streams()[name]
-    return Target(
-        lambda chance: {"stream": damage(stream.data, chance)},
-        lambda files, chance: check_decoder(stream.settings, files["stream"], chance),
-    )
+@cache
+def scratch() -> Path:
+    """A folder in memory where the system has one."""
+    memory = Path("/dev/shm")
+    folder = tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None)
+    _kept.append(folder)
+    return Path(folder.name)
+
+
+_kept: list[Any] = []
+
+
+def _put(path: Path, data: bytes) -> None:
+    """Write a file that nobody can have kept: another one on the disk."""
+    path.unlink(missing_ok=True)
+    path.write_bytes(data)
+
+
+def sentence_or(take: Callable[[], object]) -> str:
+    """Call a reader; "refused" where it raises InputError of one sentence, else "read"."""
+    try:
+        take()
+    except InputError as error:
+        text = str(error)
+        if not text.isprintable() or not 0 < len(text) <= MOST_LETTERS:
+            raise AssertionError(f"no sentence: {text!r}") from error
+        return "refused"
+    return "read"
+
+
+def _files(
+    name: str,
+    files: Mapping[str, bytes],
+    take: Callable[[Path], object],
+    *,
+    more: Sequence[bytes] = (),
+    share: float = 1.0,
+    structured: bool = False,
+) -> Target:
+    """A target of files in a folder, of which an input spoils one; take : reads that one, or all.
+
+    An input is the file's bytes, and where there are several its number before them.
+    """
+    names = sorted(files)
+    folder = scratch() / name.replace(" ", "_")
+    folder.mkdir(exist_ok=True)
+    for file, data in files.items():
+        _put(folder / file, data)
+    last = names[0]
+
+    def check(data: bytes) -> str:
+        nonlocal last
+        chosen = names[data[0] % len(names)] if len(names) > 1 and data else names[0]
+        if chosen != last:
+            _put(folder / last, files[last])
+            last = chosen
+        _put(folder / chosen, data[1:] if len(names) > 1 else data)
+        return sentence_or(lambda: take(folder / chosen))
+
+    several = len(names) > 1
+    seeds = [bytes([number]) * several + files[file] for number, file in enumerate(names)]
+    change = damage_values if structured else damage
+    if several:
+
+        def changed(data: bytes, chance: random.Random) -> bytes:
+            head = data[:1] if chance.randrange(8) else chance.randbytes(1)
+            spoil = damage_values if structured and chance.randrange(2) else damage
+            return head + spoil(data[1:], chance)
+
+        change = changed
+    return Target((*seeds, *more), check, change, share)
+
+
+def _decoder(kind: str) -> Target:
+    """A family and mode; an input is a stream, the number of the output list before it."""
+    clean = [stream for name, stream in streams().items() if name.startswith(kind)]
+
+    def check(data: bytes) -> str:
+        if not data:
+            return "refused"
+        stream = clean[data[0] % len(clean)]
+        return check_decoder(stream.settings, data[1:], random.Random(zlib.crc32(data)))
+
+    seeds = [bytes([number]) + stream.data[:3000] for number, stream in enumerate(clean)]
+    return Target(seeds, check, lambda data, chance: data[:1] + damage(data[1:], chance), 1.0)
 
 
 def _settings() -> Target:
-    clean = list(streams().values())
+    """Settings as JSON in a line, and the stream that they are of behind it."""
 
-    def damaged(chance: random.Random) -> Files:
-        stream = chance.choice(clean)
-        settings = json.loads(json.dumps(stream.settings.to_json()))
-        for _ in range(chance.randint(1, 3)):
-            _damage_json(settings, chance)
-        return {"settings.json": json.dumps(settings).encode(), "stream": stream.data[:400]}
+    def seed(stream: Stream) -> bytes:
+        return json.dumps(stream.settings.to_json()).encode() + b"\n" + stream.data[:400]
 
-    return Target(
-        damaged, lambda files, chance: check_settings(files["settings.json"], files["stream"], chance)
-    )
+    def check(data: bytes) -> str:
+        text, _, stream = data.partition(b"\n")
+        return check_settings(text, stream, random.Random(zlib.crc32(data)))
+
+    def changed(data: bytes, chance: random.Random) -> bytes:
+        text, _, stream = data.partition(b"\n")
+        return damage_values(text, chance).replace(b"\n", b" ") + b"\n" + stream
+
+    return Target([seed(stream) for stream in streams().values()], check, changed, 3.0)
 
 
 def _archive() -> Target:
-    data = capture_bytes()
-    folder = tempfile.TemporaryDirectory()
+    def take(path: Path) -> None:
+        for piece in open_archive(path).pieces():
+            assert len(piece.host_ns) == len(piece.kind) == len(piece.data)
 
-    def run(files: Files, _: random.Random) -> str:
-        path = Path(folder.name, "a.arrows")
-        path.write_bytes(files["a.arrows"])
+    return _files("archive", {"a.arrows": capture_bytes()}, take, share=4.0)
+
+
+def _archive_settings() -> Target:
+    """A raw capture with sound checksums whose settings say anything, and whose bytes are any."""
+    from trackers.archive import ArchiveWriter
+
+    clean = streams()
+
+    def capture(data: bytes) -> bytes:
+        text, _, stream = data.partition(b"\n")
         try:
-            for piece in open_archive(path).pieces():
-                assert len(piece.host_ns) == len(piece.kind) == len(piece.data)
-        except InputError:
-            return "refused"
-        return "read"
+            settings = json.loads(text)
+        except (ValueError, RecursionError):
+            return text
+        with tempfile.TemporaryDirectory(dir=scratch()) as name:
+            writer = ArchiveWriter(Path(name, "a.arrows"), {"note": "made up"}, lambda: 0)
+            writer.settings(settings, 0)
+            writer.received(stream, 4_166_667)
+            writer.close({"records": 1}, 5_000_000)
+            return Path(name, "a.arrows").read_bytes()
 
-    return Target(lambda chance: {"a.arrows": damage(data, chance)}, run)
+    def seed(stream: Stream) -> bytes:
+        return json.dumps(stream.settings.to_json()).encode() + b"\n" + stream.data[:600]
+
+    path = scratch() / "settings.arrows"
+
+    def check(data: bytes) -> str:
+        try:
+            written = capture(data)
+        except (AttributeError, TypeError, ValueError):  # what the recorder itself never writes
+            return "refused"
+        _put(path, written)
+        return sentence_or(lambda: _samples(path, None))
+
+    def changed(data: bytes, chance: random.Random) -> bytes:
+        text, _, stream = data.partition(b"\n")
+        return damage_values(text, chance).replace(b"\n", b" ") + b"\n" + damage(stream, chance)
+
+    return Target([seed(stream) for stream in clean.values()], check, changed, 0.4)
+
+
+def _samples(path: Path, mapping_path: Path | None) -> None:
+    """Read a recording and check it as import does, up to the rows of the poses table."""
+    layout = read_layout(LAYOUT)
+    mapping = read_mapping(mapping_path) if mapping_path else None
+    parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
+    parts = find_parts_reader(path, "auto", mapping)(path, layout, mapping)
+    with closing(poses_table(parts, parents, scratch())) as poses:
+        for columns in poses.row_groups():
+            assert len(columns["segment"] if not isinstance(columns["segment"], str) else poses.frame)
+
+
+def _with_mapping(recording: Recording) -> dict[str, bytes]:
+    if recording.mapping is None:
+        return dict(recording.files)
+    return {**recording.files, "mapping.yaml": json.dumps(recording.mapping, indent=1).encode()}
 
 
 def _reader(name: str) -> Target:
     recording = RECORDINGS[name]()
-    layout = read_layout("liberty16")
-    mapping = mapping_from_config(recording.mapping, "mapping.yaml") if recording.mapping else None
-    folder = tempfile.TemporaryDirectory()
 
-    def damaged(chance: random.Random) -> Files:
-        chosen = chance.choice(sorted(recording.files))
-        return {**recording.files, chosen: damage(recording.files[chosen], chance)}
+    def take(path: Path) -> None:
+        mapping = path.with_name("mapping.yaml") if recording.mapping is not None else None
+        with _c3d_in_a_fork() if name == "c3d" else contextlib.nullcontext():
+            _samples(path.with_name(recording.path), mapping)
 
-    def run(files: Files, _: random.Random) -> str:
-        for file, data in files.items():
-            Path(folder.name, file).write_bytes(data)
-        path = Path(folder.name, recording.path)
-        try:
-            samples = find_reader(path, "auto", mapping)(path, layout, mapping)
-        except InputError as error:
-            if "\n" in str(error):
-                raise AssertionError("the sentence has several lines") from error
-            return "refused"
-        assert samples.numbers.shape == (len(samples.frame), 7)
-        return "read"
-
-    return Target(damaged, run)
+    share = {"c3d": 0.1, "motion-bids": 0.5, "mapped csv": 0.5, "capture": 0.3, "xdf": 1.5}.get(name, 1.0)
+    return _files(f"file {name}", _with_mapping(recording), take, share=share, structured=True)
 
 
-TARGETS = (*streams(1), "settings", "archive", *(f"file {name}" for name in RECORDINGS))
+def _packed_xdf() -> Target:
+    """Even: a stream to be packed; odd: packed bytes."""
+    clean = RECORDINGS["xdf"]().files["a.xdf"]
+    path = scratch() / "a.xdfz"
+
+    def check(data: bytes) -> str:
+        _put(path, gzip.compress(data[1:], 1) if data[:1] and data[0] % 2 == 0 else data[1:])
+        return sentence_or(lambda: _samples(path, None))
+
+    seeds = [b"\0" + clean, b"\1" + gzip.compress(clean, mtime=0)]
+    return Target(seeds, check, lambda data, chance: data[:1] + damage(data[1:], chance), 1.0)
+
+
+def _odd_parquet() -> Target:
+    path = scratch() / "odd.parquet"
+
+    def check(data: bytes) -> str:
+        _put(path, sample_tables.odd_parquet(data))
+        return sentence_or(lambda: _samples(path, None))
+
+    return Target((bytes(40), bytes(range(128, 168))), check, share=0.3)
+
+
+@contextlib.contextmanager
+def _c3d_in_a_fork() -> Iterator[None]:
+    """Let the process that reads C3D be a fork, which starts in a tenth of the time."""
+
+    def run(command: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
+        reading, writing = os.pipe()
+        child = os.fork()
+        if not child:
+            _be_c3d_reader(command[-1], writing)
+        os.close(writing)
+        with os.fdopen(reading, "rb") as stream:
+            said = stream.read()
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        return subprocess.CompletedProcess(command, code, said if not code else b"", said if code else b"")
+
+    with mock.patch.object(c3d_content.subprocess, "run", run):
+        yield
+
+
+def _be_c3d_reader(path: str, writing: int) -> None:
+    """Read a C3D file as its process does, and end."""
+    import signal
+
+    code = 1
+    try:
+        for number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGALRM):
+            signal.signal(number, signal.SIG_DFL)
+        os.dup2(writing, 1)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        stdout = os.fdopen(1, "wb")
+        with mock.patch.object(c3d_content.sys, "stdout", Namespace(buffer=stdout)):
+            c3d_content.main(path)
+        stdout.flush()
+        code = 0
+    except BaseException as error:
+        os.write(writing, f"{type(error).__name__}: {error}"[-2000:].encode("utf-8", "replace"))
+    finally:
+        os._exit(code)
+
+
+def _inspection(name: str) -> Target:
+    """What `inspect` prints of a file, import's refusals and the findings among it."""
+    recording = RECORDINGS[name]()
+
+    def take(path: Path) -> None:
+        named = path.with_name(recording.path)
+        with contextlib.redirect_stdout(io.StringIO()), _c3d_in_a_fork():
+            inspect(Namespace(file=named, layout=LAYOUT, hand=None, write_mapping=None))
+
+    share = {"c3d": 0.05, "capture": 0.05, "motion-bids": 0.08, "matrices": 1.0}.get(name, 0.2)
+    return _files(f"inspect {name}", recording.files, take, share=share, structured=True)
+
+
+def _import() -> Target:
+    """A tidy CSV from the command's options to the table and its findings."""
+    recording = RECORDINGS["csv"]()
+
+    def take(path: Path) -> None:
+        options = {"in": path, "layout": LAYOUT, "hand": "right", "out": path.with_name("out.parquet")}
+        given = [f"--{key}={value}" for key, value in (options | {"subject": "-", "task": "-"}).items()]
+        with contextlib.redirect_stderr(io.StringIO()):
+            import_recording(build_parser().parse_args(given))
+
+    return _files("import", recording.files, take, share=0.2)
+
+
+def _read_poses(path: Path) -> None:
+    segments = tuple(SEGMENTS.values())
+    frame_count(path)
+    read_poses(path, (*segments, "thumb_distal"))
+    for block in pose_blocks(path, segments, 4):
+        assert len(block.frame) <= 4
+    check_layout(path, read_layout(LAYOUT))
+    one_hand([path], None, None)
+    usable_poses([path])
+    files = (path, "a.csv", Path(LAYOUT), "auto", None, "keep", "")
+    recording_row(StudyRecording(Hand("01", "right"), "rom", "", "both", *files), path)
+
+
+def _read_any_table(path: Path, name: str) -> None:
+    table = TABLES[name]
+    if table is POSES:
+        _read_poses(path)
+        return
+    list(rows_of(read_table(path, table)))
+    read_metadata(path)
+    if name not in SUBJECT_TABLES:
+        return
+    check_subject(path, "01")
+    one_hand_of(path, table, None, None)
+    part_metadata(path, table)
+    with open_parts(path, table) as parts:
+        for part in sample_tables.PARTS[:1]:
+            parts.rows(part)
+            parts.part(part)
+            if name in ("metacarpals", "tips"):
+                parts.recording(part, "rom", "", "digit", ["frame"], between=(0, 9))
+
+
+def _tables() -> Target:
+    files = {f"{name}.parquet": sample_tables.table_bytes(table) for name, table in TABLES.items()}
+    return _files("tables", files, lambda path: _read_any_table(path, path.stem), share=2.0)
+
+
+def _table_metadata() -> Target:
+    """The JSON that this program writes into tables: of which table (even) or of its parts (odd)."""
+    names = ("poses", "joint_solutions", "tips", "findings")
+    path = scratch() / "metadata.parquet"
+
+    def check(data: bytes) -> str:
+        head, text = (data[0] if data else 0), data[1:]
+        name = names[head // 2 % len(names)]
+        given = {"parts": text} if head % 2 else {"metadata": text}
+        _put(path, sample_tables.table_bytes(TABLES[name], **given))
+        return sentence_or(lambda: _read_any_table(path, name))
+
+    seeds = [
+        bytes([2 * index]) + json.dumps(sample_tables.metadata_of(TABLES[name])).encode()
+        for index, name in enumerate(names)
+    ]
+    seeds += [bytes([3]) + json.dumps(sample_tables.parts_list()).encode()]
+    return Target(seeds, check, lambda data, chance: data[:1] + damage_values(data[1:], chance), 0.3)
+
+
+def _inspect_table() -> Target:
+    files = {f"{name}.parquet": sample_tables.table_bytes(TABLES[name]) for name in ("poses", "tips")}
+
+    def take(path: Path) -> None:
+        with contextlib.redirect_stdout(io.StringIO()):
+            inspect(Namespace(file=path, layout=LAYOUT, hand=None, write_mapping=None))
+
+    return _files("inspect tables", files, take, share=0.7)
+
+
+def _plan() -> Target:
+    def take(path: Path) -> None:
+        plan = read_plan(path)
+        plan.parts()
+        for hand in plan.hands:
+            plan.check_calibration_left(hand)
+            for name in ("tips", "receivers"):
+                plan.files_of(name)
+        for recording in plan.recordings:
+            plan.poses(recording), plan.truth(recording), recording.name, recording.hand.folder
+
+    with tempfile.TemporaryDirectory() as folder:
+        seed = sample_tables.plan_bytes(Path(folder))
+    return _files("plan", {"plan.json": seed}, take, structured=True, share=0.5)
+
+
+def _study() -> Target:
+    def take(path: Path) -> None:
+        study = read_study(path.with_name("study.yaml"))
+        plans = StudyPlans(study, Path("results/a"))
+        for subject in study.subjects:
+            plans.content(subject)
+
+    return _files("study", sample_tables.STUDY, take, structured=True, share=0.3)
+
+
+def _sheets() -> Target:
+    files = {f"{name}.tsv": sample_tables.STUDY[f"{name}.tsv"] for name in SHEETS}
+    return _files("sheets", files, lambda path: read_sheet(path, SHEETS[path.stem]), share=5.0)
+
+
+def _layout() -> Target:
+    first, *more = sample_tables.LAYOUTS
+
+    def take(path: Path) -> None:
+        layout = read_layout(path.name, path.parent)
+        layout.of_hand("left").is_as(layout)
+
+    return _files("layout", {"layout.yaml": first}, take, more=more, structured=True, share=0.3)
+
+
+def _model() -> Target:
+    first, *more = sample_tables.MODELS
+    return _files(
+        "model",
+        {"model.yaml": first},
+        lambda path: read_model(path.name, path.parent),
+        more=more,
+        structured=True,
+        share=1.5,
+    )
+
+
+def _mapping() -> Target:
+    mappings = [recording().mapping for recording in RECORDINGS.values()]
+    first, *more = (json.dumps(mapping, indent=1).encode() for mapping in mappings if mapping is not None)
+    return _files("mapping", {"mapping.yaml": first}, read_mapping, more=more, structured=True, share=1.5)
+
+
+def _marked_text() -> Target:
+    def check(data: bytes) -> str:
+        page, _, text = data.decode("utf-8", "replace").partition("\0")
+        return sentence_or(lambda: replaced_between(page, "<a>", "<b>", text))
+
+    return Target((b"one <a> two <b> three\0new",), check)
+
+
+_DECODERS = dict.fromkeys(" ".join(name.split(" ")[:2] if "(" in name else [name]) for name in streams(1))
+_TARGETS: Mapping[str, Callable[[], Target]] = {
+    **{f"stream {kind}": partial(_decoder, kind) for kind in _DECODERS},
+    "stream settings": _settings,
+    "archive": _archive,
+    "archive settings": _archive_settings,
+    **{f"file {name}": partial(_reader, name) for name in RECORDINGS},
+    "file xdf, packed": _packed_xdf,
+    "file parquet, odd types": _odd_parquet,
+    **{f"inspect {name}": partial(_inspection, name) for name in RECORDINGS},
+    "inspect tables": _inspect_table,
+    "import": _import,
+    "tables": _tables,
+    "table metadata": _table_metadata,
+    "plan": _plan,
+    "study": _study,
+    "sheets": _sheets,
+    "layout": _layout,
+    "model": _model,
+    "mapping": _mapping,
+    "marked text": _marked_text,
+}
+
+TARGETS = tuple(_TARGETS)
 """Everything that is fuzzed, by name."""
 
 
 @cache
 def target(name: str) -> Target:
-    """What a name of TARGETS stands for."""
-    if name.startswith("file "):
-        return _reader(name.removeprefix("file "))
-    return {"settings": _settings, "archive": _archive}.get(name, lambda: _decoder(name))()
+    """What a name of TARGETS stands for, the inputs that failed once among its seeds."""
+    from dataclasses import replace
+
+    made = _TARGETS[name]()
+    folder = FOLDER_OF_SEEDS / name.replace(" ", "_")
+    stored = sorted(folder.iterdir()) if folder.is_dir() else []
+    return replace(made, seeds=(*made.seeds, *(path.read_bytes() for path in stored)))
 
 
-def chance_of(seed: int, name: str, run: int) -> random.Random:
-    """The chance that decides about one run, the same every time."""
-    return random.Random(f"{seed} {name} {run}")
-
-
-def outcomes(name: str, seed: int, runs: int) -> Counter[str]:
-    """Do runs of a target; count what came of them. AssertionError that names the first run that failed.
-
-    Its case is what `target(name).damaged(chance_of(seed, name, run))` gives.
-    """
-    counts: Counter[str] = Counter()
-    for number in range(runs):
-        chance = chance_of(seed, name, number)
-        files = target(name).damaged(chance)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            try:
-                counts[target(name).run(files, chance)] += 1
-            except Exception as error:  # whatever it is, it is what is looked for
-                raise AssertionError(f"{name}, seed {seed}, run {number}") from error
-    return counts
+def random_input(name: str, seed: int, number: int) -> bytes:
+    """The damaged input of that number, the same every time."""
+    chance = random.Random(f"{seed} {name} {number}")
+    return target(name).damage(chance.choice(target(name).seeds), chance)

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from schemas.errors import InputError
+from schemas.limits import RATES_HZ
 from trackers.families import FAMILIES
 
 STATIONS = frozenset(range(256))
@@ -72,7 +73,8 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
         raise InputError(
             f"{where}: the tracker's settings in it name stations or hemispheres that none has; copy it again"
         )
-    if not known or settings.unit not in MM_PER_UNIT or not 0 < settings.rate_hz < 10_000:
+    possible = RATES_HZ[0] <= settings.rate_hz < 10_000
+    if not known or settings.unit not in MM_PER_UNIT or not possible:
         raise InputError(
             f"{where}: the tracker's settings in it are none that is known (family {settings.family!r}, "
             f"mode {settings.mode!r}, unit {settings.unit!r}, {settings.rate_hz} Hz)"

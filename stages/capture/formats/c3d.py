@@ -12,6 +12,7 @@ import numpy as np
 
 from schemas.errors import InputError, listed
 from schemas.layout import Layout
+from schemas.limits import RATES_HZ
 from schemas.mapping import UNIT_NAMES, FileMapping
 from skeleton.rotations import Array, from_matrix
 from stages.capture.formats.c3d_content import PARAMETERS, read_content
@@ -89,6 +90,8 @@ def open_c3d(path: Path) -> C3dFile:
             f"{path}: is cut off: it has {frames} of the {promised} frames that its header names; "
             "copy it again"
         )
+    if not len(content["points"]):
+        raise InputError(f"{path}: has no frames; export it again")
     unit = str(_first(content, "POINT:UNITS", "")).strip()
     rate = float(_first(content, "POINT:RATE", np.nan))
     return C3dFile(
@@ -98,7 +101,7 @@ def open_c3d(path: Path) -> C3dFile:
         content["rotations"],
         _labels(content, "ROTATION"),
         UNIT_NAMES.get(unit.lower(), unit),
-        rate if rate > 0 else float("nan"),
+        rate if RATES_HZ[0] <= rate <= RATES_HZ[1] else float("nan"),
         first + 1,
     )
 
@@ -109,9 +112,11 @@ def _frames_promised(path: Path) -> int:
     Words 4 and 5 of the header are the first and the last frame (C3D user guide); the parameter section
     says, in its fourth byte, in which order the bytes are. Longer recordings have 65535 as their last.
     """
-    data = path.read_bytes()
-    processor = data[512 * (data[0] - 1) + 3]
-    first, last = struct.unpack_from(">HH" if processor == _MIPS else "<HH", data, 6)
+    with path.open("rb") as stream:
+        header = stream.read(512)
+        stream.seek(512 * (header[0] - 1) + 3)
+        processor = stream.read(1)[0]
+    first, last = struct.unpack_from(">HH" if processor == _MIPS else "<HH", header, 6)
     return int(last) - int(first) + 1
 
 

@@ -1,12 +1,17 @@
-"""What ezc3d reads of a C3D file, in a process of its own: on damaged files it may crash or never end."""
+"""What ezc3d reads of a C3D file, in a process of its own: on damaged files it may crash or never end.
+
+It makes an object of every point, which takes thirteen times the file; so it is given long files in pieces.
+"""
 
 from __future__ import annotations
 
 import io
 import os
 import resource
+import struct
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -33,6 +38,13 @@ WAIT = 6.0
 MOST_BYTES = 4 << 30
 MOST_BYTES_PER_BYTE = 64
 """Memory that the process may take: files hold floats, ezc3d objects."""
+
+PIECE_BYTES = 4 << 20
+"""Of frames that ezc3d reads at a time, a multiple of the memory that they take."""
+_INTEL = 84
+"""Processor type of files whose numbers have their low byte first."""
+_MOST_FRAMES = 65_534
+"""A header's numbers of frames say no more."""
 
 _ROOT = Path(__file__).parents[3]
 
@@ -77,20 +89,58 @@ def main(path: str) -> None:
     ):
         resource.setrlimit(limit, (most, most))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    np.savez(sys.stdout.buffer, allow_pickle=False, **(_in_pieces(Path(path)) or _arrays(path)))
+
+
+def _arrays(path: str) -> dict[str, np.ndarray]:
     import ezc3d
 
     content = ezc3d.c3d(path)
     header = content["header"]["points"]
-    arrays = {
+    return {
         # NaN where the residual is -1
         "points": np.asarray(content["data"]["points"], float).transpose(2, 1, 0)[:, :, :3],
         "rotations": np.asarray(content["data"]["rotations"], float).transpose(3, 2, 0, 1),
         "frames": np.array([header["first_frame"], header["last_frame"]]),
         **_parameters(content["parameters"]),
     }
-    written = io.BytesIO()
-    np.savez(written, allow_pickle=False, **arrays)
-    sys.stdout.buffer.write(written.getvalue())
+
+
+def _in_pieces(path: Path) -> dict[str, np.ndarray] | None:
+    """Give the arrays of a long file, whose frames are read as files of a few of them; None of any other.
+
+    Words 2 to 9 of the header (C3D user guide) are the points and the analog numbers of a frame, the first
+    and the last frame, their largest gap, the scale (two words, negative where numbers are floats) and the
+    block at which the frames start. Rotations stand behind all frames, so a file that has some is read whole.
+    """
+    with path.open("rb") as stream:
+        header = stream.read(512)
+        if path.stat().st_size < 2 * PIECE_BYTES:
+            return None
+        points, analogs, first, last, _, scale, block = struct.unpack_from("<HHHHHfH", header, 2)
+        head = header + stream.read(max(0, 512 * (block - 1) - 512))
+        kind = head[512 * (head[0] - 1) + 3 :][:1]
+        frame_bytes = (4 * points + analogs) * (4 if scale < 0 else 2)
+        if kind != bytes([_INTEL]) or not points or not first <= last <= _MOST_FRAMES:
+            return None
+        there = min(last - first + 1, (path.stat().st_size - len(head)) // frame_bytes)
+        found: dict[str, np.ndarray] = {}
+        positions = np.empty((there, points, 3))
+        step = max(1, PIECE_BYTES // frame_bytes)
+        with tempfile.NamedTemporaryFile(suffix=".c3d") as piece:
+            for start in range(0, there, step):
+                count = min(step, there - start)
+                piece.seek(0)
+                piece.write(head[:6] + struct.pack("<HH", 1, count) + head[10:])
+                piece.write(stream.read(count * frame_bytes))
+                piece.truncate()
+                piece.flush()
+                found = _arrays(piece.name)
+                if found["points"].shape != (count, points, 3) or found["rotations"].size:
+                    return None
+                positions[start : start + count] = found["points"]
+    frames = np.array([first - 1, first + there - 2])
+    return {**found, "points": positions, "frames": frames} if there else None
 
 
 def _parameters(groups: Mapping[str, Any]) -> dict[str, np.ndarray]:

@@ -70,7 +70,9 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
         placed = _in_step(tracks, None if frame is None else cells.wholes(frame), path, mapping)
     else:
         placed = _on_grid(tracks, path, mapping.rate_hz or np.nan, notes)
-    return samples_of_tracks(placed, mapping, layout, cells.place, notes)
+    place = cells.place
+    del cells, tracks  # text and numbers, more than the file, before all is put together
+    return samples_of_tracks(placed, mapping, layout, place, notes)
 
 
 def _sources(text: TextTable, mapping: FileMapping) -> dict[str, _Source]:

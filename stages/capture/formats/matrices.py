@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from array import array
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,7 +65,8 @@ def open_matrices(path: Path, pattern: str) -> Matrices:
     """
     parts = [_read_file(file) for file in _files(path, pattern)]
     places = tuple(place for part in parts for place in part.places)
-    matrices = Matrices(np.concatenate([part.values for part in parts]), places)
+    values = parts[0].values if len(parts) == 1 else np.concatenate([part.values for part in parts])
+    matrices = Matrices(values, places)
     if not len(matrices.values):
         raise InputError(
             f"{path}: has no matrix; expected four lines of four numbers each, or 16 numbers a line"
@@ -87,16 +89,28 @@ def _natural(file: Path) -> list[tuple[int, str]]:
 
 
 def _read_file(path: Path) -> Matrices:
-    lines = read_text(path, "matrices as text, four lines of four numbers each").splitlines()
-    blocks = list(_blocks(path, lines))
-    values = np.array([numbers for _, numbers in blocks], float).reshape(-1, 4, 4)
-    return Matrices(values, tuple((path, start) for start, _ in blocks))
+    text = read_text(path, "matrices as text, four lines of four numbers each")
+    values, starts = array("d"), []  # a list of numbers takes five times their text
+    for start, numbers in _blocks(path, _lines(text)):
+        values.extend(numbers)
+        starts.append(start)
+    return Matrices(np.array(values).reshape(-1, 4, 4), tuple((path, start) for start in starts))
 
 
-def _blocks(path: Path, lines: list[str]) -> Iterator[tuple[int, list[float]]]:
+def _lines(text: str) -> Iterator[str]:
+    """Give one line after the other, and an empty one at the end."""
+    start = 0
+    while (end := text.find("\n", start)) >= 0:
+        yield text[start:end]
+        start = end + 1
+    yield text[start:]
+    yield ""
+
+
+def _blocks(path: Path, lines: Iterable[str]) -> Iterator[tuple[int, list[float]]]:
     """Give each matrix's first line, counted from 1, and its 16 numbers."""
     start, cells = 0, list[float]()
-    for line, text in enumerate([*lines, ""], 1):
+    for line, text in enumerate(lines, 1):
         row = text.split()
         if not cells:
             start = line

@@ -16,7 +16,7 @@ import numpy as np
 from schemas.bids.channels import OWN_KEY
 from schemas.bids.dataset_files import read_rows, read_text
 from schemas.errors import InputError, listed
-from schemas.limits import check_regular
+from schemas.limits import RATES_HZ, check_regular
 from schemas.mapping import MM_PER_UNIT, FileMapping
 from schemas.text_files import reading
 
@@ -86,9 +86,11 @@ class Sidecars:
         return content if isinstance(content, dict) else {}
 
     def sampling_frequency_hz(self) -> float | None:
-        """SamplingFrequency of motion.json; None where there is none above 0 and below 1e9."""
+        """SamplingFrequency of motion.json; None where there is none that any recording has."""
         value = self.motion.get("SamplingFrequency")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e9:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return None
+        if not RATES_HZ[0] <= value <= RATES_HZ[1]:
             return None
         return float(value)
 

@@ -73,7 +73,9 @@ def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) ->
         time_s = row / rate_hz if channel is None else _times(cells, channel, sidecars)
         track = Track(row, frame, time_s, _numbers(cells, point, mapping, sentinel))
         tracks.append(exported.track(cells, name, track))
-    return samples_of_tracks(tracks, mapping, layout, cells.place)
+    place = cells.place
+    del cells, text  # more than the file, before all is put together
+    return samples_of_tracks(tracks, mapping, layout, place)
 
 
 def _latency(sidecars: Sidecars, name: str) -> Channel | None:

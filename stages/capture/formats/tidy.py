@@ -60,6 +60,7 @@ def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
     with open_recording(path) as file:
         names = wanted_columns(path, file.schema_arrow.names)
         for batch in file.iter_batches(block_rows, columns=names):
+            batch.validate(full=True)  # texts are UTF-8
             yield Cells(path, pa.Table.from_batches([batch]), partial(_numbered_row, path, start))
             start += batch.num_rows
 

@@ -36,6 +36,7 @@ class Description:
     recording: bool = True
 
 
+@np.errstate(over="ignore")  # a span without an end is said as one
 def extent_line(what: str, position: Array) -> str:
     """Say how far positions (N, 3) spread, and what that would be in each unit."""
     seen = position[np.isfinite(position).all(-1)]
@@ -51,6 +52,7 @@ def _extent(span_mm: float) -> str:
     return next(meaning for limit, meaning in _EXTENTS if span_mm <= limit)
 
 
+@np.errstate(over="ignore")
 def rate_line(what: str, time: Array, units: Iterable[tuple[str, float]]) -> str:
     """Say the median step of times (N,) and the rate that it would be in each unit (name, seconds)."""
     steps = np.diff(np.unique(time[np.isfinite(time)]))

@@ -68,6 +68,7 @@ def describe_parquet(path: Path, layout: Layout) -> Description:
     return Description(tuple(lines), recording=False)
 
 
+@np.errstate(over="ignore")  # a number without an end is said as one
 def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     parts = [part for part in blocks if part.rows]
     if not parts:

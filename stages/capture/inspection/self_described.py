@@ -11,7 +11,7 @@ from schemas.errors import InputError
 from schemas.layout import Layout
 from schemas.mapping import UNIT_NAMES
 from stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
-from stages.capture.formats.readers import AUTO, find_reader
+from stages.capture.formats.readers import AUTO, find_parts_reader
 from stages.capture.inspection.description import CHECK, Description, draft
 
 
@@ -80,7 +80,8 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
 
 def _reads_without_mapping(path: Path, layout: Layout) -> bool:
     try:
-        find_reader(path, AUTO)(path, layout, None)
+        for _ in find_parts_reader(path, AUTO)(path, layout, None):
+            pass
     except InputError:
         return False
     return True

@@ -233,3 +233,31 @@ def test_real_functional_trials_of_a_leg(
     assert found.n_frames == 1 + last - first
     assert samples.time_s.min() == pytest.approx((first - 1) / 100)
     assert (round(found.gap_rms_free_mm, 1), round(found.range_deg)) == (gap_mm, range_deg)
+
+
+@pytest.mark.parametrize("frames_there", [400, 1000])
+def test_a_long_file_is_read_in_pieces_to_the_same_numbers(
+    tmp_path: Path, frames_there: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import ezc3d
+
+    from stages.capture.formats import c3d_content
+
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
+    file["parameters"]["POINT"]["LABELS"]["value"] = ["A", "B", "C"]
+    points = np.random.default_rng(1).normal(size=(4, 3, 1000))
+    points[:, 1, 300:310] = np.nan
+    file["data"]["points"] = points
+    path = tmp_path / "long.c3d"
+    file.write(str(path))
+    data = path.read_bytes()
+    path.write_bytes(data[: 512 * (data[16] - 1) + frames_there * 48])
+    whole = c3d_content._arrays(str(path))
+    monkeypatch.setattr(c3d_content, "PIECE_BYTES", 1000)
+    pieces = c3d_content._in_pieces(path)
+    assert pieces is not None
+    assert whole.keys() == pieces.keys()
+    assert len(whole["points"]) == frames_there
+    for name, values in whole.items():
+        np.testing.assert_array_equal(pieces[name], values)
