@@ -359,16 +359,25 @@ def test_a_finger_moves_the_hand_and_does_not_scroll_sideways(browser: Browser, 
         assert page.value(f"getComputedStyle(document.querySelector('{ERRORS}')).touchAction") == "pan-y"
 
 
-@pytest.mark.parametrize("on_paper", [True, False])
-def test_still_pictures_stand_on_paper_and_without_scripts(
-    browser: Browser, pages: Path, on_paper: bool
-) -> None:
-    with watched(browser, java_script_enabled=on_paper) as page:
+def test_paper_shows_what_the_screen_shows(browser: Browser, pages: Path) -> None:
+    """The same plots without the controls, in the colours of paper."""
+    with watched(browser, color_scheme="dark") as page:
         page.open(pages)
-        if on_paper:
-            page.wait("!!document.querySelector('.drawn')")
-            assert page.page.locator(".plots-still").is_hidden()
-            page.page.emulate_media(media="print")
+        page.wait("!!document.querySelector('.drawn')")
+        settle(page)
+        ink = "[...document.querySelector('[data-plot] canvas').getContext('2d').fillStyle].join('')"
+        on_screen = page.value(f"() => {ink}")
+        page.page.emulate_media(media="print")
+        assert page.page.locator(ERRORS).is_visible()
+        assert page.page.locator(".plots-still").first.is_hidden()
+        assert page.page.locator(".plots-tools").first.is_hidden()
+        assert page.page.locator("[data-switch]").is_hidden()
+        page.wait(f"{ink} !== '{on_screen}'")
+
+
+def test_still_pictures_stand_without_scripts(browser: Browser, pages: Path) -> None:
+    with watched(browser, java_script_enabled=False) as page:
+        page.open(pages)
         assert page.page.locator(".plots-still svg").first.is_visible()
         assert page.page.locator(ERRORS).is_hidden()
         assert page.page.locator("[data-switch]").is_hidden()
