@@ -15,6 +15,8 @@ from stages.report.headline import headline, opening, used_text
 from stages.report.links import Link, anchor, link, recording_links
 from stages.report.methods_text import REFERENCES, methods_text
 from stages.report.models_compared.sections import models_compared
+from stages.report.movement_page.movement_results import Movement
+from stages.report.movement_page.movement_text import groups_differ, moved_most
 from stages.report.pictures.hand_index import IndexEntry
 from stages.report.score_tables import held_out_table, mean
 from stages.report.skeleton_stills import index_figure, posed_hands
@@ -24,7 +26,7 @@ from stages.report.templates import render
 from stages.report.trust import believed_text, study_beliefs, study_trust_table
 
 
-def render_study(results: StudyResults, study: Study) -> str:
+def render_study(results: StudyResults, study: Study, movement: Movement | None = None) -> str:
     """Give the study's page; the same results give the same text."""
     compared = models_compared(results)
     return render(
@@ -36,6 +38,7 @@ def render_study(results: StudyResults, study: Study) -> str:
         findings=provenance.findings(results),
         problems=provenance.problems_table(results),
         opening=opening(results),
+        movement=_movement(results, movement),
         exports=study.exports,
         exported=exported_files(results),
         figures=figure_files(results),
@@ -48,12 +51,20 @@ def render_study(results: StudyResults, study: Study) -> str:
         held_out=held_out_table(results),
         recordings=provenance.recordings_table(results),
         models=provenance.models_table(results),
-        methods=methods_text(results),
+        methods=methods_text(results, movement),
         references=REFERENCES,
         versions=provenance.versions_table(),
         inputs=provenance.inputs_table(results),
         config=provenance.config_text(study),
     )
+
+
+def _movement(results: StudyResults, movement: Movement | None) -> dict[str, Any] | None:
+    """What the study's page says of movement, and where the page of it is."""
+    if movement is None:
+        return None
+    to = link("Movement", results.paths.report, results.paths.movement_page)
+    return {"to": to, "said": [moved_most(movement), *groups_differ(movement)]}
 
 
 def _front(results: StudyResults) -> dict[str, Any] | None:

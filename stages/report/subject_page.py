@@ -9,6 +9,7 @@ from schemas.study import Hand
 from stages.report import provenance
 from stages.report.headline import opening, used_text
 from stages.report.links import link, recording_links
+from stages.report.measured_ranges import measured_ranges, measured_table
 from stages.report.next_recording import next_recording
 from stages.report.paper_tables import (
     SLIPS,
@@ -22,8 +23,8 @@ from stages.report.pictures.hand_index import IndexEntry
 from stages.report.score_tables import digit_tables, in_sample_table, score_table
 from stages.report.skeleton_stills import Figure, PosedHands, index_figure, posed_hands, skeleton_pictures
 from stages.report.skeleton_tables import bone_table, receiver_tables
-from stages.report.study_results import StudyResults, Trial
-from stages.report.table_cells import Folded, number
+from stages.report.study_results import Row, StudyResults, Trial
+from stages.report.table_cells import DataTable, Folded, number
 from stages.report.templates import render
 from stages.report.trust import (
     Verdict,
@@ -64,6 +65,11 @@ def render_subject(results: StudyResults) -> str:
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         skeletons=skeleton_pictures(results, posed),
         bones=[Folded(f"{hand.hand.capitalize()} hand", bone_table(results, hand)) for hand in hands],
+        ranges=[
+            Folded(f"{hand.hand.capitalize()} hand: {len(rows)} angles of joints", _ranges_table(hand, rows))
+            for hand in hands
+            if (rows := measured_ranges(results, hand, results.leading))
+        ],
         receivers=[folded for hand in hands for folded in receiver_tables(results, hand)],
         model=results.leading,
         fitted=results.fitted,
@@ -72,6 +78,11 @@ def render_subject(results: StudyResults) -> str:
         sheet=provenance.recordings_table(results, f"of {who}"),
         inputs=provenance.inputs_table(results, f"of {who}"),
     )
+
+
+def _ranges_table(hand: Hand, rows: list[Row]) -> DataTable:
+    caption = f"Range of motion, posture and speed of {hand}, with stated 1-sigma errors."
+    return measured_table(caption, rows, with_recording=True)
 
 
 def _trust_part(results: StudyResults, hand: Hand, posed: PosedHands) -> dict[str, Any]:

@@ -30,6 +30,7 @@ FEWEST_FOR_QUARTILES = 5
 _WIDTH, _TOP, _FOOT, _RIGHT = 400.0, 20.0, 36.0, 46.0
 _LETTER, _LEFT_LEAST, _LEFT_MOST, _MARK_ROOM = 5.9, 46.0, 144.0, 12.0
 _ROW_LEAST, _ROW_MOST, _ROW_PAD = 24.0, 84.0, 7.0
+SIDES = ("better ←", "→ worse")
 _GROSS = 8.0
 """The largest number being so many times the usual one, an even scale would squeeze all others together."""
 _DECADES = 4.0
@@ -111,6 +112,7 @@ class _Rows:
     left: float
     tops: Mapping[str, float]
     heights: Mapping[str, float]
+    sides: tuple[str, str]
 
     @property
     def foot(self) -> float:
@@ -125,13 +127,18 @@ class _Rows:
         return np.asarray(self.left + share * (_WIDTH - _RIGHT - self.left))
 
 
-def draw_panels(panels: Sequence[Panel], scale: Scale, unit: str, n_subjects: int) -> Drawn:
-    """Draw panels of one scale, a row for each model that any of them has, alike in all."""
+def draw_panels(
+    panels: Sequence[Panel], scale: Scale, unit: str, n_subjects: int, sides: tuple[str, str] = SIDES
+) -> Drawn:
+    """Draw panels of one scale, a row for each model that any of them has, alike in all.
+
+    sides : what is said left and right of a difference's zero.
+    """
     models = list(dict.fromkeys(strip.model for panel in panels for strip in panel.strips))
     left = min(max(_LETTER * max(map(len, models)) + 8 + _MARK_ROOM, _LEFT_LEAST), _LEFT_MOST)
     diameter = 9.0 if n_subjects <= 12 else 6.0 if n_subjects <= 40 else 4.0
     heights = dict.fromkeys(models, _ROW_LEAST)
-    rows = _Rows(scale, unit, n_subjects, diameter, left, {}, heights)
+    rows = _Rows(scale, unit, n_subjects, diameter, left, {}, heights, sides)
     lanes = int((_ROW_MOST - _ROW_PAD) / diameter) // 2 * 2 + 1
     swarms = [
         [spread(rows.across(list(strip.numbers.values())), diameter, lanes) for strip in panel.strips]
@@ -192,9 +199,9 @@ def _zero(picture: Picture, rows: _Rows) -> None:
     zero, share = float(rows.across(0.0)), float(rows.scale.share(0.0))
     picture.line([(zero, _TOP), (zero, rows.foot)], SOFT)
     if share > 0.25:
-        picture.text(zero - 5, _TOP - 5, "better ←", "end", SOFT)
+        picture.text(zero - 5, _TOP - 5, rows.sides[0], "end", SOFT)
     if share < 0.75:
-        picture.text(zero + 5, _TOP - 5, "→ worse", "start", SOFT)
+        picture.text(zero + 5, _TOP - 5, rows.sides[1], "start", SOFT)
 
 
 def _label(picture: Picture, strip: Strip, rows: _Rows) -> None:

@@ -12,6 +12,7 @@ from schemas.study import Recording
 from stages.report.belief import belief
 from stages.report.hand_motion import Array, HandMotion
 from stages.report.links import navigation
+from stages.report.measured_ranges import measured_ranges, measured_table, of_recording
 from stages.report.palette import MARK_PATHS, model_looks
 from stages.report.pictures.joint_rows import Range, range_picture, singular_value_picture
 from stages.report.pictures.tip_error_strips import hidden_lines, thinned_traces, tip_error_picture
@@ -62,7 +63,7 @@ def recording_page(results: RecordingResults) -> str:
         angles=angles,
         marks=list(MARK_PATHS.values()),
         tip_errors=tip_error_table(f"Tip error of the replay in numbers: {title}.", results.models),
-        ranges=[_range_part(title, model) for model in results.models if model.angles is not None],
+        ranges=[_range_part(results, title, model) for model in results.models if model.angles is not None],
         evidence=[_evidence_part(title, model) for model in results.models],
     )
 
@@ -125,7 +126,7 @@ def _still(
     )
 
 
-def _range_part(title: str, model: ModelResults) -> dict[str, Any]:
+def _range_part(results: RecordingResults, title: str, model: ModelResults) -> dict[str, Any]:
     """The range of motion under one model: a chart an angle, and the numbers."""
     assert model.angles is not None
     ranges, joints = angle_ranges(model.angles), model.angles.joints
@@ -141,7 +142,10 @@ def _range_part(title: str, model: ModelResults) -> dict[str, Any]:
         for angle in ANGLES
     ]
     table = range_table(f"Range of motion in this recording, {model.name}.", ranges, model.joints)
-    return {"model": model.name, "figures": figures, "table": table}
+    rows = of_recording(measured_ranges(results.study, results.recording.hand, model.name), results.recording)
+    caption = f"Range of motion, posture and speed with stated 1-sigma errors, {model.name}."
+    measured = measured_table(caption, rows, with_recording=False) if rows else None
+    return {"model": model.name, "figures": figures, "table": table, "measured": measured}
 
 
 def _evidence_part(title: str, model: ModelResults) -> dict[str, Any]:

@@ -177,11 +177,14 @@ def test_the_cursor_moves_with_the_playing_hand_and_no_plot_is_drawn_anew(opened
 
 
 def test_hovering_tells_the_tables_tip_errors(opened: WatchedPage, hands: Any) -> None:
-    tables = {"paper-fig4": TIPS, "whole-hand": POSED_TIPS, "whole-hand-b": POSED_TIPS}
     tip_error_mm = {
         (model, row["digit"], row["frame"]): row["error_mm"]
-        for model, table in tables.items()
-        for row in hands.rows(model, table, task="opposition")
+        for model in hands.study.models
+        for row in hands.rows(model, TIPS, task="opposition")
+    }
+    posed_mm = {
+        (row["digit"], row["frame"]): row["error_mm"]
+        for row in hands.rows("whole-hand", POSED_TIPS, task="opposition")
     }
     for frame in (3, 120, 217):
         opened.page.mouse.move(*point(opened, frame))
@@ -193,6 +196,9 @@ def test_hovering_tells_the_tables_tip_errors(opened: WatchedPage, hands: Any) -
                 known = expected is not None and np.isfinite(expected)
                 packed = round(expected / ERROR_STEP_MM) * ERROR_STEP_MM if known else 0.0
                 assert words == (f"{packed:.2f}" if known else "–"), (model, digit, frame)
+        packed = round(posed_mm["thumb", frame] / ERROR_STEP_MM) * ERROR_STEP_MM
+        posed = opened.page.locator('[data-part="posed-where"]').inner_text()
+        assert f"whole-hand: thumb {packed:.2f}, " in posed
     assert index(opened) == 0
     opened.page.mouse.move(1, 1)
     opened.page.wait_for_timeout(200)
