@@ -524,6 +524,7 @@ rule report:
             category="Study",
             labels={"page": study.study.name},
         ),
+        movement=f"{results}/report/movement.html",
     log:
         f"{logs}/report.log",
     params:
@@ -533,7 +534,7 @@ rule report:
     message:
         "report: the study's page"
     shell:
-        f"{run} stages.report --study {{params.study:q}} --results {{params.results:q}} --out {{output:q}}"
+        f"{run} stages.report --study {{params.study:q}} --results {{params.results:q}} --out {{output[0]:q}}"
         " 2> {log:q}"
 
 

@@ -74,7 +74,17 @@ COMPARISON_TABLES = ("movement_differences", "movement_reliability", "curve_diff
 """What the study says of its subjects' movement, made from its tables."""
 
 
-STUDY_FIGURES = ("models-by-digit", "paired-differences", "joint-errors", "bone-lengths", "joint-trust")
+STUDY_FIGURES = (
+    "models-by-digit",
+    "paired-differences",
+    "joint-errors",
+    "bone-lengths",
+    "joint-trust",
+    "ranges-of-motion",
+    "group-differences",
+    "movement-curves",
+    "bland-altman",
+)
 """Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
 
 FIGURE_KINDS = ("svg", "pdf", "txt")
@@ -141,6 +151,11 @@ class Results:
     def subject_page(self, subject: str, session: str = "") -> Path:
         """The report's page of one subject."""
         return self.subject_pages(subject, session) / "subject.html"
+
+    @property
+    def movement_page(self) -> Path:
+        """The report's page of the study's movement."""
+        return self.folder / "report" / "movement.html"
 
     def recording_page(self, recording: Recording) -> Path:
         """The report's page of one recording."""

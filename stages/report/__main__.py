@@ -14,7 +14,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
         "stages.report",
-        "Write the page of a study's results, which opens offline, or print its tables (cm). "
+        "Write the page of a study's results, which opens offline, with report/movement.html beside it, or "
+        "print its tables (cm). "
         "The pages that it links to are written by stages.report.subject.",
         "python -m stages.report --study config/demo.yaml --results results/demo "
         "--out results/demo/report.html",
@@ -45,9 +46,13 @@ def report(arguments: argparse.Namespace) -> None:
     results = read_results(study, arguments.results)
     if arguments.out is not None:
         from schemas.files import write_text
+        from stages.report.movement_page.movement_page import render_movement
+        from stages.report.movement_page.movement_results import read_movement
         from stages.report.study_page import render_study
 
-        write_text(arguments.out, render_study(results, study))
+        movement = read_movement(results)
+        write_text(arguments.out, render_study(results, study, movement))
+        write_text(arguments.out.parent / "report" / "movement.html", render_movement(results, movement))
     if arguments.to_terminal:
         from stages.report.terminal import terminal_tables
 
@@ -63,7 +68,8 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     from schemas.files import write_text
     from stages.report.study_page import render_failure
 
-    write_text(arguments.out, render_failure(message))
+    for page in (arguments.out, arguments.out.parent / "report" / "movement.html"):
+        write_text(page, render_failure(message))
 
 
 def main(argv: list[str] | None = None) -> int:

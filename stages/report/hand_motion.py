@@ -21,15 +21,13 @@ from schemas.model import SkeletonModel
 from schemas.poses import Poses
 from skeleton.posing import Motion, Seat, Skeleton, digit_seats, pose_bones
 from skeleton.rotations import matrix
+from stages.report.belief import BELIEVED, belief
 
 Array = npt.NDArray[np.float64]
 Rows = Mapping[str, Mapping[str, Any]]
 
 MOST_FRAMES = 15_000
 """Frames that a view holds at most: a minute at 240 frames a second."""
-
-REPLAY_ERROR = "replayed fingertip to the receiver (least-squares binding)"
-FITTED_ERROR = "distal receiver from where the hand posed with all receivers puts it"
 
 
 @dataclass(frozen=True)
@@ -68,8 +66,9 @@ class SkeletonMotion:
     place : index of the model in the study, which its colour goes by. points : names of joints, then of tips.
     position_mm : (T, P, 3) in the transmitter frame, NaN in gaps. seats : where each point rides, if every
     point is fixed on a receiver; None for a fitted skeleton. sd_mm : (P,) 1-sigma error of each point in 3-D,
-    NaN where none is stated. status : (P,) ok, weak or failed. tip_error_mm : (T, D), NaN in gaps; error_is :
-    what that is, in words.
+    NaN where none is stated. believed : (P,) one of BELIEFS; tips are. tip_error_mm : (T, D) of the replay,
+    NaN in gaps. posed_error_mm : (T, D) from where a fitted hand, posed with all receivers, puts the distal
+    receivers to where they are, NaN in gaps; None of a skeleton that rides on its receivers.
     """
 
     model: str
@@ -78,11 +77,11 @@ class SkeletonMotion:
     position_mm: Array
     seats: tuple[Seat, ...] | None
     sd_mm: Array
-    status: tuple[str, ...]
+    believed: tuple[str, ...]
     bones: tuple[Bone, ...]
     axes: tuple[JointAxis, ...]
     tip_error_mm: Array
-    error_is: str
+    posed_error_mm: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -114,12 +113,13 @@ class HandMotion:
 class Point:
     """A joint or a tip in one frame: position (right, up, towards the viewer) in mm, seen from the back.
 
-    reach_mm : distance from the receiver that carries it, or of a fitted hand from the nearest one.
+    believed : one of BELIEFS. reach_mm : distance from the receiver that carries it, or of a fitted hand from
+    the nearest one.
     """
 
     name: str
     position_mm: Array
-    status: str
+    believed: str
     reach_mm: float
 
 
@@ -188,7 +188,12 @@ def thinned(motion: HandMotion, most: int) -> HandMotion:
         receiver_mm=motion.receiver_mm[::every],
         receiver_quaternion=motion.receiver_quaternion[::every],
         skeletons=tuple(
-            replace(own, position_mm=own.position_mm[::every], tip_error_mm=own.tip_error_mm[::every])
+            replace(
+                own,
+                position_mm=own.position_mm[::every],
+                tip_error_mm=own.tip_error_mm[::every],
+                posed_error_mm=None if own.posed_error_mm is None else own.posed_error_mm[::every],
+            )
             for own in motion.skeletons
         ),
     )
@@ -217,12 +222,13 @@ def fitted_skeleton(
     worn: Rows,
     posed: Motion,
     tip_error_mm: Array,
+    posed_error_mm: Array,
     poses: Poses,
 ) -> SkeletonMotion:
     """A fitted hand, its bones as posed; each digit ends at the end of its distal bone.
 
     joints : rows of joint_centres by joint; worn : rows of receivers by segment; posed : this recording's
-    bone poses and tips. tip_error_mm : (T, D).
+    bone poses and tips. tip_error_mm, posed_error_mm : (T, D).
     """
     bones = pose_bones(Skeleton(layout, model, joints, {}), poses, posed)
     known = dict(zip(bones.names, bones.position_mm.swapaxes(0, 1), strict=True))
@@ -236,7 +242,8 @@ def fitted_skeleton(
         for name, digit in layout.digits.items()
     }
     lines = _bones(list(positions), chains, wrist)
-    return _skeleton(layout, model, place, positions, lines, joints, sd_of_tip, tip_error_mm)
+    skeleton = _skeleton(layout, model, place, positions, lines, joints, sd_of_tip, tip_error_mm)
+    return replace(skeleton, posed_error_mm=posed_error_mm)
 
 
 def shown_first(motion: HandMotion) -> tuple[int, ...]:
@@ -275,6 +282,16 @@ def still_frame(valid: npt.NDArray[np.bool_], base: int) -> int:
     return int(best[np.argmin(np.abs(best - (len(counts) - 1) / 2))])
 
 
+def open_frame(valid: npt.NDArray[np.bool_], base: int, tips_mm: Array, base_mm: Array) -> int:
+    """Index of the frame with most valid receivers (T, R), the base among them, in which the fingertips' ones
+    (T, D, 3) are farthest from the base (T, 3) in sum: the hand is open, and no finger hides another.
+    """
+    counts = np.where(valid[:, base], valid.sum(1), 0)
+    best = np.flatnonzero(counts == counts.max())
+    reach = np.nan_to_num(np.linalg.norm(tips_mm[best] - base_mm[best, None], axis=-1)).sum(1)
+    return int(best[np.argmax(reach)])
+
+
 def receivers_at(motion: HandMotion, frame: int) -> Array:
     """Valid receivers (n, 3) of the frame of that index in the view's axes, mm."""
     receivers = _at(motion, frame, motion.receiver_mm)
@@ -290,7 +307,7 @@ def chains_at(motion: HandMotion, skeleton: SkeletonMotion, frame: int) -> list[
             return None
         seat = None if skeleton.seats is None else skeleton.seats[index].point_mm
         reach = np.linalg.norm(receivers - places[index] if seat is None else seat[None], axis=-1).min()
-        return Point(skeleton.points[index], places[index], skeleton.status[index], float(reach))
+        return Point(skeleton.points[index], places[index], skeleton.believed[index], float(reach))
 
     chains = []
     for digit, name in enumerate(motion.digits):
@@ -301,9 +318,9 @@ def chains_at(motion: HandMotion, skeleton: SkeletonMotion, frame: int) -> list[
 
 
 def chains_key(chains: Sequence[Chain]) -> Hashable:
-    """Equal for chains whose points are equal, in places and status."""
+    """Equal for chains whose points are equal, in places and beliefs."""
     return tuple(
-        (name, None if p is None else (p.status, *np.round(p.position_mm, 6)))
+        (name, None if p is None else (p.believed, *np.round(p.position_mm, 6)))
         for chain in chains
         for name, p in zip(chain.names, chain.points, strict=True)
     )
@@ -345,11 +362,10 @@ def _skeleton(
         position_mm=np.stack(list(positions.values()), 1),
         seats=None,
         sd_mm=np.array(sd),
-        status=tuple(joints[p]["status"] if p in joints else "ok" for p in points),
+        believed=tuple(belief(joints[p]) if p in joints else BELIEVED for p in points),
         bones=bones,
         axes=_axes(layout, model, points, joints),
         tip_error_mm=tip_error_mm,
-        error_is=REPLAY_ERROR if model.fitting is None else FITTED_ERROR,
     )
 
 

@@ -1,16 +1,17 @@
-"""The headline of a study in at most four sentences: how much of it there is, how good, what is doubtful."""
+"""What a page says first: which joints to believe and what to do next; then how good the skeletons are."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 from statistics import median
 
 from schemas.model import the_papers
 from schemas.study import Hand
+from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, joints_text
 from stages.report.score_tables import mean, tasks_text
 from stages.report.study_results import LEAST_SQUARES, Row, StudyResults, hand_of, row_key
-from stages.report.table_cells import alike, counted, listed, number
+from stages.report.table_cells import counted, listed, number
+from stages.report.trust import study_beliefs
 from stages.report.truth_tables import FAR_MM, known
 
 FEW_MODELS = 2
@@ -24,6 +25,41 @@ def used_text(results: StudyResults) -> str:
     rest = f" ({listed(others)})" if others else ""
     verb = "was" if statuses["used"] == 1 else "were"
     return f"{statuses['used']} of {counted(total, 'recording')} {verb} used{rest}."
+
+
+def opening(results: StudyResults) -> str:
+    """The first sentences of a study's or a subject's page: which joints, how good, and what to do next."""
+    judging, model = results.judging, results.leading
+    rows = [row for row in judging.joints if row["model"] == model]
+    found = study_beliefs(judging, model)
+    if not found:
+        return f"No joint has a place under {model}. {_next(results)}"
+    of = {each: [joint for joint, own in found.items() if own == each] for each in BELIEFS}
+    hands = len({hand_of(row) for row in rows})
+    where = ("", "", " in both hands")[hands] if hands < 3 else f" in most of the {hands} hands"
+    sds = [row["sd_mm"] for row in rows if belief(row) == BELIEVED and row["sd_mm"] is not None]
+    known = f", typically to {median(sds):.1f} mm" if sds else ""
+    text = f"{len(of[BELIEVED]) or 'None'} of {counted(len(found), 'joint')} can be believed{where}"
+    text += f", as {model} places them{known}"
+    text += f": {joints_text(of[BELIEVED])}." if of[BELIEVED] else "."
+    text += f" With care: {joints_text(of[CARE])}." if of[CARE] else ""
+    text += f" Not: {joints_text(of[NOT])}." if of[NOT] else ""
+    return f"{text} {_next(results)}"
+
+
+def _next(results: StudyResults) -> str:
+    """What to do next, in a sentence."""
+    if results.findings:
+        return "Next: settle what is found below in the recordings, before any number is used."
+    lacking = Counter(row["joint"] for row in results.advice if not row["advice"].startswith("enough"))
+    hands = len({hand_of(row) for row in results.advice})
+    if lacking:
+        often = [joint for joint, count in lacking.most_common() if 2 * count >= lacking.most_common(1)[0][1]]
+        which = f" ({lacking[often[0]]} of {hands} hands)" if hands > 1 else ""
+        return f"Next: let {joints_text(often)} move more when calibrating{which}."
+    if not hands:
+        return "Next: see “What went wrong”."
+    return "Next: nothing has to be recorded again; leave joints that are not believed out of conclusions."
 
 
 def headline(results: StudyResults) -> str:
@@ -42,8 +78,8 @@ def headline(results: StudyResults) -> str:
         rows, scored_on = _judging(results, model)
         if known(rows, "left_out_mean_mm"):
             sentences = [_left_out(results, model, rows, scored_on), _against_truth(results, model)]
-            return " ".join([used, *filter(None, sentences), _doubts(results, [model])])
-    return " ".join([used, _closing(results), _doubts(results, results.models)])
+            return " ".join([used, *filter(None, sentences)])
+    return f"{used} {_closing(results)}"
 
 
 def mean_tip_errors(results: StudyResults, *, held_out: bool) -> dict[str, float]:
@@ -150,23 +186,3 @@ def _closing(results: StudyResults) -> str:
         f"On {recordings} the replayed fingertip misses its receiver by {by} on average, which says how well "
         "the joints close and not where they are."
     )
-
-
-def _doubts(results: StudyResults, models: Iterable[str]) -> str:
-    """Weak and failed joints by model, models with the same count together."""
-    texts: dict[str, str] = {}
-    names = list(models)
-    for model in names:
-        statuses = Counter(row["status"] for row in results.joints if row["model"] == model)
-        total = sum(statuses.values())
-        if not total:
-            texts[model] = "no joint was solved"
-        elif statuses["weak"] or statuses["failed"]:
-            doubts = [f"{statuses[word]} {word}" for word in ("weak", "failed") if statuses[word]]
-            texts[model] = f"{listed(doubts)} of {counted(total, 'joint')}"
-    if not texts:
-        return (
-            f"No joint{f' of {listed(names)}' if names != list(results.models) else ''} is marked doubtful."
-        )
-    parts = "; ".join(f"{texts[group[0]]} ({listed(group)})" for group in alike(texts))
-    return f"Doubtful: {parts}; see “Which joints to believe” for the reasons."

@@ -9,6 +9,7 @@ from collections import Counter
 from statistics import median
 
 from schemas import VERSION
+from stages.report.movement_page.movement_results import Movement
 from stages.report.study_results import Row, StudyResults
 from stages.report.table_cells import capital, counted, listed, number
 from subject_statistics.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
@@ -32,9 +33,10 @@ REFERENCES = (
 )
 
 
-def methods_text(results: StudyResults) -> list[str]:
-    """The paragraphs, in the past tense, as a manuscript has them."""
-    return [_recorded(results), _solved(results), _judged(results), _software()]
+def methods_text(results: StudyResults, movement: Movement | None = None) -> list[str]:
+    """The paragraphs, in the past tense, as a manuscript has them; on movement where any was measured."""
+    moved = [movement_paragraph(movement)] if movement is not None and len(movement.ranges) else []
+    return [_recorded(results), _solved(results), _judged(results), *moved, _software()]
 
 
 def _recorded(results: StudyResults) -> str:
@@ -87,6 +89,37 @@ def _judged(results: StudyResults) -> str:
         f"resamples, from {FEWEST_SUBJECTS} subjects on); Holm's procedure corrected p [7]; effect sizes "
         "are Cohen's d_z with Hedges' correction [8]."
     )
+
+
+def movement_paragraph(movement: Movement) -> str:
+    """What was measured of movement, and how it was compared: filters, statistics, n."""
+    if movement.ranges.empty:
+        return "No movement was measured: no recording has joint angles."
+    subjects = movement.ranges["subject"].nunique()
+    text = (
+        f"Movement was measured in {counted(subjects, 'subject')} by joint angles under {movement.model}. "
+        "The range of motion is the distance from the 2.5th to the 97.5th percentile of an angle. Speeds are "
+        "slopes of a parabola fitted in a moving window that passes 10 Hz at half power (Savitzky-Golay). "
+        "Smoothness is the spectral arc length of the fingertip's speed (SPARC)."
+    )
+    if len(movement.curves):
+        text += " Movement was cut into cycles at events, and each cycle brought to 0 to 100 % of its length."
+    if len(movement.differences):
+        tests = sorted(test for test in movement.differences["test"].unique() if test)
+        text += (
+            " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
+            f"{listed(tests) or 'none, for want of subjects'}; two-sided, Holm-corrected over all joint "
+            "angles of a quantity; 95 % intervals; effect sizes are d_z within subjects and Hedges' g "
+            "between groups, both corrected for few subjects."
+        )
+    if len(movement.curve_differences):
+        text += " Curves were compared by permutation of the largest |t|, family-wise at 5 %."
+    if len(movement.reliability):
+        text += (
+            " Repeatability: ICC(2,1) and ICC(3,1) with F-based intervals, standard error of measurement "
+            "within subjects, minimal detectable change 1.96 √2 times that, Bland-Altman limits of agreement."
+        )
+    return text
 
 
 def _software() -> str:

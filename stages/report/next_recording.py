@@ -10,7 +10,7 @@ from schemas.study import Hand
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import Block, DataTable, Folded, counted, number
 
-MOST_GAINS = 5
+MOST_GAINS = 3
 
 _TOUCH = "touch"
 _PLACES = {
@@ -52,7 +52,7 @@ class NextRecording:
     to_move: DataTable | None
     every_joint: Folded | None
     measure: tuple[ModelGains, ...]
-    fewer: tuple[DataTable, ...]
+    fewer: tuple[Folded, ...]
 
 
 def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
@@ -77,7 +77,10 @@ def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
         else None,
         tuple(_gains(model, results.gains_of.get((hand, model), [])) for model in results.fitted),
         tuple(
-            _fewer(f"A task with fewer receivers, {model}: {whose}.", costs)
+            Folded(
+                f"What a task would lose with fewer receivers, {model}",
+                _fewer(f"A task with fewer receivers, {model}: {whose}.", costs),
+            )
             for model in results.fitted
             if (costs := results.receiver_costs_of.get((hand, model)))
         ),

@@ -1,7 +1,8 @@
 """The report's colours: one list for digits and one for models, in pages, plots, the 3-D view and print.
 
-The hues follow M. Okabe and K. Ito, Color Universal Design (2008), without the yellow, too pale on white; a
-test says how far apart they are to colour-blind readers. Every hue has a value for a light and one for a
+The digits' hues follow M. Okabe and K. Ito, Color Universal Design (2008), without the yellow, too pale on
+white; the models' were searched to be far from each other and from those; a test says how far apart they are
+to colour-blind readers. Every hue has a value for a light and one for a
 dark page. Print figures and page pictures are drawn with the light values; in a page every light value
 becomes the CSS custom property of its hue, so a picture follows the theme.
 """
@@ -17,8 +18,14 @@ HUES: dict[str, tuple[str, str]] = {
     "green": ("#009e73", "#2fc79a"),
     "pink": ("#cc79a7", "#e39ac4"),
     "sky": ("#56b4e9", "#b4e2ff"),
-    "gold": ("#dba400", "#f0d442"),
+    "umber": ("#4c4135", "#7f6c33"),
+    "indigo": ("#543d99", "#ad8ecc"),
+    "moss": ("#54993d", "#2b9a10"),
+    "rose": ("#996b82", "#b24762"),
+    "violet": ("#d000d8", "#b01ee8"),
+    "forest": ("#004c00", "#00e500"),
     "amber": ("#e69f00", "#e69f00"),
+    "no": ("#a3123a", "#ff7d92"),
     "ink": ("#1c1d20", "#e8e8e6"),
     "soft": ("#5d6068", "#a3a7af"),
     "rule": ("#d4d5d9", "#3a3d44"),
@@ -38,7 +45,8 @@ HUES: dict[str, tuple[str, str]] = {
 """By name: the colour on a light page and in print, and on a dark page. error0 to error6: classes of mm."""
 
 DIGIT_HUES = ("vermilion", "blue", "green", "pink", "sky")
-MODEL_HUES = ("blue", "vermilion", "green", "pink", "sky", "ink", "gold")
+MODEL_HUES = ("umber", "indigo", "moss", "rose", "violet", "ink", "forest")
+"""None of them is a digit's, so that a colour never means both."""
 AXIS_HUES = ("vermilion", "green", "blue")
 """Of a receiver's x, y and z."""
 
@@ -61,8 +69,8 @@ about MARK_PX wide. With 7 hues, 77 models differ in one or the other.
 MARK_PX = 6.4
 MARKERS = tuple(MARK_PATHS)
 
-INK, SOFT, RULE, PAPER, AMBER, WEAK_LINE = (
-    HUES[name][0] for name in ("ink", "soft", "rule", "paper", "amber", "weak-line")
+INK, SOFT, RULE, PAPER, BONE, AMBER, WEAK_LINE, NO = (
+    HUES[name][0] for name in ("ink", "soft", "rule", "paper", "bone", "amber", "weak-line", "no")
 )
 DIGITS = tuple(HUES[name][0] for name in DIGIT_HUES)
 MODELS = tuple(HUES[name][0] for name in MODEL_HUES)
@@ -75,6 +83,14 @@ PRINT_ON_PAPER = {
     "shade": "#f4f4f4",
 }
 """What a page changes on top of the light values when it is printed."""
+
+
+class Mark(NamedTuple):
+    """A shape (a key of MARK_PATHS) with the colours of its face and its edge."""
+
+    shape: str
+    face: str
+    edge: str
 
 
 class Look(NamedTuple):

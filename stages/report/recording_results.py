@@ -25,8 +25,8 @@ from stages.report.hand_motion import (
     SkeletonMotion,
     fitted_skeleton,
     hand_motion,
+    open_frame,
     ridden_skeleton,
-    still_frame,
     view_base,
 )
 from stages.report.study_results import Row, StudyResults, recording_key, row_key
@@ -126,7 +126,8 @@ def read_still(results: StudyResults, recording: Recording, models: Collection[s
         raise InputError(str(error).replace(str(path), place).rstrip(".")) from error
     if not poses.valid[:, poses.index(view_base(layout))].any():
         raise InputError(f"{place} has no frame with a valid base receiver")
-    index = still_frame(poses.valid, poses.index(view_base(layout)))
+    tips, base = [poses.index(d.tip) for d in layout.digits.values()], poses.index(view_base(layout))
+    index = open_frame(poses.valid, base, poses.position_mm[:, tips], poses.position_mm[:, base])
     skeletons = [
         _skeleton(results, recording, name, layout, poses, slice(index, index + 1)) for name in models
     ]
@@ -192,9 +193,13 @@ def _skeleton(
     model, joints = results.models[name], {row["joint"]: row for row in rows}
     place, shown = list(results.models).index(name), poses if still is None else poses.take(still)
     errors: dict[str, Array] = {}
-    if model.fitting is None:
-        if still is None:
+    if still is None:
+        try:
             errors = _frames(results, recording, TIPS, name, ["error_mm"], poses)
+        except InputError:
+            if model.fitting is None:
+                raise  # a fitted hand is posed, and shown, without a replay too
+    if model.fitting is None:
         return ridden_skeleton(layout, model, place, joints, _by_digit(layout, errors, shown), shown)
     try:
         bones = _frames(results, recording, BONE_POSES, name, _BONE_POSE, poses)
@@ -209,8 +214,9 @@ def _skeleton(
         tips={digit: end[kept, :3] for digit, end in ends.items()},
     )
     worn = {row["segment"]: row for row in results.receivers_of.get((recording.hand, name), [])}
-    errors = {digit: end[kept, 3:] for digit, end in ends.items()}
-    return fitted_skeleton(layout, model, place, joints, worn, posed, _by_digit(layout, errors, shown), shown)
+    missed = {digit: end[kept, 3:] for digit, end in ends.items()}
+    replayed, missed_mm = _by_digit(layout, errors, shown), _by_digit(layout, missed, shown)
+    return fitted_skeleton(layout, model, place, joints, worn, posed, replayed, missed_mm, shown)
 
 
 def _frames(

@@ -94,7 +94,9 @@ OF_A_DIGIT = (
     Score("true_tip_p95_mm", "p95 [mm]"),
 )
 LEFT_OUT = ("left_out_mean_mm", "left_out_p95_mm")
-"""A replay never uses the distal receivers' positions: without a posed hand these are the replay's."""
+"""A replay never uses the distal receivers' positions: without a posed hand these are the replay's, and stand
+in its column alone.
+"""
 
 
 def tasks_text(calibrated_on: str) -> str:
@@ -105,9 +107,9 @@ def tasks_text(calibrated_on: str) -> str:
 def score_table(results: StudyResults, trial: Trial, *, compact: bool = False) -> DataTable | None:
     """The scores of one subject's task, means over digits and hands; None where it has none.
 
-    Held-out skeletons stand first, in-sample ones next, references apart. Columns without a number are left
-    out: those of a truth that the study does not have, for instance. compact : for the terminal, what
-    skeletons were made from in notes.
+    Held-out skeletons, or in-sample ones where none is, and references apart. Columns without a number are
+    left out: those of a truth that the study does not have, for instance. compact : for the terminal, all
+    skeletons, and what they were made from in notes.
     """
     found = _in_order(results, results.scores_in(trial))
     if not found:
@@ -116,19 +118,35 @@ def score_table(results: StudyResults, trial: Trial, *, compact: bool = False) -
     notes = _shortfalls(results, trial, dict(found), scores)
     whose = f"ean over digits and hands: {trial.who}, {trial.title}."
     if not compact:
-        blocks = {
-            kind: [own for own in found if own[0].reference == is_reference]
-            for kind, is_reference in (("Skeleton", False), ("Reference", True))
-        }
-        return table_of_blocks(f"M{whose}", (*_SKELETON, *_columns(scores)), blocks, notes)
+        fresh = any(own.held_out and not own.reference for own, _ in found)
+        shown = [each for each in found if each[0].held_out or each[0].reference or not fresh]
+        return table_of_blocks(f"M{whose}", (*_SKELETON, *_columns(scores)), _blocks(shown), notes)
     by_kind = {
         kind: [own for own in found if own[0].kind == kind] for kind in ("Held out", "In-sample", "Reference")
     }
     legend = "; ".join(f"{score.short}: {score.heading}" for score in scores)
-    remark = f"{legend}. The replay, and what is in brackets, does not judge a skeleton (docs/evaluation.md)."
+    remark = f"{legend}. The replay does not judge a skeleton (docs/evaluation.md)."
     columns = (_SKELETON[0], *_columns(scores, short=True))
     notes = (remark, *_made_from(dict(found)), *notes)
     return table_of_blocks(f"Skeletons, m{whose}", columns, by_kind, notes)
+
+
+def in_sample_table(results: StudyResults, trial: Trial) -> DataTable | None:
+    """Scores of skeletons that were made with the task, where others were made without; None without any."""
+    found = _in_order(results, results.scores_in(trial))
+    seen = [each for each in found if not each[0].held_out and not each[0].reference]
+    if not seen or not any(own.held_out and not own.reference for own, _ in found):
+        return None
+    scores = _with_numbers(MEANS, (row for _, rows in seen for row in rows))
+    caption = f"In-sample, mean over digits and hands: subject {trial.subject}, {trial.title}."
+    return table_of_blocks(caption, (*_SKELETON, *_columns(scores)), _blocks(seen))
+
+
+def _blocks(found: list[Scored]) -> dict[str, list[Scored]]:
+    return {
+        kind: [own for own in found if own[0].reference == is_reference]
+        for kind, is_reference in (("Skeleton", False), ("Reference", True))
+    }
 
 
 def digit_tables(results: StudyResults, trial: Trial) -> list[Folded]:
@@ -167,7 +185,7 @@ def _in_order(results: StudyResults, rows: Iterable[Row]) -> list[Scored]:
 
 def _with_numbers(scores: Sequence[Score], rows: Iterable[Row]) -> list[Score]:
     rows = list(rows)
-    return [score for score in scores if any(row[score.name] is not None for row in rows)]
+    return [score for score in scores if any(_is_known(score, row) for row in rows)]
 
 
 def _columns(scores: Iterable[Score], *, short: bool = False) -> list[Column]:
@@ -175,10 +193,12 @@ def _columns(scores: Iterable[Score], *, short: bool = False) -> list[Column]:
 
 
 def _cell(score: Score, scored: Scored) -> str:
-    """The mean over rows of one skeleton; in brackets where what is left out was never used, see LEFT_OUT."""
-    value = number(mean(row[score.name] for row in scored[1]))
-    replayed = all(row["posed_mean_mm"] is None for row in scored[1])
-    return f"({value})" if score.name in LEFT_OUT and replayed and value != DASH else value
+    """The mean over rows of one skeleton."""
+    return number(mean(row[score.name] for row in scored[1] if _is_known(score, row)))
+
+
+def _is_known(score: Score, row: Row) -> bool:
+    return row[score.name] is not None and (score.name not in LEFT_OUT or row["posed_mean_mm"] is not None)
 
 
 def mean(values: Iterable[float | None]) -> float | None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from markupsafe import Markup
 
 from schemas.errors import InputError
 from schemas.study import Hand, SubjectSession
+from stages.report.belief import NOT
 from stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
+from stages.report.pictures.hand_index import IndexEntry, hand_index
 from stages.report.pictures.hand_views import Window, hand_picture, window_of
 from stages.report.recording_results import read_still
 from stages.report.study_results import StudyResults
@@ -49,25 +51,42 @@ class PosedHand:
         return window_of(self.receivers_mm, [chain for chains in self.chains.values() for chain in chains])
 
 
-def skeleton_pictures(
-    results: StudyResults, who: SubjectSession, models: Collection[str] | None = None
-) -> list[FigureRow]:
-    """The subject's posed skeletons: a row for each model (models with equal joints share one).
+@dataclass(frozen=True)
+class PosedHands:
+    """A subject's hands as they can be drawn, the left one on the left, and why others cannot."""
 
-    The left hand stands on the left. models : those to draw, all unless given.
-    """
+    hands: tuple[PosedHand, ...]
+    remarks: tuple[str, ...]
+
+
+def posed_hands(results: StudyResults, who: SubjectSession) -> PosedHands:
+    """Pose each of the subject's hands in one frame."""
     posed, remarks = [], []
     for hand in reversed(results.hands_of(*who)):
         try:
             posed.append(_posed_hand(results, hand))
         except InputError as error:
             remarks.append(f"{hand.hand.capitalize()} hand: no picture, for {error}.")
+    return PosedHands(tuple(posed), tuple(remarks))
+
+
+def index_figure(item: PosedHand, model: str, entries: Mapping[str, IndexEntry]) -> Figure:
+    """The hand as `model` has it as an index of its joints."""
+    hand, chains = item.hand, item.chains[model]
+    title = f"Joints of {hand}, {model}, seen from the back of the hand; each leads to its row in a table."
+    window = window_of(item.receivers_mm, chains)
+    drawing = hand_index(title, hand.hand, chains, window, entries)
+    return Figure(f"{hand.hand.capitalize()} hand, {item.task}, frame {item.frame}", drawing)
+
+
+def skeleton_pictures(results: StudyResults, hands: PosedHands) -> list[FigureRow]:
+    """The subject's posed skeletons: a row for each model (models with equal joints share one)."""
+    posed, remarks = hands.hands, hands.remarks
     if not posed:
         return [FigureRow("No picture", (), tuple(remarks))]
     windows = {item.hand: item.window() for item in posed}
     scale = min(window.scale for window in windows.values())
-    names = results.models if models is None else models
-    groups = alike({model: [chains_key(item.chains[model]) for item in posed] for model in names})
+    groups = alike({model: [chains_key(item.chains[model]) for item in posed] for model in results.models})
     return [
         FigureRow(
             listed(group),
@@ -100,14 +119,14 @@ def _figure(item: PosedHand, models: Sequence[str], window: Window, scale: float
     title = (
         f"Skeleton of {hand}, {listed(models)}, seen from the "
         f"back of the hand and from its "
-        "side. The caption names the doubtful joints."
+        "side. The caption names the joints not to believe."
     )
     drawing = hand_picture(title, hand.hand, chains, item.receivers_mm, window, scale)
     caption = f"{hand.hand.capitalize()} hand, {item.task}, frame {item.frame}"
-    weak = dict.fromkeys(
-        p.name for chain in chains for p in chain.points if p is not None and p.status == "weak"
+    doubted = dict.fromkeys(
+        p.name for chain in chains for p in chain.points if p is not None and p.believed == NOT
     )
     absent = dict.fromkeys(name for chain in chains for name in chain.absent)
-    remarks: tuple[str, ...] = (f"Doubtful: {listed(weak)}.",) if weak else ()
+    remarks: tuple[str, ...] = (f"Not to be believed (✕): {listed(doubted)}.",) if doubted else ()
     remarks += (f"Without a place, so left out: {listed(absent)}.",) if absent else ()
     return Figure(caption, drawing, remarks)

@@ -22,35 +22,7 @@ from stages.report.table_cells import (
 
 STATUS_MARKS = {"ok": "ok", "weak": "◆ weak", "failed": "✕ failed"}
 
-NO_JOINT = "No joint was solved; the reason is under “What went wrong”."
 STATUS = Column("Status", lambda row: STATUS_MARKS.get(str(row["status"]), str(row["status"])), is_text=True)
-
-_JOINT_COLUMNS = (
-    text_column("Joint", "joint"),
-    STATUS,
-    number_column("Range of motion [deg]", "range_deg", 1),
-    number_column("Gap rms [mm]", "gap_rms_mm"),
-    number_column("Free gap rms [mm]", "gap_rms_free_mm"),
-    number_column("SD of the centre [mm]", "sd_mm"),
-    number_column("Axis to plane [deg]", "axis_plane_deg", 1),
-    number_column("Correction [mm]", "correction_mm", 1),
-    text_column("Message", "message"),
-)
-
-
-def joint_tables(results: StudyResults, hand: Hand) -> list[Folded]:
-    """One table of joints for each model of a hand, in mm and degrees, its doubtful joints counted."""
-    folded = []
-    for model in results.models:
-        rows = results.joints_of.get((hand, model), [])
-        caption = f"Joints of {hand}, model {model}."
-        table = table_of(caption, _JOINT_COLUMNS, rows, NO_JOINT)
-        folded.append(
-            Folded(
-                f"{title(hand.hand)} hand, {model}: {_counts(rows, 'joint', 'no joint was solved')}", table
-            )
-        )
-    return folded
 
 
 def bone_table(results: StudyResults, hand: Hand) -> DataTable:

@@ -7,22 +7,26 @@ from typing import Any
 
 from markupsafe import Markup
 
-from schemas.study import Hand, Study
+from schemas.results import STUDY_FIGURES
+from schemas.study import Hand, Study, path_token
 from stages.report import provenance
 from stages.report.downloads import downloads
-from stages.report.headline import headline, used_text
-from stages.report.links import anchor, link, recording_links
+from stages.report.headline import headline, opening, used_text
+from stages.report.links import Link, anchor, link, recording_links
 from stages.report.methods_text import REFERENCES, methods_text
 from stages.report.models_compared.sections import models_compared
+from stages.report.movement_page.movement_results import Movement
+from stages.report.movement_page.movement_text import groups_differ, moved_most
+from stages.report.pictures.hand_index import IndexEntry
 from stages.report.score_tables import held_out_table, mean
-from stages.report.skeleton_stills import skeleton_pictures
+from stages.report.skeleton_stills import index_figure, posed_hands
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, DataTable, counted, number
 from stages.report.templates import render
-from stages.report.trust import believed_text, study_trust_table
+from stages.report.trust import believed_text, study_beliefs, study_trust_table
 
 
-def render_study(results: StudyResults, study: Study) -> str:
+def render_study(results: StudyResults, study: Study, movement: Movement | None = None) -> str:
     """Give the study's page; the same results give the same text."""
     compared = models_compared(results)
     return render(
@@ -33,7 +37,11 @@ def render_study(results: StudyResults, study: Study) -> str:
         front=_front(results),
         findings=provenance.findings(results),
         problems=provenance.problems_table(results),
+        opening=opening(results),
+        movement=_movement(results, movement),
         exports=study.exports,
+        exported=exported_files(results),
+        figures=figure_files(results),
         export_models=study.export_settings["models"],
         compared=compared,
         downloads=downloads(results, compared.comparisons),
@@ -43,7 +51,7 @@ def render_study(results: StudyResults, study: Study) -> str:
         held_out=held_out_table(results),
         recordings=provenance.recordings_table(results),
         models=provenance.models_table(results),
-        methods=methods_text(results),
+        methods=methods_text(results, movement),
         references=REFERENCES,
         versions=provenance.versions_table(),
         inputs=provenance.inputs_table(results),
@@ -51,14 +59,46 @@ def render_study(results: StudyResults, study: Study) -> str:
     )
 
 
+def _movement(results: StudyResults, movement: Movement | None) -> dict[str, Any] | None:
+    """What the study's page says of movement, and where the page of it is."""
+    if movement is None:
+        return None
+    to = link("Movement", results.paths.report, results.paths.movement_page)
+    return {"to": to, "said": [moved_most(movement), *groups_differ(movement)]}
+
+
 def _front(results: StudyResults) -> dict[str, Any] | None:
-    """The first subject of whom there is a picture, with links to where it moves, or None."""
+    """The first hand of which there is a picture as an index of the study's joints, or None."""
+    beliefs = study_beliefs(results.judging, results.leading)
+    entries = {
+        joint: IndexEntry(believed, f"#joint-{path_token(joint)}", f"{joint}: {believed}, in most hands")
+        for joint, believed in beliefs.items()
+    }
     for who in results.sessions:
-        (row,) = skeleton_pictures(results, who, [results.leading])
-        if row.figures:
+        posed = posed_hands(results, who).hands
+        if posed and entries:
             links = recording_links(results.shown, results.paths, results.paths.report, who)
-            return {"subject": who.label, "row": row, "links": links}
+            index = index_figure(posed[-1], results.leading, entries)
+            return {"subject": who.label, "index": index, "links": links}
     return None
+
+
+def exported_files(results: StudyResults) -> dict[str, list[Link]]:
+    """Links to the files in the folder of exports, by what their names end in; to folders there as such."""
+    found: dict[str, list[Link]] = {}
+    folder = results.paths.exports
+    for file in sorted(folder.iterdir()) if folder.is_dir() else []:
+        if not file.name.endswith(".failed.txt"):
+            kind = "folders" if file.is_dir() else file.suffix.removeprefix(".")
+            found.setdefault(kind, []).append(link(file.name, results.paths.report, file))
+    return found
+
+
+def figure_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
+    """Links to the study's figures for print, where they are made: they stand beside the report."""
+    folder, page = results.paths.report.parent / "figures", results.paths.report
+    kinds = ("svg", "pdf", "txt")
+    return [(name, [link(kind, page, folder / f"{name}.{kind}") for kind in kinds]) for name in STUDY_FIGURES]
 
 
 def render_failure(message: str) -> str:

@@ -1,13 +1,15 @@
-"""The page of one subject: what its skeletons are worth, and every number behind them."""
+"""The page of one subject: which joints to believe, what its skeletons are worth, and every number behind."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from schemas.study import Hand
 from stages.report import provenance
-from stages.report.headline import used_text
+from stages.report.headline import opening, used_text
 from stages.report.links import link, recording_links
+from stages.report.measured_ranges import measured_ranges, measured_table
 from stages.report.next_recording import next_recording
 from stages.report.paper_tables import (
     SLIPS,
@@ -17,14 +19,22 @@ from stages.report.paper_tables import (
     printed_table,
     table_title,
 )
-from stages.report.score_tables import digit_tables, score_table
-from stages.report.skeleton_stills import skeleton_pictures
-from stages.report.skeleton_tables import bone_table, joint_tables, receiver_tables
-from stages.report.study_results import StudyResults, Trial
-from stages.report.table_cells import Folded
+from stages.report.pictures.hand_index import IndexEntry
+from stages.report.score_tables import digit_tables, in_sample_table, score_table
+from stages.report.skeleton_stills import Figure, PosedHands, index_figure, posed_hands, skeleton_pictures
+from stages.report.skeleton_tables import bone_table, receiver_tables
+from stages.report.study_results import Row, StudyResults, Trial
+from stages.report.table_cells import DataTable, Folded, number
 from stages.report.templates import render
-from stages.report.trust import trust_table
-from stages.report.truth_tables import joint_error_tables, truth_table
+from stages.report.trust import (
+    Verdict,
+    believed_counts,
+    joint_anchor,
+    joint_table,
+    reasons,
+    verdicts,
+)
+from stages.report.truth_tables import joint_error_tables, truth_summary, truth_table
 
 
 def render_subject(results: StudyResults) -> str:
@@ -34,25 +44,32 @@ def render_subject(results: StudyResults) -> str:
     would make the others' pages anew.
     """
     (who,) = results.sessions
-    hands = results.hands_of(*who)
+    hands, posed = results.hands_of(*who), posed_hands(results, who)
     page = results.paths.subject_page(*who)
     return render(
         "subject.html.j2",
         study=results.name,
         to_study=link(results.name, page, results.paths.report),
         recordings=recording_links(results.shown, results.paths, page, who),
+        opening=opening(results),
         used=used_text(results),
         findings=provenance.findings(results),
         problems=provenance.problems_table(results, f"as the study asked: {who}"),
         name=who.label,
-        trust=[_trust_part(results, hand) for hand in hands],
+        trust=[_trust_part(results, hand, posed) for hand in reversed(hands)],
+        remarks=posed.remarks,
         truth=truth_table(results, who),
+        truth_said=truth_summary(results, who, results.leading),
         joint_errors=joint_error_tables(results, who),
-        next_recording=[next_recording(results, hand) for hand in hands],
+        next_recording=[next_recording(results, hand) for hand in reversed(hands)],
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
-        skeletons=skeleton_pictures(results, who),
-        joints=[folded for hand in hands for folded in joint_tables(results, hand)],
-        bones=[bone_table(results, hand) for hand in hands],
+        skeletons=skeleton_pictures(results, posed),
+        bones=[Folded(f"{hand.hand.capitalize()} hand", bone_table(results, hand)) for hand in hands],
+        ranges=[
+            Folded(f"{hand.hand.capitalize()} hand: {len(rows)} angles of joints", _ranges_table(hand, rows))
+            for hand in hands
+            if (rows := measured_ranges(results, hand, results.leading))
+        ],
         receivers=[folded for hand in hands for folded in receiver_tables(results, hand)],
         model=results.leading,
         fitted=results.fitted,
@@ -63,14 +80,44 @@ def render_subject(results: StudyResults) -> str:
     )
 
 
-def _trust_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
-    """One hand: its joints in words, of the leading model and, folded, of the others."""
-    others = [name for name in results.models if name != results.leading]
+def _ranges_table(hand: Hand, rows: list[Row]) -> DataTable:
+    caption = f"Range of motion, posture and speed of {hand}, with stated 1-sigma errors."
+    return measured_table(caption, rows, with_recording=True)
+
+
+def _trust_part(results: StudyResults, hand: Hand, posed: PosedHands) -> dict[str, Any]:
+    """One hand: its picture as an index, the reasons for doubt, and every model's table folded."""
+    model = results.leading
+    found = verdicts(results, hand, model)
+    tables = [
+        Folded(
+            f"{name}: {believed_counts(results.joints_of.get((hand, name), []))}",
+            joint_table(results, hand, name),
+        )
+        for name in (model, *(name for name in results.models if name != model))
+    ]
     return {
         "hand": f"{hand.hand.capitalize()} hand",
-        "leading": trust_table(results, hand, results.leading),
-        "others": [Folded(name, trust_table(results, hand, name)) for name in others],
+        "index": _index(hand, model, found, posed),
+        "reasons": reasons(found),
+        "leading": tables[0],
+        "others": tables[1:],
     }
+
+
+def _index(hand: Hand, model: str, found: Iterable[Verdict], posed: PosedHands) -> Figure | None:
+    entries = {
+        v.joint: IndexEntry(v.believed, f"#{joint_anchor(hand, v.joint, model)}", _words(v)) for v in found
+    }
+    drawn = (index_figure(item, model, entries) for item in posed.hands if item.hand == hand)
+    return next(drawn, None) if entries else None
+
+
+def _words(verdict: Verdict) -> str:
+    """What a pointer on a joint of the index is told."""
+    sd = verdict.row["sd_mm"]
+    known = "" if sd is None else f", known to {number(sd)} mm (1 sigma)"
+    return f"{verdict.joint}: {verdict.believed}{known}{'; ' if verdict.why else ''}{verdict.why}"
 
 
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
@@ -84,10 +131,18 @@ def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
         }
         for model in results.models.values()
     ]
+    in_sample = in_sample_table(results, trial)
     return {
         "title": trial.title,
         "scores": score_table(results, trial),
-        "digits": digit_tables(results, trial),
+        "folded": [
+            *(
+                [Folded("In-sample scores, of skeletons made with this task too", in_sample)]
+                if in_sample
+                else []
+            ),
+            *digit_tables(results, trial),
+        ],
         "pairs": pairs,
         "least_squares": least_squares_table(results, trial),
     }

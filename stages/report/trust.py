@@ -1,4 +1,4 @@
-"""Whether to believe a joint, why not, and what would help: hand by hand, and over the whole study."""
+"""Which joints to believe: hand by hand, and over the whole study; the reasons; and what would help."""
 
 from __future__ import annotations
 
@@ -8,34 +8,52 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 
-from schemas.study import Hand
-from stages.report.skeleton_tables import NO_JOINT
+from schemas.study import Hand, path_token
+from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, SMALL_SD_MM, belief, commonest, reason
 from stages.report.study_results import Row, StudyResults, hand_of
-from stages.report.table_cells import DASH, Block, DataTable, number
-
-BELIEVED, CARE, NOT = "✓ yes", "◆ with care", "✕ no"
-
-SMALL_SD_MM = 2.0
-"""A centre known better than this, 1 sigma in 3-D, is placed within a fifth of a finger's thickness."""
+from stages.report.table_cells import DASH, Block, DataTable, listed, number
 
 APART_MM = 5.0
 """Models that put a joint farther apart than this cannot both be right: it is half a bone's breadth."""
 
+NO_JOINT = "No joint was solved; the reason is under “What went wrong”."
+
+_COLUMNS = (
+    ("Moved [deg]", "range_deg", 1),
+    ("Gap rms [mm]", "gap_rms_mm", 2),
+    ("Free gap rms [mm]", "gap_rms_free_mm", 2),
+    ("Axis to plane [deg]", "axis_plane_deg", 1),
+    ("Correction [mm]", "correction_mm", 1),
+)
+"""What else is told of a joint where any joint of the hand has it: heading, column, decimals."""
+
 
 @dataclass(frozen=True)
 class Verdict:
-    """One joint of one hand under one model: one of BELIEVED, CARE, NOT, and why.
+    """One joint of one hand under one model: one of BELIEFS, and why.
 
-    apart_mm : how far from it the farthest other model puts the joint, and apart_model which; None where no
-    other model has it.
+    row : of joint_centres. apart_mm : how far from it the farthest other model puts the joint, and
+    apart_model which; None where no other model has it.
     """
 
-    joint: str
-    believed: str
-    why: str
-    sd_mm: float | None
+    row: Row
     apart_mm: float | None
     apart_model: str
+
+    @property
+    def joint(self) -> str:
+        """Its name."""
+        return str(self.row["joint"])
+
+    @property
+    def believed(self) -> str:
+        """One of BELIEFS."""
+        return belief(self.row)
+
+    @property
+    def why(self) -> str:
+        """The reason for doubt or a remark; may be empty."""
+        return reason(self.row)
 
 
 def verdicts(results: StudyResults, hand: Hand, model: str) -> list[Verdict]:
@@ -53,24 +71,75 @@ def verdicts(results: StudyResults, hand: Hand, model: str) -> list[Verdict]:
             if (distance := _apart_mm(row, rows.get(row["joint"]))) is not None
         }
         farthest = max(apart, key=lambda name: apart[name], default="")
-        believed, why = _judged(row)
-        found.append(Verdict(row["joint"], believed, why, row["sd_mm"], apart.get(farthest), farthest))
+        found.append(Verdict(row, apart.get(farthest), farthest))
     return found
 
 
-def trust_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
-    """Every joint of a hand in words, and what to record or measure again."""
-    advice = {row["joint"]: row["advice"] for row in results.advice if hand_of(row) == hand}
+def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
+    """Every joint of a hand with its numbers; the reasons below, one for all joints that share it.
+
+    Rows have identifiers that a picture of the hand links to, see `joint_anchor`.
+    """
+    found = verdicts(results, hand, model)
+    columns = [c for c in _COLUMNS if any(v.row[c[1]] is not None for v in found)]
+    advice = {
+        row["joint"]: "" if row["advice"].startswith("enough") else row["advice"]
+        for row in results.advice
+        if hand_of(row) == hand
+    }
+    helps = any(advice.get(v.joint) for v in found)
+    header = ("Joint", "Believe it?", "SD of the centre [mm]", *(heading for heading, _, _ in columns))
     rows = tuple(
-        (v.joint, v.believed, v.why, _apart_in_words(v), _help(advice.get(v.joint, "")))
-        for v in verdicts(results, hand, model)
+        (
+            v.joint,
+            v.believed,
+            number(v.row["sd_mm"]),
+            *(number(v.row[name], decimals) for _, name, decimals in columns),
+            _apart_in_words(v),
+            *((advice.get(v.joint, ""),) if helps else ()),
+        )
+        for v in found
     )
+    header += ("Farthest other model [mm]", *(("What would help",) if helps else ()))
+    last = len(header) - 1
     return DataTable(
         f"Whether to believe the joints of {model}: {hand}.",
-        (Block(("Joint", "Believe it?", "Why", "Farthest other model", "What would help"), rows),),
-        () if rows else (NO_JOINT,),
-        frozenset(range(5)),
+        (Block(header, rows),),
+        tuple(reasons(found)) if rows else (NO_JOINT,),
+        frozenset({0, 1, last, last - helps}),
+        tuple(joint_anchor(hand, v.joint, model) for v in found),
     )
+
+
+def joint_anchor(hand: Hand, joint: str, model: str = "") -> str:
+    """The identifier of a joint's row on the page of its subject; of the study's page without a model."""
+    return "-".join(path_token(part) for part in ("joint", model, hand.hand, joint) if part)
+
+
+def reasons(found: Iterable[Verdict]) -> list[str]:
+    """Sentences: why joints are doubted, each reason once, with the joints that it is of."""
+    found = list(found)
+    of_reason: dict[str, list[str]] = defaultdict(list)
+    for verdict in found:
+        if verdict.why:
+            of_reason[verdict.why].append(verdict.joint)
+    large = [v.joint for v in found if v.believed == CARE and v.row["sd_mm"] is not None]
+    known = f"known less well than to {SMALL_SD_MM:g} mm (1 sigma, 3-D)"
+    first = [f"{CARE}: {_named(large, found)}, {known}."] if large else []
+    return first + [f"{_named(joints, found)}: {why}." for why, joints in of_reason.items()]
+
+
+def _named(joints: list[str], found: list[Verdict]) -> str:
+    return "All joints" if len(joints) == len(found) > 1 else listed(joints)
+
+
+def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
+    """What holds of each joint in the middle one of the study's hands: one of BELIEFS by joint."""
+    of_joint: dict[str, list[str]] = defaultdict(list)
+    for hand in results.hands:
+        for row in results.joints_of.get((hand, model), []):
+            of_joint[row["joint"]].append(belief(row))
+    return {joint: commonest(found) for joint, found in of_joint.items()}
 
 
 def study_trust_table(results: StudyResults, model: str) -> DataTable:
@@ -81,44 +150,32 @@ def study_trust_table(results: StudyResults, model: str) -> DataTable:
             by_joint[verdict.joint].append(verdict)
     rows = tuple((joint, *_over_hands(found)) for joint, found in by_joint.items())
     header = (
-        "Joint",
-        "Hands",
-        "Believed",
-        "With care",
-        "Not",
-        "Median SD [mm]",
-        "Median to the farthest model [mm]",
-        "Most frequent doubt",
-    )
+        "Joint", "Hands", "Believed", "With care", "Not", "Median SD [mm]",
+        "Median to the farthest model [mm]", "Most frequent doubt",
+    )  # fmt: skip
     return DataTable(
         f"Whether to believe the joints of {model}, all hands of the study.",
         (Block(header, rows),),
         () if rows else (NO_JOINT,),
         frozenset({0, 7}),
+        tuple(f"joint-{path_token(joint)}" for joint in by_joint),
     )
 
 
 def believed_text(results: StudyResults, hand: Hand, model: str) -> str:
     """How many of a hand's joints to believe."""
-    found = verdicts(results, hand, model)
-    return f"{sum(v.believed == BELIEVED for v in found)} of {len(found)}" if found else DASH
+    rows = results.joints_of.get((hand, model), [])
+    return f"{sum(belief(row) == BELIEVED for row in rows)} of {len(rows)}" if rows else DASH
 
 
-def _judged(row: Row) -> tuple[str, str]:
-    """The verdict on a row of joint_centres and the reason."""
-    message = row["message"].rstrip(".")
-    if row["status"] == "failed":
-        return NOT, f"It has no place: {message}."
-    if row["status"] == "weak":
-        return NOT, f"Marked doubtful: {message or 'no reason given'}."
-    sd = row["sd_mm"]
-    if sd is None:
-        return CARE, "No error is stated for its place."
-    words = f"Its place is known to {number(sd)} mm (1 sigma, 3-D)"
-    remark = f"; {message}." if message else "."
-    if sd > SMALL_SD_MM:
-        return CARE, f"{words}, more than {SMALL_SD_MM:g} mm{remark}"
-    return BELIEVED, words + remark
+def believed_counts(rows: Iterable[Row]) -> str:
+    """How many joints of rows of joint_centres are believed, with care and not: for a line of summary."""
+    counts = Counter(belief(row) for row in rows)
+    words = dict(zip(BELIEFS, ("to believe", "with care", "not"), strict=True))
+    return (
+        ", ".join(f"{counts[each]} {words[each]}" for each in BELIEFS if counts[each])
+        or "no joint was solved"
+    )
 
 
 def _apart_mm(row: Row, other: Row | None) -> float | None:
@@ -138,20 +195,18 @@ def _apart_in_words(verdict: Verdict) -> str:
     if verdict.apart_mm is None:
         return DASH
     mark = "◆ " if verdict.apart_mm > APART_MM else ""
-    return f"{mark}{number(verdict.apart_mm, 1)} mm, {verdict.apart_model}"
-
-
-def _help(advice: str) -> str:
-    return "" if advice.startswith("enough") else advice
+    return f"{mark}{number(verdict.apart_mm, 1)}, {verdict.apart_model}"
 
 
 def _over_hands(found: list[Verdict]) -> tuple[str, ...]:
     counts = Counter(verdict.believed for verdict in found)
-    doubts = Counter(v.why for v in found if v.believed != BELIEVED)
+    doubts = Counter(
+        v.why or f"known less well than to {SMALL_SD_MM:g} mm" for v in found if v.believed != BELIEVED
+    )
     return (
         str(len(found)),
         *(str(counts[word]) for word in (BELIEVED, CARE, NOT)),
-        number(_median(v.sd_mm for v in found)),
+        number(_median(v.row["sd_mm"] for v in found)),
         number(_median(v.apart_mm for v in found), 1),
         _most_frequent(doubts),
     )

@@ -54,6 +54,19 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
     )
 
 
+def truth_summary(results: StudyResults, who: SubjectSession, model: str) -> str:
+    """How far a model's joints are from the true ones, best first; empty without a truth."""
+    of_subject = [r for r in results.joint_errors if (hand_of(r).who, r["model"]) == (who, model)]
+    made = _by_skeleton(results, of_subject)
+    parts = [
+        f"made from {made_from(results, key)} {number(float(np.median(errors)), 1)} mm in the median, "
+        f"{sum(error > FAR_MM for error in errors)} of {len(errors)} more than {FAR_MM:.0f} mm off"
+        for key, rows in made.items()
+        if (errors := known(rows, "error_mm"))
+    ]
+    return f"{model}, {'; '.join(parts)}" if parts else ""
+
+
 def joint_error_tables(results: StudyResults, who: SubjectSession) -> list[Folded]:
     """The error of every joint, mm: a folded table a hand, a column a skeleton."""
     folded = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,7 @@ from stages.report.comparison.comparison_text import (
 )
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, missing_text
 from stages.report.comparison.questions import QUESTIONS
-from stages.report.palette import DIGITS, INK
+from stages.report.palette import SOFT, Look, model_looks
 from stages.report.pictures.scale import Scale
 from stages.report.pictures.subject_dots import (
     FEWEST_FOR_QUARTILES,
@@ -46,7 +46,16 @@ class Panels:
     remarks: tuple[str, ...]
 
 
-def value_panels(answer: Answer) -> Panels:
+Looks = Mapping[str, Look]
+"""Of models and references, by name."""
+
+
+def looks_of(results: StudyResults, answer: Answer) -> Looks:
+    """Every model's look as in the study's other pictures, and the references' own."""
+    return {name: Look(SOFT, "o") for name in answer.names} | model_looks(list(results.models))
+
+
+def value_panels(answer: Answer, looks: Looks) -> Panels:
     """Every subject's number under each model and each reference."""
     every = np.array(
         [v for of in answer.by_digit.values() for numbers in of.values() for v in numbers.values()]
@@ -56,7 +65,7 @@ def value_panels(answer: Answer) -> Panels:
     marks = {name: (name == answer.baseline, name in answer.question.references) for name in answer.names}
     panels = [
         _panel_of(
-            answer, digit, shown, [Strip(n, of.get(n, {}), None, None, *own) for n, own in marks.items()]
+            digit, shown, [Strip(n, looks[n], of.get(n, {}), None, None, *own) for n, own in marks.items()]
         )
         for digit, of in answer.by_digit.items()
     ]
@@ -73,20 +82,21 @@ def value_panels(answer: Answer) -> Panels:
     return _panels(answer, caption, panels, scale, (below,) if low else ())
 
 
-def difference_panels(answer: Answer) -> Panels | None:
+def difference_panels(answer: Answer, looks: Looks) -> Panels | None:
     """Every subject's difference from the baseline, with means and intervals; None without any."""
     of_digit: dict[str, list[Strip]] = {digit: [] for digit in answer.by_digit}
     for each in (*answer.overall, *answer.digits):
         if each.statistics is not None:
             differences = {p.subject: p.difference for p in each.compared if p.difference is not None}
-            strip = Strip(each.model, differences, each.statistics.mean, each.statistics.interval)
+            own = each.statistics
+            strip = Strip(each.model, looks[each.model], differences, own.mean, own.interval)
             of_digit[each.digit].append(strip)
     strips = [strip for of in of_digit.values() for strip in of]
     if not strips:
         return None
     scale = difference_scale(np.array([value for strip in strips for value in strip.numbers.values()]))
     shown = f"{answer.question.choice}, each subject's difference from {answer.baseline}"
-    panels = [_panel_of(answer, digit, shown, of) for digit, of in of_digit.items() if of]
+    panels = [_panel_of(digit, shown, of) for digit, of in of_digit.items() if of]
     caption = (
         f"A dot is a subject: the model's number less that of {answer.baseline}, over the places in which "
         "both have one. The line is the mean"
@@ -103,10 +113,8 @@ def digit_title(digit: str) -> str:
     return "All digits" if digit == ALL_DIGITS else title(digit)
 
 
-def _panel_of(answer: Answer, digit: str, shown: str, strips: Sequence[Strip]) -> Panel:
-    digits = [name for name in answer.by_digit if name != ALL_DIGITS]
-    colour = INK if digit == ALL_DIGITS else DIGITS[digits.index(digit) % len(DIGITS)]
-    return Panel(digit_title(digit), f"{digit_title(digit)}: {shown}.", colour, strips)
+def _panel_of(digit: str, shown: str, strips: Sequence[Strip]) -> Panel:
+    return Panel(digit_title(digit), f"{digit_title(digit)}: {shown}.", strips)
 
 
 def _panels(
@@ -155,7 +163,7 @@ def models_compared(results: StudyResults) -> ModelsCompared:
     headline = _headline(results, answers)
     return ModelsCompared(
         headline,
-        tuple(_section(each, headline) for each in answers),
+        tuple(_section(each, headline, looks_of(results, each)) for each in answers),
         tuple(comparison for each in answers for comparison in (*each.overall, *each.digits)),
     )
 
@@ -183,7 +191,7 @@ def _headline(results: StudyResults, answers: Sequence[Answer]) -> str:
     return " ".join(filter(None, parts))
 
 
-def _section(own: Answer, headline: str) -> Section:
+def _section(own: Answer, headline: str, looks: Looks) -> Section:
     overall, by_digit = (_comparison_table(own, comparisons) for comparisons in (own.overall, own.digits))
     summarised = [untestable(own.overall), *_summary(own)]
     return Section(
@@ -193,8 +201,8 @@ def _section(own: Answer, headline: str) -> Section:
         kind=own.kind,
         sentences=tuple(text for text in summarised if text and text not in headline),
         missing=tuple(missing_sentences(own.overall)),
-        values=value_panels(own),
-        differences=difference_panels(own),
+        values=value_panels(own, looks),
+        differences=difference_panels(own, looks),
         table=overall,
         by_digit=Folded("The same, digit by digit", by_digit) if by_digit else None,
         subjects=_subject_table(own),

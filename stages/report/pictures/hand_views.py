@@ -13,9 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
+from stages.report.belief import BELIEF_MARKS, BELIEVED, NOT
 from stages.report.hand_motion import Chain, Point
 from stages.report.palette import AMBER, INK, PAPER, RULE, SOFT, WEAK_LINE, Look, digit_looks
 from stages.report.pictures.picture import Picture
+from stages.report.pictures.word_places import Labels
 
 Array = npt.NDArray[np.float64]
 
@@ -164,32 +166,34 @@ class _Page:
         for point, look in looks_of_points(chains):
             if self.window.holds(point):
                 place = self.px(view.places(point.position_mm))[None]
-                if point.status == "weak":
-                    self.picture.marks(place, "D", 8.0, AMBER, WEAK_LINE, 2.0)
+                if point.believed != BELIEVED:
+                    shape, face, edge = BELIEF_MARKS[point.believed]
+                    self.picture.marks(place, shape, 8.0, face, edge, 1.5)
                 else:
                     size = 5.0 if point.name.endswith("_tip") else 8.0
                     self.picture.marks(place, "o", size, PAPER, look.colour if look else INK, 2.0)
         self._names(view, chains, left, left + width)
 
     def _names(self, view: View, chains: Sequence[Chain], left: float, right: float) -> None:
-        """Digits at their tips and names of doubtful joints, from the back; of joints outside, in both."""
+        """Digits at their tips and joints not to believe, from the back; names of joints outside, in both."""
         taken: list[float] = []
         inside = [
             (chain, p) for chain in chains for p in chain.points if p is not None and self.window.holds(p)
         ]
         if view.kind == "back":
+            labels = Labels(left, right)
+            labels.avoid((tuple(self.px(view.places(p.position_mm)).tolist()) for _, p in inside), 3.0)
             for chain, point in inside:
+                x, y = self.px(view.places(point.position_mm)).tolist()
                 if point is chain.points[-1]:
+                    x, y = labels.place(chain.digit, x, y - 10)
+                    taken.append(y)
+                    self.picture.text(x, y, chain.digit, "middle", middle=True, css_class="label")
+            for _, point in inside:
+                if point.believed == NOT:
                     x, y = self.px(view.places(point.position_mm)).tolist()
-                    taken.append(max(y - 6, 10.0))
-                    self.picture.text(x, taken[-1], chain.digit, "middle", css_class="label")
-            for chain, point in inside:
-                if point.status == "weak":
-                    x, y = self.px(view.places(point.position_mm)).tolist()
-                    name = point.name.removeprefix(f"{chain.digit}_")
-                    width, left_half = 6.5 * len(name) + 9, x < (left + right) / 2
-                    fits = x - width > left if left_half else x + width < right
-                    self._aside(name, x, y, rightwards=left_half != fits)
+                    x, y = labels.place(point.name, x, y + 12)
+                    self.picture.text(x, y, point.name, "middle", middle=True, css_class="label")
         for point, _ in looks_of_points(chains):
             if not self.window.holds(point):
                 self._outside(view, point, taken, left, right)

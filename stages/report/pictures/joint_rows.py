@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from stages.report.palette import AMBER, HUES, INK, PAPER, SOFT, WEAK_LINE
+from stages.report.palette import HUES, INK, PAPER, SOFT
 from stages.report.pictures.picture import Array, Picture
 from stages.report.pictures.scale import Scale
 
@@ -16,7 +16,8 @@ _WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM, _ROW = 400.0, 88.0, 386.0, 6.0, 36.0, 17.0
 _LEAST_SPAN_DEG = 20.0
 _LEAST_SINGULAR_VALUE, _LARGEST_SINGULAR_VALUE = 1e-4, 2.0
 """Below the least a singular value is the solver's own rounding, far below what any receiver resolves."""
-_BLUE = HUES["blue"][0]
+_BAR = HUES["plain"][0]
+"""Neither a digit's colour nor a model's, nor one that says whether to believe a joint."""
 
 Range = tuple[float, float, float, float, float]
 """Of an angle, degrees: the least, 5th percentile, median, 95th percentile and greatest."""
@@ -39,7 +40,7 @@ def range_picture(title: str, joints: Sequence[str], ranges: Mapping[str, Range]
         least, first, median, last, most = _across(scale, values).tolist()
         y = _middle(joints.index(joint))
         picture.line([(least, y), (most, y)], SOFT, 1.2)
-        picture.line([(first, y), (last, y)], _BLUE, 7.0)
+        picture.line([(first, y), (last, y)], _BAR, 7.0)
         picture.line([(median, y - 0.35 * _ROW), (median, y + 0.35 * _ROW)], INK, 2.0)
     return picture.markup()
 
@@ -51,9 +52,9 @@ def singular_value_picture(title: str, joints: Sequence[str], values: Sequence[S
     picture = _rows(title, joints, scale, "singular value")
     y = [_middle(row) for row in range(len(joints))]
     for place in range(6):
-        shape, face, edge = "o", "none" if place < 3 else _BLUE, SOFT if place < 3 else PAPER
+        shape, face, edge = "o", "none" if place < 3 else _BAR, SOFT if place < 3 else PAPER
         if place == 5:
-            shape, face, edge = "D", AMBER, WEAK_LINE
+            shape, face, edge = "D", INK, INK
         picture.marks(np.column_stack([_across(scale, known[:, place]), y]), shape, 7.0, face, edge)
     return picture.markup()
 

@@ -29,10 +29,10 @@ _MIDDLE_PX = 0.35 * TEXT_PX
 class Picture:
     """A picture that shapes are added to; what comes later lies on top."""
 
-    def __init__(self, title: str, width: float, height: float) -> None:
-        """An empty picture; `title` is its text alternative."""
+    def __init__(self, title: str, width: float, height: float, role: str = "img") -> None:
+        """An empty picture; `title` is its text alternative. role : group, of one with links in it."""
         self._parts = [
-            f'<svg viewBox="0 0 {_px(width)} {_px(height)}" role="img"><title>{escape(title)}</title>'
+            f'<svg viewBox="0 0 {_px(width)} {_px(height)}" role="{role}"><title>{escape(title)}</title>'
         ]
 
     def markup(self) -> Markup:
@@ -46,6 +46,15 @@ class Picture:
         self._parts.append(f'<g class="{css_class}">{words}')
         yield
         self._parts.append("</g>")
+
+    @contextmanager
+    def link(self, href: str, words: str) -> Iterator[None]:
+        """What is added inside leads to `href`; `words` say what it is, also where a pointer rests."""
+        self._parts.append(
+            f'<a href="{escape(href)}" aria-label="{escape(words)}"><title>{escape(words)}</title>'
+        )
+        yield
+        self._parts.append("</a>")
 
     @contextmanager
     def window(self, left: float, top: float, width: float, height: float) -> Iterator[None]:
@@ -68,7 +77,7 @@ class Picture:
     def dots(self, x: Array, y: Array, colour: str, diameter: float) -> None:
         """Translucent round dots at x, y (n,), as one path: lines of no length with round ends."""
         path = "".join(f"M{_px(a)} {_px(b)}h0" for a, b in zip(x, y, strict=True))
-        self._path(path, "none", colour, diameter, "stroke-linecap:round;opacity:.6")
+        self._path(path, "none", colour, diameter, "stroke-linecap:round;opacity:.75")
 
     def marks(
         self, points: Array, shape: str, size: float, face: str, edge: str = "none", edge_px: float = 1.0

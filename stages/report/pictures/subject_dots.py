@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from stages.report.palette import INK, SOFT
+from stages.report.palette import INK, SOFT, Look
 from stages.report.pictures.picture import Picture
 from stages.report.pictures.scale import Scale
 from stages.report.table_cells import number
@@ -28,8 +28,9 @@ MOST_NAMED = 30
 FEWEST_FOR_QUARTILES = 5
 
 _WIDTH, _TOP, _FOOT, _RIGHT = 400.0, 20.0, 36.0, 46.0
-_LETTER, _LEFT_LEAST, _LEFT_MOST = 5.9, 46.0, 132.0
-_ROW_LEAST, _ROW_MOST, _ROW_PAD = 22.0, 60.0, 7.0
+_LETTER, _LEFT_LEAST, _LEFT_MOST, _MARK_ROOM = 5.9, 46.0, 144.0, 12.0
+_ROW_LEAST, _ROW_MOST, _ROW_PAD = 24.0, 84.0, 7.0
+SIDES = ("better ←", "→ worse")
 _GROSS = 8.0
 """The largest number being so many times the usual one, an even scale would squeeze all others together."""
 _DECADES = 4.0
@@ -75,6 +76,7 @@ class Strip:
     """
 
     model: str
+    look: Look
     numbers: Mapping[str, float]
     mean: float | None = None
     interval: tuple[float, float] | None = None
@@ -84,11 +86,10 @@ class Strip:
 
 @dataclass(frozen=True)
 class Panel:
-    """One digit: its name, the text alternative of its picture, the colour of its dots and its rows."""
+    """One digit: its name, the text alternative of its picture, and its rows."""
 
     name: str
     title: str
-    colour: str
     strips: Sequence[Strip]
 
 
@@ -111,6 +112,7 @@ class _Rows:
     left: float
     tops: Mapping[str, float]
     heights: Mapping[str, float]
+    sides: tuple[str, str]
 
     @property
     def foot(self) -> float:
@@ -125,13 +127,18 @@ class _Rows:
         return np.asarray(self.left + share * (_WIDTH - _RIGHT - self.left))
 
 
-def draw_panels(panels: Sequence[Panel], scale: Scale, unit: str, n_subjects: int) -> Drawn:
-    """Draw panels of one scale, a row for each model that any of them has, alike in all."""
+def draw_panels(
+    panels: Sequence[Panel], scale: Scale, unit: str, n_subjects: int, sides: tuple[str, str] = SIDES
+) -> Drawn:
+    """Draw panels of one scale, a row for each model that any of them has, alike in all.
+
+    sides : what is said left and right of a difference's zero.
+    """
     models = list(dict.fromkeys(strip.model for panel in panels for strip in panel.strips))
-    left = min(max(_LETTER * max(map(len, models)) + 8, _LEFT_LEAST), _LEFT_MOST)
-    diameter = 6.0 if n_subjects <= 12 else 4.0 if n_subjects <= 40 else 2.8
+    left = min(max(_LETTER * max(map(len, models)) + 8 + _MARK_ROOM, _LEFT_LEAST), _LEFT_MOST)
+    diameter = 9.0 if n_subjects <= 12 else 6.0 if n_subjects <= 40 else 4.0
     heights = dict.fromkeys(models, _ROW_LEAST)
-    rows = _Rows(scale, unit, n_subjects, diameter, left, {}, heights)
+    rows = _Rows(scale, unit, n_subjects, diameter, left, {}, heights, sides)
     lanes = int((_ROW_MOST - _ROW_PAD) / diameter) // 2 * 2 + 1
     swarms = [
         [spread(rows.across(list(strip.numbers.values())), diameter, lanes) for strip in panel.strips]
@@ -192,23 +199,32 @@ def _zero(picture: Picture, rows: _Rows) -> None:
     zero, share = float(rows.across(0.0)), float(rows.scale.share(0.0))
     picture.line([(zero, _TOP), (zero, rows.foot)], SOFT)
     if share > 0.25:
-        picture.text(zero - 5, _TOP - 5, "better ←", "end", SOFT)
+        picture.text(zero - 5, _TOP - 5, rows.sides[0], "end", SOFT)
     if share < 0.75:
-        picture.text(zero + 5, _TOP - 5, "→ worse", "start", SOFT)
+        picture.text(zero + 5, _TOP - 5, rows.sides[1], "start", SOFT)
 
 
 def _label(picture: Picture, strip: Strip, rows: _Rows) -> None:
     """The model's name, how many subjects it has where not all, and its mean or median."""
-    most = int((rows.left - 8) / _LETTER)
+    most = int((rows.left - 8 - _MARK_ROOM) / _LETTER)
     name = strip.model if len(strip.model) <= most else strip.model[: most - 1] + "…"
     middle, missing = rows.middle(strip.model), len(strip.numbers) < rows.n_subjects
     colour = SOFT if strip.reference else INK
+    picture.marks(np.array([[4.0, middle]]), strip.look.marker, 8.0, strip.look.colour)
     with picture.group("model", strip.model):
         picture.text(
-            0, middle - (5 if missing else 0), name, "start", colour, middle=True, bold=strip.baseline
+            _MARK_ROOM,
+            middle - (5 if missing else 0),
+            name,
+            "start",
+            colour,
+            middle=True,
+            bold=strip.baseline,
         )
     if missing:
-        picture.text(0, middle + 7, f"{len(strip.numbers)} of {rows.n_subjects}", "start", SOFT, middle=True)
+        picture.text(
+            _MARK_ROOM, middle + 7, f"{len(strip.numbers)} of {rows.n_subjects}", "start", SOFT, middle=True
+        )
     values = list(strip.numbers.values())
     shown = strip.mean if strip.mean is not None else float(np.median(values)) if values else None
     picture.text(_WIDTH, middle, number(shown).replace("-", "−"), "end", middle=True)
@@ -216,16 +232,17 @@ def _label(picture: Picture, strip: Strip, rows: _Rows) -> None:
 
 def _dots(picture: Picture, panel: Panel, offsets: Sequence[Array], rows: _Rows) -> None:
     """The dots, those of a subject in all rows together where subjects are named."""
-    groups: dict[tuple[str, bool], list[tuple[float, float]]] = {}
+    groups: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for strip, aside in zip(panel.strips, offsets, strict=True):
         across = rows.across(list(strip.numbers.values()))
         for name, x, step in zip(strip.numbers, across.tolist(), aside.tolist(), strict=True):
-            owner = name if rows.n_subjects <= MOST_NAMED else ""
-            groups.setdefault((owner, strip.reference), []).append((x, rows.middle(strip.model) + step))
-    for (name, reference), places in groups.items():
+            owner = groups.setdefault(name if rows.n_subjects <= MOST_NAMED else "", {})
+            owner.setdefault(strip.look.colour, []).append((x, rows.middle(strip.model) + step))
+    for name, of_colour in groups.items():
         with picture.group("dots", name):
-            x, y = np.array(sorted(places)).T
-            picture.dots(x, y, SOFT if reference else panel.colour, rows.diameter)
+            for colour, places in of_colour.items():
+                x, y = np.array(sorted(places)).T
+                picture.dots(x, y, colour, rows.diameter)
 
 
 def _marks(picture: Picture, strip: Strip, rows: _Rows) -> None:

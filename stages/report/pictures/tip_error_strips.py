@@ -73,7 +73,7 @@ def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> 
     picture = Picture(title, _WIDTH, foot + _FOOT)
     everything = [trace for of in traces.values() for trace in of.values()]
     errors = error_scale(everything)
-    picture.text(0, 12, f"tip error [mm]{', log scale' if errors.kind == 'log' else ''}")
+    picture.text(0, 12, f"[mm]{', log scale' if errors.kind == 'log' else ''}")
     _legend(picture, models, looks)
     first = min((trace.span[0] for trace in everything), default=0.0)
     last = max((trace.span[1] for trace in everything), default=0.0)
@@ -84,7 +84,7 @@ def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> 
         for place, (model, trace) in enumerate(of.items()):
             strip.draw(trace, looks[model], place / len(of))
         if not of:
-            picture.text(_LEFT + 6, strip.top + _STRIP / 2, "no tip error", middle=True)
+            picture.text(_LEFT + 6, strip.top + _STRIP / 2, "not known", middle=True)
     if everything:
         picture.line([(_LEFT, foot - _GAP), (_RIGHT, foot - _GAP)], SOFT)
         picture.number_axis(time, (_LEFT, _RIGHT), foot - _GAP, foot - _GAP, time_label(traces))

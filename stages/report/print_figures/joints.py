@@ -14,9 +14,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from schemas.study import Hand
+from stages.report.belief import BELIEVED, CARE, NOT, SMALL_SD_MM, belief
 from stages.report.comparison.answers import Answer, answer, observations
 from stages.report.comparison.questions import JOINT_ERROR, PRIOR
-from stages.report.palette import HUES, SOFT, Look, model_looks
+from stages.report.palette import AMBER, NO, SOFT, Look, model_looks
 from stages.report.print_figures.drawing import NoDataError, count_range, study_text
 from stages.report.print_figures.models import missing_text_of
 from stages.report.print_figures.style import (
@@ -147,20 +148,20 @@ def _error_caption(results: StudyResults, own: Answer) -> str:
 _TRUST_MM = 24.0
 _ABSENT = "no result"
 KINDS = {
-    "ok": (HUES["sky"][0], ""),
-    "weak": (HUES["amber"][0], "////"),
-    "failed": (HUES["vermilion"][0], "xxxx"),
+    BELIEVED: ("0.45", ""),
+    CARE: (AMBER, "////"),
+    NOT: (NO, "xxxx"),
     _ABSENT: ("white", ""),
 }
 """Fill and hatching."""
 
-_Statuses = dict[str, dict[Hand, str]]
+_Beliefs = dict[str, dict[Hand, str]]
 """By joint, then by hand."""
 
 
 def joint_trust(results: StudyResults) -> tuple[Figure, str]:
     """Draw a panel a model; models that agree share one. Raises NoDataError without any joint."""
-    found = {model: of for model in results.models if (of := _statuses(results, model))}
+    found = {model: of for model in results.models if (of := _beliefs(results, model))}
     if not found:
         raise NoDataError("no hand of this study has a joint")
     groups = alike(found)
@@ -173,29 +174,30 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
         draw_joint_axis(axes, joints)
     headings(panels, [label(f"{listed(models)}; n = {n} hands") for models in groups])
     handles = [
-        Patch(label=kind, edgecolor="black", linewidth=0.4, facecolor=fill, hatch=hatch)
+        Patch(label=kind.lstrip("✓◆✕ "), edgecolor="black", linewidth=0.4, facecolor=fill, hatch=hatch)
         for kind, (fill, hatch) in KINDS.items()
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, title="Believe it?")
     return figure, (
-        f"How far the joints can be trusted: share of the study's hands [%] in which a joint is ok, weak "
-        f"(its error is large or an assumption does not hold), failed or without a result. "
+        "Which joints to believe: share of the study's hands [%] in which a joint is to be believed (its "
+        f"centre is known to {SMALL_SD_MM:g} mm or better, 1 sigma in three dimensions), with care (known "
+        "less well), not (its error is large, an assumption does not hold, or it failed), or has no result. "
         f"{study_text(results)} "
         "Made from all of the model's calibration recordings. Models that agree share a panel. A joint that "
         "a model does not have has no bar."
     )
 
 
-def _statuses(results: StudyResults, model: str) -> _Statuses:
-    found: _Statuses = defaultdict(dict)
+def _beliefs(results: StudyResults, model: str) -> _Beliefs:
+    found: _Beliefs = defaultdict(dict)
     for (hand, name), rows in results.joints_of.items():
         for row in rows:
             if name == model:
-                found[row["joint"]][hand] = row["status"]
+                found[row["joint"]][hand] = belief(row)
     return dict(found)
 
 
-def _trust_panel(axes: Axes, joints: list[str], found: _Statuses, hands: Sequence[Hand]) -> None:
+def _trust_panel(axes: Axes, joints: list[str], found: _Beliefs, hands: Sequence[Hand]) -> None:
     own = [place for place, joint in enumerate(joints) if joint in found]
     foot = np.zeros(len(own))
     for kind, (fill, hatch) in KINDS.items():

@@ -15,7 +15,7 @@ from schemas.layout import Layout
 from schemas.poses import read_poses
 from schemas.study import Recording
 from stages.report.hand_motion import view_base
-from stages.report.palette import HUES, RULE, Look, model_looks
+from stages.report.palette import HUES, INK, RULE, SOFT, Look, model_looks
 from stages.report.pictures.tip_error_strips import Traces, hidden_lines, thinned_traces, time_label
 from stages.report.pictures.traces import Trace, error_scale, thin, trace_band, trace_line
 from stages.report.print_figures.drawing import NoDataError, count_range, recording_text
@@ -134,9 +134,9 @@ def _error_caption(results: StudyResults, recording: Recording, traces: Traces, 
 
 _ROW_MM, _ANGLES_FOOT_MM = 28.0, 16.0
 _LINES: tuple[tuple[str, str, Literal["-", "--", ":"]], ...] = (
-    ("Flexion", HUES["blue"][0], "-"),
-    ("Abduction or deviation", HUES["amber"][0], "--"),
-    ("Axial rotation", HUES["green"][0], ":"),
+    ("Flexion", INK, "-"),
+    ("Abduction or deviation", SOFT, "--"),
+    ("Axial rotation", HUES["plain"][0], ":"),
 )
 """Name, colour and dashes of each of ANGLES."""
 

@@ -11,8 +11,9 @@ from matplotlib.patches import Rectangle
 
 from schemas.errors import InputError
 from schemas.study import Recording
+from stages.report.belief import BELIEF_MARKS, BELIEVED, CARE, NOT
 from stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
-from stages.report.palette import AMBER, INK, PAPER, RULE, SOFT, WEAK_LINE, digit_looks
+from stages.report.palette import INK, PAPER, RULE, SOFT, digit_looks
 from stages.report.pictures.hand_views import (
     BAR_MM,
     GUTTER_MM,
@@ -30,7 +31,7 @@ from stages.report.table_cells import alike, listed, title
 
 _ACROSS = 3
 _FOOT_MM = 20.0
-_HEAD_MM, _LEGEND_MM, _LINE_MM = 5.0, 8.0, 3.4
+_HEAD_MM, _LEGEND_MM, _LINE_MM = 5.0, 11.0, 3.4
 _TITLE_LETTERS = 34
 
 
@@ -58,13 +59,15 @@ def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]
         for digit, own in digit_looks(motion.digits).items()
     ]  # fmt: skip
     handles.append(Line2D([], [], color=SOFT, marker="+", linestyle="none", label="receiver"))
-    handles.append(
-        Line2D(
-            [], [], color=WEAK_LINE, marker="D", markerfacecolor=AMBER, linestyle="none", markersize=4,
-            label="doubtful joint",
-        )
-    )  # fmt: skip
-    figure.legend(handles=handles, loc="outside lower center", ncols=7, columnspacing=0.8)
+    for belief, words in ((CARE, "joint to believe with care"), (NOT, "joint not to believe")):
+        mark = BELIEF_MARKS[belief]
+        handles.append(
+            Line2D(
+                [], [], color=mark.edge, marker=mark.shape, markerfacecolor=mark.face, linestyle="none",
+                markersize=4, label=words,
+            )
+        )  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, columnspacing=0.8)
     return figure, _caption(recording, int(motion.frame[0]), groups, chains, window)
 
 
@@ -94,9 +97,9 @@ def _draw_view(axes: Axes, view: View, chains: list[Chain], receivers_mm: Array)
         )
         bones.set_clip_path(box)
     for point, look in looks_of_points(chains):
-        shape, edge, face, size = look.marker if look else "o", look.colour if look else INK, PAPER, 3.0
-        if point.status == "weak":
-            shape, edge, face, size = "D", WEAK_LINE, AMBER, 3.4
+        shape, edge, face, size = "o", look.colour if look else INK, PAPER, 3.0
+        if point.believed != BELIEVED:
+            (shape, face, edge), size = BELIEF_MARKS[point.believed], 3.4
         elif point.name.endswith("_tip"):
             size = 2.2
         if view.window.holds(point):
@@ -135,17 +138,18 @@ def _caption(
             if not window.holds(p)
         ]
         absent = dict.fromkeys(name for chain in chains[models[0]] for name in chain.absent)
-        weak = [point.name for point in points.values() if point.status == "weak"]
+        doubted = [point.name for point in points.values() if point.believed == NOT]
         parts = [listed(models)]
-        parts += [f"doubtful: {listed(weak)}"] if weak else []
+        parts += [f"not to be believed: {listed(doubted)}"] if doubted else []
         parts += [f"outside the picture: {listed(outside)}"] if outside else []
         parts += [f"without a place: {listed(absent)}"] if absent else []
         sentences.append(f"{'; '.join(parts)}.")
     side = "thumb's side, with the back of the hand to the " + recording.hand.hand
     return (
-        f"Skeletons of {recording_text(recording)}, at frame {frame} (n = 1 frame, that with most valid "
-        f"receivers nearest to the recording's middle). Left: from the back of the hand; right: from the "
-        f"{side}. Lengths in mm, one scale in all panels. Joints stand where their receivers carry them and "
+        f"Skeletons of {recording_text(recording)}, at frame {frame} (n = 1 frame, of those with most "
+        f"valid receivers the one in which the hand is most open). Left: from the back of the hand; right: "
+        f"from the {side}. Lengths in mm, one scale in all panels. Joints stand where their receivers carry "
+        "them and "
         "tips at the distal receivers, those of a fitted hand where the fit poses its bones. Models with "
         "equal joints share a panel. " + lettered(sentences)
     )

@@ -11,9 +11,16 @@ from matplotlib.figure import Figure
 from schemas.errors import InputError
 from schemas.results import STUDY_FIGURES
 from schemas.study import Recording, path_token
+from stages.report.movement_page.movement_results import read_movement
 from stages.report.print_figures.drawing import Drawing, NoDataError, drawn
 from stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
 from stages.report.print_figures.models import models_by_digit, paired_differences
+from stages.report.print_figures.movement import (
+    agreement,
+    group_differences,
+    movement_curves,
+    ranges_of_motion,
+)
 from stages.report.print_figures.over_time import joint_angles, tip_error
 from stages.report.print_figures.skeletons import skeletons
 from stages.report.study_results import StudyResults
@@ -27,6 +34,13 @@ def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
         "joint-errors": partial(joint_errors, results),
         "bone-lengths": partial(bone_lengths, results),
         "joint-trust": partial(joint_trust, results),
+    }
+    movement = read_movement(results)
+    draw |= {
+        "ranges-of-motion": partial(ranges_of_motion, results, movement),
+        "group-differences": partial(group_differences, results, movement),
+        "movement-curves": partial(movement_curves, results, movement),
+        "bland-altman": partial(agreement, results, movement),
     }
     for name in STUDY_FIGURES:
         yield drawn(name, draw[name])

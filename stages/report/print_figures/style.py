@@ -170,7 +170,7 @@ def _characters() -> frozenset[int]:
 
 def dots(axes: Axes, x: Array, y: Array, colour: str) -> None:
     """Translucent round dots at x, y, each (n,), smaller where they are many."""
-    size = 2.4 if len(x) <= MANY else 1.5
+    size = 3.4 if len(x) <= MANY else 2.0
     axes.plot(x, y, "o", color=colour, alpha=0.6, markersize=size, markeredgewidth=0.0, clip_on=False)
 
 

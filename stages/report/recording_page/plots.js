@@ -240,10 +240,11 @@ class Plots {
     this.steps = Object.fromEntries(viewer.header.blocks.map(({name, step}) => [name, step]));
     this.plots = {};
     for (const element of root.querySelectorAll("[data-plot]")) {
-      this.plots[element.dataset.plot] = new Plot(element, element.dataset.plot === "errors" ? 62 : 96);
+      this.plots[element.dataset.plot] = new Plot(element, element.dataset.plot === "angles" ? 96 : element.dataset.plot === "posed" ? 40 : 62);
     }
     this.all = Object.values(this.plots);
-    this.known = this.rows.map((_, m) => viewer.digits.map((_, d) => summary(this.error(m, d), viewer.last + 1)));
+    const known = (m, kind) => viewer.digits.map((_, d) => this.has(m, kind) && summary(this.error(m, d, kind), viewer.last + 1));
+    this.known = Object.fromEntries(["errors", "posed"].map((kind) => [kind, this.rows.map((_, m) => known(m, kind))]));
     this.choose(viewer.shown);
     this.listJoints();
     this.listen();
@@ -258,7 +259,10 @@ class Plots {
 
   mark(model) { return this.rows[model].querySelector("[data-mark]").getAttribute("d"); }
 
-  error(model, digit) { return series(this.viewer.blocks[`errors${model}`], digit); }
+  /* kind: errors, of the replay, or posed, of a fitted hand: two quantities, each in a plot of its own. */
+  has(model, kind) { return `${kind}${model}` in this.viewer.blocks; }
+
+  error(model, digit, kind = "errors") { return series(this.viewer.blocks[`${kind}${model}`], digit); }
 
   angle(part) {
     const own = Number(this.part["angle-model"].value);
@@ -288,28 +292,34 @@ class Plots {
   paint() {
     this.waiting ??= requestAnimationFrame(() => {
       this.waiting = undefined;
-      const style = getComputedStyle(this.root), read = (name) => style.getPropertyValue(name).trim();
-      const colours = Object.fromEntries(["paper", "ink", "soft", "rule"].map((name) => [name, read(`--${name}`)]));
-      this.plots.errors.draw(this.errorStrips(read), this.time, colours);
-      this.plots.angles?.draw(this.angleStrips(read), this.time, colours);
-      this.rows.forEach((row, m) => row.classList.toggle("off", !this.boxes[m].checked));
-      this.follow();
+      this.paintNow();
     });
   }
 
-  errorStrips(read) {
-    const chosen = this.chosen, known = chosen.flatMap((m) => this.known[m].filter(Boolean));
+  paintNow() {
+    const style = getComputedStyle(this.root), read = (name) => style.getPropertyValue(name).trim();
+    const colours = Object.fromEntries(["paper", "ink", "soft", "rule"].map((name) => [name, read(`--${name}`)]));
+    this.plots.errors.draw(this.errorStrips(read, "errors", "tip error [mm]"), this.time, colours);
+    this.plots.posed?.draw(this.errorStrips(read, "posed", "posed hand to distal receiver [mm]"), this.time, colours);
+    this.plots.angles?.draw(this.angleStrips(read), this.time, colours);
+    this.rows.forEach((row, m) => row.classList.toggle("off", !this.boxes[m].checked));
+    this.follow();
+  }
+
+  errorStrips(read, kind, what) {
+    const of = kind === "errors" ? this.chosen : this.rows.map((_, m) => m);
+    const chosen = of.filter((m) => this.has(m, kind)), known = chosen.flatMap((m) => this.known[kind][m].filter(Boolean));
     const high = max(.1, ...known.map((own) => own.high));
     const {log} = this.part, dwarfed = high / min(...known.map((own) => max(own.median, LOG_FLOOR_MM))) > LOG_RATIO;
-    if (!this.scaled) log.checked = dwarfed;
+    if (!this.scaled && kind === "errors") log.checked = dwarfed;
     const low = max(LOG_FLOOR_MM, min(...known.map((own) => own.floor)));
-    const logarithmic = log.checked && high > low;
+    const logarithmic = kind === "errors" && log.checked && high > low;
     const scale = logarithmic ? {low, high: high * 1.1} : {low: 0, high: high * 1.02};
     scale.ticks = logarithmic ? logSteps(scale.low, scale.high) : steps(0, scale.high, 2);
     return this.viewer.digits.map((digit, d) => ({
-      ...scale, logarithmic, title: d ? digit : `${digit}: tip error [mm]`,
+      ...scale, logarithmic, title: d ? digit : `${digit}: ${what}`,
       lines: chosen.map((m, n) => ({
-        at: this.error(m, d), known: this.known[m][d], colour: read(`--model${this.place(m) % 7}`),
+        at: this.error(m, d, kind), known: this.known[kind][m][d], colour: read(`--model${this.place(m) % 7}`),
         mark: this.mark(m), phase: n / chosen.length,
       })),
     }));
@@ -322,7 +332,7 @@ class Plots {
       const lacking = max(0, LEAST_SPAN_DEG - (known.high - known.low)) / 2 + (known.high - known.low) * .04;
       const [low, high] = [known.low - lacking, known.high + lacking];
       const title = `${part ? "" : `${joint}: `}${angle} [deg], ${SENSES[part]}`;
-      return {title, low, high, ticks: steps(low, high, 3), lines: [{at, known: known.median !== undefined, colour: read("--accent")}]};
+      return {title, low, high, ticks: steps(low, high, 3), lines: [{at, known: known.median !== undefined, colour: read("--ink")}]};
     });
   }
 
@@ -362,6 +372,7 @@ class Plots {
     part["error-where"].textContent = `Tip error [mm] at ${where}`;
     const errors = this.chosen.map((m) => `${viewer.header.skeletons[m].model}: ${said[m].join(", ")} mm`);
     this.value(this.plots.errors, index, `${where}; ${errors.join("; ")}`);
+    if (this.plots.posed) this.tellPosed(index, where);
     if (!this.plots.angles) return;
     const step = this.steps[`angles${this.part["angle-model"].value}`];
     const angles = ANGLES.map((angle, part) => {
@@ -370,6 +381,19 @@ class Plots {
     });
     part["angle-where"].textContent = `${where}: ${angles.join(", ")}`;
     this.value(this.plots.angles, index, `${part.joint.selectedOptions[0].text}, ${part["angle-where"].textContent}`);
+  }
+
+  tellPosed(index, where) {
+    const posed = this.rows.flatMap((row, m) => {
+      if (!this.has(m, "posed")) return [];
+      const said = this.viewer.digits.map((digit, d) => {
+        const mm = this.error(m, d, "posed")(index);
+        return `${digit} ${isNaN(mm) ? "–" : mm.toFixed(decimals(this.steps[`posed${m}`]))}`;
+      });
+      return [`${this.viewer.header.skeletons[m].model}: ${said.join(", ")} mm`];
+    });
+    this.part["posed-where"].textContent = `${where}; ${posed.join("; ")}`;
+    this.value(this.plots.posed, index, this.part["posed-where"].textContent);
   }
 
   value({element}, index, words) {
@@ -410,6 +434,7 @@ class Plots {
       for (const select of [part["angle-model"], part.joint]) on(select, "change", () => this.paint());
     }
     on(matchMedia("(prefers-color-scheme: dark)"), "change", () => this.paint());
+    on(matchMedia("print"), "change", () => this.paintNow()); // paper has its own colours, and waits for no frame
     const size = new ResizeObserver(() => this.paint());
     for (const plot of this.all) {
       size.observe(plot.element);

@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from schemas.study import Recording
-from stages.report.hand_motion import HandMotion
+from stages.report.belief import belief
+from stages.report.hand_motion import Array, HandMotion
 from stages.report.links import navigation
+from stages.report.measured_ranges import measured_ranges, measured_table, of_recording
 from stages.report.palette import MARK_PATHS, model_looks
 from stages.report.pictures.joint_rows import Range, range_picture, singular_value_picture
 from stages.report.pictures.tip_error_strips import hidden_lines, thinned_traces, tip_error_picture
 from stages.report.recording_results import ANGLES, JointAngles, ModelResults, RecordingResults, angles_of
 from stages.report.skeleton_stills import Figure
-from stages.report.skeleton_tables import STATUS
 from stages.report.study_results import Row
 from stages.report.table_cells import (
     Column,
     DataTable,
-    alike,
     counted,
-    listed,
     number,
     number_column,
     table_of,
     text_column,
 )
 from stages.report.templates import render
+from stages.report.trust import believed_counts
 from stages.report.viewer.packed_motion import Block
 from stages.report.viewer.view import View, view_of
 
@@ -59,10 +59,11 @@ def recording_page(results: RecordingResults) -> str:
         view=None if motion is None else _view(title, motion, angles),
         every=1 if motion is None else motion.every,
         still=None if motion is None else _tip_error_still(title, list(results.study.models), motion),
+        posed=None if motion is None else _posed_still(title, list(results.study.models), motion),
         angles=angles,
         marks=list(MARK_PATHS.values()),
         tip_errors=tip_error_table(f"Tip error of the replay in numbers: {title}.", results.models),
-        ranges=[_range_part(title, model) for model in results.models if model.angles is not None],
+        ranges=[_range_part(results, title, model) for model in results.models if model.angles is not None],
         evidence=[_evidence_part(title, model) for model in results.models],
     )
 
@@ -94,24 +95,38 @@ def _view(title: str, motion: HandMotion, angles: list[JointAngles]) -> View:
 
 
 def _tip_error_still(title: str, study_models: Sequence[str], motion: HandMotion) -> Figure:
-    """Tip error over time as a still picture: a strip a digit, a line a model."""
+    """Tip error of the replay over time as a still picture."""
+    of_model = {own.model: own.tip_error_mm for own in motion.skeletons}
+    caption = "From the replayed fingertip to its receiver, least-squares binding"
+    return _still(f"Tip error over time, {title}", caption, study_models, motion, of_model)
+
+
+def _posed_still(title: str, study_models: Sequence[str], motion: HandMotion) -> Figure | None:
+    """How far posed hands miss the distal receivers over time; None without a fitted hand."""
+    of_model = {s.model: s.posed_error_mm for s in motion.skeletons if s.posed_error_mm is not None}
+    caption = "From where the hand posed with all receivers puts the distal receiver to where it is"
+    name = f"Posed hand and distal receivers over time, {title}"
+    return _still(name, caption, study_models, motion, of_model) if of_model else None
+
+
+def _still(
+    name: str, caption: str, study_models: Sequence[str], motion: HandMotion, of_model: Mapping[str, Array]
+) -> Figure:
+    """Errors (T, D) by model over time as a still picture: a strip a digit, a line a model."""
     errors = {
-        digit: {own.model: own.tip_error_mm[:, index] for own in motion.skeletons}
+        digit: {model: values[:, index] for model, values in of_model.items()}
         for index, digit in enumerate(motion.digits)
     }
     traces = thinned_traces(motion.frame, motion.time_s, errors)
-    looks = model_looks(study_models)
-    kinds = {own.model: own.error_is for own in motion.skeletons}
-    caption = "; ".join(f"{listed(models)}: {kinds[models[0]]}" for models in alike(kinds))
-    hidden = hidden_lines(traces, [own.model for own in motion.skeletons])
+    hidden = hidden_lines(traces, list(of_model))
     return Figure(
         f"{caption}. Of every stretch of time the largest error",
-        tip_error_picture(f"Tip error over time, {title}", traces, looks),
+        tip_error_picture(name, traces, model_looks(study_models)),
         (hidden,) if hidden else (),
     )
 
 
-def _range_part(title: str, model: ModelResults) -> dict[str, Any]:
+def _range_part(results: RecordingResults, title: str, model: ModelResults) -> dict[str, Any]:
     """The range of motion under one model: a chart an angle, and the numbers."""
     assert model.angles is not None
     ranges, joints = angle_ranges(model.angles), model.angles.joints
@@ -127,7 +142,10 @@ def _range_part(title: str, model: ModelResults) -> dict[str, Any]:
         for angle in ANGLES
     ]
     table = range_table(f"Range of motion in this recording, {model.name}.", ranges, model.joints)
-    return {"model": model.name, "figures": figures, "table": table}
+    rows = of_recording(measured_ranges(results.study, results.recording.hand, model.name), results.recording)
+    caption = f"Range of motion, posture and speed with stated 1-sigma errors, {model.name}."
+    measured = measured_table(caption, rows, with_recording=False) if rows else None
+    return {"model": model.name, "figures": figures, "table": table, "measured": measured}
 
 
 def _evidence_part(title: str, model: ModelResults) -> dict[str, Any]:
@@ -144,8 +162,7 @@ def _evidence_part(title: str, model: ModelResults) -> dict[str, Any]:
                 [row["singular_values"] for row in solved],
             ),
         )
-    doubtful = sum(row["status"] != "ok" for row in model.joints)
-    summary = f"{model.name}: {counted(len(model.joints), 'joint')}, {doubtful or 'none'} of them doubtful"
+    summary = f"{model.name}: {counted(len(model.joints), 'joint')}; {believed_counts(model.joints)}"
     table = evidence_table(f"What the calibration says of each joint, {model.name}.", model)
     return {"summary": summary, "chart": chart, "table": table}
 
@@ -212,7 +229,7 @@ def evidence_table(caption: str, model: ModelResults) -> DataTable:
     ]
     columns = (
         text_column("Joint", "joint"),
-        STATUS,
+        Column("Believe it?", belief, is_text=True),
         number_column("Gap rms [mm]", "gap_rms_mm"),
         number_column("Free gap rms [mm]", "gap_rms_free_mm"),
         number_column("SD of the centre [mm]", "sd_mm"),

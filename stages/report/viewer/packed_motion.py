@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skeleton.posing import Seat
+from stages.report.belief import BELIEFS
 from stages.report.hand_motion import Array, HandMotion, JointAxis, SkeletonMotion, seen, shown_first, upright
 
 POSITION_STEP_MM = 0.05
@@ -109,6 +110,8 @@ def _blocks(motion: HandMotion) -> list[Block]:
         if skeleton.seats is None:
             blocks.append(Block(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
         blocks.append(Block(f"errors{index}", ERROR_STEP_MM, _near(skeleton.tip_error_mm[..., None])))
+        if skeleton.posed_error_mm is not None:
+            blocks.append(Block(f"posed{index}", ERROR_STEP_MM, _near(skeleton.posed_error_mm[..., None])))
     return blocks
 
 
@@ -185,10 +188,9 @@ def _skeleton(motion: HandMotion, skeleton: SkeletonMotion) -> dict[str, Any]:
         "points": skeleton.points,
         "tips": [skeleton.points.index(f"{digit}_tip") for digit in motion.digits],
         "sd": [round(float(sd), 2) if np.isfinite(sd) else None for sd in skeleton.sd_mm],
-        "status": skeleton.status,
+        "belief": [BELIEFS.index(each) for each in skeleton.believed],
         "bones": [(b.start, b.end, b.digit, b.level, b.shared) for b in skeleton.bones],
         "axes": [_axis(motion, axis) for axis in skeleton.axes if axis.segment in motion.receivers],
-        "errorIs": skeleton.error_is,
         "seats": None if skeleton.seats is None else [_seat(motion, seat) for seat in skeleton.seats],
     }
 

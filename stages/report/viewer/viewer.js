@@ -168,7 +168,7 @@ function isSlow() {
 class Painter {
   constructor(canvas) {
     this.slow = isSlow();
-    const gl = this.gl = canvas.getContext("webgl2", {antialias: !this.slow});
+    const gl = this.gl = canvas.getContext("webgl2", {antialias: !this.slow, preserveDrawingBuffer: true});
     if (!gl) throw new Error("this browser shows no WebGL 2");
     this.prepare();
   }
@@ -327,7 +327,7 @@ class HandViewer {
       const hex = style.getPropertyValue(`--${name}`).match(/[0-9a-f]{2}/gi);
       return hex.map((part) => parseInt(part, 16) / 255);
     };
-    this.colours = {bone: read("bone"), plain: read("plain"), weak: read("amber")};
+    this.colours = {bone: read("bone"), plain: read("plain"), beliefs: [null, read("amber"), read("no")]};
     for (const [name, n] of [["digit", 5], ["model", 7], ["error", 7], ["axis", 3]]) {
       this.colours[name] = Array.from({length: n}, (_, i) => read(name + i));
     }
@@ -352,7 +352,7 @@ class HandViewer {
   }
 
   addSkeleton(s, together, base, add) {
-    const {points, bones, sd, status, tips} = this.skeletons[s], {colours} = this, by = this.part.colour.value;
+    const {points, bones, sd, belief, tips} = this.skeletons[s], {colours} = this, by = this.part.colour.value;
     const places = points.map((_, i) => this.seen(this.place(s, i), base)), slim = by === "sd" ? .55 : 1;
     const errors = this.digits.map((_, d) => this.class(this.error(s, d)));
     const balls = points.map(() => [0, colours.plain]);
@@ -375,7 +375,7 @@ class HandViewer {
       // A ball that stands for a number is as large as viewer.html.j2 says in words.
       const digit = tips.indexOf(i), mm = {sd: sd[i], tip: digit < 0 ? undefined : this.error(s, digit)}[by];
       if (mm !== undefined) [size, colour] = [3 + min(8, mm || 0), this.class(mm)];
-      else colour = by === "digit" && status[i] === "weak" ? colours.weak : colour.map((part) => part * .8 + .2);
+      else colour = (by === "digit" && colours.beliefs[belief[i]]) || colour.map((part) => part * .8 + .2);
       add("ball", place, place, [size, size], colour);
     });
   }
@@ -418,14 +418,19 @@ class HandViewer {
 
   placeLabels(parts, base, {turn, centre, pan, distance}) {
     const shown = this.pictures().map(([first]) => first), labels = this.part.labels.children;
-    const n = this.digits.length;
+    const n = this.digits.length, taken = [];
     for (let i = 0; i < labels.length; i++) {
       const picture = floor(i / n), part = parts[picture], s = shown[picture];
       labels[i].hidden = !part || !this.part.names.checked;
       if (labels[i].hidden) continue;
       const tip = this.seen(this.place(s, this.skeletons[s].tips[i % n]), base), p = apply(turn, minus(tip, centre));
       const pixels = part[3] / (2 * FIELD * (distance - p[2]));
-      const x = part[0] + part[2] / 2 + (p[0] - pan[0]) * pixels, y = part[3] / 2 - (p[1] - pan[1]) * pixels;
+      const x = part[0] + part[2] / 2 + (p[0] - pan[0]) * pixels, wide = 3.4 * this.digits[i % n].length + 3;
+      let y = part[3] / 2 - (p[1] - pan[1]) * pixels;
+      // A name that would lie on another goes above it.
+      const hit = () => taken.find((own) => Math.abs(own.x - x) < own.wide + wide && Math.abs(own.y - y) < 13);
+      for (let other = hit(); other; other = hit()) y = other.y - 13;
+      taken.push({x, y, wide});
       labels[i].hidden = !(x > part[0] && x < part[0] + part[2] && y > 0 && y < part[3]);
       labels[i].style.transform = `translate(${x.toFixed(1)}px,${y.toFixed(1)}px)`;
     }
@@ -557,9 +562,6 @@ class HandViewer {
       part[`name${i}`].textContent = part[`key${i}`].textContent = shown[i]?.model;
       part[`mark${i}`].style.setProperty("--mark", `var(--model${(shown[i]?.place ?? 0) % 7})`);
     }
-    const same = shown.every(({errorIs}) => errorIs === shown[0].errorIs);
-    const said = shown.map(({model, errorIs}) => (same ? errorIs : `${model}: ${errorIs}`));
-    part.errors.textContent = `mm, ${[...new Set(said)].join("; ")}`;
     part.axes.disabled = !axes.length;
     part.planes.disabled = axes.every(({plane}) => plane === null);
     part.ball.textContent = colour === "tip" ? "fingertip" : "joint";
@@ -583,6 +585,10 @@ class HandViewer {
     on(root, "change", () => this.describe());
     on(root, "keydown", (event) => this.key(event));
     on(matchMedia("(prefers-color-scheme: dark)"), "change", () => this.readColours());
+    on(matchMedia("print"), "change", () => {
+      this.readColours();
+      this.draw(); // paper waits for no frame
+    });
     new ResizeObserver(() => this.wake()).observe(this.canvas);
     on(this.canvas, "webglcontextlost", (event) => event.preventDefault());
     on(this.canvas, "webglcontextrestored", () => this.wake(this.painter.prepare()));

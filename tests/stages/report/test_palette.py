@@ -37,6 +37,13 @@ def test_colours_are_apart_to_every_reader(hues: tuple[str, ...], theme: int, vi
     assert min(np.linalg.norm(seen[a] - seen[b]) for a, b in combinations(hues, 2)) > 15
 
 
+@pytest.mark.parametrize("vision", VISION)
+@pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
+def test_no_model_looks_like_a_digit(theme: int, vision: str) -> None:
+    models, digits = ([lab(HUES[hue][theme], vision) for hue in hues] for hues in (MODEL_HUES, DIGIT_HUES))
+    assert min(np.linalg.norm(model - digit) for model in models for digit in digits) > 10
+
+
 def test_models_differ_in_colour_or_mark() -> None:
     names = [f"model {n}" for n in range(len(MODEL_HUES) * len(MARKERS))]
     assert len(set(model_looks(names).values())) == len(names)

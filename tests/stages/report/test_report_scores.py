@@ -14,13 +14,16 @@ from report_samples.read_page import ReadTable, read_page, rows_where, table_cal
 from report_samples.rendered import whole_report
 
 from schemas.catalogue import CALIBRATION_ADVICE, GAINS, JOINT_ERRORS, RECEIVERS, SKELETON_SCORES
+from schemas.findings import STAGE
 from schemas.model import read_model
 from schemas.study import Study, read_study
 from schemas.tables import Provenance, write_failure
-from stages.report.headline import headline
-from stages.report.score_tables import OF_A_DIGIT, score_table
+from stages.report.belief import BELIEVED, belief
+from stages.report.headline import headline, opening
+from stages.report.score_tables import LEFT_OUT, OF_A_DIGIT, score_table
 from stages.report.study_results import StudyResults, read_results
 from stages.report.terminal import WIDTH, terminal_tables
+from stages.report.trust import study_beliefs
 
 SCORES = "Mean over digits and hands: subject S01, opposition."
 TRUTH = "Distance of the joints from the true ones, both hands: subject S01."
@@ -43,26 +46,29 @@ def _truth_table(page: str) -> ReadTable:
 
 
 def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -> None:
-    """Held-out rows, in-sample rows, references; every cell the mean over both hands' digits."""
+    """Held-out rows and references, in-sample rows apart; every cell the mean over both hands' digits."""
     table = table_called(fitted_page, SCORES)
+    seen = table_called(fitted_page, f"In-sample, m{SCORES[1:]}")
+    assert [row[:3] for row in seen.rows[1:]] == [
+        ["paper-fig4", "opposition", "○ no"],
+        ["whole-hand", "opposition", "○ no"],
+    ]
     assert [row[:3] for row in table.rows] == [
         ["Skeleton", "Made from", "Held out"],
         ["paper-fig4", "rom", "yes"],
         ["whole-hand", "rom", "yes"],
-        ["paper-fig4", "opposition", "○ no"],
-        ["whole-hand", "opposition", "○ no"],
         ["Reference", "Made from", "Held out"],
         ["prior-only", "–", "–"],
         ["distal-receiver", "–", "–"],
         ["true-skeleton", "–", "–"],
     ]
     names = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg")
-    for cells in (row for row in table.rows if row[1] != "Made from"):
+    for cells in (row for row in [*table.rows, *seen.rows] if row[1] != "Made from"):
         made_from = "" if cells[1] == "–" else cells[1]
         rows = rows_where(fitted.scores, model=cells[0], calibrated_on=made_from)
         expected = [_mean(rows, name) for name in (*names, "true_tip_mean_mm")]
-        if cells[0] in ("paper-fig4", "true-skeleton"):  # never posed: its replay stands there again
-            expected[2] = f"({expected[2]})"
+        if cells[0] in ("paper-fig4", "true-skeleton"):  # never posed, so nothing was left out of a pose
+            expected[2] = "–"
         assert cells[3:] == expected
 
 
@@ -102,10 +108,9 @@ def test_scores_digit_by_digit(fitted: StudyResults, fitted_page: str) -> None:
     for row in rows:
         seen = "–" if row["reference"] else "yes" if row["held_out"] else "○ no"
         (cells,) = [cells for cells in block if (cells[0], cells[2]) == (row["model"], seen)]
-        numbers = [row[score.name] for score in OF_A_DIGIT]
-        assert [cell.strip("()") for cell in cells[3:-2]] == [
-            "–" if n is None else f"{n:.2f}" for n in numbers
-        ]
+        posed = row["posed_mean_mm"] is not None
+        numbers = [row[score.name] if posed or score.name not in LEFT_OUT else None for score in OF_A_DIGIT]
+        assert cells[3:-2] == ["–" if n is None else f"{n:.2f}" for n in numbers]
         assert cells[-2:] == [str(row["n_frames"]), row["message"]]
     right = table_called(fitted_page, caption.replace("left", "right"))
     assert right.rows[0][-1] == "Frames"  # no message, no column for it
@@ -170,16 +175,16 @@ def test_advice_names_what_should_move(fitted_page: str) -> None:
     assert "All 15 joints move enough in the calibration recordings." in text
 
 
-def test_the_best_five_gains_are_told_in_words(fitted_page: str) -> None:
-    """What to measure, how well, and what that does; the table's sixth row is left to the table."""
+def test_the_best_gains_are_told_in_words(fitted_page: str) -> None:
+    """What to measure, how well, and what that does; the other rows are left to the table."""
     text = _text(fitted_page)
     first = (
         "Measuring how far to the side of the middle finger's proximal phalanx its receiver sits to 0.4 mm "
         "would take its MCP from 1.9 to 1.0 mm (the mean of all joints from 1.26 to 1.21 mm)."
     )
     assert text.count(first) == 2
-    assert text.count("would take its") == 10
-    assert "What one more measurement on the hand would gain with whole-hand, the best 5 of 6:" in text
+    assert text.count("would take its") == 6
+    assert "What one more measurement on the hand would gain with whole-hand, the best 3 of 6:" in text
 
 
 def test_what_fewer_receivers_cost_is_a_table(fitted_page: str) -> None:
@@ -237,7 +242,7 @@ def test_failed_tables_join_the_problems(tmp_path: Path) -> None:
 
 
 def test_headline_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
-    """Four sentences: recordings, held-out error, joints beside the paper's, doubts."""
+    """Recordings, held-out error, joints beside the paper's."""
     mine = rows_where(fitted.scores, model="whole-hand", held_out=True)
     joints = [
         [row["error_mm"] for row in rows_where(fitted.joint_errors, model=model, calibrated_on="rom")]
@@ -252,9 +257,26 @@ def test_headline_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
         f"was not told, by {_mean(mine, 'left_out_mean_mm')} mm on average (anatomy alone, without data: "
         f"6.72 mm). Made from rom, its joints are {np.median(ours):.1f} mm from the true ones in the median "
         f"and 0 of 29 are more than 5 mm off; those of paper-fig4 {np.median(theirs):.1f} mm and {far} of 29."
-        " Doubtful: 1 weak and 1 failed of 40 joints (whole-hand); see “Which joints to believe” for the "
-        "reasons."
     )
+
+
+def test_the_opening_says_which_how_good_and_what_next(fitted: StudyResults) -> None:
+    """Every joint is in one of the three lists; what to do next follows from findings, then from advice."""
+    text = opening(fitted)
+    rows = rows_where(fitted.joints, model="whole-hand")
+    believed = [row["sd_mm"] for row in rows if belief(row) == BELIEVED]
+    beliefs = study_beliefs(fitted, "whole-hand")
+    count = sum(each == BELIEVED for each in beliefs.values())
+    assert text.startswith(
+        f"{count} of {len(beliefs)} joints can be believed in both hands, as whole-hand places them, "
+        f"typically to {np.median(believed):.1f} mm: "
+    )
+    assert "Not: DIP of ring and little." in text
+    assert "Next: let DIP of little move more when calibrating (1 of 2 hands)." in text
+    finding = {"subject": "S01", "session": "", "hand": "right", "stage": STAGE, "severity": "refused"}
+    assert "Next: settle what is found below" in opening(replace(fitted, problems=[finding]))
+    enough = [row | {"advice": "enough"} for row in fitted.advice]
+    assert "Next: nothing has to be recorded again" in opening(replace(fitted, advice=enough))
 
 
 def test_headline_without_truth_or_held_out_rows(fitted: StudyResults) -> None:

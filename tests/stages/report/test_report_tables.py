@@ -45,7 +45,7 @@ def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
         assert [row[0] for row in mine.rows] == [row[0] for row in printed.rows]
 
 
-def test_headline_names_means_and_doubts(results: StudyResults) -> None:
+def test_headline_names_means(results: StudyResults) -> None:
     """The means are over all digits and hands, best and worst told; nothing was held out, and it says so."""
     means = mean_tip_errors(results, held_out=False)
     mine = rows_where(results.tip_errors, model="rigid", binding="least-squares")
@@ -55,7 +55,6 @@ def test_headline_names_means_and_doubts(results: StudyResults) -> None:
     best, worst = sorted(means, key=lambda model: means[model])[:: len(means) - 1]
     assert f"between {means[best]:.2f} mm ({best}) and {means[worst]:.2f} mm ({worst}) on average" in text
     assert "(nothing is held out)" in text
-    assert "1 weak and 1 failed of 48 joints" in text
 
 
 def test_terminal_tables_fit_and_hold_the_numbers(results: StudyResults) -> None:

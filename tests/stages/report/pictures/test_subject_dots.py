@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stages.report.palette import DIGITS
+from stages.report.palette import MODELS, Look
 from stages.report.pictures.subject_dots import (
     MOST_NAMED,
     Panel,
@@ -20,6 +20,7 @@ from stages.report.pictures.subject_dots import (
     value_scale,
 )
 
+LOOK = Look(MODELS[0], "s")
 NUMBERS = st.lists(st.floats(-500.0, 500.0).map(lambda value: round(value, 3)), min_size=1, max_size=40)
 
 
@@ -79,11 +80,11 @@ def test_every_subject_is_drawn(n: int) -> None:
     """A dot a number, over its value; subjects are named while they are few."""
     scale = value_scale(np.arange(1.0, n + 1))
     strips = [
-        Strip("a & b", {f"S{k}": k + 1.0 for k in range(n)}),
-        Strip("c", {"S0": 1.0}),
-        Strip("none", {}),
+        Strip("a & b", LOOK, {f"S{k}": k + 1.0 for k in range(n)}),
+        Strip("c", LOOK, {"S0": 1.0}),
+        Strip("none", LOOK, {}),
     ]
-    (picture,) = draw_panels([Panel("Thumb", "Thumb <1>", DIGITS[0], strips)], scale, "mm", n).pictures
+    (picture,) = draw_panels([Panel("Thumb", "Thumb <1>", strips)], scale, "mm", n).pictures
     found = places(picture)
     assert len(found) == n + 1
     assert picture.count("<title>S") == (n if n <= MOST_NAMED else 0)
@@ -98,7 +99,7 @@ def test_every_subject_is_drawn(n: int) -> None:
 
 def test_dots_stand_over_their_numbers() -> None:
     """Where the grid has its line for the number, and the number is written below that."""
-    panel = Panel("Thumb", "Thumb", DIGITS[0], [Strip("one", {"S0": 4.0})])
+    panel = Panel("Thumb", "Thumb", [Strip("one", LOOK, {"S0": 4.0})])
     (picture,) = draw_panels([panel], value_scale(np.array([0.0, 10.0])), "mm", 1).pictures
     written = {
         text: float(x) for x, text in re.findall(r'<text[^>]* x="([\d.]+)"[^>]*>(\d+)</text>', picture)
@@ -111,7 +112,7 @@ def test_rows_have_room_for_the_most_crowded_panel() -> None:
     same = {f"S{k}": 5.0 for k in range(9)}
     apart = {name: 10.0 * k for k, name in enumerate(same)}
     panels = [
-        Panel("Thumb", f"Thumb {k}", DIGITS[0], [Strip("one", crowded), Strip("two", apart)])
+        Panel("Thumb", f"Thumb {k}", [Strip("one", LOOK, crowded), Strip("two", LOOK, apart)])
         for k, crowded in enumerate((same, apart))
     ]
     pictures = draw_panels(panels, value_scale(np.array([1.0, 100.0])), "mm", 9).pictures
@@ -119,5 +120,5 @@ def test_rows_have_room_for_the_most_crowded_panel() -> None:
         [float(y) for y in re.findall(r'class="model">.*? y="([\d.]+)"', picture)] for picture in pictures
     ]
     assert rows[0] == rows[1]
-    border = 80.0
+    border = 110.0
     assert (places(pictures[0])[:, 1] < border).sum() == 9

@@ -77,12 +77,10 @@ def test_the_picture_has_a_strip_a_digit_and_a_line_a_model() -> None:
     errors = {"thumb": {"a": error, "b": error, "c": broken + 1}, "ring <4>": {"a": np.full(300, np.nan)}}
     traces = thinned_traces(np.arange(300), np.arange(300) / 240, errors)
     picture = tip_error_picture("t", traces, model_looks(["a", "b", "c", "unused"]))
-    for text in ("thumb", "ring &lt;4&gt;", "no tip error", "device time [s]", "a", "b", "c"):
+    for text in ("thumb", "ring &lt;4&gt;", "not known", "device time [s]", "a", "b", "c"):
         assert f">{text}<" in picture
     assert ">unused<" not in picture
-    lines = [
-        path for path in picture.split("<path") if "stroke:var(--green)" in path and path.count("L") > 50
-    ]
+    lines = [path for path in picture.split("<path") if "stroke:var(--moss)" in path and path.count("L") > 50]
     assert [path.count("M") for path in lines] == [2]
     assert hidden_lines(traces, ["a", "b", "c"]) == "Equal, so that the last hides the others: a and b."
     one = thinned_traces(np.arange(1), np.zeros(1), {"thumb": {"a": np.ones(1)}})

@@ -9,7 +9,7 @@ from schemas.catalogue import JOINT_ANGLES, TIPS
 from schemas.errors import InputError
 from schemas.study import Recording
 from schemas.tables import read_table
-from stages.report.palette import HUES, MODELS
+from stages.report.palette import MODELS
 from stages.report.print_figures.over_time import joint_angles, tip_error
 from stages.report.print_figures.skeletons import skeletons
 from stages.report.print_figures.study_figures import find_recording
@@ -45,11 +45,10 @@ def test_skeletons_show_every_joint_and_name_what_they_cannot(results: StudyResu
         figure, caption = skeletons(results, spoiled)
     assert len(figure.axes) >= 3
     assert (
-        "(a) paper-fig3-rest and paper-fig3; doubtful: little_dip; outside the picture: little_dip ("
-        in caption
+        "(a) paper-fig3-rest and paper-fig3; not to be believed: little_dip; outside the picture: " in caption
     )
-    assert "(b) paper-fig4 and rigid; doubtful: little_dip; outside" in caption
-    assert "(c) paper-fig4-corrected; doubtful: little_dip; without a place: ring_dip." in caption
+    assert "(b) paper-fig4 and rigid; not to be believed: little_dip; outside" in caption
+    assert "(c) paper-fig4-corrected; not to be believed: little_dip; without a place: ring_dip." in caption
 
 
 def test_equal_skeletons_share_a_panel(results: StudyResults, recording: Recording) -> None:
@@ -83,7 +82,9 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
         path.unlink()
     shown = [panel for panel in figure.axes if panel.get_visible()]
     assert [panel.get_title(loc="right") for panel in shown] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
-    flexion = next(line for line in shown[0].lines if line.get_color() == HUES["blue"][0])
+    flexion = next(
+        line for line in shown[0].lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 2
+    )
     x, y = np.asarray(flexion.get_xdata(), float), np.asarray(flexion.get_ydata(), float)
     np.testing.assert_allclose(np.unique(y), 3.0 * np.arange(12))
     assert np.isclose(x[-1], 11 / 240, atol=0.6 / 240)

@@ -11,6 +11,7 @@ from report_samples.read_page import rows_where
 
 from schemas.errors import InputError
 from schemas.results import STUDY_FIGURES
+from stages.report.belief import BELIEVED, CARE, NOT, SMALL_SD_MM
 from stages.report.comparison.answers import answer
 from stages.report.comparison.questions import JOINT_ERROR, TRUE_TIP
 from stages.report.palette import MODELS as COLOURS
@@ -20,6 +21,7 @@ from stages.report.print_figures.models import models_by_digit, paired_differenc
 from stages.report.print_figures.study_figures import of_study
 from stages.report.print_figures.style import applied
 from stages.report.study_results import StudyResults
+from stages.report.trust import study_beliefs
 
 MODELS = ("paper-fig4", "whole-hand")
 
@@ -138,9 +140,20 @@ def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
         str(bars.get_label()): dict(zip(joints, (bar.get_height() for bar in bars), strict=False))
         for bars in figure.axes[-1].containers
     }
-    assert shares["no result"]["ring_dip"] == shares["failed"]["ring_dip"] == 25
-    assert (shares["ok"]["little_dip"], shares["weak"]["little_dip"]) == (50, 25)
-    assert shares["ok"]["index_pip"] == 75
+    assert shares["no result"]["ring_dip"] == shares[NOT]["ring_dip"] == 25
+    assert (shares[BELIEVED]["little_dip"], shares[NOT]["little_dip"]) == (50, 25)
+    assert shares[BELIEVED]["index_pip"] == 75
+
+
+def test_the_figure_says_of_a_joint_what_the_pages_say(results: StudyResults) -> None:
+    """A centre that is known less well is to be believed with care in both."""
+    less = [row | {"sd_mm": SMALL_SD_MM + 0.1} if row["joint"] == "wrist" else row for row in results.joints]
+    with applied():
+        figure, _ = joint_trust(replace(results, joints=less))
+    place = [label.get_text() for label in figure.axes[-1].get_xticklabels()].index("wrist")
+    heights = {bars.get_label(): bars[place].get_height() for bars in figure.axes[-1].containers}
+    assert (heights[CARE], heights[BELIEVED]) == (75, 0)
+    assert study_beliefs(replace(results, joints=less), results.leading)["wrist"] == CARE
 
 
 def test_bones_have_their_length_and_stated_error(simulated: StudyResults) -> None:

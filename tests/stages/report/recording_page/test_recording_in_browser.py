@@ -177,11 +177,14 @@ def test_the_cursor_moves_with_the_playing_hand_and_no_plot_is_drawn_anew(opened
 
 
 def test_hovering_tells_the_tables_tip_errors(opened: WatchedPage, hands: Any) -> None:
-    tables = {"paper-fig4": TIPS, "whole-hand": POSED_TIPS, "whole-hand-b": POSED_TIPS}
     tip_error_mm = {
         (model, row["digit"], row["frame"]): row["error_mm"]
-        for model, table in tables.items()
-        for row in hands.rows(model, table, task="opposition")
+        for model in hands.study.models
+        for row in hands.rows(model, TIPS, task="opposition")
+    }
+    posed_mm = {
+        (row["digit"], row["frame"]): row["error_mm"]
+        for row in hands.rows("whole-hand", POSED_TIPS, task="opposition")
     }
     for frame in (3, 120, 217):
         opened.page.mouse.move(*point(opened, frame))
@@ -193,6 +196,9 @@ def test_hovering_tells_the_tables_tip_errors(opened: WatchedPage, hands: Any) -
                 known = expected is not None and np.isfinite(expected)
                 packed = round(expected / ERROR_STEP_MM) * ERROR_STEP_MM if known else 0.0
                 assert words == (f"{packed:.2f}" if known else "–"), (model, digit, frame)
+        packed = round(posed_mm["thumb", frame] / ERROR_STEP_MM) * ERROR_STEP_MM
+        posed = opened.page.locator('[data-part="posed-where"]').inner_text()
+        assert f"whole-hand: thumb {packed:.2f}, " in posed
     assert index(opened) == 0
     opened.page.mouse.move(1, 1)
     opened.page.wait_for_timeout(200)
@@ -359,16 +365,25 @@ def test_a_finger_moves_the_hand_and_does_not_scroll_sideways(browser: Browser, 
         assert page.value(f"getComputedStyle(document.querySelector('{ERRORS}')).touchAction") == "pan-y"
 
 
-@pytest.mark.parametrize("on_paper", [True, False])
-def test_still_pictures_stand_on_paper_and_without_scripts(
-    browser: Browser, pages: Path, on_paper: bool
-) -> None:
-    with watched(browser, java_script_enabled=on_paper) as page:
+def test_paper_shows_what_the_screen_shows(browser: Browser, pages: Path) -> None:
+    """The same plots without the controls, in the colours of paper."""
+    with watched(browser, color_scheme="dark") as page:
         page.open(pages)
-        if on_paper:
-            page.wait("!!document.querySelector('.drawn')")
-            assert page.page.locator(".plots-still").is_hidden()
-            page.page.emulate_media(media="print")
+        page.wait("!!document.querySelector('.drawn')")
+        settle(page)
+        ink = "[...document.querySelector('[data-plot] canvas').getContext('2d').fillStyle].join('')"
+        on_screen = page.value(f"() => {ink}")
+        page.page.emulate_media(media="print")
+        assert page.page.locator(ERRORS).is_visible()
+        assert page.page.locator(".plots-still").first.is_hidden()
+        assert page.page.locator(".plots-tools").first.is_hidden()
+        assert page.page.locator("[data-switch]").is_hidden()
+        page.wait(f"{ink} !== '{on_screen}'")
+
+
+def test_still_pictures_stand_without_scripts(browser: Browser, pages: Path) -> None:
+    with watched(browser, java_script_enabled=False) as page:
+        page.open(pages)
         assert page.page.locator(".plots-still svg").first.is_visible()
         assert page.page.locator(ERRORS).is_hidden()
         assert page.page.locator("[data-switch]").is_hidden()

@@ -12,6 +12,7 @@ from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.poses import read_poses
+from stages.report.belief import NOT
 from stages.report.hand_motion import hand_motion, ridden_skeleton, seen, shown_first, thinned
 from stages.simulate.random_hand import BONES, DIGITS
 
@@ -56,8 +57,9 @@ def test_tip_errors_are_those_of_the_skeleton_that_is_drawn(right: Any) -> None:
     np.testing.assert_allclose(
         replayed.tip_error_mm, np.linalg.norm(right.made.truth.tip_mm - distal, axis=-1), atol=1e-9
     )
-    expected = np.arange(5) + np.arange(120)[:, None] / 100
-    np.testing.assert_allclose(fitted.tip_error_mm, expected)
+    posed = np.arange(5) + np.arange(120)[:, None] / 100
+    np.testing.assert_allclose(fitted.posed_error_mm, posed)
+    assert replayed.posed_error_mm is None
 
 
 def test_stated_errors_go_with_their_points(right: Any) -> None:
@@ -91,7 +93,7 @@ def test_a_failed_joint_has_no_place(right: Any) -> None:
     row = {"status": "failed", "child_segment": "", "parent_segment": "", "axis_child_x": None, "sd_mm": None}
     skeleton = ridden_skeleton(LAYOUT, model, 0, {"ring_pip": row}, errors, poses)
     assert np.isnan(skeleton.position_mm[:, skeleton.points.index("ring_pip")]).all()
-    assert skeleton.status[skeleton.points.index("ring_pip")] == "failed"
+    assert skeleton.believed[skeleton.points.index("ring_pip")] == NOT
     assert skeleton.seats[skeleton.points.index("ring_pip")].segment == ""
     assert np.isfinite(skeleton.position_mm[:, skeleton.points.index("ring_tip")]).all()
 

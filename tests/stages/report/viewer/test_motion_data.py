@@ -97,7 +97,7 @@ def test_what_rides_is_not_stored_frame_by_frame(right: Any) -> None:
     motion = right.motion("paper-fig4", "whole-hand")
     header, found = header_of(motion)
     assert set(found) == {
-        "time", "frame", "receivers", "rotations", "errors0", "errors1", "points1"
+        "time", "frame", "receivers", "rotations", "errors0", "errors1", "points1", "posed1"
     }  # fmt: skip
     tip = header["skeletons"][0]["tips"][2]
     assert header["skeletons"][0]["seats"][tip] == [motion.receivers.index("middle_distal"), [0, 0, 0]]

@@ -1,0 +1,52 @@
+"""The ranges of motion of one subject's recordings, as the movement tables have them: for its own pages."""
+
+from __future__ import annotations
+
+from schemas.errors import InputError
+from schemas.movement_tables import RANGES_OF_MOTION
+from schemas.parts import Part, read_part
+from schemas.study import Hand, Recording
+from stages.report.study_results import Row, StudyResults, recording_key, row_key
+from stages.report.table_cells import Column, DataTable, number, number_column, table_of, text_column
+
+
+def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
+    """Rows of ranges_of_motion of a hand under a model; none where movement was not measured."""
+    path = results.subject_table(hand, RANGES_OF_MOTION.name)
+    if not path.is_file():
+        return []
+    part = Part(hand.hand, model, "", hand.subject, hand.session)
+    columns = [column.name for column in RANGES_OF_MOTION.columns]
+    try:
+        return list(read_part(path, RANGES_OF_MOTION, part, columns).to_pylist())
+    except InputError:
+        return []
+
+
+def of_recording(rows: list[Row], recording: Recording) -> list[Row]:
+    """Those of one recording."""
+    return [row for row in rows if row_key(row) == recording_key(recording)]
+
+
+def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> DataTable:
+    """Range, posture and speed of every joint angle, each range with its stated 1-sigma error."""
+    task = Column("Task", lambda r: ", trial ".join(filter(None, (r["task"], r["trial"]))), is_text=True)
+    columns = (
+        text_column("Joint", "joint"),
+        text_column("Angle", "angle"),
+        *((task,) if with_recording else ()),
+        Column("Range of motion [deg]", lambda row: _with_sd(row, "range")),
+        number_column("2.5 % [deg]", "low_deg", 1),
+        number_column("97.5 % [deg]", "high_deg", 1),
+        number_column("Full range [deg]", "full_range_deg", 1),
+        Column("Median [deg]", lambda row: _with_sd(row, "median")),
+        number_column("Speed, median [deg/s]", "speed_median_deg_s", 1),
+        number_column("Speed, 95 % [deg/s]", "speed_p95_deg_s", 1),
+        number_column("Valid [%]", "valid_percent", 1),
+    )
+    return table_of(caption, columns, rows)
+
+
+def _with_sd(row: Row, name: str) -> str:
+    value, sd = row[f"{name}_deg"], row[f"{name}_sd_deg"]
+    return number(value, 1) + ("" if value is None or sd is None else f" ± {number(sd, 1)}")

@@ -1,0 +1,138 @@
+"""What the movement page and its figures are made of: the study's tables of movement, under one model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from schemas.movement_tables import (
+    CURVE_DIFFERENCES,
+    MODEL_DEPENDENCE,
+    MOVEMENT_CURVES,
+    MOVEMENT_DIFFERENCES,
+    MOVEMENT_RELIABILITY,
+    RANGES_OF_MOTION,
+)
+from schemas.tables import Table, open_table
+from stages.report.belief import BELIEVED, NOT
+from stages.report.study_results import StudyResults
+from stages.report.trust import study_beliefs
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RANGE = "range_deg"
+"""The quantity that the page draws; all others stand in tables."""
+PLACE = ["hand", "task"]
+OF_ANGLE = ["joint", "angle"]
+SUBJECT = ["subject", "session", "hand"]
+
+
+@dataclass(frozen=True)
+class Movement:
+    """A study's movement under one model, hands with a suspect finding left out.
+
+    ranges : a row a recording and angle. curves : the mean course over subjects, with its standard deviation
+    between them. differences, reliability, curve_differences : of that model; dependence : of all models.
+    believed : one of BELIEFS by joint. A frame without rows is that of a table that is empty or not there.
+    """
+
+    model: str
+    ranges: pd.DataFrame
+    curves: pd.DataFrame
+    differences: pd.DataFrame
+    reliability: pd.DataFrame
+    curve_differences: pd.DataFrame
+    dependence: pd.DataFrame
+    believed: dict[str, str]
+
+    @cached_property
+    def subject_means(self) -> pd.DataFrame:
+        """Range of motion, deg, by hand, task, joint, angle and subject: means over trials, then sessions."""
+        sessions = self.session_means
+        whose = [*PLACE, *OF_ANGLE, "subject"]
+        return sessions.groupby(whose, sort=False, observed=True)[RANGE].mean().reset_index()
+
+    @cached_property
+    def session_means(self) -> pd.DataFrame:
+        """The same session by session."""
+        whose = [*PLACE, *OF_ANGLE, "subject", "session"]
+        return self.ranges.groupby(whose, sort=False, observed=True)[RANGE].mean().reset_index()
+
+    @cached_property
+    def moved_most(self) -> pd.DataFrame:
+        """Joint angles by mean range, largest first: mean, std and n over subjects, hands and tasks averaged.
+
+        Joints that are not to be believed are left out.
+        """
+        means = self.subject_means
+        means = means[
+            means["joint"].map(lambda joint: self.believed.get(joint, BELIEVED) != NOT).astype(bool)
+        ]
+        own = means.groupby([*OF_ANGLE, "subject"], sort=False, observed=True)[RANGE].mean()
+        found = own.groupby(OF_ANGLE, sort=False, observed=True).agg(["mean", "std", "count"])
+        return found.sort_values("mean", ascending=False, kind="stable").reset_index()
+
+    @cached_property
+    def leading_angles(self) -> list[tuple[str, str]]:
+        """Joints and angles that moved most, one angle a joint."""
+        first = self.moved_most.drop_duplicates("joint")
+        return [(joint, angle) for joint, angle in zip(first["joint"], first["angle"], strict=True)]
+
+
+def read_movement(results: StudyResults) -> Movement:
+    """Read the study's tables of movement under the leading model; InputError where one is another table."""
+    model = results.leading
+    ranges = _judged(_frame(results, RANGES_OF_MOTION, model), results)
+    return Movement(
+        model=model,
+        ranges=ranges[ranges[RANGE].notna()],
+        curves=_mean_curves(results, model),
+        differences=_frame(results, MOVEMENT_DIFFERENCES, model),
+        reliability=_frame(results, MOVEMENT_RELIABILITY, model),
+        curve_differences=_frame(results, CURVE_DIFFERENCES, model),
+        dependence=_frame(results, MODEL_DEPENDENCE),
+        believed=study_beliefs(results.judging, model),
+    )
+
+
+def _frame(
+    results: StudyResults, table: Table, model: str = "", columns: Sequence[str] | None = None
+) -> pd.DataFrame:
+    """The table's rows, of one model where one is named; none where the study has no such table.
+
+    A long table is filtered batch by batch: most of its rows are other models'.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    names = list(columns or [column.name for column in table.columns])
+    path = results.paths.study_table(table.name)
+    if not path.is_file():
+        return pa.table({name: pa.array([], table.column(name).type) for name in names}).to_pandas()
+    with open_table(path, table) as file:
+        empty = file.schema_arrow.empty_table().select(names)
+        parts = [pa.Table.from_batches([batch]) for batch in file.iter_batches(columns=names)]
+    if model:
+        parts = [part.filter(pc.equal(part["model"], model)) for part in parts]
+    return pa.concat_tables([empty, *parts]).replace_schema_metadata().to_pandas()
+
+
+def _judged(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
+    """Rows of hands that count in statistics."""
+    suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
+    keys = zip(*(rows[name] for name in SUBJECT), strict=True)
+    return rows[np.array([key not in suspect for key in keys], bool)] if suspect else rows
+
+
+def _mean_curves(results: StudyResults, model: str) -> pd.DataFrame:
+    """Mean and standard deviation over subjects of their mean curves, deg, and how many there are."""
+    columns = [*SUBJECT, "task", "model", *OF_ANGLE, "event", "percent", "mean_deg"]
+    rows = _judged(_frame(results, MOVEMENT_CURVES, model, columns), results)
+    curve = [*PLACE, *OF_ANGLE, "event", "percent"]
+    own = rows.groupby([*curve, "subject"], sort=False, observed=True)["mean_deg"].mean()
+    return own.groupby(curve, sort=False, observed=True).agg(["mean", "std", "count"]).reset_index()

@@ -1,0 +1,185 @@
+"""The movement page says in words and pictures what the tables say; what is not there in a line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from report_samples.made_movement import JOINTS, write_movement
+from report_samples.made_study import FITTED_MODELS, make_study
+from report_samples.read_page import read_page, table_called
+
+from schemas.study import read_study
+from stages.report.__main__ import main
+from stages.report.belief import NOT
+from stages.report.methods_text import methods_text
+from stages.report.movement_page.movement_page import render_movement
+from stages.report.movement_page.movement_panels import (
+    agreement_plots,
+    curve_difference_plots,
+    difference_strips,
+    range_strips,
+)
+from stages.report.movement_page.movement_results import RANGE, Movement, read_movement
+from stages.report.movement_page.movement_text import (
+    angle_text,
+    answers,
+    groups_differ,
+    model_matters,
+    repeats,
+)
+from stages.report.print_figures.study_figures import of_study
+from stages.report.study_results import StudyResults, read_results
+
+SUBJECTS = tuple(f"P{index}" for index in range(6))
+DIGITS = ("thumb", "index", "middle", "ring", "little")
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A study with all tables of movement; not to be changed."""
+    folder = tmp_path_factory.mktemp("moved")
+    study, results = make_study(folder, n_frames=4, models=FITTED_MODELS, subjects=SUBJECTS, simulated=True)
+    write_movement(results, SUBJECTS, models=FITTED_MODELS)
+    return study, results
+
+
+@pytest.fixture(scope="module")
+def results(moved: tuple[Path, Path]) -> StudyResults:
+    """That study, read."""
+    return read_results(read_study(moved[0]), moved[1])
+
+
+@pytest.fixture(scope="module")
+def movement(results: StudyResults) -> Movement:
+    """Its movement."""
+    return read_movement(results)
+
+
+def _text(page: str) -> str:
+    return " ".join(" ".join(read_page(page).text).split())
+
+
+def test_ranges_are_of_the_leading_model(movement: Movement) -> None:
+    assert set(movement.ranges["model"]) == {"whole-hand"}
+    assert len(movement.subject_means) == len(SUBJECTS) * len(JOINTS) * 3
+
+
+def test_what_moved_most_is_the_mean_over_subjects(movement: Movement) -> None:
+    first = movement.moved_most.iloc[0]
+    assert (first["joint"], first["angle"]) == ("index_pip", "flexion")
+    own = movement.ranges[(movement.ranges["joint"] == "index_pip") & (movement.ranges["angle"] == "flexion")]
+    means = own.groupby("subject")[RANGE].mean()
+    assert first["mean"] == pytest.approx(means.mean())
+    assert first["std"] == pytest.approx(means.std())
+    said = answers(movement)[0]
+    assert said.startswith(
+        f"The index PIP flexion moved most: {means.mean():.1f} deg on average over 6 subjects"
+    )
+    doubted = replace(movement, believed={"index_pip": NOT})
+    assert "index PIP" not in answers(doubted)[0]
+
+
+def test_the_page_answers_each_question(results: StudyResults, movement: Movement) -> None:
+    page = render_movement(results, movement)
+    text = _text(page)
+    for sentence in answers(movement):
+        assert sentence in text
+    assert "Group, A against B: a difference is shown in 1 of 21 ranges of motion (3 and 3 subjects)" in text
+    assert "12.1 deg more with A (95 % 8.1 to 16.1, p = 0.0021 after Holm; right hand, opposition)" in text
+    assert "changes 1 of 21 answers" in text
+    table = table_called(page, "Differences in range_deg [deg].")
+    row = next(row for row in table.rows if row[0] == "index_pip flexion")
+    assert row[4:9] == ["3 and 3", "72.10", "60.00", "12.10", "8.10 to 16.10"]
+    assert row[-1] == "1: P9: suspect"
+    assert table_called(page, "Repeatability in range_deg [deg].").rows[1][8] == "1.00"
+    assert table_called(page, "Answers that depend on the skeleton model.").rows[1][6] == "rigid;whole-hand"
+
+
+def test_what_is_drawn_is_what_the_tables_say(movement: Movement) -> None:
+    flexion = next(each for each in range_strips(movement, DIGITS) if each.angle == "flexion")
+    assert [strip.model for strip in flexion.strips] == list(JOINTS)
+    assert all(len(strip.numbers) == len(SUBJECTS) for strip in flexion.strips)
+    (contrast,) = difference_strips(movement, DIGITS)
+    shown = [strip for panel in contrast.panels for strip in panel.strips if strip.baseline]
+    assert [(strip.model, strip.mean, strip.interval) for strip in shown] == [
+        ("index_pip", 12.1, (pytest.approx(8.1), pytest.approx(16.1)))
+    ]
+    (curve,) = curve_difference_plots(movement)
+    rows = movement.curve_differences
+    significant = rows.loc[rows["significant"].astype(bool), "percent"]
+    assert curve.plot.marked == ((significant.min(), significant.max()),)
+    plot = agreement_plots(movement)[0].plot
+    assert plot.points is not None
+    own = movement.session_means
+    own = own[(own["joint"] == "index_pip") & (own["angle"] == "flexion")]
+    wide = own.pivot_table(index="subject", columns="session", values=RANGE, sort=False)
+    np.testing.assert_allclose(plot.points[1], wide["2"] - wide["1"])
+
+
+def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults) -> None:
+    finding = {"subject": "P0", "session": "1", "hand": "right", "severity": "suspect", "stage": "x"}
+    rest = read_movement(replace(results, problems=[finding]))
+    assert not ((rest.ranges["subject"] == "P0") & (rest.ranges["session"] == "1")).any()
+    assert ((rest.ranges["subject"] == "P0") & (rest.ranges["session"] == "2")).any()
+
+
+def test_a_study_without_movement_says_what_is_missing(tmp_path: Path) -> None:
+    """In a line each, on the page and in the figures; with ranges alone the others are missing."""
+    study, folder = make_study(tmp_path, n_frames=3, models=FITTED_MODELS, subjects=("A",))
+    results = read_results(read_study(study), folder)
+    none = read_movement(results)
+    assert "not known: no recording of this study has joint angles" in answers(none)[0]
+    assert "names no factor" in groups_differ(none)[0]
+    text = _text(render_movement(results, none))
+    assert "the study has no events" in text
+    assert "no second session and no second trial" in text
+    missing = {drawing.name: drawing.missing for drawing in of_study(results)}
+    for name in ("ranges-of-motion", "group-differences", "movement-curves", "bland-altman"):
+        assert missing[name].startswith("Not drawn: ")
+    write_movement(folder, ("A",), sessions=("",), statistics=False)
+    some = read_movement(results)
+    assert "over 1 subject, hands" in answers(some)[0]
+    assert "is not known" in repeats(some)
+    assert "is not known" in model_matters(some)
+
+
+def test_figures_are_drawn_with_their_captions(results: StudyResults) -> None:
+    found = {drawing.name: drawing for drawing in of_study(results)}
+    names = ("ranges-of-motion", "group-differences", "movement-curves", "bland-altman")
+    assert not any(found[name].missing for name in names)
+    assert "(n = 6)" in found["ranges-of-motion"].caption
+    assert "exact permutation. n = 3 and 3 subjects; left out: 1." in found["group-differences"].caption
+    assert "index PIP flexion, A less B" in found["movement-curves"].caption
+    limits = found["bland-altman"].figure.axes[0].lines
+    assert len(limits) >= 3
+
+
+def test_methods_say_what_was_done(results: StudyResults, movement: Movement) -> None:
+    text = " ".join(methods_text(results, movement))
+    assert "Movement was measured in 6 subjects by joint angles under whole-hand." in text
+    assert "exact permutation; two-sided, Holm-corrected" in text
+    assert "Bland-Altman" in text
+    assert "Movement was measured" not in " ".join(methods_text(results))
+
+
+def test_the_command_line_writes_both_pages(moved: tuple[Path, Path], tmp_path: Path) -> None:
+    """The study's page links to the other, and the same input gives the same bytes."""
+    written: list[Any] = []
+    for name in ("first", "second"):
+        out = tmp_path / name / "report.html"
+        assert main(["--study", str(moved[0]), "--results", str(moved[1]), "--out", str(out)]) == 0
+        written.append((out.read_bytes(), (out.parent / "report" / "movement.html").read_bytes()))
+    assert written[0] == written[1]
+    assert b'href="report/movement.html"' in written[0][0]
+
+
+@pytest.mark.parametrize(
+    ("joint", "words"),
+    [("index_mcp", "index MCP flexion"), ("wrist", "wrist flexion"), ("elbow", "elbow flexion")],
+)
+def test_angles_in_words(joint: str, words: str) -> None:
+    assert angle_text(joint, "flexion") == words
