@@ -38,6 +38,9 @@ UNREACHED = {
     "schemas/recording_summary.py": _STAGE,
     "schemas/tables.py": _STAGE,
     "schemas/limits.py": _STAGE,
+    "schemas/study.py: …: row …: results of … would have the path of … (row …); rename one": (
+        "of two rows whose results share a path; no test has such a pair yet"
+    ),
     "skeleton/posed_recording.py": _STAGE,
     "skeleton/digit_chain.py": _STAGE,
     "trackers/archive.py": _STAGE,
