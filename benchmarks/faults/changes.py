@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from benchmarks.faults.outcome import Limit, Row, Tries, not_tried
-from benchmarks.faults.small_study import RECORDING, SmallStudy, finish, kill, recording
+from benchmarks.faults.small_study import PATIENCE_S, RECORDING, SmallStudy, finish, kill, recording
 from benchmarks.faults.study_kills import reset
 from stages.simulate.recording import write_recording
 
@@ -56,7 +56,7 @@ def _deleted(study: SmallStudy, chance: random.Random, seconds: float) -> str:
     path = subject if not files or chance.random() < 0.3 else chance.choice(files)
     shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
     under_way = not (subject.parent / "report.html").exists()
-    said = run.communicate(timeout=300)[1]
+    said = run.communicate(timeout=PATIENCE_S)[1]
     if under_way and run.returncode == 0 and study.incomplete():
         return f"{path.name}: exit 0 with results missing: {said[-200:]}"
     return _completes(study)
@@ -76,7 +76,7 @@ def _twice(study: SmallStudy, chance: random.Random) -> str:
     first = study.start()
     time.sleep(chance.uniform(0, 3))
     second = study.start()
-    said = [run.communicate(timeout=300)[1] for run in (first, second)]
+    said = [run.communicate(timeout=PATIENCE_S)[1] for run in (first, second)]
     codes = sorted((first.returncode, second.returncode))
     if codes != [0, 2] or not any("another run of it is under way" in text for text in said):
         return f"exit {codes}: {said[1][-300:]}"
@@ -123,5 +123,5 @@ def _changed(study: SmallStudy, chance: random.Random, seconds: float) -> str:
     run = study.start()
     time.sleep(chance.uniform(0.3, 1) * seconds)
     file.write_bytes(new)
-    run.communicate(timeout=300)
+    run.communicate(timeout=PATIENCE_S)
     return _completes(study)
