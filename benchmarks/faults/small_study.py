@@ -20,6 +20,8 @@ from stages.simulate.recording import write_recording
 from stages.simulate.simulation import Simulated, simulate
 
 FRAMES = 200
+PATIENCE_S = 900.0
+"""How long a run of the study may take."""
 RECORDING = "rom.csv"
 ALL_STAGES = ("rigid", "whole-hand")
 """Models with which every stage has something to do."""
@@ -121,7 +123,7 @@ def recording(seed: int = 5) -> Simulated:
     return simulate("01", "right", "rom", seed, Realism.full(), FRAMES)
 
 
-def finish(process: subprocess.Popen[str], timeout_s: float = 300.0) -> str:
+def finish(process: subprocess.Popen[str], timeout_s: float = PATIENCE_S) -> str:
     """Wait for a run that is to end with 0; give what it said. RuntimeError where it does not."""
     try:
         said = process.communicate(timeout=timeout_s)[1]
