@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from schemas.errors import InputError
 from schemas.layout import Layout
@@ -72,6 +73,7 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
         placed = _on_grid(tracks, path, mapping.rate_hz or np.nan, notes)
     place = cells.place
     del cells, tracks  # text and numbers, more than the file, before all is put together
+    pa.default_memory_pool().release_unused()
     return samples_of_tracks(placed, mapping, layout, place, notes)
 
 

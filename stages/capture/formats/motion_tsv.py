@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import pyarrow as pa
 
 from schemas.bids.channels import OWN_KEY
 from schemas.errors import InputError
@@ -75,6 +76,7 @@ def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) ->
         tracks.append(exported.track(cells, name, track))
     place = cells.place
     del cells, text  # more than the file, before all is put together
+    pa.default_memory_pool().release_unused()
     return samples_of_tracks(tracks, mapping, layout, place)
 
 

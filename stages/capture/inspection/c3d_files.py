@@ -18,6 +18,7 @@ RIGID_SHARE = 0.05
 """A cluster whose distances vary (interquartile) by less than this share of them is taken for rigid."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
 def describe_c3d(path: Path, layout: Layout) -> Description:
     """Say what is in a C3D file. Raises InputError where it is none."""
     file = open_c3d(path)

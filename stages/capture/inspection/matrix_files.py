@@ -12,6 +12,7 @@ from stages.capture.formats.matrices import Matrices, open_matrices
 from stages.capture.inspection.description import CHECK, Description, draft, extent_line
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
 def describe_matrices(path: Path) -> Description:
     """Say what the matrices of a file or folder are. Raises InputError where there are none."""
     pattern, matrices = _open(path)
@@ -20,9 +21,8 @@ def describe_matrices(path: Path) -> Description:
     off = np.abs(np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)).max((1, 2))
     bottom = np.abs(values[:, 3] - [0, 0, 0, 1]).max(1) < 1e-6
     missing = np.isnan(values).any((1, 2))
-    turned = (
-        f"{int(np.sum(off < 0.01))} of {len(values)} are rotations within 0.01, worst {np.nanmax(off):.2g}"
-    )
+    worst = np.nanmax(off, initial=0.0)
+    turned = f"{int(np.sum(off < 0.01))} of {len(values)} are rotations within 0.01, worst {worst:.2g}"
     lines = [
         f"{len(values)} matrices of 4 x 4" + (f" in files {pattern}" if path.is_dir() else ""),
         f"last row 0 0 0 1 in {int(bottom.sum())}; {int(missing.sum())} lack a number",

@@ -27,6 +27,7 @@ REPEATED_SHARE = 0.2
 """More rows than this that repeat the one before, and receivers are not in step with the rows."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
 def describe_table(path: Path, layout: Layout) -> Description:
     """Say what the columns of a table seem to be. Raises InputError where the text is no table."""
     form = detect_form(path)
