@@ -399,6 +399,7 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
         joints=f"{subject}/joint_centres.parquet",
         bones=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
+        events=f"{subject}/events.parquet",
     output:
         [f"{subject}/{table}.parquet" for table in MEASURED_TABLES],
     log:
@@ -409,8 +410,8 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
     message:
         "measure_movement: subject {wildcards.subject}"
     shell:
-        f"{run} stages.measure_movement --record-failure --plan {{input.plan:q}} --out {{params.folder:q}}"
-        " 2> {log:q}"
+        f"{run} stages.measure_movement --record-failure --plan {{input.plan:q}}"
+        " --events {input.events:q} --out {params.folder:q} 2> {log:q}"
 
 
 rule gather:  # the study's short tables, and what went wrong

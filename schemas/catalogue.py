@@ -375,7 +375,7 @@ IN_THIS_FRAME = "in this frame, by the receivers valid in it and what the fit le
 
 JOINT_ANGLES = Table(
     "joint_angles",
-    5,
+    4,
     "the joint's angles with the fitted hand",
     (
         *OF_SKELETON_IN_RECORDING,
