@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from schemas.catalogue import RECORDINGS
+from schemas.factors import factor_levels
 from schemas.study import Study
 
 if TYPE_CHECKING:
@@ -14,7 +16,5 @@ def recordings_with_levels(study: Study) -> tuple[pd.DataFrame, list[str]]:
     """Every recording that is used: what tables call it, and a column a factor; and the factors' names."""
     import pandas as pd
 
-    factors = list(study.config.get("factors", []))
-    rows = [recording.key for recording in study.shown]
-    frame = pd.DataFrame(rows, columns=["subject", "session", "hand", "task", "trial"]).astype(str)
-    return frame, factors
+    columns = dict.fromkeys([*RECORDINGS.key, *study.factors])
+    return pd.DataFrame(factor_levels(study), columns=[*columns]).astype(str), list(study.factors)

@@ -47,6 +47,7 @@ def _recorded(results: StudyResults) -> str:
     tasks = Counter(row["task"] for row in used)
     text = (
         f"{capital(counted(len(results.hands), 'hand'))} of {counted(len(results.subjects), 'subject')} "
+        f"{'(counted in each session) ' if results.has_sessions else ''}"
         f"{'was' if len(results.hands) == 1 else 'were'} {made} with {worn} magnetic receivers a hand"
         f"{_rate(used)}, in {counted(len(used), 'recording')}"
     )

@@ -36,7 +36,7 @@ def recordings_table(results: StudyResults, whose: str = "of the study's sheet")
         *(
             text_column(heading, heading)
             for heading in (*_RECORDING_TEXTS, "Status")
-            if heading != "Session" or any(who.session for who in results.sessions)
+            if heading != "Session" or results.has_sessions
         ),
         number_column("Frames", "n_frames", 0),
         number_column("Duration [s]", "duration_s"),

@@ -115,6 +115,11 @@ class StudyResults:
         """Every subject in every session of theirs, in the sheet's order."""
         return list(dict.fromkeys(recording.hand.who for recording in self.recordings))
 
+    @property
+    def has_sessions(self) -> bool:
+        """Whether the sheet names any session."""
+        return any(who.session for who in self.sessions)
+
     @cached_property
     def hands(self) -> list[Hand]:
         """Every hand, in the sheet's order."""

@@ -22,7 +22,8 @@ def study_text(results: StudyResults) -> str:
     """Which study it is, how many subjects and hands it has, and whether its recordings are real."""
     subjects, hands = counted(len(results.subjects), "subject"), counted(len(results.hands), "hand")
     kind = "simulated recordings of " if results.simulated else ""
-    return f"Study {results.name}: {kind}{subjects}, {hands}."
+    each = " (counted in each session)" if results.has_sessions else ""
+    return f"Study {results.name}: {kind}{subjects}, {hands}{each}."
 
 
 def count_range(counts: Iterable[int]) -> str:

@@ -44,6 +44,18 @@ def test_tasks_share_the_hand_and_its_receivers() -> None:
     np.testing.assert_array_equal(first.mounts.position_mm, second.mounts.position_mm)
 
 
+def test_another_session_is_the_same_hand_with_receivers_put_on_anew() -> None:
+    first, second, again = (
+        simulation.simulate("01", "right", "rom", 7, FULL, SHORT, session=session)
+        for session in ("", "2", "2")
+    )
+    np.testing.assert_array_equal(first.truth.hand.length_mm, second.truth.hand.length_mm)
+    apart = np.abs(first.truth.mounts.position_mm - second.truth.mounts.position_mm)
+    assert (apart.max(1) > 0.05).all()
+    assert np.abs(first.position_mm - second.position_mm).max() > 1
+    assert second.position_mm.tobytes() == again.position_mm.tobytes()
+
+
 @pytest.mark.parametrize("task", ["opposition", "rom"])
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_exact_joints_are_hinges_in_the_childs_sagittal_plane(side: str, task: str) -> None:
