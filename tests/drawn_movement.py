@@ -7,7 +7,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from schemas.movement_tables import (
     FINGERTIP_DISTANCES,
@@ -41,11 +40,6 @@ def recordings(n_subjects: int, sessions: Sequence[str] = ("1", "2", "3"), trial
         }
         for index, session, trial in product(range(n_subjects), sessions, numbers)
     ]
-
-
-def levels_of(rows: Iterable[Row]) -> pd.DataFrame:
-    """The recordings as the study's factors have them."""
-    return pd.DataFrame(rows).astype(str)
 
 
 def ranges(rows: Iterable[Row], seed: int = 1, models: Sequence[str] = MODELS) -> list[Row]:

@@ -25,13 +25,14 @@ def build_parser() -> argparse.ArgumentParser:
 
 def compare(arguments: argparse.Namespace) -> None:
     """Read the study's tables of movement, write those of comparisons."""
+    from schemas.factors import factor_levels
     from schemas.results import Results
     from schemas.study import read_study
     from stages.compare_movement.study_comparison import compare_study
-    from stages.compare_movement.study_levels import recordings_with_levels
 
-    levels, factors = recordings_with_levels(read_study(arguments.study))
-    compare_study(levels, factors, Results(arguments.results))
+    study = read_study(arguments.study)
+    sheets = list(study.sheets.values())
+    compare_study(factor_levels(study), study.factors, Results(arguments.results), sheets)
 
 
 def main(argv: list[str] | None = None) -> int:

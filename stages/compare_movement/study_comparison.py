@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schemas.catalogue import PROBLEMS
@@ -38,19 +39,27 @@ Row = dict[str, Any]
 TABLES = {quantity.table.name: quantity.table for quantity in QUANTITIES}
 
 
-def compare_study(levels: pd.DataFrame, factors: Sequence[str], results: Results) -> None:
+def compare_study(
+    levels: Sequence[Mapping[str, str]],
+    factors: Sequence[str],
+    results: Results,
+    sheets: Sequence[Path] = (),
+) -> None:
     """Read the study's tables of movement and write the four tables of comparisons beside them.
 
-    levels : subject, session, hand, task, trial of every recording that is used, and a column a factor, empty
-    where it has no level. Raises TableError where a table is damaged.
+    levels : as `schemas.factors.factor_levels` gives them. sheets : where they are from, for the tables'
+    metadata. Raises TableError where a table is damaged.
     """
+    import pandas as pd
+
     columns = ["subject", "session", "hand", "severity"]
     problems = read_frame(results.study_table(PROBLEMS.name), PROBLEMS, columns)
-    everything = recorded(levels, factors, problems)
+    frame = pd.DataFrame(levels, columns=list(dict.fromkeys([*RECORDING, *factors])), dtype=str)
+    everything = recorded(frame, factors, problems)
     for message in too_many_levels(everything):
         print(f"note: {message}", file=sys.stderr)
     inputs = [results.study_table(name) for name in (PROBLEMS.name, *TABLES, MOVEMENT_CURVES.name)]
-    provenance = Provenance.of(inputs)
+    provenance = Provenance.of([*sheets, *inputs], factors=list(factors))
     differences: list[Row] = []
     reliabilities: list[Row] = []
     for quantity, numbers in _numbers(results, everything):

@@ -40,7 +40,7 @@ def compared(
     drawn.write_movement(results, ranges, curves)
     same = {"model": "", "stage": "check_recordings", "kind": "units", "severity": "suspect", "message": "x"}
     drawn.write(results, PROBLEMS, [same | row for row in suspect])
-    compare_study(drawn.levels_of(recordings), factors, results)
+    compare_study(recordings, factors, results)
     return {table.name: read_table(results.study_table(table.name), table).to_pandas() for table in FOUR}
 
 
