@@ -89,7 +89,10 @@ def test_command_line_writes_and_prints(
     assert _run("--study", str(made[0]), "--results", str(made[1]), "--out", str(out), "--print") == 0
     assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
     assert capsys.readouterr().out.splitlines()[-1] == f"The whole report: {out}"
-    assert [path.name for path in out.parent.iterdir()] == ["report.html"]
+    assert {path.relative_to(out.parent).as_posix() for path in out.parent.rglob("*.html")} == {
+        "report.html",
+        "report/movement.html",
+    }
 
 
 def test_absent_results_are_bad_input(

@@ -42,7 +42,8 @@ def subject_means(results: StudyResults, model: str, digit: str, column: str) ->
 
 def test_every_figure_is_there_in_its_order(drawings: dict[str, Drawing]) -> None:
     assert tuple(drawings) == STUDY_FIGURES
-    assert [name for name, drawing in drawings.items() if drawing.missing] == []
+    of_movement = STUDY_FIGURES[-4:]  # this study has none
+    assert tuple(name for name, drawing in drawings.items() if drawing.missing) == of_movement
 
 
 def test_a_dot_is_a_subjects_held_out_mean(simulated: StudyResults, drawings: dict[str, Drawing]) -> None:
