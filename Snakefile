@@ -191,6 +191,7 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
 rule align_events:  # not in the paper: notes, markers and pulses, on each recording's own clock
     input:
         study.poses,
+        study.event_files,
         plan=f"{subject}/plan_of_recordings.json",
     output:
         events=f"{subject}/events.parquet",

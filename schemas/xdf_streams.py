@@ -263,6 +263,8 @@ def _xml(where: str, content: bytes) -> ElementTree.Element:
         raise InputError(f"{where}: declares a document type, as no recorder does; record the file again")
     try:
         root = ElementTree.fromstring(content.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{where}: is no UTF-8 text; copy the file again") from error
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(f"{where}: is damaged ({error}); copy the file again") from error
     if root.tag != "info":

@@ -101,16 +101,13 @@ def _of_plan(plan: SubjectPlan) -> Iterator[Named]:
     from stages.align_events.recording_events import RecordingEvents
 
     command_line.poses_files(plan)  # which are those of the plan
-    sheet = getattr(plan, "events", ())
     for recording in plan.recordings:
         poses, key = plan.poses(recording), recording.key
         if recording.exclude or not usable_poses([poses])[0]:
             continue
-        rows = [
-            row.values for row in sheet if all(row.values.get(name, "") in ("", key[name]) for name in key)
-        ]
-        file, pulses = getattr(recording, "events", None) or None, getattr(recording, "pulses", "")
-        yield plan.part(recording.hand.hand), key, RecordingEvents(poses, recording.file, file, pulses, rows)
+        rows = [row.values for row in plan.events if all(row[name] in ("", key[name]) for name in key)]
+        own = RecordingEvents(poses, recording.file, recording.events, recording.pulses, rows)
+        yield plan.part(recording.hand.hand), key, own
 
 
 def _alone(arguments: argparse.Namespace) -> Named:

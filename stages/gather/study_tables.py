@@ -165,7 +165,8 @@ def _clock_problems(clocks: pa.Table) -> list[Row]:
     """Recordings whose events were not read, or stand on a clock that is not sure to be theirs."""
     return [
         _problem(
-            "align_events", "events", "note", row["message"], subject=row["subject"], hand=row["hand"],
+            "align_events", "events", "note", row["message"], subject=row["subject"],
+            session=row["session"], hand=row["hand"],
             task=", ".join(filter(None, (row["task"], row["trial"]))),
         )
         for row in rows_of(clocks)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from event_files import midi_of, poses_of, records_of
-from small_study import write_plans, write_study
+from small_study import HEADER, write_plans, write_study
 
 from schemas.catalogue import TABLES
 from schemas.parts import Part, part_metadata
@@ -81,6 +81,41 @@ def test_a_file_that_cannot_be_read_is_recorded(tmp_path: Path, capsys: pytest.C
     assert "does not begin with MThd" in clock["message"]
     assert "failed: right, piece, 2: " in capsys.readouterr().err
     assert part_metadata(tmp_path / "clocks.parquet", TABLES["clocks"]) == {Part("right", subject="01"): {}}
+
+
+def test_a_plan_names_files_pulses_and_rows_of_the_sheet(tmp_path: Path) -> None:
+    """A file that cannot be read is its recording's own problem; rows go to the recording that they name."""
+    head = HEADER.replace("\t", " ").split(" ")
+    study = write_study(
+        tmp_path,
+        "01 right piece both a.parquet 2",
+        "01 right scale both b.parquet",
+        "01 left scale both c.parquet",
+        events="subject hand task onset_s name\n01 left scale 3.5 tap\n01 right scale 1 tap",
+    )
+    sheet = tmp_path / "sheets" / "recordings.tsv"
+    lines = [line.split("\t") for line in sheet.read_text().splitlines()]
+    added = [("events", "pulses"), ("take.mid", "note 24"), ("no.mid", ""), ("", "")]
+    whole = [[*line, *[""] * (len(head) - len(line)), *more] for line, more in zip(lines, added, strict=True)]
+    sheet.write_text("\n".join("\t".join(line) for line in whole))
+    midi_of(tmp_path, TRUE_S + 7)
+    records_of(tmp_path, TRUE_S).rename(tmp_path / "a.parquet")
+    path = write_plans(study)["01"]
+    plan = read_plan(path)
+    for recording in plan.recordings:
+        plan.poses(recording).parent.mkdir(parents=True)
+        poses_of(plan.poses(recording).parent, **recording.key)
+    assert run(tmp_path, "--plan", path) == 2
+    assert run(tmp_path, "--record-failure", "--plan", path) == 0
+    found = rows(tmp_path, "events")
+    assert [(row["hand"], row["onset_s"]) for row in found if row["task"] == "scale"] == [("left", 3.5)]
+    onsets_s = [row["onset_s"] for row in found if row["name"] == "note 60"]
+    np.testing.assert_allclose(onsets_s, TRUE_S + 0.25, atol=0.003)
+    clocks = {(row["hand"], row["task"]): row for row in rows(tmp_path, "clocks")}
+    assert clocks["right", "piece"]["status"] == "ok"
+    assert clocks["right", "scale"]["status"] == "failed"
+    assert "no.mid: no such file" in clocks["right", "scale"]["message"]
+    assert ("left", "scale") not in clocks
 
 
 def test_a_plan_of_recordings_without_events(tmp_path: Path) -> None:

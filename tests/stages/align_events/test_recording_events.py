@@ -177,6 +177,13 @@ def test_a_spoilt_file_is_read_or_refused(
     assert np.isfinite(events.time_s).all()
 
 
+def test_more_pulses_than_can_be_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stages.align_events.recording_events.MOST_PULSES", 9)
+    recording = RecordingEvents(poses_of(tmp_path), None, midi_of(tmp_path, TRUE_S), "note 24")
+    with pytest.raises(InputError, match="has 10 events 'note 24'; expected at most 9 pulses"):
+        recording.aligned()
+
+
 @pytest.mark.parametrize("time_s", [np.nan, 1e300])
 def test_a_time_that_no_clock_shows(tmp_path: Path, time_s: float) -> None:
     (tmp_path / "a.xdf").write_bytes(xdf_of(marker_stream(1, "cues", [["go"]], [time_s])))

@@ -88,7 +88,7 @@ def _write_parts(path: Path, table: Table, parts: list[Part], failures: dict[tup
             if (table.name, part) in failures:
                 writer.failure(part, failures[table.name, part])
             else:
-                names = ("joint", "segment", "digit", "quantity", "without", "event", "trial")
+                names = ("joint", "segment", "digit", "quantity", "without", "trial")
                 name = next(name for name in names if name in table.key)
                 writer.rows(part, [row_of(table, **vars(part), **{name: text}) for text in "ab"])
 
