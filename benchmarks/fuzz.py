@@ -80,7 +80,7 @@ def run(
     table = _table(outcomes, guided=found["guided"])
     yield table
     if write:
-        given = [f"--inputs {inputs}", *([] if minutes is None else [f"--minutes {minutes:g}"])]
+        given = [f"--inputs {inputs} --seed {seed}", *([] if minutes is None else [f"--minutes {minutes:g}"])]
         write_tables(PAGE, [table], f"python -m benchmarks fuzz {' '.join(given)} --write", MARKS)
     if not all(outcome.sound for outcome in outcomes.values()):
         raise SystemExit(f"inputs failed; they are in {folder}")
