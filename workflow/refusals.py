@@ -18,7 +18,7 @@ from schemas.files import write_text
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "refusals.md"
 ROOMS = ("schemas", "anatomy", "skeleton", "checks", "trackers", "stages", "workflow")
-CLASSES = ("InputError", "TableError")
+CLASSES = ("InputError", "TableError", "StorageError")
 
 
 @dataclass(frozen=True)
