@@ -138,7 +138,7 @@ def in_sample_table(results: StudyResults, trial: Trial) -> DataTable | None:
     if not seen or not any(own.held_out and not own.reference for own, _ in found):
         return None
     scores = _with_numbers(MEANS, (row for _, rows in seen for row in rows))
-    caption = f"In-sample, mean over digits and hands: subject {trial.subject}, {trial.title}."
+    caption = f"In-sample, mean over digits and hands: {trial.who}, {trial.title}."
     return table_of_blocks(caption, (*_SKELETON, *_columns(scores)), _blocks(seen))
 
 

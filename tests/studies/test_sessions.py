@@ -16,6 +16,7 @@ from schemas.tables import read_table, rows_of
 pytestmark = pytest.mark.slow
 
 MODELS = ["paper-fig4", "whole-hand"]
+EVENTS = "subject\thand\tsession\ttask\tonset_s\tname"
 HEADER = "subject\tsession\thand\ttask\trole\tfile"
 
 
@@ -33,7 +34,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
         "01\tpost op\tright\trom\tboth\t01_post%20op.parquet",
         "01\t3\tright\trom\tboth\tnowhere.parquet",
     ]
-    made = write_study(folder, "redonned", rows, MODELS, exports="[bvh, bids]")
+    events = [EVENTS, *(f"01\tright\t1\trom\t{onset}\tkey" for onset in (1.0, 2.5, 4.0))]
+    (folder / "events.tsv").write_text("\n".join(events) + "\n", "utf-8")
+    keys = {"events": "events.tsv", "factors": "[session]", "exports": "[bvh, bids]"}
+    made = write_study(folder, "redonned", rows, MODELS, **keys)
     made.run()
     return made
 
@@ -54,6 +58,16 @@ def test_each_session_has_a_folder_and_rows_of_its_own(study: StudyRun) -> None:
     assert places.pop(("01", "3")) is None
     assert set(places) == {("01", "1"), ("01", "post op"), ("02", "")}
     assert places["01", "1"] != places["01", "post op"]
+
+
+def test_events_cut_the_movement_of_their_session_alone(study: StudyRun) -> None:
+    events = study.rows("events")
+    assert [(row["subject"], row["session"], row["onset_s"], row["source"]) for row in events] == [
+        ("01", "1", onset, "sheet") for onset in (1.0, 2.5, 4.0)
+    ]
+    assert {row["session"] for row in study.rows("movement_cycles")} == {"1"}
+    assert {row["factor"] for row in study.rows("movement_differences")} <= {"session"}
+    assert {row["session"] for row in study.rows_where("ranges_of_motion", subject="01")} == {"1", "post op"}
 
 
 def test_a_session_that_fails_fails_alone_and_is_named(study: StudyRun) -> None:
