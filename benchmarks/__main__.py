@@ -14,7 +14,7 @@ BENCHMARKS = {
     "joint_solve": "one joint and a hand's: closed form, stacked SVD, biobuddy and qmt on the same data",
     "captures": "an hour of a tracker's bytes to Parquet; recording live: loss, load, delay",
     "accuracy": "every estimator, and published software, on simulated hands against their truth",
-    "movement": "ranges of motion and ways of fingertips of simulated hands: error, and the sd stated of it",
+    "measured_movement": "ranges of motion, ways of fingertips: how far off, and the sd stated of it",
     "fewer_receivers": "a task, and a calibration, with 16, 11, 7 and 6 receivers: centres, angles, their sd",
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
