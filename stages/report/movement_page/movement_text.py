@@ -89,10 +89,11 @@ def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
 
 
 def _difference_text(row: Any) -> str:
-    more = "more" if row["difference"] > 0 else "less"
+    more, sign = ("less", -1) if row["difference"] < 0 else ("more", 1)
+    ends = sorted((sign * row["low"], sign * row["high"]))
     return (
         f"{of_text(row['of'])} {number(abs(row['difference']), 1)} deg {more} with {row['level']} "
-        f"({interval_text(row['low'], row['high'])}, {p_text(row['p_holm'])} after Holm; {row['hand']} hand, "
+        f"({interval_text(*ends)}, {p_text(row['p_holm'])} after Holm; {row['hand']} hand, "
         f"{row['task']})"
     )
 

@@ -206,7 +206,7 @@ def _zero(picture: Picture, rows: _Rows) -> None:
 
 def _label(picture: Picture, strip: Strip, rows: _Rows) -> None:
     """The model's name, how many subjects it has where not all, and its mean or median."""
-    most = int((rows.left - 8 - _MARK_ROOM) / _LETTER)
+    most = round((rows.left - 8 - _MARK_ROOM) / _LETTER)
     name = strip.model if len(strip.model) <= most else strip.model[: most - 1] + "…"
     middle, missing = rows.middle(strip.model), len(strip.numbers) < rows.n_subjects
     colour = SOFT if strip.reference else INK

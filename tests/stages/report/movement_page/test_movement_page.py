@@ -99,6 +99,13 @@ def test_the_page_answers_each_question(results: StudyResults, movement: Movemen
     assert table_called(page, "Answers that depend on the skeleton model.").rows[1][6] == "rigid;whole-hand"
 
 
+def test_an_interval_is_told_on_the_side_of_its_difference(movement: Movement) -> None:
+    rows = movement.differences
+    turned = rows.assign(difference=-rows["difference"], low=-rows["high"], high=-rows["low"])
+    (said,) = groups_differ(replace(movement, differences=turned))
+    assert "12.1 deg less with A (95 % 8.1 to 16.1, " in said
+
+
 def test_what_is_drawn_is_what_the_tables_say(movement: Movement) -> None:
     flexion = next(each for each in range_strips(movement, DIGITS) if each.angle == "flexion")
     assert [strip.model for strip in flexion.strips] == list(JOINTS)
