@@ -28,7 +28,7 @@ def test_clean_inputs_inputs_that_failed_once_and_random_damage(name: str) -> No
             target(name).check(data)
 
 
-@pytest.mark.parametrize("name", set(TARGETS) - {"file parquet, odd types"})
+@pytest.mark.parametrize("name", [name for name in TARGETS if name != "file parquet, odd types"])
 def test_what_is_spoilt_is_sound_before(name: str) -> None:
     """Else the readers' first lines alone would be reached."""
     assert target(name).check(target(name).seeds[0]) in ("read", "decoded")
