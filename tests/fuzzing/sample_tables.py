@@ -24,16 +24,19 @@ from schemas.tables import METADATA_KEY, Table
 STUDY: dict[str, bytes] = {
     "study.yaml": b"study: a\nrecordings: recordings.tsv\nparticipants: participants.tsv\n"
     b"corrections: corrections.tsv\nmeasurements: measurements.tsv\ntouches: touches.tsv\n"
+    b"events: events.tsv\nfactors: [group, hand]\n"
     b"layout: liberty16\nmodels: [paper-fig4, whole-hand]\nexports: [bvh, glb]\n",
     "recordings.tsv": b"subject\thand\ttask\trole\tfile\ttrial\tlayout\tformat\tmapping\themisphere\texclude"
     b"\taccept\n01\tright\trom\tboth\ta.csv\t\t\t\t\t\t\t\n01\tright\tgrasp\tevaluation\tb.csv\t2\tliberty16"
     b"\tauto\tm.yaml\trepair\tlost\tseen\n02\tleft\trom\tcalibration\tc.csv\n",
-    "participants.tsv": b"subject\thand_length_mm\thand_breadth_mm\tage\n01\t180\t80\t33\n02\t\t\t\n",
+    "participants.tsv": b"subject\thand_length_mm\thand_breadth_mm\tgroup\n01\t180\t80\ta\n02\t\t\tb\n",
     "corrections.tsv": b"subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\tnote\n"
     b"01\tright\tindex_pip\t1\t-2\t3e0\tx\n",
     "measurements.tsv": b"subject\thand\tquantity\tvalue_mm\tsd_mm\n01\tright\tindex_proximal\t40.5\t1\n",
     "touches.tsv": b"subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm\n"
     b"01\tright\trom\tindex\tpad\t0.5\t1\t1\t2\t3\t0.5\n",
+    "events.tsv": b"subject\thand\ttask\ttrial\tonset_s\tduration_s\tname\tvalue\n"
+    b"01\tright\tgrasp\t2\t0.5\t1\ttap\t64\n",
 }
 """A study file and its sheets."""
 

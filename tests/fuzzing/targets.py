@@ -24,6 +24,8 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import event_files
+
 from fuzzing import sample_tables
 from fuzzing.damage import damage, damage_values
 from fuzzing.decoding import check_decoder, check_settings
@@ -44,6 +46,7 @@ from schemas.sheets import SHEETS, read_sheet
 from schemas.study import Hand, read_study
 from schemas.study import Recording as StudyRecording
 from schemas.tables import read_metadata, read_table, rows_of
+from stages.align_events.recording_events import read_events
 from stages.capture.formats import c3d_content
 from stages.capture.formats.readers import find_parts_reader
 from stages.capture.import_recording import build_parser, import_recording
@@ -347,7 +350,7 @@ def _read_poses(path: Path) -> None:
     for block in pose_blocks(path, segments, 4):
         assert len(block.frame) <= 4
     check_layout(path, read_layout(LAYOUT))
-    one_hand([path], None, None)
+    one_hand([path], None, None, None)
     usable_poses([path])
     files = (path, "a.csv", Path(LAYOUT), "auto", None, "keep", "")
     recording_row(StudyRecording(Hand("01", "right"), "rom", "", "both", *files), path)
@@ -363,7 +366,7 @@ def _read_any_table(path: Path, name: str) -> None:
     if name not in SUBJECT_TABLES:
         return
     check_subject(path, "01")
-    one_hand_of(path, table, None, None)
+    one_hand_of(path, table, None, None, None)
     part_metadata(path, table)
     with open_parts(path, table) as parts:
         for part in sample_tables.PARTS[:1]:
@@ -439,6 +442,10 @@ def _sheets() -> Target:
     return _files("sheets", files, lambda path: read_sheet(path, SHEETS[path.stem]), share=5.0)
 
 
+def _events(name: str) -> Target:
+    return _files(f"events {name}", {name: event_files.SAMPLES[name]()}, read_events)
+
+
 def _layout() -> Target:
     first, *more = sample_tables.LAYOUTS
 
@@ -475,6 +482,7 @@ def _marked_text() -> Target:
     return Target((b"one <a> two <b> three\0new",), check)
 
 
+EVENT_FILES = {name: name.rpartition(".")[2] for name in event_files.SAMPLES}
 _DECODERS = dict.fromkeys(" ".join(name.split(" ")[:2] if "(" in name else [name]) for name in streams(1))
 _TARGETS: Mapping[str, Callable[[], Target]] = {
     **{f"stream {kind}": partial(_decoder, kind) for kind in _DECODERS},
@@ -489,6 +497,7 @@ _TARGETS: Mapping[str, Callable[[], Target]] = {
     "import": _import,
     "tables": _tables,
     "table metadata": _table_metadata,
+    **{f"events {ending}": partial(_events, name) for name, ending in EVENT_FILES.items()},
     "plan": _plan,
     "study": _study,
     "sheets": _sheets,
