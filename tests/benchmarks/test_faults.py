@@ -125,7 +125,6 @@ def test_a_study_goes_on_after_kills(study: SmallStudy, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="after a change of an input while a study runs, three results have other bytes")
 def test_what_changes_while_a_study_runs_is_noticed(study: SmallStudy, tmp_path: Path) -> None:
     rows = changes.rows(Limit(10), 1, study.copied(tmp_path / "study"))
     assert [row for row in rows if row.failed] == []
