@@ -88,12 +88,10 @@ def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespac
     path = arguments.out / FORMATS["bids"].shared
     if path.exists() and len(plans) == 1 and arguments.participants is None:
         return
-    subjects = {plan.subject for plan in plans}
-    participants = {
-        row["subject"]: {name: value for name, value in row.values.items() if name != "subject"}
-        for row in read_sheet(arguments.participants, PARTICIPANTS)
-        if row["subject"] in subjects
-    }
+    participants: dict[str, dict[str, object]] = {plan.subject: {} for plan in plans}
+    for row in read_sheet(arguments.participants, PARTICIPANTS):
+        if row["subject"] in participants:
+            participants[row["subject"]] = {n: value for n, value in row.values.items() if n != "subject"}
     write_dataset_files(path.parent, plans[0].study, participants, arguments.licence)
 
 
