@@ -13,7 +13,7 @@ from schemas.results import Results
 
 PAGE = Results(Path("results/demo")).subject_page("01")
 PICTURE = Path("docs/hands.png")
-WIDTH, HEIGHT, SCALE = 1000, 900, 2
+WIDTH, HEIGHT, SCALE = 1120, 900, 1.5
 
 
 def main() -> None:

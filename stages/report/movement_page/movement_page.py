@@ -84,12 +84,8 @@ def _difference_panels(movement: Movement, digits: Sequence[str]) -> list[dict[s
     made = []
     for contrast in difference_strips(movement, digits):
         _, level, other = contrast.levels
-        caption = (
-            f"Difference in range of motion, {contrast.words}: line and number the mean difference, bar its "
-            "95 % interval, of one angle at a time. In bold what is shown after Holm's correction."
-        )
         sides = (f"{other} more ←", f"→ {level} more")
-        panels = _drawn(contrast.panels, caption, difference_scale, 0, f"difference, {contrast.words}", sides)
+        panels = _drawn(contrast.panels, "", difference_scale, 0, f"difference, {contrast.words}", sides)
         made.append({"words": contrast.words, "panels": panels})
     return made
 

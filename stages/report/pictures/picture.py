@@ -86,7 +86,7 @@ class Picture:
         times = size / MARK_PX
         style = _style(face, edge, edge_px / times)
         for x, y in points[np.isfinite(points).all(-1)].tolist():
-            place = f"translate({_px(x)} {_px(y)}) scale({times:.3g})"
+            place = f"translate({_px(x)} {_px(y)})" + (f" scale({times:.3g})" if times != 1 else "")
             self._parts.append(f'<path transform="{place}" d="{MARK_PATHS[shape]}" style="{style}"/>')
 
     def outline(self, corners: npt.ArrayLike, face: str, edge: str, width: float = 1.0) -> None:
@@ -122,8 +122,11 @@ class Picture:
 
 
 def _style(face: str, edge: str, width: float) -> str:
-    style = f"fill:{as_custom_property(face)};stroke:{as_custom_property(edge)}"
-    return style if edge == "none" or width == 1.0 else f"{style};stroke-width:{width:.3g}"
+    style = f"fill:{as_custom_property(face)}"
+    if edge == "none":
+        return style
+    style += f";stroke:{as_custom_property(edge)}"
+    return style if width == 1.0 else f"{style};stroke-width:{width:.3g}"
 
 
 def _px(value: float) -> str:
