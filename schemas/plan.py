@@ -422,7 +422,7 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
 
 def _check_texts(content: Mapping[str, Any]) -> None:
     """Raise as Python does where names or paths are no texts, or sizes no numbers."""
-    named = [content[name] for name in ("study", "subject", "folder")]
+    named = [content[name] for name in ("study", "subject", "session", "folder")]
     named += [config["model"] for config in content["models"]]
     named += [*content["layouts"], *(config["layout"] for config in content["layouts"].values())]
     for entry in content["recordings"]:

@@ -52,7 +52,7 @@ class Tries:
         self.tried += 1
         if problem:
             self.failed += 1
-            print(f"FAILED: {self.fault}: {problem}", file=sys.stderr, flush=True)
+            print(f"FAILED: {self.fault}: {problem[-1500:]}", file=sys.stderr, flush=True)
 
     def row(self) -> Row:
         """The row of all tries."""

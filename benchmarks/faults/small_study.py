@@ -131,7 +131,7 @@ def finish(process: subprocess.Popen[str], timeout_s: float = PATIENCE_S) -> str
         kill(process, whole_session=True)
         raise RuntimeError(f"still running after {timeout_s:.0f} s") from None
     if process.returncode:
-        raise RuntimeError(f"ended with {process.returncode}: {said[-1500:]}")
+        raise RuntimeError(f"ended with {process.returncode}: {said[-10_000:]}")
     return said
 
 

@@ -61,7 +61,7 @@ def offset_sd_s(path: Path, stream: Stream) -> float:
         return float("nan")
     at = offsets[:, 0] - offsets[:, 0].mean()
     error = offsets[:, 1] - offsets[:, 1].mean()
-    if at.any():
+    if at @ at > 0:  # of times that hardly differ the squares are nothing
         error = error - at * (at @ error) / (at @ at)
     return float(np.sqrt(np.mean(error**2)))
 
