@@ -117,8 +117,8 @@ def load_stream(path: Path, stream: Stream) -> tuple[npt.NDArray[np.float64], An
         with _quiet():
             streams, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
     except Exception as error:  # pyxdf raises whatever its code runs into
-        what = f"{type(error).__name__}: {error}"
-        raise InputError(f"{path}: stream {stream.name}: pyxdf cannot read it ({what})") from error
+        why = f"{path}: stream {stream.name}: pyxdf cannot read it ({error}); copy the file again"
+        raise InputError(why) from error
     time_s = np.asarray(streams[0]["time_stamps"], float)
     if not len(time_s):
         raise InputError(f"{path}: stream {stream.name}: has no samples")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -110,6 +111,9 @@ def _export_recording(
 
     side = hands[0].hand.hand if len(hands) == 1 else "both"
     stem = file_stem(plan.who, side, hands[0].task, hands[0].trial, model)
+    for name in (stem, *(f"{stem}_{name}" for name in formats)):
+        with suppress(PermissionError):  # then nothing can be written here either, and that is said
+            (arguments.out / f"{name}.failed.txt").unlink(missing_ok=True)  # of an earlier run
     try:
         motions = [read_motion(plan, recording, model, arguments.licence) for recording in hands]
     except InputError as error:

@@ -87,7 +87,7 @@ def exported_files(results: StudyResults) -> dict[str, list[Link]]:
     """Links to the files in the folder of exports, by what their names end in; to folders there as such."""
     found: dict[str, list[Link]] = {}
     folder = results.paths.exports
-    for file in sorted(folder.iterdir()) if folder.is_dir() else []:
+    for file in sorted(folder.glob("[!.]*")):  # what begins with a dot is Snakemake's
         if not file.name.endswith(".failed.txt"):
             kind = "folders" if file.is_dir() else file.suffix.removeprefix(".")
             found.setdefault(kind, []).append(link(file.name, results.paths.report, file))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -73,12 +74,18 @@ def save(folder: Path, drawing: Drawing) -> None:
     """Write NAME.svg, NAME.pdf and NAME.txt, each whole or not at all. Raises InputError where it cannot."""
     base = folder / drawing.name
     with applied():
-        with replacing(_with(base, "svg")) as temporary:
-            drawing.figure.savefig(temporary, format="svg", metadata={"Date": None})
+        _write(_with(base, "svg"), drawing.figure, {"Date": None})
         drawing.figure.set_layout_engine(None)  # panels have found their places; to search again takes long
-        with replacing(_with(base, "pdf")) as temporary:
-            drawing.figure.savefig(temporary, format="pdf", metadata={"CreationDate": None})
+        _write(_with(base, "pdf"), drawing.figure, {"CreationDate": None})
     write_text(_with(base, "txt"), drawing.caption + "\n")
+
+
+def _write(path: Path, figure: Figure, metadata: dict[str, None]) -> None:
+    """Draw into memory first: matplotlib says more than one sentence of a disk that is full."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format=path.suffix[1:], metadata=metadata)
+    with replacing(path) as temporary:
+        temporary.write_bytes(drawn.getvalue())
 
 
 def _with(base: Path, kind: str) -> Path:

@@ -125,6 +125,8 @@ def test_a_failure_can_be_recorded(right: KnownHand, tmp_path: Path) -> None:
     assert run(right, tmp_path, "--frames", "5000:", "--record-failure") == 0
     for name in ("bvh", "csv"):
         assert "no frame of the recording" in (tmp_path / f"{STEM}_{name}.failed.txt").read_text("utf-8")
+    assert run(right, tmp_path) == 0
+    assert not list(tmp_path.glob("*.failed.txt"))
     assert run(right, tmp_path, "--record-failure", model="none") == 0
     assert "has no model 'none'" in (tmp_path / "sub-01.failed.txt").read_text("utf-8")
 
