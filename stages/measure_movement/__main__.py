@@ -121,6 +121,9 @@ def _measure_recording(
     keys: dict[str, Any] = {**recording.key}
     curves: list[dict[str, Any]] = []
     movement = RecordedMovement(plan, recording, part.model)
+    if unsolved := movement.unsolved():
+        tables["ranges_of_motion"].rows(part, [keys | row for row in left_out_rows(unsolved)])
+        return set(), []
     grid, ranges, used = grid_of(movement.poses.time_s), list(left_out_rows(movement.left_out())), set()
     for series in movement.angles():
         ranges += range_rows(series, grid, {joint: movement.reliability(joint) for joint in series.joints})

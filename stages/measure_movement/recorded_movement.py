@@ -68,6 +68,13 @@ class RecordedMovement:
         row = self._skeleton.joints.get(joint)
         return ("failed", "the joint was not solved") if row is None else (row["status"], row["message"])
 
+    def unsolved(self) -> Mapping[str, str]:
+        """Why each joint failed, where no joint of a digit was solved; else nothing."""
+        in_digits = {joint for digit in self._layout.digits.values() for joint in digit.joints}
+        rows = {joint: row for joint, row in self._skeleton.joints.items() if joint in in_digits}
+        solved = any(row["status"] != "failed" for row in rows.values())
+        return {} if solved else {joint: row["message"] for joint, row in rows.items()}
+
     def left_out(self) -> Mapping[str, str]:
         """Joints that the model cannot pose, and why."""
         reasons = {} if self._fitted else self._ridden[2]

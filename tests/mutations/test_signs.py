@@ -83,6 +83,7 @@ SIGNS = {
 
 ROOMS = (
     "schemas",
+    "workflow",
     "anatomy",
     "checks",
     "skeleton",
@@ -109,7 +110,10 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("mutated")
     for room in ROOMS:
         shutil.copytree(REPOSITORY / room, folder / room, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", *(f"tests/{name}" for name in ("conftest.py", "chains.py", *GUARDS))):
+    for name in (
+        "pyproject.toml",
+        *(f"tests/{name}" for name in ("conftest.py", "refusals.py", "chains.py", *GUARDS)),
+    ):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(REPOSITORY / name, folder / name)
     return folder
