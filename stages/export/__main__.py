@@ -72,6 +72,7 @@ def export(arguments: argparse.Namespace) -> None:
     if "bids" in formats:
         _describe_dataset(list(plans.values()), arguments)
     failures: list[tuple[str, str]] = []
+    _forget_failures(arguments.out, _failure_name(arguments))
     for plan, model, hands in chosen:
         failures += _export_recording(plan, hands, model, formats, settings, arguments)
     for stem, message in failures if arguments.record_failure else ():
@@ -111,9 +112,7 @@ def _export_recording(
 
     side = hands[0].hand.hand if len(hands) == 1 else "both"
     stem = file_stem(plan.who, side, hands[0].task, hands[0].trial, model)
-    for name in (stem, *(f"{stem}_{name}" for name in formats)):
-        with suppress(PermissionError):  # then nothing can be written here either, and that is said
-            (arguments.out / f"{name}.failed.txt").unlink(missing_ok=True)  # of an earlier run
+    _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
     try:
         motions = [read_motion(plan, recording, model, arguments.licence) for recording in hands]
     except InputError as error:
@@ -139,8 +138,19 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write why nothing could be exported into a text file, named as the folder of the first plan."""
     from schemas.files import write_text
 
-    name = arguments.plan[0].absolute().parent.name
-    write_text(arguments.out / f"{name}.failed.txt", f"{message}\n")
+    write_text(arguments.out / f"{_failure_name(arguments)}.failed.txt", f"{message}\n")
+
+
+def _failure_name(arguments: argparse.Namespace) -> str:
+    """What the note on a failure of everything is named by: the folder of the first plan."""
+    return str(arguments.plan[0].absolute().parent.name)
+
+
+def _forget_failures(folder: Path, *names: str) -> None:
+    """Remove the notes on failures of an earlier run."""
+    for name in names:
+        with suppress(PermissionError):  # then nothing can be written here either, and that is said
+            (folder / f"{name}.failed.txt").unlink(missing_ok=True)
 
 
 def main(argv: list[str] | None = None) -> int:

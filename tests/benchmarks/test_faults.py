@@ -73,11 +73,12 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> SmallStudy:
 
 
 @pytest.fixture(scope="module")
-def commands(study: SmallStudy) -> tuple[SmallStudy, list[Command]]:
-    """The commands of its jobs, and the study with what they have made."""
+def commands(study: SmallStudy, tmp_path_factory: pytest.TempPathFactory) -> tuple[SmallStudy, list[Command]]:
+    """The commands of its jobs, and a copy of the study with what they have made."""
     prepare()
-    found = small_study.commands_of(study)
-    return SmallStudy(study.folder, study.state()), found
+    own = study.copied(tmp_path_factory.mktemp("commands") / "study")
+    found = small_study.commands_of(own)
+    return SmallStudy(own.folder, own.state()), found
 
 
 @pytest.mark.slow
