@@ -106,7 +106,7 @@ def test_no_name_in_a_sheet_stops_the_study(tmp_path: Path) -> None:
         row["subject"]: row["message"] for row in study.rows("problems") if row["severity"] == "refused"
     }
     assert problems.keys() == {LONG, "gone", "other"}
-    assert problems[LONG].startswith("names.tsv: row 6, columns subject, task, trial: have 3")
+    assert problems[LONG].startswith("names.tsv: row 6, columns subject, session, task, trial: have 3")
     assert problems["gone"].startswith("names.tsv: row 7, column file: has a part of more than 255 bytes")
     assert "folders are separated by / and not by \\" in problems["other"]
     assert text.count("the row was left out") == 2
