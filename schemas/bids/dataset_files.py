@@ -19,16 +19,23 @@ from schemas.files import replacing
 BIDS_VERSION = "1.10.0"
 DESCRIPTION = "dataset_description.json"
 """The one file of a dataset that is there before its recordings."""
+BEFORE_DESCRIPTION = ("README", "participants.tsv", "participants.json")
+"""Files of a dataset that are written before its description."""
 
 
 def check_folder(folder: Path) -> None:
     """Raise InputError where a folder to write to is a file or holds something else than a dataset."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; expected a folder for the dataset")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file():
+    if folder.is_dir() and not (folder / DESCRIPTION).is_file() and _others(folder):
         raise InputError(
             f"{folder}: holds files but no {DESCRIPTION}; expected a new folder or a BIDS dataset"
         )
+
+
+def _others(folder: Path) -> bool:
+    """Whether a folder holds what is not written before the description; a kill leaves only that."""
+    return any(path.name not in BEFORE_DESCRIPTION for path in folder.glob("[!.]*"))
 
 
 def description_json(name: str, licence: str = "") -> dict[str, Any]:

@@ -103,7 +103,6 @@ def write_dataset_files(
     same ones. The order of subjects does not matter. Raises InputError where the folder is no dataset.
     """
     check_folder(folder)
-    write_text(folder / DESCRIPTION, json_text(description_json(name, licence)))
     write_text(folder / "README", _README)
     names = dict.fromkeys(column for known in participants.values() for column in known)
     columns = [column for column in names if column not in ("participant_id", "name")]
@@ -115,6 +114,7 @@ def write_dataset_files(
     columns_json = {"name": {"Description": "The subject's name, of which participant_id is made."}}
     columns_json |= {column: _described(column) for column in columns}
     write_text(folder / "participants.json", json_text(columns_json))
+    write_text(folder / DESCRIPTION, json_text(description_json(name, licence)))  # last: then all is there
 
 
 def _described(column: str) -> dict[str, str]:

@@ -244,6 +244,16 @@ def test_order_and_repetition_change_nothing(tmp_path: Path) -> None:
     assert lines == ["participant_id\tname", "sub-01\t01", "sub-02\t02", "sub-10\t10"]
 
 
+def test_what_a_kill_left_of_a_description_is_written_again(tmp_path: Path) -> None:
+    motion = moving_fingers(9)
+    whole = write_all(tmp_path / "whole", [motion])
+    (tmp_path / "killed").mkdir()
+    (tmp_path / "killed" / "README").write_text("half")
+    assert write_all(tmp_path / "killed", [motion]) == {
+        name: data.replace(b'"whole"', b'"killed"') for name, data in whole.items()
+    }
+
+
 def test_a_study_describes_its_dataset(tmp_path: Path) -> None:
     sizes = {"山田": {"hand_length_mm": 181.5, "sex": None}, "a\tb": {"hand_length_mm": None, "sex": "F"}}
     write_dataset_files(tmp_path, "The study", sizes, "CC0")
