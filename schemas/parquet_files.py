@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -48,19 +48,20 @@ def is_intact(path: Path) -> bool:
 
     Read once for as long as it stays as it is.
     """
-    return _is_intact(path.absolute(), *file_state(path))
+    return _digest_holds(path.absolute(), *file_state(path)) is not False
 
 
 @lru_cache(maxsize=4096)
-def _is_intact(path: Path, *_: int) -> bool:
+def _digest_holds(path: Path, *_: int) -> bool | None:
+    """Whether a file has the digest that it carries; None where it carries none."""
     with path.open("rb") as stream:
         footer_at = _footer_at(stream)
         stored_at = footer_at - len(_MARK) - _DIGEST_BYTES
         if stored_at < 0:
-            return True
+            return None
         stream.seek(stored_at)
         if stream.read(len(_MARK)) != _MARK:
-            return True
+            return None
         stored = stream.read(_DIGEST_BYTES)
         digest = hashlib.sha256()
         stream.seek(0)
@@ -121,6 +122,29 @@ def naming_damage(
         yield
     except (FileNotFoundError, InputError, MemoryError):
         raise
-    except (OSError, ValueError, pa.ArrowException) as damage:
+    except (OSError, ValueError, RuntimeError, pa.ArrowException) as damage:  # RuntimeError: of pyarrow's C++
         reason = getattr(damage, "strerror", None) or damage
         raise error(f"{path}: {what} ({reason}); {remedy}") from damage
+
+
+def column_ends(
+    path: Path, file: pq.ParquetFile, group: int, column: int, *, with_nulls: bool = False
+) -> tuple[Any, Any] | None:
+    """The least and the largest value of a column in a row group of an open file; None where not known of
+    every row, or with_nulls of every one that has a value.
+
+    Where a footer contradicts itself, pyarrow ends the process when it is asked for that. So of a file that
+    carries no digest, whose footer anything may have changed, the column is read first, which raises, and its
+    type compared. Raises TableError where the file is damaged.
+    """
+    with naming_damage(path):
+        sealed = _digest_holds(path.absolute(), *file_state(path)) is not None
+        if not sealed:
+            file.read_row_group(group, [file.schema.column(column).path], use_threads=False)
+        chunk = file.metadata.row_group(group).column(column)
+        if not sealed and chunk.physical_type != file.schema.column(column).physical_type:
+            raise ValueError("a column's type is not that of its schema")
+        known = chunk.statistics
+        if known is None or not known.has_min_max or (known.null_count and not with_nulls):
+            return None
+        return known.min, known.max

@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from schemas.errors import InputError, TableError, listed
-from schemas.parquet_files import naming_damage, open_parquet
+from schemas.parquet_files import column_ends, naming_damage, open_parquet
 from schemas.study import Hand, SubjectSession
 from schemas.tables import (
     Provenance,
@@ -238,7 +238,7 @@ class PartsReader:
         between: tuple[int, int] | None,
     ) -> dict[str, Array]:
         """Columns (N, C) of the rows with those keys of one row group, by name; see `recording`."""
-        ends = self._ends(group, by)
+        ends = column_ends(self._path, self._file, group, self._place[by])
         one_name = ends is not None and ends[0] == ends[1]
         needed = [*columns, *["frame"] * (between is not None), *[by] * (not one_name)]
         rows = self._filtered({group: mixed}, keys, [*dict.fromkeys(needed)])
@@ -275,7 +275,7 @@ class PartsReader:
         for group in range(self._file.num_row_groups):
             mixed = []
             for name, ends in wanted.items():
-                own = self._ends(group, name)
+                own = column_ends(self._path, self._file, group, self._place[name])
                 if own is not None and (own[0] > ends[1] or own[1] < ends[0]):
                     break
                 if own != ends and name in keys:
@@ -283,14 +283,6 @@ class PartsReader:
             else:
                 groups[group] = mixed
         return groups
-
-    def _ends(self, group: int, name: str) -> tuple[Any, Any] | None:
-        """The least and the largest value of a column in a row group; None where not known of every row."""
-        known = self._file.metadata.row_group(group).column(self._place[name]).statistics
-        if known is None or not known.has_min_max or known.null_count:
-            return None
-        with naming_damage(self._path):  # a text that is no UTF-8
-            return known.min, known.max
 
     @cached_property
     def _place(self) -> dict[str, int]:

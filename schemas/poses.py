@@ -22,7 +22,7 @@ from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
 from schemas.layout import Layout
 from schemas.limits import FARTHEST_MM, check_regular
-from schemas.parquet_files import naming_damage, open_parquet
+from schemas.parquet_files import column_ends, naming_damage, open_parquet
 from schemas.study import Hand
 from schemas.tables import column_array, open_table, read_metadata
 from schemas.text_files import reading
@@ -267,14 +267,12 @@ def _row_groups(path: Path, file: pq.ParquetFile) -> dict[str, list[int]]:
     column = file.schema_arrow.get_field_index("segment")
     groups: dict[str, list[int]] = {}
     for index in range(file.metadata.num_row_groups):
-        group = file.metadata.row_group(index)
-        if not group.num_rows:
+        if not file.metadata.row_group(index).num_rows:
             continue
-        known = group.column(column).statistics
-        with naming_damage(path):  # a name that is no UTF-8
-            if known is None or not known.has_min_max or known.min != known.max:
-                raise TableError(f"{path}: a row group holds several segments; make it with stages.capture")
-            groups.setdefault(known.min, []).append(index)
+        ends = column_ends(path, file, index, column)
+        if ends is None or ends[0] != ends[1]:
+            raise TableError(f"{path}: a row group holds several segments; make it with `shukotsu import`")
+        groups.setdefault(ends[0], []).append(index)
     return groups
 
 

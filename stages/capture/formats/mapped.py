@@ -47,7 +47,7 @@ def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> File
     if mapping is None:
         raise InputError(
             f"{path}: {what} needs a mapping that says its units and receivers; "
-            f"`python -m stages.capture inspect {path} --write-mapping mapping.yaml` writes one to edit"
+            f"`shukotsu inspect {path} --write-mapping mapping.yaml` writes one to edit"
         )
     return mapping
 

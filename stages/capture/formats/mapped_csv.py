@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +34,13 @@ _LARGEST_RAD = 1.1 * 2 * np.pi
 
 @dataclass(frozen=True)
 class _Source:
-    """Where a receiver's numbers are: titles of columns, and (N,) the rows that are its own, None for all."""
+    """Where a receiver's numbers are: titles of columns, and (N,) the rows that are its own."""
 
     position: Sequence[str]
     orientation: Sequence[str]
     time: str | None
     quality: str | None
-    rows: Integers | None = None
+    rows: Integers = field(default_factory=lambda: np.arange(0))
 
     @property
     def titles(self) -> list[str]:
@@ -60,13 +60,15 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     titles = [title for title in (frame, receiver) if title is not None]
     cells = text.cells([*titles, *(title for source in sources.values() for title in source.titles)])
     notes: list[str] = []
+    every = np.arange(cells.rows)  # one for all receivers
     if receiver is None:
         notes += _shared_columns(sources)
+        rows = dict.fromkeys(sources, every)
     else:
         rows = _rows_of_receivers(cells, receiver, mapping, notes)
-        sources = {segment: replace(source, rows=rows[segment]) for segment, source in sources.items()}
+    sources = {segment: replace(source, rows=rows[segment]) for segment, source in sources.items()}
     notes += _angle_doubts(cells, sources, mapping)
-    tracks = {segment: _rows_of_source(cells, source, mapping) for segment, source in sources.items()}
+    tracks = {segment: _rows_of_source(cells, source, mapping, every) for segment, source in sources.items()}
     if table["in_step"]:
         placed = _in_step(tracks, None if frame is None else cells.wholes(frame), path, mapping)
     else:
@@ -154,9 +156,9 @@ def _angle_doubts(cells: Cells, sources: Mapping[str, _Source], mapping: FileMap
     ]
 
 
-def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping) -> Track:
-    """A receiver's rows in the file's order, numbered from 0 in place of frames."""
-    rows = np.arange(cells.rows) if source.rows is None else source.rows
+def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: Integers) -> Track:
+    """A receiver's rows in the file's order, numbered from 0 in place of frames; every : row of the table."""
+    rows = source.rows
     position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
     turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
     assert mapping.orientation is not None  # a table without one is refused with its mapping
@@ -173,7 +175,7 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping) -> Trac
     low = quality > mapping.details.get("quality_above", np.inf)
     low |= quality < mapping.details.get("quality_below", -np.inf)
     numbers = np.concatenate([position * mapping.mm_per_unit, turned], -1)
-    return Track(rows, np.arange(len(rows)), time_s, numbers, {"low-quality": low})
+    return Track(rows, every[: len(rows)], time_s, numbers, {"low-quality": low})
 
 
 def _in_step(

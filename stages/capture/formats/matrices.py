@@ -15,7 +15,13 @@ from schemas.layout import Layout
 from schemas.mapping import FileMapping
 from schemas.text_files import read_text
 from skeleton.rotations import Array, from_matrix
-from stages.capture.formats.mapped import Track, mapped_segments, required_mapping, samples_of_tracks
+from stages.capture.formats.mapped import (
+    Integers,
+    Track,
+    mapped_segments,
+    required_mapping,
+    samples_of_tracks,
+)
 from stages.capture.formats.orientation import proper_rotations
 from stages.capture.samples import Samples
 
@@ -25,15 +31,20 @@ _BOTTOM_TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Matrices:
-    """N matrices in the order of the text: (N, 4, 4), and the file and line where each begins."""
+    """N matrices in the order of the text: (N, 4, 4), and (N,) the line where each begins in its file.
+
+    files : with how many matrices each has.
+    """
 
     values: Array
-    places: tuple[tuple[Path, int], ...]
+    lines: Integers
+    files: tuple[tuple[Path, int], ...]
 
     def place(self, index: int) -> str:
         """File and line in words."""
-        path, line = self.places[index]
-        return f"{path}: line {line}"
+        ends = np.cumsum([count for _, count in self.files])
+        path, _ = self.files[int(np.searchsorted(ends, index, side="right"))]
+        return f"{path}: line {self.lines[index]}"
 
 
 def read_matrices(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
@@ -64,9 +75,12 @@ def open_matrices(path: Path, pattern: str) -> Matrices:
     Raises InputError where a line is none of a matrix, or there is no matrix at all.
     """
     parts = [_read_file(file) for file in _files(path, pattern)]
-    places = tuple(place for part in parts for place in part.places)
-    values = parts[0].values if len(parts) == 1 else np.concatenate([part.values for part in parts])
-    matrices = Matrices(values, places)
+    matrices = parts[0]
+    if len(parts) > 1:
+        values, lines = (
+            np.concatenate([getattr(own, name) for own in parts]) for name in ("values", "lines")
+        )
+        matrices = Matrices(values, lines, tuple(file for part in parts for file in part.files))
     if not len(matrices.values):
         raise InputError(
             f"{path}: has no matrix; expected four lines of four numbers each, or 16 numbers a line"
@@ -90,11 +104,11 @@ def _natural(file: Path) -> list[tuple[int, str]]:
 
 def _read_file(path: Path) -> Matrices:
     text = read_text(path, "matrices as text, four lines of four numbers each")
-    values, starts = array("d"), []  # a list of numbers takes five times their text
+    values, starts = array("d"), array("q")  # a list of numbers takes five times their text
     for start, numbers in _blocks(path, _lines(text)):
         values.extend(numbers)
         starts.append(start)
-    return Matrices(np.array(values).reshape(-1, 4, 4), tuple((path, start) for start in starts))
+    return Matrices(np.asarray(values).reshape(-1, 4, 4), np.asarray(starts), ((path, len(starts)),))
 
 
 def _lines(text: str) -> Iterator[str]:
