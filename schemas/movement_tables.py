@@ -223,6 +223,11 @@ MOVEMENT_DIFFERENCES = Table(
         Column("effect_size_name", TEXT, "", "d_z (within) or hedges_g (between); empty without one"),
         real("p", "two-sided p-value of the test"),
         real("p_holm", "the same after Holm's correction over all `of` of the quantity"),
+        real(
+            "p_max_t",
+            "two-sided p-value corrected over all `of` of the quantity by the largest |t| among them; "
+            "by it a difference counts as shown",
+        ),
         Column("test", TEXT, "", "exact sign-flip, sign-flip, exact permutation or permutation; empty: none"),
         UNIT,
         MESSAGE,
@@ -305,7 +310,7 @@ MODEL_DEPENDENCE = Table(
             "agree",
             YES_NO,
             "",
-            "difference: whether all are on one side of p_holm = 0.05 and, where one is shown, of one sign; "
+            "difference: whether all are on one side of p_max_t = 0.05 and, where one is shown, of one sign; "
             "reliability: whether the intervals of ICC(2,1) overlap; null where no two models can be held "
             "against each other",
             True,

@@ -12,10 +12,10 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.compare_movement",
+        "shukotsu stage compare_movement",
         "Compare the movement of a study's subjects over its factors, say how well it repeats, and whether "
         "the skeleton model changes the answer.",
-        "python -m stages.compare_movement --study config/demo.yaml --results results/demo",
+        "shukotsu stage compare_movement --study config/demo.yaml --results results/demo",
         records_failure=False,
     )
     parser.add_argument("--study", type=Path, required=True, help="the study file")

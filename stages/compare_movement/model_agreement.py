@@ -54,12 +54,12 @@ def _row(question: str, where: Row, rows: list[Row], of: str, agree: bool | None
 
 def _same_conclusion(rows: Sequence[Row]) -> tuple[bool | None, str]:
     """Whether all models are on one side of LEVEL and, where they show a difference, of one sign."""
-    tested = [row for row in rows if row["p_holm"] is not None]
+    tested = [row for row in rows if row["p_max_t"] is not None]
     if len(tested) < 2:
         return None, "fewer than two models have a test"
-    up = [row["model"] for row in tested if row["p_holm"] <= LEVEL and row["difference"] > 0]
-    down = [row["model"] for row in tested if row["p_holm"] <= LEVEL and row["difference"] <= 0]
-    none = [row["model"] for row in tested if row["p_holm"] > LEVEL]
+    up = [row["model"] for row in tested if row["p_max_t"] <= LEVEL and row["difference"] > 0]
+    down = [row["model"] for row in tested if row["p_max_t"] <= LEVEL and row["difference"] <= 0]
+    none = [row["model"] for row in tested if row["p_max_t"] > LEVEL]
     groups = [(up, "more at {level}"), (down, "less at {level}"), (none, "no difference shown")]
     said = [f"{text.format(**tested[0])}: {', '.join(own)}" for own, text in groups if own]
     return len(said) == 1, "" if len(said) == 1 else "; ".join(said)

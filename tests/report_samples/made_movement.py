@@ -134,6 +134,7 @@ def _difference(of: str, rank: int, n: int) -> Row:
         "effect_size_name": "hedges_g",
         "p": 0.0001 if shown else 0.5,
         "p_holm": 0.0021 if shown else 1.0,
+        "p_max_t": 0.0021 if shown else 1.0,
         "test": "exact permutation",
         "unit": "deg",
     }

@@ -13,7 +13,7 @@ LEVELS = {"factor": "group", "level": "A", "other_level": "B"}
 
 
 def difference(model: str, value: float, p: float | None) -> dict[str, Any]:
-    return WHERE | LEVELS | {"model": model, "difference": value, "p_holm": p}
+    return WHERE | LEVELS | {"model": model, "difference": value, "p_max_t": p}
 
 
 def icc(model: str, low: float, high: float) -> dict[str, Any]:
