@@ -1,6 +1,6 @@
 # `make demo` and `make test` set up all they need; the rest is for those who change the code.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow fuzz test-tools test-slurm tools coverage lint format lock audit docs bench clean
+.PHONY: help demo test test-slow fuzz test-tools test-slurm tools coverage lint format lock audit docs site bench clean
 
 python := .venv/bin/python
 # Tests, and the processes that they start, share the cores already.
@@ -22,6 +22,7 @@ test: ## run the fast tests
 
 test-slow: fuzz ## run the rest: damaged input, whole studies through Snakemake, planted wrong signs
 	@./bootstrap requirements-dev.lock
+	@./bootstrap requirements-site.lock .venv-site
 	@$(pytest) -m slow --ignore=tests/studies -n auto --dist loadfile
 	@$(pytest) -m slow tests/studies # each has all cores
 
@@ -34,6 +35,7 @@ tools: ## put programs by others that read exports into .tools (some 1.4 GB), an
 
 test-tools: tools ## read exported files with these programs
 	@./bootstrap requirements-dev.lock
+	@./bootstrap requirements-site.lock .venv-site
 	@$(pytest) -m tools
 
 test-slurm: ## run a study on a private Slurm (root, Debian's slurm-wlm and munge)
@@ -63,7 +65,11 @@ docs: ## write what is generated of the guide: pages from the schemas, the diagr
 	@$(python) -m schemas.reference_pages docs
 	@$(python) -m workflow.diagram
 	@$(python) -m workflow.licences
-	@$(python) -m workflow.refusals
+
+site: ## make the guide a site of pages, site/index.html, that needs no server and no network
+	@./bootstrap requirements-site.lock .venv-site
+	@.venv-site/bin/python -m guide.pictures docs/pictures
+	@NO_MKDOCS_2_WARNING=1 .venv-site/bin/mkdocs build --quiet
 
 audit: ## ask whether an advisory is known of what the lock files install
 	@./bootstrap requirements.lock
@@ -79,7 +85,8 @@ lock: ## resolve the dependencies anew (needs uv)
 	uv pip compile pyproject.toml --group cluster --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-cluster.lock
 	uv pip compile pyproject.toml --group fuzz --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-fuzz.lock
 	uv pip compile pyproject.toml --group dev --group bench --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements-dev.lock --upgrade -o requirements-bench.lock
+	uv pip compile pyproject.toml --group site --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-site.lock
 	uv pip compile --group audit --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-audit.lock
 
-clean: ## remove results and the demo's recordings
-	rm -rf results data/demo/recordings .snakemake
+clean: ## remove results, the demo's recordings and the site
+	rm -rf results data/demo/recordings .snakemake site docs/pictures

@@ -552,10 +552,12 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
         f"{logs}/subject_pages/sub-{{subject}}.log",
     params:
         code=code_digest("stages.report.subject"),
+        language=study.study.language,
     message:
         "subject_pages: subject {wildcards.subject}"
     shell:
-        f"{run} stages.report.subject --record-failure --plan {{input.plan:q}} --out {{output:q}} 2> {{log:q}}"
+        f"{run} stages.report.subject --record-failure --plan {{input.plan:q}} --out {{output:q}}"
+        " --language {params.language} 2> {log:q}"
 
 
 rule print_figures:  # the study's figures for print; each is written, if only to say what it lacks

@@ -25,6 +25,7 @@ from stages.solve_joints.solution_rows import solution_row
 from stages.solve_joints.solve import add_block
 
 FAR_MM = 5.0
+RECOMMENDED = "whole-hand"
 PAPER, ANATOMICAL, WHOLE = "paper-fig4", "anatomical", "whole-hand"
 AXES = ("parent_x_mm", "parent_y_mm", "parent_z_mm", "child_x_mm", "child_y_mm", "child_z_mm")
 
@@ -83,10 +84,11 @@ def _whole(layout: Layout, poses: Poses, hand: str) -> Iterator[_Row]:
 
 
 def believed_table(joints: Sequence[Believed]) -> TextTable:
-    """Give how far joints called ok are off, by model and hand."""
+    """Give how far joints called ok are off, by model; by hand too of the recommended one."""
     groups: dict[tuple[str, str], list[Believed]] = {}
     for row in joints:
-        groups.setdefault((row[1], row[0]), []).append(row)
+        if row[1] == RECOMMENDED:
+            groups.setdefault((row[1], row[0]), []).append(row)
         groups.setdefault((row[1], "all"), []).append(row)
     rows = [
         (

@@ -134,24 +134,27 @@ def mistakes_page() -> str:
     lines = [
         "# Mistakes that are named",
         "",
-        "Before any joint is solved, the stage `check_recordings` tests what was declared about a recording",
-        "against what its poses say: it undoes every mistake of this page on the poses, one after the",
-        "other, and asks each time how well joints close, whether lengths and places are a hand's, and",
-        "whether joints turn as joints do. Where a mistake explains the poses decisively better than what",
-        "was declared, it is named, in one sentence with what to write; then the next is looked for with",
-        "the first one undone. `import`, `inspect` and `check_calibration` say the same. How often it is",
-        "right: [measured](mistakes-benchmark.md).",
+        "Before joints are solved, what was declared about a recording is tested against its poses: every",
+        "mistake of this page is undone on them, one after the other. Where that explains the poses",
+        "decisively better (joints close, lengths and places are a hand's, joints turn as joints do), it is",
+        "named in one sentence with what to write. `shukotsu check`, `import` and `inspect` say the same",
+        "([how often they are right](mistakes-benchmark.md)). You see a symptom and not a name? Begin at",
+        "[what went wrong](what-went-wrong.md).",
         "",
-        "A finding is `refused` (the recording is not used), `suspect` (it is solved and shown, and is in",
-        "no headline and no statistic) or a `note`. A reason in the column `accept` of the recordings sheet",
-        "makes a recording's suspect findings notes. All findings of a study stand in `problems.parquet`, a",
-        "subject's in `sub-S/findings.parquet`.",
+        "A finding is `refused` (the recording is not used), `suspect` (solved and shown, in no headline and",
+        "no statistic) or a `note`; a reason in the column `accept` of the recordings sheet makes suspect",
+        "findings notes. All are in `problems.parquet`. For layouts that are no hand, digits, the other",
+        "hand, turned receivers and small errors of the unit are not named.",
         "",
-        "Of layouts that are no hand only what rigid bodies and joints can do is known: digits, the other",
-        "hand, turned receivers and small errors of the unit are not named there.",
-        "",
-        "| kind | what it means | usual cause | cure |",
-        "|---|---|---|---|",
     ]
-    lines += [f"| `{name}` | {kind.meaning} | {kind.cause} | {kind.cure} |" for name, kind in KINDS.items()]
-    return "\n".join(lines) + "\n"
+    for name, kind in KINDS.items():
+        lines += [
+            f"## {name}",
+            "",
+            kind.meaning,
+            "",
+            f"- **Usual cause**: {kind.cause}",
+            f"- **Cure**: {kind.cure}",
+            "",
+        ]
+    return "\n".join(lines[:-1]) + "\n"

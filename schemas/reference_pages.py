@@ -6,7 +6,10 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,8 @@ from schemas.catalogue import TABLES
 from schemas.config_files import json_schema, shipped
 from schemas.findings import mistakes_page
 from schemas.sheets import SHEETS
-from schemas.tables import Table
+from schemas.table_columns import OF_RECORDING
+from schemas.tables import Column, Table
 
 NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. -->"
 
@@ -29,31 +33,43 @@ def pages() -> dict[str, str]:
 
 
 def tables_page() -> str:
-    """Give the page of tables: what a row is, its key and every column."""
+    """Give the page of tables: what a row is, its key and every column, those of many tables once."""
+    shared = _shared_columns()
     lines = [
         NOTE,
         "# Tables",
         "",
-        "Every table is a Parquet file. Lengths are in mm, times in s, angles in degrees; quaternions are",
-        "unit and scalar first (w, x, y, z) and turn a receiver's (or bone's) frame into the transmitter's.",
-        "A gap is null, never NaN and never zero. The file's metadata, under the key `shukotsu`, is a JSON",
-        "object with the table's name and version, the unit and meaning of every column, the SHA-256 of all",
-        "inputs and the program's version; it holds no date and no absolute path, so the same input gives",
-        "the same bytes. A table that does not match is refused, with the file, the column and what was",
-        "expected.",
+        "Every table is a Parquet file. Lengths are in mm, times in s, angles in degrees; a name ends in its",
+        "unit. Quaternions are unit, scalar first (w, x, y, z) and turn a receiver's (or bone's) frame into",
+        "the transmitter's. A gap is null, never NaN and never zero. A table of another version is refused.",
         "",
-        "Read one with any Parquet reader:",
+        "What this page says stands in each file too, with its inputs' SHA-256 and the program's version:",
         "",
         "```python",
         "import pyarrow.parquet",
         "",
         'table = pyarrow.parquet.read_table("results/demo/tip_errors.parquet")',
-        'table.schema.metadata[b"shukotsu"]  # units, meanings, inputs, version',
+        'table.schema.metadata[b"shukotsu"]  # a JSON object',
         "```",
+        "",
+        "Below, **key** names the columns that tell rows apart: *hand* is `subject`, `session`, `hand`, and",
+        "*recording* these with `task`, `trial`. `{x,y,z}` stands for three columns. A type is double where",
+        "none is given; `?` says that a cell may be null.",
+        "",
+        "## Columns of many tables",
+        "",
+        *_rows(shared.values()),
     ]
     for table in TABLES.values():
-        lines += ["", *_table(table)]
+        lines += ["", *_table(table, shared)]
     return "\n".join(lines) + "\n"
+
+
+def _shared_columns() -> dict[str, Column]:
+    """Columns that three tables or more have with the same meaning, by name."""
+    columns = [column for table in TABLES.values() for column in table.columns]
+    uses = Counter(columns)
+    return {column.name: column for column in columns if uses[column] >= 3}
 
 
 def configuration_page() -> str:
@@ -63,14 +79,15 @@ def configuration_page() -> str:
         "# Configuration",
         "",
         "A study is one YAML file that names its sheets, its layout and its skeleton models. Every file is",
-        "checked before anything runs: a key or column that is not listed here is refused by name.",
+        "checked before anything runs: a key or column that is not listed here is refused by name. In",
+        "brackets: what a key holds, and what it is where it is left out.",
         "",
         f"Layouts that ship: {', '.join(shipped('layout'))}. Skeleton models: {', '.join(shipped('model'))}.",
     ]
     for kind in ("study", "layout", "model", "mapping"):
         schema = json_schema(kind)
         lines += ["", f"## {schema['title']} file", "", schema["description"], ""]
-        lines += ["| key | type | default | meaning |", "|---|---|---|---|", *_keys(schema, "")]
+        lines += _keys(schema, "")
     lines += [
         "",
         "## Sheets",
@@ -80,25 +97,70 @@ def configuration_page() -> str:
     for sheet in SHEETS.values():
         more = " Further columns are kept." if sheet.more_columns else ""
         lines += ["", f"### {sheet.name}", "", f"A row is one {', '.join(sheet.key)}.{more}", ""]
-        lines += ["| column | needed | meaning |", "|---|---|---|"]
         lines += [
-            f"| `{cell.name}` | {'yes' if cell.required else 'no'} | {cell.description} |"
+            f"- `{cell.name}`{' **needed**' if cell.required else ''}: {_linked(cell.description)}"
             for cell in sheet.cells
         ]
     return "\n".join(lines) + "\n"
 
 
-def _table(table: Table) -> Iterator[str]:
+def _table(table: Table, shared: Mapping[str, Column]) -> Iterator[str]:
+    own = [column for column in table.columns if column != shared.get(column.name)]
+    more = [f"`{c.name}`" for c in table.columns if c not in own and c.name not in table.key]
     yield f"## {table.name}"
     yield ""
-    key = f" A row for every {', '.join(f'`{name}`' for name in table.key)}." if table.key else ""
-    yield f"Version {table.version}: {table.row}.{key}"
+    key = f" Key: {_key(table.key)}." if table.key else ""
+    also = f" Also: {', '.join(more)}." if more else ""
+    yield f"A row: {table.row}.{key}{also}"
     yield ""
-    yield "| column | type | unit | may be null | meaning |"
-    yield "|---|---|---|---|---|"
-    for column in table.columns:
-        nullable = "yes" if column.nullable else ""
-        yield f"| `{column.name}` | {column.type} | {column.unit} | {nullable} | {column.description} |"
+    yield from _rows(own)
+
+
+def _key(names: tuple[str, ...]) -> str:
+    """Names of a key, with a word for those that a hand or a recording has."""
+    listed = ", ".join(f"`{name}`" for name in names)
+    for word, known in (("recording", OF_RECORDING), ("hand", OF_RECORDING[:3])):
+        listed = listed.replace(", ".join(f"`{column.name}`" for column in known), f"*{word}*")
+    return listed
+
+
+def _rows(columns: Iterable[Column]) -> Iterator[str]:
+    """A line a column; neighbours that are parts of one vector, quaternion or matrix share one."""
+    for (meaning, kind), parts in groupby(columns, key=lambda column: (_whole(column), _type(column))):
+        yield f"- `{_joined([part.name for part in parts])}`{kind}: {_linked(meaning)}"
+
+
+def _linked(text: str) -> str:
+    """A meaning as Markdown: pages of the guide are links, and what would be a mark stands as it is."""
+    parts = text.split("`")
+    parts[::2] = [part.replace("<", "&lt;").replace("*", "\\*") for part in parts[::2]]
+    return re.sub(r"docs/([\w-]+)\.md", r"[\1](\1.md)", "`".join(parts))
+
+
+def _whole(column: Column) -> str:
+    """Meaning of the vector, quaternion or matrix that a column is a part of; its own where it is of none."""
+    return re.sub(r", (row \w column )?[wxyz]$", "", column.description)
+
+
+def _joined(names: list[str]) -> str:
+    """Names that differ in one part, as one: x_mm, y_mm, z_mm are {x,y,z}_mm."""
+    if len(names) == 1:
+        return names[0]
+    start, end = _alike(names), _alike([name[::-1] for name in names])
+    parts = [name[start : len(name) - end] for name in names]
+    return f"{names[0][:start]}{{{','.join(parts)}}}{names[0][len(names[0]) - end :]}"
+
+
+def _alike(names: list[str]) -> int:
+    """How many letters all names begin with alike."""
+    return sum(1 for _ in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
+
+
+def _type(column: Column) -> str:
+    """What follows a column's name: its type where it is not the usual one, and whether it may be null."""
+    listed = re.fullmatch(r"fixed_size_list<item: double>\[(\d+)\]", str(column.type))
+    kind = f"{listed[1]} doubles" if listed else str(column.type).replace("string", "text")
+    return f"{'' if kind == 'double' else f' {kind}'}{'?' if column.nullable else ''}"
 
 
 def _keys(schema: dict[str, Any], prefix: str) -> Iterator[str]:
@@ -114,9 +176,11 @@ def _keys(schema: dict[str, Any], prefix: str) -> Iterator[str]:
 def _key_row(path: str, part: dict[str, Any], required: bool) -> str:
     kind = _kind(part)
     if "enum" in part:
-        kind = ", ".join(str(word) for word in part["enum"])
-    default = "needed" if required else f"`{json.dumps(part['default'])}`" if "default" in part else ""
-    return f"| `{path}` | {kind} | {default} | {part['description']} |"
+        kind = ", ".join(str(word) or "empty" for word in part["enum"])
+    default = (
+        "; **needed**" if required else f"; `{json.dumps(part['default'])}`" if "default" in part else ""
+    )
+    return f"- `{path}` ({kind}{default}): {_linked(part['description'])}"
 
 
 def _kind(part: dict[str, Any]) -> str:

@@ -168,6 +168,11 @@ class Study:
         return replace(self, recordings=recordings)
 
     @property
+    def language(self) -> str:
+        """Language of the report, a code as in its key's list."""
+        return str(self.config["language"])
+
+    @property
     def factors(self) -> tuple[str, ...]:
         """Names of the study's factors, see `schemas.factors`."""
         return tuple(self.config["factors"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import errno
+import os
 import signal
 import sys
 import traceback
@@ -105,11 +106,11 @@ def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = N
 
 
 def parser(
-    module: str, description: str, example: str, *, records_failure: bool = True
+    program: str, description: str, example: str, *, records_failure: bool = True
 ) -> argparse.ArgumentParser:
     """Give a parser in the house's style: what it does, an example, one way to record failures."""
     built = argparse.ArgumentParser(
-        prog=f"python -m {module}",
+        prog=program,
         description=description,
         epilog=f"example:\n  {example}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -150,10 +151,13 @@ def run(
             raise  # one of this program's own
         print(
             f"error: {error.name} is not installed for {sys.executable}; run `./bootstrap requirements.lock` "
-            "once, and .venv/bin/python in place of python",
+            "once in the folder of this program, and then its .venv/bin/shukotsu",
             file=sys.stderr,
         )
         return EXIT_BAD_INPUT
+    except BrokenPipeError:  # whoever read what is printed has read enough
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - for what Python still flushes
+        return 128 + signal.SIGPIPE
     except MemoryError as error:
         print(
             f"error: not enough memory ({error or 'none is left'}); run fewer jobs at once, give the job "

@@ -20,6 +20,17 @@ BELOW: Mapping[str, Sequence[str]] = {
     "trackers": ("anatomy", "skeleton", "schemas"),
     "stages": ("subject_statistics", "checks", "trackers", "anatomy", "skeleton", "schemas"),
     "workflow": ("stages", "subject_statistics", "checks", "trackers", "anatomy", "skeleton", "schemas"),
+    "guide": ("stages", "anatomy", "skeleton", "schemas"),
+    "shukotsu": (
+        "workflow",
+        "stages",
+        "subject_statistics",
+        "checks",
+        "trackers",
+        "anatomy",
+        "skeleton",
+        "schemas",
+    ),
     "benchmarks": (
         "workflow",
         "stages",

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from refusal_places import ROOT, Place, places
 
 from schemas.errors import MOST_LETTERS, InputError
-from workflow.refusals import ROOT, Place, places
 
 INTERNAL = re.compile(
     r"<(class|function|module|bound|_io|built)|object at 0x|Traceback|codec can't|Errno|PosixPath|WindowsPath"

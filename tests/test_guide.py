@@ -1,4 +1,7 @@
-"""The guide's examples are true: files in it are valid, links lead somewhere, commands parse."""
+"""The guide's examples are true: files in it are valid, links lead somewhere, commands parse.
+
+tests/studies/test_guide_runs.py runs the commands.
+"""
 
 import contextlib
 import io
@@ -9,20 +12,27 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+import jsonschema
 import pytest
+import yaml
+from guide_pages import NAMES, PAGES, REPOSITORY, Block, anchors, blocks, commands, links, pictures, prose
 
+from schemas.config_files import json_schema
 from schemas.layout import read_layout
 from schemas.model import read_model
 
-REPOSITORY = Path(__file__).resolve().parent.parent
-PAGES = [*sorted((REPOSITORY / "docs").glob("*.md")), *sorted(REPOSITORY.glob("*.md"))]
+MADE_BY_THE_BUILD = REPOSITORY / "docs" / "pictures"
+SHELL = [block for page in PAGES for block in blocks(page, "sh", "bash", "shell", "console")]
+YAML = [block for page in PAGES for block in blocks(page, "yaml")]
+TAGS = ("br", "details", "div", "figure", "figcaption", "p", "span", "style", "sub", "summary", "sup")
+"""What a page may be laid out with."""
+KINDS = ("study", "layout", "model", "mapping")
 
 
 def first_yaml(page: str) -> str:
-    found = re.search(r"```yaml\n(.*?)```", (REPOSITORY / "docs" / page).read_text("utf-8"), re.DOTALL)
-    assert found
-    return found.group(1)
+    return blocks(REPOSITORY / "docs" / page, "yaml")[0].text
 
 
 def test_the_example_layout_is_one(tmp_path: Path) -> None:
@@ -36,32 +46,93 @@ def test_the_example_model_is_one(tmp_path: Path) -> None:
     assert read_model(tmp_path / "half-twist.yaml").twist_factor == 0.5
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def schema_of(keys: set[str]) -> dict[str, Any]:
+    """The schema of the file that a block with these keys is of, or is a part of."""
+    fitting = [schema for kind in KINDS if keys <= (schema := json_schema(kind))["properties"].keys()]
+    whole = [schema for schema in fitting if set(schema["required"]) <= keys]
+    assert fitting, f"no file of the program has the keys {', '.join(sorted(keys))}"
+    return (whole or [schema | {"required": []} for schema in fitting])[0]
+
+
+@pytest.mark.parametrize("block", YAML, ids=str)
+def test_a_file_in_the_guide_is_valid(block: Block) -> None:
+    content = yaml.safe_load(block.text)
+    jsonschema.validate(content, schema_of(set(content)))
+
+
+def test_a_file_that_is_not_valid_is_found() -> None:
+    with pytest.raises(AssertionError, match="stduy"):
+        schema_of({"stduy", "recordings"})
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({"models": "rigid"}, schema_of({"models"}))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_links_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text("utf-8")):
-        if not target.startswith("http"):
-            assert (page.parent / target).exists(), target
+    for file, anchor in links(page):
+        target = (page.parent / file).resolve() if file else page
+        assert target.exists() or target.is_relative_to(MADE_BY_THE_BUILD), file
+        assert not anchor or anchor in anchors(target), f"{file}#{anchor}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_pictures_say_what_is_in_them(page: Path) -> None:
+    assert [
+        file for text, file in pictures(page) if len(text.split()) < 3 and not page.stem.endswith(".ja")
+    ] == []
+    assert [file for text, file in pictures(page) if len(text) < 8] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_nothing_in_angle_brackets_is_taken_for_html(page: Path) -> None:
+    """A browser would show nothing of it; code stands between backquotes."""
+    found = re.findall(r"<(/?([a-zA-Z]+)[^>\n]*)>", prose(page))
+    assert [tag for tag, name in found if name not in TAGS] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_files_of_the_project_are_where_the_guide_says(page: Path) -> None:
     rooms = (
-        "schemas|checks|anatomy|skeleton|trackers|stages|workflow|benchmarks|config|tests|container|profiles"
+        "schemas|checks|anatomy|skeleton|trackers|stages|workflow|shukotsu|guide|benchmarks|config|tests|"
+        "container|profiles"
     )
     named = re.findall(rf"`((?:{rooms})/[\w./-]+)`", page.read_text("utf-8"))
     there = [path for path in named if "NAME" in path or (REPOSITORY / path.rstrip(".")).exists()]
     assert sorted(set(named) - set(there)) == []
 
 
-def commands(page: Path) -> list[tuple[str, ...]]:
-    """Every `python -m` of this project on a page: module and arguments."""
-    text = page.read_text("utf-8").replace("\\\n", " ")
-    found = re.findall(r"python -m ((?:stages|benchmarks|schemas|workflow)\b[^`\n|;>#)]*)", text)
-    return [tuple(argument.rstrip(".,:") for argument in shlex.split(command)) for command in found]
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_a_block_that_is_not_run_says_why(page: Path) -> None:
+    """A mark with no reason, or that no block follows, is a mistake."""
+    marked = [block for block in blocks(page, "sh", "bash", "shell", "console", "python") if block.not_run]
+    assert len(re.findall(r"^\s*<!-- not run", page.read_text("utf-8"), re.MULTILINE)) == len(marked)
 
 
-COMMANDS = sorted({command for page in PAGES for command in commands(page)})
-WITH_SUBCOMMANDS = ("stages.capture", "benchmarks")
+PROGRAM = re.compile(
+    r"^(?:\S*/)?(?:(shukotsu)|python -m ((?:stages|benchmarks|schemas|workflow|shukotsu)\S*))\s*"
+)
+WITH_SUBCOMMANDS = ("shukotsu", "stages.capture", "benchmarks")
+PLACES = {"COMMAND", "NAME", "..."}
+"""Words that stand for others."""
+
+
+def argv_of(line: str) -> tuple[str, ...] | None:
+    """Module and arguments of a line that runs this project; None where it runs something else."""
+    found = PROGRAM.match(line.strip().removeprefix("$ "))
+    if found is None:
+        return None
+    rest = re.split(r"[|;>#&)]", line.strip().removeprefix("$ ")[found.end() :])[0]
+    return (found[1] or found[2], *shlex.split(rest))
+
+
+def inline_commands(page: Path) -> list[str]:
+    """What stands between backquotes in the text."""
+    return re.findall(r"`([^`\n]+)`", page.read_text("utf-8"))
+
+
+LINES = [line for block in SHELL for line in commands(block)]
+LINES += [line for page in PAGES for line in inline_commands(page)]
+COMMANDS = sorted({argv for line in LINES if (argv := argv_of(line)) and not PLACES & set(argv)})
 
 
 @cache
@@ -77,14 +148,29 @@ def help_of(*command: str) -> str:
     return printed.getvalue()
 
 
+def subcommand(module: str, arguments: list[str]) -> list[str]:
+    """The arguments that choose a parser: a command, and the stage that `shukotsu stage` runs."""
+    named = module in WITH_SUBCOMMANDS and arguments and re.fullmatch(r"[a-z_-]+", arguments[0])
+    if not named or arguments[0].startswith("-"):
+        return []
+    deeper = (module, arguments[0]) == ("shukotsu", "stage")
+    return arguments[: 2 if deeper else 1]
+
+
 @pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_commands_of_the_guide_are_there_with_their_options(command: tuple[str, ...]) -> None:
     module, *arguments = command
-    named = module in WITH_SUBCOMMANDS and arguments and re.fullmatch(r"[a-z_-]+", arguments[0])
-    known = help_of(module, *arguments[: 1 if named and not arguments[0].startswith("-") else 0])
-    options = [argument.partition("=")[0] for argument in arguments if argument.startswith("--")]
-    assert [option for option in options if option not in known] == []
+    known = help_of(module, *subcommand(module, arguments))
+    own = arguments[: arguments.index("--")] if "--" in arguments else arguments
+    options = [argument.partition("=")[0] for argument in own if argument.startswith("--")]
+    assert [option for option in options if not re.search(rf"(?<![\w-]){option}(?![\w-])", known)] == []
+
+
+def test_an_option_that_is_not_there_is_found() -> None:
+    assert argv_of("$ shukotsu run --coers 4 && cd x") == ("shukotsu", "run", "--coers", "4")
+    assert "--coers" not in help_of("shukotsu", "run")
+    assert argv_of("snakemake --cores all") is None
 
 
 STAGES = sorted(path.parent.name for path in (REPOSITORY / "stages").glob("*/__main__.py"))
@@ -108,5 +194,5 @@ def test_every_stage_helps_with_an_example_and_imports_nothing_heavy(stage: str)
     assert done.returncode == 0, done.stderr
     known, _, example = done.stdout.partition("example:")
     argv = shlex.split(example)
-    assert argv[:3] == ["python", "-m", f"stages.{stage}"]
+    assert argv[:3] == ["shukotsu", "stage", stage] or (stage, argv[1]) == ("capture", "import")
     assert all(option in known for option in argv if option.startswith("--"))

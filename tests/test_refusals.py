@@ -4,15 +4,10 @@ import argparse
 
 import pytest
 import refusals
+from refusal_places import places
 
 from schemas.errors import MOST_LETTERS, InputError
 from stages import command_line
-from workflow.refusals import PAGE, page, places
-
-
-def test_page_is_in_step() -> None:
-    """`make docs` would change nothing."""
-    assert PAGE.read_text("utf-8") == page(), "run `make docs`"
 
 
 @pytest.mark.parametrize(

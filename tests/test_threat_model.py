@@ -18,8 +18,8 @@ from small_study import write_study
 from studies.running import REPOSITORY
 
 from schemas.errors import InputError
+from shukotsu.check_file import main as check_study
 from stages.capture.__main__ import main as capture
-from workflow.check_study import main as check_study
 from workflow.study_files import StudyFiles
 
 ROOMS = ("schemas", "anatomy", "skeleton", "checks", "trackers", "stages", "workflow")

@@ -23,8 +23,8 @@ HEAD = """# Licences
 What `requirements.lock` installs beside this program (MIT), as the packages state it themselves. `make docs`
 writes this page; a package that states no licence stops it.
 
-| package | version | licence |
-|---|---|---|
+| licence | packages |
+|---|---|
 """
 
 
@@ -33,7 +33,10 @@ def page() -> str:
     versions: dict[str, list[str]] = {}
     for name, version in _LOCKED.findall(LOCK.read_text("utf-8")):
         versions.setdefault(name, []).append(version)
-    rows = [f"| {name} | {', '.join(every)} | {licence(name)} |" for name, every in versions.items()]
+    packages: dict[str, list[str]] = {}
+    for name, every in versions.items():
+        packages.setdefault(licence(name), []).append(f"{name} {' or '.join(every)}")
+    rows = [f"| {name} | {', '.join(those)} |" for name, those in sorted(packages.items())]
     return HEAD + "\n".join(rows) + "\n"
 
 

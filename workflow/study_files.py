@@ -43,6 +43,10 @@ class StudyFiles:
             subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
         }
         self._models = {path_token(name): name for name in self.study.models}
+        if self.study.language != "en":  # at once, not after hours of computing
+            from stages.report.print_figures.style import check_font
+
+            check_font(self.study.language)
         folders = [_relative(self._simulation_folder())] if self.study.simulation else []
         for path in (*self.configuration, *folders):
             if not _can_be_declared(path):

@@ -12,7 +12,7 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the argument parser."""
     parser = command_line.parser(
-        "workflow.write_plan",
+        "python -m workflow.write_plan",
         "Write what the stages need to know of the study about one subject, everything resolved.",
         "python -m workflow.write_plan --study config/demo.yaml --subject 01 --results results/demo "
         "--out results/demo/sub-01/plan.json",

@@ -136,7 +136,7 @@ def _side_by_side(people: People, hands: str) -> Iterator[TextTable]:
     """The scenarios that are there beside each other, and what is lost without noise and skin."""
     scores = {one.name: by_estimator(people[one]) for one in SIDE_BY_SIDE if one in people}
     yield accuracy_tables.scenario_table(scores, COMPARED, hands)
-    yield accuracy_tables.length_table(scores, COMPARED, hands)
+    yield accuracy_tables.length_table(scores, SWEPT, hands)
     if CLEAN.name in scores:
         yield accuracy_tables.direction_table(scores[CLEAN.name], SWEPT, hands)
 

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.align_events",
+        "shukotsu stage align_events",
         "Bring events of other devices to a recording's clock: MIDI notes, markers, what the tracker saw.",
-        "python -m stages.align_events --poses poses.parquet --events take1.mid --pulses 'note 24 = sync' "
+        "shukotsu stage align_events --poses poses.parquet --events take1.mid --pulses 'note 24 = sync' "
         "--recording take1.arrows --out events.parquet --out-clocks clocks.parquet",
     )
     add = parser.add_argument

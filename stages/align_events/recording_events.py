@@ -13,6 +13,7 @@ import numpy as np
 from schemas.catalogue import POSES
 from schemas.errors import InputError, guess, listed
 from schemas.files import file_sha256
+from schemas.parquet_files import column_ends
 from schemas.tables import open_table, read_metadata
 from stages.align_events.clock_fit import ClockFit, ascending, fit_clock
 from stages.align_events.event_list import FARTHEST_S, Array, Clock, Events, events_of_rows
@@ -213,8 +214,7 @@ def _span_s(poses: Path) -> tuple[float, float]:
     """First and last time of a recording, as the table's footer has them; NaN where it has no times."""
     with open_table(poses, POSES) as file:
         place = file.schema_arrow.get_field_index("time_s")
-        groups = (file.metadata.row_group(number) for number in range(file.num_row_groups))
-        known = [group.column(place).statistics for group in groups]
-        ends = [(own.min, own.max) for own in known if own is not None and own.has_min_max]
+        known = (column_ends(poses, file, n, place, with_nulls=True) for n in range(file.num_row_groups))
+        ends = [own for own in known if own is not None]
     low, high = ([end[side] for end in ends] or [np.nan] for side in (0, 1))
     return min(low) + 0.0, max(high)  # Parquet's least zero is -0

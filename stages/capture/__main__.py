@@ -23,10 +23,10 @@ def build_parser() -> argparse.ArgumentParser:
     """Give the parser of the first word; every subcommand parses its own."""
     width = max(map(len, COMMANDS))
     parser = argparse.ArgumentParser(
-        prog="python -m stages.capture",
+        prog="shukotsu stage capture",
         description="Bring recordings into the pipeline.\n\ncommands:\n"
         + "\n".join(f"  {name:{width}}  {summary}" for name, (_, summary) in COMMANDS.items()),
-        epilog="example:\n  python -m stages.capture import --help",
+        epilog="example:\n  shukotsu import --help",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )

@@ -11,10 +11,10 @@ from stages.capture import tracker_options
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     parser = command_line.parser(
-        "stages.capture check",
+        "shukotsu tracker",
         "Set a tracker up as `record` does, say what it answers and what two seconds of its stream\n"
         "hold, and set it back. Exit code: 0 where it works, 2 where it does not.",
-        "python -m stages.capture check --port /dev/ttyUSB0",
+        "shukotsu tracker --port /dev/ttyUSB0",
         records_failure=False,
     )
     tracker_options.add_tracker(parser)

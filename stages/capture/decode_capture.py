@@ -12,10 +12,10 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     parser = command_line.parser(
-        "stages.capture decode",
+        "shukotsu decode",
         "Turn a raw capture into a table of every record that the tracker sent. The same capture gives the\n"
         "same table, byte for byte; the capture is never changed.",
-        "python -m stages.capture decode --in rom.arrows --out rom_records.parquet",
+        "shukotsu decode --in rom.arrows --out rom_records.parquet",
         records_failure=False,
     )
     parser.add_argument("--in", dest="capture", type=Path, required=True, help="the raw capture (.arrows)")

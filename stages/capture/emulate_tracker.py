@@ -26,15 +26,15 @@ _LOCAL_HOSTS = ("127.0.0.1", "localhost")
 _LAST_BYTES_S = 0.05
 """A client gets so long to read what came before the device vanished; a hung-up terminal drops it."""
 
-_EXAMPLE = """python -m stages.capture emulate --pty /tmp/tracker --stations 1-8
-  python -m stages.capture emulate --tcp 4001 --recording rom.parquet --layout liberty16 --loop \\
+_EXAMPLE = """shukotsu emulate --pty /tmp/tracker --stations 1-8
+  shukotsu emulate --tcp 4001 --recording rom.parquet --layout liberty16 --loop \\
       --unplug 3@5 --plug 3@8 --drop-bytes 1e-5"""
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     parser = command_line.parser(
-        "stages.capture emulate",
+        "shukotsu emulate",
         "Be a Polhemus LIBERTY, PATRIOT or FASTRAK for a recorder: on a pseudo-terminal, on a\n"
         "TCP port of this machine, or straight into a raw capture. Prints what a client is to open;\n"
         "ends with Ctrl-C.",

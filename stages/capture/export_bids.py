@@ -29,9 +29,9 @@ each motion.json, and subjects' names in participants.tsv.
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     parser = command_line.parser(
-        "stages.capture export-bids",
+        "shukotsu export-bids",
         "Write poses tables into a Motion-BIDS dataset; what else is in it stays as it is.",
-        "python -m stages.capture export-bids --poses poses.parquet --out dataset",
+        "shukotsu export-bids --poses poses.parquet --out dataset",
         records_failure=False,
     )
     parser.add_argument("--poses", type=Path, nargs="+", required=True, help="poses tables, one a recording")

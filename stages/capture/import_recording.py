@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     parser = command_line.parser(
-        "stages.capture import",
+        "shukotsu import",
         "Turn a recording's file into the poses table: units and frames checked, gaps kept and named.",
-        "python -m stages.capture import --in rom.csv --layout liberty16 --subject 01 --hand right "
+        "shukotsu import --in rom.csv --layout liberty16 --subject 01 --hand right "
         "--task rom --out poses.parquet",
     )
     add = parser.add_argument
@@ -121,9 +121,7 @@ def _print_findings(arguments: argparse.Namespace, layout: Layout) -> None:
     from schemas.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
 
     if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
-        print(
-            f"note: {arguments.file}: long; check it with python -m stages.check_recordings", file=sys.stderr
-        )
+        print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)
         return
     for finding in command_line.checked_poses(arguments.out, layout).findings:
         print(f"{finding.severity}: {arguments.file}: {finding.kind}: {finding.message}", file=sys.stderr)

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     parser = command_line.parser(
-        "stages.capture inspect",
+        "shukotsu inspect",
         "Say what is in a file, in which units it seems to be, and why.",
-        "python -m stages.capture inspect old.csv --write-mapping mapping.yaml",
+        "shukotsu inspect old.csv --write-mapping mapping.yaml",
         records_failure=False,
     )
     parser.add_argument(
@@ -106,10 +106,10 @@ def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) 
         return "nothing to import: this is a table that the pipeline made"
     if mapped and arguments.write_mapping is None:
         layout = "" if arguments.layout == "liberty16" else f" --layout {arguments.layout}"
-        return f"python -m stages.capture inspect {arguments.file} --write-mapping mapping.yaml{layout}"
+        return f"shukotsu inspect {arguments.file} --write-mapping mapping.yaml{layout}"
     mapping = f" --mapping {arguments.write_mapping}" if mapped else ""
     return (
-        f"python -m stages.capture import --in {arguments.file}{mapping} --layout {arguments.layout} "
+        f"shukotsu import --in {arguments.file}{mapping} --layout {arguments.layout} "
         "--subject 01 --hand right --task rom --out poses.parquet"
     )
 

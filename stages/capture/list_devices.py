@@ -10,9 +10,9 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     return command_line.parser(
-        "stages.capture devices",
+        "shukotsu devices",
         "List the serial ports of this machine and the trackers on its USB.",
-        "python -m stages.capture devices",
+        "shukotsu devices",
         records_failure=False,
     )
 

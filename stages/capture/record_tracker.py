@@ -22,11 +22,11 @@ EXIT_CUT_SHORT = 3
 def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     parser = command_line.parser(
-        "stages.capture record",
+        "shukotsu record",
         "Record every byte that a tracker sends, with a live view; q, Ctrl-C or --duration ends it.\n"
         "Exit code: 0 after a stop that was asked for, 2 where nothing could be recorded, 3 where the port\n"
         "went away or the disk was full; what came until then is kept.",
-        "python -m stages.capture record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
+        "shukotsu record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
         records_failure=False,
     )
     tracker_options.add_tracker(parser)

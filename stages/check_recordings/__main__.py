@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.check_recordings",
+        "shukotsu stage check_recordings",
         "Test what was declared about recordings against what their poses say: units, orders, sides, swaps.",
-        "python -m stages.check_recordings --poses results/demo/sub-01/right/rom/poses.parquet "
+        "shukotsu stage check_recordings --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16",
         records_failure=False,
     )

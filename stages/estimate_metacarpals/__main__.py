@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.estimate_metacarpals",
+        "shukotsu stage estimate_metacarpals",
         "Locate the wrist, measure the bones and pose the metacarpals (Eq. 8-11 of the paper).",
-        "python -m stages.estimate_metacarpals --joints projected_joints.parquet "
+        "shukotsu stage estimate_metacarpals --joints projected_joints.parquet "
         "--calibration rom/poses.parquet --poses opposition/poses.parquet --layout liberty16 "
         "--model paper-fig4 --out-joints joint_centres.parquet --out-bones bone_lengths.parquet "
         "--out metacarpals.parquet",

@@ -12,9 +12,9 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.evaluate_skeletons",
+        "shukotsu stage evaluate_skeletons",
         "Score every skeleton of a subject, beside references and, for simulated hands, against the truth.",
-        "python -m stages.evaluate_skeletons --plan results/demo/sub-01/plan.json "
+        "shukotsu stage evaluate_skeletons --plan results/demo/sub-01/plan.json "
         "--out skeleton_scores.parquet --out-joints joint_errors.parquet",
     )
     parser.add_argument(

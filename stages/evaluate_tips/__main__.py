@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.evaluate_tips",
+        "shukotsu stage evaluate_tips",
         "Replay the skeleton and measure how far its tips are from the distal receivers (section 6).",
-        "python -m stages.evaluate_tips --poses opposition/poses.parquet "
+        "shukotsu stage evaluate_tips --poses opposition/poses.parquet "
         "--calibration rom/poses.parquet --joints joint_centres.parquet "
         "--bones bone_lengths.parquet --metacarpals metacarpals.parquet --layout liberty16 "
         "--model paper-fig4 --out tips.parquet --out-errors tip_errors.parquet",

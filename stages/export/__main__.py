@@ -19,18 +19,28 @@ if TYPE_CHECKING:
     from stages.export.settings import Settings
 
 
+DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(
+    f"\n  {name:6}{', '.join(form.extensions)}: {form.what}" for name, form in FORMATS.items()
+)
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
-    formats = "".join(f"\n  {name:6}{', '.join(f.extensions)}: {f.what}" for name, f in FORMATS.items())
     parser = command_line.parser(
-        "stages.export",
-        f"Write a person's skeletons and their motion for other programs.\n\nformats:{formats}",
-        "python -m stages.export --plan results/demo/sub-01/plan.json --hand right --recording opposition "
+        "shukotsu stage export",
+        DESCRIPTION,
+        "shukotsu stage export --plan results/demo/sub-01/plan.json --hand right --recording opposition "
         "--model whole-hand --formats bvh,csv --out exports",
     )
     parser.add_argument(
         "--plan", type=Path, nargs="+", required=True, help="subjects' plans, plan.json in their results"
     )
+    add_options(parser)
+    return parser
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what to export, and how."""
     parser.add_argument(
         "--hand",
         choices=("right", "left", "both"),
@@ -47,7 +57,6 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, required=True, help="the folder to write to")
     parser.add_argument("--participants", type=Path, help="the study's sheet of them, for a dataset of BIDS")
     add_motion_options(parser)
-    return parser
 
 
 def export(arguments: argparse.Namespace) -> None:

@@ -15,9 +15,9 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the argument parser."""
     parser = command_line.parser(
-        "stages.export.collect",
+        "shukotsu stage export.collect",
         "Link every file of some folders, and of the folders in them, into one folder.",
-        "python -m stages.export.collect --folders results/demo/sub-*/exports --out results/demo/exports",
+        "shukotsu stage export.collect --folders results/demo/sub-*/exports --out results/demo/exports",
         records_failure=False,
     )
     parser.add_argument("--folders", type=Path, nargs="*", required=True, help="folders that hold exports")

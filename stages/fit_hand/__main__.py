@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.fit_hand",
+        "shukotsu stage fit_hand",
         "Fit the whole hand at once to its calibration, and pose recordings with it.",
-        "python -m stages.fit_hand --plan results/demo/sub-01/plan.json --hand right --model whole-hand "
+        "shukotsu stage fit_hand --plan results/demo/sub-01/plan.json --hand right --model whole-hand "
         "--out results/demo/sub-01/fits/right/whole-hand\n"
-        "  python -m stages.fit_hand --poses rom/poses.parquet --replay opposition/poses.parquet "
+        "  shukotsu stage fit_hand --poses rom/poses.parquet --replay opposition/poses.parquet "
         "--layout liberty16 --model whole-hand --out fit",
     )
     command_line.add_plan_options(

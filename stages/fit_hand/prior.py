@@ -32,9 +32,9 @@ _UNWEIGHED = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg"))
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.fit_hand.prior",
+        "shukotsu stage fit_hand.prior",
         "Lay out the hand that anatomy expects, and pose recordings with it.",
-        "python -m stages.fit_hand.prior --plan results/demo/sub-01/plan.json --out results/demo/sub-01",
+        "shukotsu stage fit_hand.prior --plan results/demo/sub-01/plan.json --out results/demo/sub-01",
     )
     command_line.add_plan_options(
         parser, calibration="--poses", evaluated="--replay", sizes=("hand_length_mm",)

@@ -12,9 +12,9 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.gather",
+        "shukotsu stage gather",
         "Put the tables of every hand and model of a study together, and list what went wrong.",
-        "python -m stages.gather --study config/demo.yaml --results results/demo",
+        "shukotsu stage gather --study config/demo.yaml --results results/demo",
         records_failure=False,
     )
     parser.add_argument("--study", type=Path, required=True, help="the study file")

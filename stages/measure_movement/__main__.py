@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.measure_movement",
+        "shukotsu stage measure_movement",
         "Measure movement in every evaluated recording: ranges, speeds, cycles, ways of the fingertips.",
-        "python -m stages.measure_movement --plan results/demo/sub-01/plan.json --out results/demo/sub-01",
+        "shukotsu stage measure_movement --plan results/demo/sub-01/plan.json --out results/demo/sub-01",
     )
     parser.add_argument(
         "--plan", type=Path, required=True, help="the subject's plan, whose folder holds its tables"

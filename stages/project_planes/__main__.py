@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.project_planes",
+        "shukotsu stage project_planes",
         "Cut every joint's axis with its plane (end of the paper's section 4); apply manual corrections.",
-        "python -m stages.project_planes --joints joint_solutions.parquet --layout liberty16 "
+        "shukotsu stage project_planes --joints joint_solutions.parquet --layout liberty16 "
         "--model paper-fig4 --out projected_joints.parquet",
     )
     command_line.add_plan_options(parser, sheets=("corrections",))

@@ -13,11 +13,11 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.report",
+        "shukotsu stage report",
         "Write the page of a study's results, which opens offline, with report/movement.html beside it, or "
         "print its tables (cm). "
         "The pages that it links to are written by stages.report.subject.",
-        "python -m stages.report --study config/demo.yaml --results results/demo "
+        "shukotsu stage report --study config/demo.yaml --results results/demo "
         "--out results/demo/report.html",
     )
     parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
@@ -49,10 +49,12 @@ def report(arguments: argparse.Namespace) -> None:
         from stages.report.movement_page.movement_page import render_movement
         from stages.report.movement_page.movement_results import read_movement
         from stages.report.study_page import render_study
+        from stages.report.wording import speaking
 
         movement = read_movement(results)
-        write_text(arguments.out, render_study(results, study, movement))
-        write_text(arguments.out.parent / "report" / "movement.html", render_movement(results, movement))
+        with speaking(study.language):
+            write_text(arguments.out, render_study(results, study, movement))
+            write_text(arguments.out.parent / "report" / "movement.html", render_movement(results, movement))
     if arguments.to_terminal:
         from stages.report.terminal import terminal_tables
 
@@ -67,9 +69,21 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
         return
     from schemas.files import write_text
     from stages.report.study_page import render_failure
+    from stages.report.wording import speaking
 
-    for page in (arguments.out, arguments.out.parent / "report" / "movement.html"):
-        write_text(page, render_failure(message))
+    with speaking(_language(arguments.study)):
+        for page in (arguments.out, arguments.out.parent / "report" / "movement.html"):
+            write_text(page, render_failure(message))
+
+
+def _language(study: Path) -> str:
+    """The study's language; English where its file cannot be read, which may be what went wrong."""
+    from schemas.config_files import read_config
+
+    try:
+        return str(read_config(study, "study")["language"])
+    except InputError:
+        return "en"
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping
 
 from stages.report.palette import AMBER, INK, NO, WEAK_LINE, Mark
 from stages.report.table_cells import alike, listed
+from stages.report.wording import mark, say, told, word
 
-BELIEVED, CARE, NOT = "✓ yes", "◆ with care", "✕ no"
+BELIEVED, CARE, NOT = mark("✓ yes"), mark("◆ with care"), mark("✕ no")
 BELIEFS = (BELIEVED, CARE, NOT)
 """From good to bad; a picture marks them by shape and colour, see BELIEF_MARKS."""
 
@@ -21,13 +22,23 @@ BELIEF_MARKS: Mapping[str, Mark] = {
 SMALL_SD_MM = 2.0
 """A centre known better than this, 1 sigma in 3-D, is placed within a fifth of a finger's thickness."""
 
+LARGE_GAP_MM = 5.0
+"""On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. Thicker skin moves
+them with posture, so that more frames make the centre no surer."""
+
 
 def belief(row: Mapping[str, object]) -> str:
     """One of BELIEFS for a row of joint_centres."""
     sd = row["sd_mm"]
     if row["status"] in ("weak", "failed"):
         return NOT
-    return BELIEVED if isinstance(sd, float) and sd <= SMALL_SD_MM else CARE
+    return BELIEVED if isinstance(sd, float) and sd <= SMALL_SD_MM and not _apart_mm(row) else CARE
+
+
+def _apart_mm(row: Mapping[str, object]) -> float:
+    """How far apart a joint's receivers have its centre, rms, where that is more than skin on a hand does."""
+    gap = row.get("gap_rms_mm")
+    return gap if isinstance(gap, float) and gap > LARGE_GAP_MM else 0.0
 
 
 def reason(row: Mapping[str, object]) -> str:
@@ -37,12 +48,19 @@ def reason(row: Mapping[str, object]) -> str:
     """
     message = str(row["message"]).rstrip(".")
     if row["status"] == "failed":
-        return f"has no place: {message}"
+        return say("has no place: {message}", message=message)
     if row["status"] == "weak":
-        return message or "marked weak, no reason given"
+        return told(message) or say("marked weak, no reason given")
+    if apart := _apart_mm(row):
+        wide = say(
+            "its receivers have it {apart:.0f} mm apart, more than skin on a hand moves, which the "
+            "stated error does not know",
+            apart=apart,
+        )
+        return "; ".join(filter(None, [wide, told(message)]))
     if row["sd_mm"] is None:
-        return "; ".join(filter(None, ["no error is stated for its place", message]))
-    return message
+        return "; ".join(filter(None, [say("no error is stated for its place"), told(message)]))
+    return told(message)
 
 
 def commonest(beliefs: Iterable[str]) -> str:
@@ -59,7 +77,9 @@ def joints_text(joints: Iterable[str]) -> str:
         kinds[digit or joint].append(kind.upper() if digit else "")
     groups = alike(kinds)
     texts = (
-        listed(own) if kinds[own[0]] == [""] else f"{listed(kinds[own[0]])} of {listed(own)}"
+        listed(map(word, own))
+        if kinds[own[0]] == [""]
+        else say("{kinds} of {own}", kinds=listed(kinds[own[0]]), own=listed(map(word, own)))
         for own in groups
     )
     return "; ".join(texts)

@@ -13,6 +13,7 @@ from stages.report.study_results import LEAST_SQUARES, Row, StudyResults, hand_o
 from stages.report.table_cells import counted, listed, number
 from stages.report.trust import study_beliefs
 from stages.report.truth_tables import FAR_MM, known
+from stages.report.wording import say
 
 FEW_MODELS = 2
 
@@ -21,10 +22,20 @@ def used_text(results: StudyResults) -> str:
     """How many of the recordings were used, in a sentence."""
     statuses = Counter(results.status_of(recording)[0] for recording in results.recordings)
     total = len(results.recordings)
-    others = [f"{count} {status}" for status, count in sorted(statuses.items()) if status != "used"]
+    others = [
+        say("{count} {status}", count=count, status=status)
+        for status, count in sorted(statuses.items())
+        if status != "used"
+    ]
     rest = f" ({listed(others)})" if others else ""
     verb = "was" if statuses["used"] == 1 else "were"
-    return f"{statuses['used']} of {counted(total, 'recording')} {verb} used{rest}."
+    return say(
+        "{used} of {recordings} {verb} used{rest}.",
+        used=statuses["used"],
+        recordings=counted(total, "recording"),
+        verb=verb,
+        rest=rest,
+    )
 
 
 def opening(results: StudyResults) -> str:
@@ -33,33 +44,48 @@ def opening(results: StudyResults) -> str:
     rows = [row for row in judging.joints if row["model"] == model]
     found = study_beliefs(judging, model)
     if not found:
-        return f"No joint has a place under {model}. {_next(results)}"
+        return say("No joint has a place under {model}. {next}", model=model, next=_next(results))
     of = {each: [joint for joint, own in found.items() if own == each] for each in BELIEFS}
     hands = len({hand_of(row) for row in rows})
-    where = ("", "", " in both hands")[hands] if hands < 3 else f" in most of the {hands} hands"
+    where = (
+        ("", "", say(" in both hands"))[hands]
+        if hands < 3
+        else say(" in most of the {hands} hands", hands=hands)
+    )
     sds = [row["sd_mm"] for row in rows if belief(row) == BELIEVED and row["sd_mm"] is not None]
-    known = f", typically to {median(sds):.1f} mm" if sds else ""
-    text = f"{len(of[BELIEVED]) or 'None'} of {counted(len(found), 'joint')} can be believed{where}"
-    text += f", as {model} places them{known}"
-    text += f": {joints_text(of[BELIEVED])}." if of[BELIEVED] else "."
-    text += f" With care: {joints_text(of[CARE])}." if of[CARE] else ""
-    text += f" Not: {joints_text(of[NOT])}." if of[NOT] else ""
+    known = say(", typically to {sds:.1f} mm", sds=median(sds)) if sds else ""
+    text = say(
+        "{n_of} of {joints} can be believed{where}",
+        n_of=len(of[BELIEVED]) or say("None"),
+        joints=counted(len(found), "joint"),
+        where=where,
+    )
+    text += say(", as {model} places them{known}", model=model, known=known)
+    text += say(": {names}.", names=joints_text(of[BELIEVED])) if of[BELIEVED] else say(".")
+    text += say(" With care: {of}.", of=joints_text(of[CARE])) if of[CARE] else ""
+    text += say(" Not: {of}.", of=joints_text(of[NOT])) if of[NOT] else ""
     return f"{text} {_next(results)}"
 
 
 def _next(results: StudyResults) -> str:
     """What to do next, in a sentence."""
     if results.findings:
-        return "Next: settle what is found below in the recordings, before any number is used."
+        return say("Next: settle what is found below in the recordings, before any number is used.")
     lacking = Counter(row["joint"] for row in results.advice if not row["advice"].startswith("enough"))
     hands = len({hand_of(row) for row in results.advice})
     if lacking:
         often = [joint for joint, count in lacking.most_common() if 2 * count >= lacking.most_common(1)[0][1]]
-        which = f" ({lacking[often[0]]} of {hands} hands)" if hands > 1 else ""
-        return f"Next: let {joints_text(often)} move more when calibrating{which}."
+        which = (
+            say(" ({lacking} of {hands} hands)", lacking=lacking[often[0]], hands=hands) if hands > 1 else ""
+        )
+        return say(
+            "Next: let {often} move more when calibrating{which}.", often=joints_text(often), which=which
+        )
     if not hands:
-        return "Next: see “What went wrong”."
-    return "Next: nothing has to be recorded again; leave joints that are not believed out of conclusions."
+        return say("Next: see “What went wrong”.")
+    return say(
+        "Next: nothing has to be recorded again; leave joints that are not believed out of conclusions."
+    )
 
 
 def headline(results: StudyResults) -> str:
@@ -69,10 +95,13 @@ def headline(results: StudyResults) -> str:
     """
     used = used_text(results)
     if results.simulated:
-        used = used.rstrip(".") + "; they are simulated, so no person's hand is behind these numbers."
+        used = used.rstrip(".") + say("; they are simulated, so no person's hand is behind these numbers.")
     if results.suspect:
-        hands = sorted(f"{hand.who}'s {hand.hand} hand" for hand in results.suspect)
-        used += f" Left out of these numbers, for what was found in their recordings: {listed(hands)}."
+        hands = sorted(say("{who}'s {hand} hand", who=hand.who, hand=hand.hand) for hand in results.suspect)
+        used += say(
+            " Left out of these numbers, for what was found in their recordings: {hands}.",
+            hands=listed(hands),
+        )
     results = results.judging
     for model in results.fitted[:1]:
         rows, scored_on = _judging(results, model)
@@ -101,8 +130,8 @@ def _judging(results: StudyResults, model: str) -> tuple[list[Row], str]:
     rows = [row for row in results.scores if row["model"] == model]
     held_out = [row for row in rows if row["held_out"]]
     if held_out:
-        return held_out, "On recordings that it was not made from"
-    return rows, "On the recordings that it was made from (nothing is held out)"
+        return held_out, say("On recordings that it was not made from")
+    return rows, say("On the recordings that it was made from (nothing is held out)")
 
 
 def _left_out(results: StudyResults, model: str, rows: list[Row], scored_on: str) -> str:
@@ -113,10 +142,16 @@ def _left_out(results: StudyResults, model: str, rows: list[Row], scored_on: str
         for row in results.scores
         if row["model"] == "prior-only" and row_key(row) in recordings
     )
-    beside = "" if prior is None else f" (anatomy alone, without data: {number(prior)} mm)"
-    return (
-        f"{scored_on}, {model} misses the distal receivers, whose positions it was not told, by {missed} mm "
-        f"on average{beside}."
+    beside = "" if prior is None else say(" (anatomy alone, without data: {prior} mm)", prior=number(prior))
+    return say(
+        (
+            "{scored_on}, {model} misses the distal receivers, whose positions it was not told, by "
+            "{missed} mm on average{beside}."
+        ),
+        scored_on=scored_on,
+        model=model,
+        missed=missed,
+        beside=beside,
     )
 
 
@@ -126,17 +161,31 @@ def _against_truth(results: StudyResults, model: str) -> str:
     if not mine:
         return ""
     made_from = _made_from(results, model)
-    text = (
-        f"Made from {made_from}, its joints are {number(median(mine), 1)} mm from the true ones in the "
-        f"median and {_far(mine)} are more than {FAR_MM:.0f} mm off"
+    text = say(
+        (
+            "Made from {made_from}, its joints are {mine} mm from the true ones in the median and "
+            "{far} are more than {FAR_MM:.0f} mm off"
+        ),
+        made_from=made_from,
+        mine=number(median(mine), 1),
+        far=_far(mine),
+        FAR_MM=FAR_MM,
     )
     paper = the_papers(results.models.values())
     theirs = _joint_errors(results, paper) if paper else []
     if not theirs:
         return text + "."
     others = _made_from(results, paper)
-    skeleton = paper if others == made_from else f"{paper} (made from {others})"
-    return f"{text}; those of {skeleton} {number(median(theirs), 1)} mm and {_far(theirs)}."
+    skeleton = (
+        paper if others == made_from else say("{paper} (made from {others})", paper=paper, others=others)
+    )
+    return say(
+        "{text}; those of {skeleton} {theirs} mm and {far}.",
+        text=text,
+        skeleton=skeleton,
+        theirs=number(median(theirs), 1),
+        far=_far(theirs),
+    )
 
 
 def _judged_skeletons(results: StudyResults, model: str) -> set[tuple[Hand, str]]:
@@ -163,7 +212,7 @@ def _made_from(results: StudyResults, model: str) -> str:
 
 
 def _far(errors: list[float]) -> str:
-    return f"{sum(error > FAR_MM for error in errors)} of {len(errors)}"
+    return say("{n_far} of {n_errors}", n_far=sum(error > FAR_MM for error in errors), n_errors=len(errors))
 
 
 def _closing(results: StudyResults) -> str:
@@ -171,18 +220,22 @@ def _closing(results: StudyResults) -> str:
     held_out, seen = mean_tip_errors(results, held_out=True), mean_tip_errors(results, held_out=False)
     means = held_out or seen
     if not means:
-        return "No tip error could be computed with any model."
+        return say("No tip error could be computed with any model.")
     ordered = sorted(means, key=lambda model: means[model])
     shown = ordered if len(ordered) <= FEW_MODELS else [ordered[0], ordered[-1]]
-    amounts = [f"{number(means[model])} mm ({model})" for model in shown]
+    amounts = [say("{means} mm ({model})", means=number(means[model]), model=model) for model in shown]
     many = len(ordered) > FEW_MODELS
-    by = f"between {listed(amounts)}" if many else listed(amounts)
+    by = say("between {amounts}", amounts=listed(amounts)) if many else listed(amounts)
     recordings = (
-        "held-out recordings (the joints were solved from others)"
+        say("held-out recordings (the joints were solved from others)")
         if held_out
-        else "the recordings that the joints were solved from (nothing is held out)"
+        else say("the recordings that the joints were solved from (nothing is held out)")
     )
-    return (
-        f"On {recordings} the replayed fingertip misses its receiver by {by} on average, which says how well "
-        "the joints close and not where they are."
+    return say(
+        (
+            "On {recordings} the replayed fingertip misses its receiver by {by} on average, which "
+            "says how well the joints close and not where they are."
+        ),
+        recordings=recordings,
+        by=by,
     )

@@ -14,6 +14,7 @@ from markupsafe import Markup
 from schemas.results import Results
 from schemas.study import Recording, SubjectSession
 from stages.report.study_results import StudyResults
+from stages.report.wording import say
 
 
 class Link(NamedTuple):
@@ -46,8 +47,10 @@ def recording_links(
 
 def recording_label(recording: Recording, *, with_hand: bool) -> str:
     """What a recording is called in a link."""
-    parts = [recording.task, f"trial {recording.trial}" if recording.trial else ""]
-    return ", ".join(filter(None, [*parts, f"{recording.hand.hand} hand" if with_hand else ""]))
+    parts = [recording.task, say("trial {trial}", trial=recording.trial) if recording.trial else ""]
+    return ", ".join(
+        filter(None, [*parts, say("{hand} hand", hand=recording.hand.hand) if with_hand else ""])
+    )
 
 
 @dataclass(frozen=True)
@@ -63,9 +66,9 @@ class Navigation:
 def navigation(results: StudyResults, recording: Recording) -> Navigation:
     """The links of a recording's page, to pages of evaluated recordings alone."""
     paths, mine = results.paths, recording.hand
-    page, study = paths.recording_page(recording), f"Study {results.name}"
+    page, study = paths.recording_page(recording), say("Study {name}", name=results.name)
     other = _same_task(results, "left" if mine.hand == "right" else "right", recording)
-    words = "Right hand" if mine.hand == "left" else "Left hand"
+    words = say("Right hand") if mine.hand == "left" else say("Left hand")
     others = [
         link(recording_label(own, with_hand=True), page, paths.recording_page(own))
         for own in results.shown
@@ -73,7 +76,7 @@ def navigation(results: StudyResults, recording: Recording) -> Navigation:
     ]
     return Navigation(
         study=link(study, page, paths.report),
-        subject=link(f"Subject {mine.who.label}", page, paths.subject_page(*mine.who)),
+        subject=link(say("Subject {label}", label=mine.who.label), page, paths.subject_page(*mine.who)),
         other_hand=None if other is None else link(words, page, paths.recording_page(other)),
         others=tuple(others),
     )

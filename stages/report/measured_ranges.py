@@ -8,6 +8,7 @@ from schemas.parts import Part, read_part
 from schemas.study import Hand, Recording
 from stages.report.study_results import Row, StudyResults, recording_key, row_key
 from stages.report.table_cells import Column, DataTable, number, number_column, table_of, text_column
+from stages.report.wording import say
 
 
 def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
@@ -30,19 +31,19 @@ def of_recording(rows: list[Row], recording: Recording) -> list[Row]:
 
 def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> DataTable:
     """Range, posture and speed of every joint angle, each range with its stated 1-sigma error."""
-    task = Column("Task", lambda r: ", trial ".join(filter(None, (r["task"], r["trial"]))), is_text=True)
+    task = Column(say("Task"), lambda r: ", trial ".join(filter(None, (r["task"], r["trial"]))), is_text=True)
     columns = (
-        text_column("Joint", "joint"),
-        text_column("Angle", "angle"),
+        text_column(say("Joint"), "joint"),
+        text_column(say("Angle"), "angle"),
         *((task,) if with_recording else ()),
-        Column("Range of motion [deg]", lambda row: _with_sd(row, "range")),
-        number_column("2.5 % [deg]", "low_deg", 1),
-        number_column("97.5 % [deg]", "high_deg", 1),
-        number_column("Full range [deg]", "full_range_deg", 1),
-        Column("Median [deg]", lambda row: _with_sd(row, "median")),
-        number_column("Speed, median [deg/s]", "speed_median_deg_s", 1),
-        number_column("Speed, 95 % [deg/s]", "speed_p95_deg_s", 1),
-        number_column("Valid [%]", "valid_percent", 1),
+        Column(say("Range of motion [deg]"), lambda row: _with_sd(row, "range")),
+        number_column(say("2.5 % [deg]"), "low_deg", 1),
+        number_column(say("97.5 % [deg]"), "high_deg", 1),
+        number_column(say("Full range [deg]"), "full_range_deg", 1),
+        Column(say("Median [deg]"), lambda row: _with_sd(row, "median")),
+        number_column(say("Speed, median [deg/s]"), "speed_median_deg_s", 1),
+        number_column(say("Speed, 95 % [deg/s]"), "speed_p95_deg_s", 1),
+        number_column(say("Valid [%]"), "valid_percent", 1),
     )
     return table_of(caption, columns, rows)
 

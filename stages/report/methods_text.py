@@ -12,24 +12,41 @@ from schemas import VERSION
 from stages.report.movement_page.movement_results import Movement
 from stages.report.study_results import Row, StudyResults
 from stages.report.table_cells import capital, counted, listed, number
+from stages.report.wording import say, told
 from subject_statistics.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
 
 REFERENCES = (
-    "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "
-    "Capture Data. Akita University.",
-    "J. F. O'Brien, R. E. Bodenheimer, G. J. Brostow, J. K. Hodgins: Automatic Joint Parameter Estimation "
-    "from Magnetic Motion Capture Data. Graphics Interface 2000, 53–60.",
-    "R. M. Ehrig, W. R. Taylor, G. N. Duda, M. O. Heller: A survey of formal methods for determining the "
-    "centre of rotation of ball joints. Journal of Biomechanics 39 (2006) 2798–2809.",
-    "G. Wu et al.: ISB recommendation on definitions of joint coordinate systems of various joints for the "
-    "reporting of human joint motion, part II. Journal of Biomechanics 38 (2005) 981–992.",
-    "R. A. Fisher: The Design of Experiments. Oliver and Boyd, 1935.",
-    "T. C. Hesterberg: What Teachers Should Know About the Bootstrap. The American Statistician 69 (2015) "
-    "371–386.",
-    "S. Holm: A Simple Sequentially Rejective Multiple Test Procedure. Scandinavian Journal of Statistics 6 "
-    "(1979) 65–70.",
-    "L. V. Hedges: Distribution Theory for Glass's Estimator of Effect Size and Related Estimators. Journal "
-    "of Educational Statistics 6 (1981) 107–128.",
+    (
+        "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from "
+        "Magnetic Motion Capture Data. Akita University."
+    ),
+    (
+        "J. F. O'Brien, R. E. Bodenheimer, G. J. Brostow, J. K. Hodgins: Automatic Joint "
+        "Parameter Estimation from Magnetic Motion Capture Data. Graphics Interface 2000, 53–60."
+    ),
+    (
+        "R. M. Ehrig, W. R. Taylor, G. N. Duda, M. O. Heller: A survey of formal methods for "
+        "determining the centre of rotation of ball joints. Journal of Biomechanics 39 (2006) "
+        "2798–2809."
+    ),
+    (
+        "G. Wu et al.: ISB recommendation on definitions of joint coordinate systems of various "
+        "joints for the reporting of human joint motion, part II. Journal of Biomechanics 38 "
+        "(2005) 981–992."
+    ),
+    ("R. A. Fisher: The Design of Experiments. Oliver and Boyd, 1935."),
+    (
+        "T. C. Hesterberg: What Teachers Should Know About the Bootstrap. The American "
+        "Statistician 69 (2015) 371–386."
+    ),
+    (
+        "S. Holm: A Simple Sequentially Rejective Multiple Test Procedure. Scandinavian Journal "
+        "of Statistics 6 (1979) 65–70."
+    ),
+    (
+        "L. V. Hedges: Distribution Theory for Glass's Estimator of Effect Size and Related "
+        "Estimators. Journal of Educational Statistics 6 (1981) 107–128."
+    ),
 )
 
 
@@ -41,37 +58,57 @@ def methods_text(results: StudyResults, movement: Movement | None = None) -> lis
 
 def _recorded(results: StudyResults) -> str:
     used = [row for row in results.recording_rows if row["status"] == "used"]
-    made = "simulated" if results.simulated else "recorded"
+    made = say("simulated") if results.simulated else say("recorded")
     receivers = sorted({row["n_receivers"] for row in used})
-    worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:])) or "no"
+    worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:])) or say("no")
     tasks = Counter(row["task"] for row in used)
-    text = (
-        f"{capital(counted(len(results.hands), 'hand'))} of {counted(len(results.subjects), 'subject')} "
-        f"{'(counted in each session) ' if results.has_sessions else ''}"
-        f"{'was' if len(results.hands) == 1 else 'were'} {made} with {worn} magnetic receivers a hand"
-        f"{_rate(used)}, in {counted(len(used), 'recording')}"
+    text = say(
+        ("{capital} of {subjects} {part}{verb} {made} with {worn} receivers a hand{rate}, in {recordings}"),
+        capital=capital(counted(len(results.hands), "hand")),
+        subjects=counted(len(results.subjects), "subject"),
+        part=say("(counted in each session) ") if results.has_sessions else "",
+        verb="was" if len(results.hands) == 1 else "were",
+        made=made,
+        worn=worn,
+        rate=_rate(used),
+        recordings=counted(len(used), "recording"),
     )
     if tasks:
         text += " (" + listed(f"{task}: {count}" for task, count in sorted(tasks.items())) + ")"
     lost = len(results.recordings) - len(used)
-    text += "." if not lost else f"; {counted(lost, 'further recording')} could not be used."
+    text += (
+        "."
+        if not lost
+        else say(
+            "; {further_recordings} could not be used.",
+            further_recordings=counted(lost, "further recording"),
+        )
+    )
     if results.simulated:
-        text += " The simulator knows the true skeleton; no person's hand is behind these numbers."
+        text += say(" The simulator knows the true skeleton; no person's hand is behind these numbers.")
     return text
 
 
 def _solved(results: StudyResults) -> str:
-    described = (f"{name}: {model.description.rstrip('.')}." for name, model in results.models.items())
+    described = (f"{name}: {told(model.description.rstrip('.'))}." for name, model in results.models.items())
     text = (
-        "Joint centres were found from the relative motion of the receivers beside each joint [1–3]. "
-        f"{capital(counted(len(results.models), 'skeleton model'))} "
-        f"{'was' if len(results.models) == 1 else 'were'} compared. "
+        say(
+            (
+                "Joint centres were found from the relative motion of the receivers beside each joint "
+                "[1–3]. {capital} {verb} compared. "
+            ),
+            capital=capital(counted(len(results.models), "skeleton model")),
+            verb="was" if len(results.models) == 1 else "were",
+        )
     ) + " ".join(described)
     if results.fitted:
-        text += (
-            f" {listed(results.fitted)}: all joint centres, axes, bone lengths and the receivers' places "
-            "were estimated at once (maximum a posteriori, with anatomical priors), their uncertainty by a "
-            "Gaussian approximation. Joint angles follow ISB [4]."
+        text += say(
+            (
+                " {fitted}: all joint centres, axes, bone lengths and the receivers' places were "
+                "estimated at once (maximum a posteriori, with anatomical priors), their uncertainty by "
+                "a Gaussian approximation. Joint angles follow ISB [4]."
+            ),
+            fitted=listed(results.fitted),
         )
     return text
 
@@ -79,54 +116,73 @@ def _solved(results: StudyResults) -> str:
 def _judged(results: StudyResults) -> str:
     fresh = any(row["held_out"] and not row["reference"] for row in results.scores)
     seen = (
-        "Skeletons were scored on recordings of tasks that they were not made from."
+        say("Skeletons were scored on recordings of tasks that they were not made from.")
         if fresh
-        else "Skeletons were scored on the recordings that they were made from; nothing was held out."
+        else say("Skeletons were scored on the recordings that they were made from; nothing was held out.")
     )
-    return (
-        f"{seen} The subject was the unit of comparison: each gave one difference between two models, the "
-        "mean over its hands, recordings and digits. Differences were tested by flipping their signs [5]; "
-        f"95 % intervals are expanded percentile bootstrap intervals over subjects [6] ({N_RESAMPLES} "
-        f"resamples, from {FEWEST_SUBJECTS} subjects on); Holm's procedure corrected p [7]; effect sizes "
-        "are Cohen's d_z with Hedges' correction [8]."
+    return say(
+        (
+            "{seen} The subject was the unit of comparison: each gave one difference between two "
+            "models, the mean over its hands, recordings and digits. Differences were tested by "
+            "flipping their signs [5]; 95 % intervals are expanded percentile bootstrap intervals "
+            "over subjects [6] ({N_RESAMPLES} resamples, from {FEWEST_SUBJECTS} subjects on); Holm's "
+            "procedure corrected p [7]; effect sizes are Cohen's d_z with Hedges' correction [8]."
+        ),
+        seen=seen,
+        N_RESAMPLES=N_RESAMPLES,
+        FEWEST_SUBJECTS=FEWEST_SUBJECTS,
     )
 
 
 def movement_paragraph(movement: Movement) -> str:
     """What was measured of movement, and how it was compared: filters, statistics, n."""
     if movement.ranges.empty:
-        return "No movement was measured: no recording has joint angles."
+        return say("No movement was measured: no recording has joint angles.")
     subjects = movement.ranges["subject"].nunique()
-    text = (
-        f"Movement was measured in {counted(subjects, 'subject')} by joint angles under {movement.model}. "
-        "The range of motion is the distance from the 2.5th to the 97.5th percentile of an angle. Speeds are "
-        "slopes of a parabola fitted in a moving window that passes 10 Hz at half power (Savitzky-Golay). "
-        "Smoothness is the spectral arc length of the fingertip's speed (SPARC)."
+    text = say(
+        (
+            "Movement was measured in {subjects} by joint angles under {model}. The range of motion "
+            "is the distance from the 2.5th to the 97.5th percentile of an angle. Speeds are slopes "
+            "of a parabola fitted in a moving window that passes 10 Hz at half power "
+            "(Savitzky-Golay). Smoothness is the spectral arc length of the fingertip's speed "
+            "(SPARC)."
+        ),
+        subjects=counted(subjects, "subject"),
+        model=movement.model,
     )
     if len(movement.curves):
-        text += " Movement was cut into cycles at events, and each cycle brought to 0 to 100 % of its length."
+        text += say(
+            " Movement was cut into cycles at events, and each cycle brought to 0 to 100 % of its length."
+        )
     if len(movement.differences):
-        tests = sorted(test for test in movement.differences["test"].unique() if test)
-        text += (
-            " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
-            f"{listed(tests) or 'none, for want of subjects'}; two-sided, Holm-corrected over all joint "
-            "angles of a quantity; 95 % intervals; effect sizes are d_z within subjects and Hedges' g "
-            "between groups, both corrected for few subjects."
+        tests = sorted(told(test) for test in movement.differences["test"].unique() if test)
+        text += say(
+            (
+                " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
+                "{tests}; two-sided, corrected over all joint angles of a quantity by the largest |t|; "
+                "95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
+                "corrected for few subjects."
+            ),
+            tests=listed(tests) or say("none, for want of subjects"),
         )
     if len(movement.curve_differences):
-        text += " Curves were compared by permutation of the largest |t|, family-wise at 5 %."
+        text += say(" Curves were compared by permutation of the largest |t|, family-wise at 5 %.")
     if len(movement.reliability):
-        text += (
-            " Repeatability: ICC(2,1) and ICC(3,1) with F-based intervals, standard error of measurement "
-            "within subjects, minimal detectable change 1.96 √2 times that, Bland-Altman limits of agreement."
+        text += say(
+            " Repeatability: ICC(2,1) and ICC(3,1) with F-based intervals, standard error of "
+            "measurement within subjects, minimal detectable change 1.96 √2 times that, Bland-Altman "
+            "limits of agreement."
         )
     return text
 
 
 def _software() -> str:
-    return (
-        f"All computations were made with Shukotsu {VERSION}; configuration, versions and the SHA-256 of "
-        "every input file are listed in the study's report."
+    return say(
+        (
+            "All computations were made with Shukotsu {VERSION}; configuration, versions and the "
+            "SHA-256 of every input file are listed in the study's report."
+        ),
+        VERSION=VERSION,
     )
 
 
@@ -135,4 +191,4 @@ def _rate(used: list[Row]) -> str:
     rates = [
         (row["n_frames"] - 1) / row["duration_s"] for row in used if row["duration_s"] and row["n_frames"] > 1
     ]
-    return f" at {number(median(rates), 0)} Hz" if rates else ""
+    return say(" at {rates} Hz", rates=number(median(rates), 0)) if rates else ""

@@ -9,27 +9,34 @@ from dataclasses import dataclass
 from schemas.study import Hand
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import Block, DataTable, Folded, counted, number
+from stages.report.wording import mark, say, told
 
 MOST_GAINS = 3
 
 _TOUCH = "touch"
 _PLACES = {
-    "along": "how far along {} its receiver sits",
-    "lateral": "how far to the side of {} its receiver sits",
-    "height": "how high over {} its receiver sits",
-    "distal": "how far from the next joint the receiver of {} sits",
+    "along": mark("how far along {} its receiver sits"),
+    "lateral": mark("how far to the side of {} its receiver sits"),
+    "height": mark("how high over {} its receiver sits"),
+    "distal": mark("how far from the next joint the receiver of {} sits"),
 }
 """Parts of a quantity that could be measured, as measurements.tsv calls them."""
 
-_HEADER = ("Joint", "Range of motion [deg]", "SD now [mm]", "SD if it moved so [mm]", "What to do")
+_HEADER = (
+    mark("Joint"),
+    mark("Range of motion [deg]"),
+    mark("SD now [mm]"),
+    mark("SD if it moved so [mm]"),
+    mark("What to do"),
+)
 
 
 _FEWER_HEADER = (
-    "Receivers in the task",
-    "How many",
-    "SD of centres [mm]",
-    "SD of flexion [deg]",
-    "Joint that loses most",
+    mark("Receivers in the task"),
+    mark("How many"),
+    mark("SD of centres [mm]"),
+    mark("SD of flexion [deg]"),
+    mark("Joint that loses most"),
 )
 
 
@@ -59,27 +66,38 @@ def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
     """What would make a hand's skeleton better."""
     rows = [row for row in results.advice if hand_of(row) == hand]
     lacking = [row for row in rows if not row["advice"].startswith("enough")]
-    whose = str(hand)
+    whose = say("{hand}", hand=hand)
     if not rows:
-        remark = (
+        remark = say(
             "Whether its joints move enough could not be computed; the reason is under “What went wrong”."
         )
     elif lacking:
-        remark = f"{len(lacking)} of {counted(len(rows), 'joint')} should move more."
+        remark = say(
+            "{n_lacking} of {joints} should move more.",
+            n_lacking=len(lacking),
+            joints=counted(len(rows), "joint"),
+        )
     else:
-        remark = f"All {counted(len(rows), 'joint')} move enough in the calibration recordings."
+        remark = say(
+            "All {joints} move enough in the calibration recordings.", joints=counted(len(rows), "joint")
+        )
     return NextRecording(
-        f"{hand.hand.capitalize()} hand",
+        say("{hand} hand", hand=hand.hand.capitalize()),
         remark,
-        _table(f"Joints that should move more: {whose}.", lacking) if lacking else None,
-        Folded(f"All {counted(len(rows), 'joint')}", _table(f"Motion of every joint: {whose}.", rows))
+        _table(say("Joints that should move more: {whose}.", whose=whose), lacking) if lacking else None,
+        Folded(
+            say("All {joints}", joints=counted(len(rows), "joint")),
+            _table(say("Motion of every joint: {whose}.", whose=whose), rows),
+        )
         if rows
         else None,
         tuple(_gains(model, results.gains_of.get((hand, model), [])) for model in results.fitted),
         tuple(
             Folded(
-                f"What a task would lose with fewer receivers, {model}",
-                _fewer(f"A task with fewer receivers, {model}: {whose}.", costs),
+                say("What a task would lose with fewer receivers, {model}", model=model),
+                _fewer(
+                    say("A task with fewer receivers, {model}: {whose}.", model=model, whose=whose), costs
+                ),
             )
             for model in results.fitted
             if (costs := results.receiver_costs_of.get((hand, model)))
@@ -95,8 +113,12 @@ def _fewer(caption: str, rows: list[Row]) -> DataTable:
             str(row["n_receivers"]),
             number(row["centre_sd_mm"]),
             number(row["flexion_sd_deg"]),
-            f"{row['joint']}: {number(row['joint_centre_sd_mm'])} mm, "
-            f"{number(row['joint_flexion_sd_deg'])} deg",
+            say(
+                "{joint}: {joint_centre_sd_mm} mm, {joint_flexion_sd_deg} deg",
+                joint=row["joint"],
+                joint_centre_sd_mm=number(row["joint_centre_sd_mm"]),
+                joint_flexion_sd_deg=number(row["joint_flexion_sd_deg"]),
+            ),
         )
         for row in rows
     )
@@ -105,8 +127,12 @@ def _fewer(caption: str, rows: list[Row]) -> DataTable:
 
 def _worn_text(row: Row) -> str:
     if row["layout"]:
-        return f"layout {row['layout']}"
-    return f"without {_bone_text(row['without'])}" if row["without"] else "all of the calibration"
+        return say("layout {layout}", layout=row["layout"])
+    return (
+        say("without {bone_text}", bone_text=_bone_text(row["without"]))
+        if row["without"]
+        else say("all of the calibration")
+    )
 
 
 def _table(caption: str, rows: list[Row]) -> DataTable:
@@ -116,7 +142,7 @@ def _table(caption: str, rows: list[Row]) -> DataTable:
             number(row["range_deg"], 0),
             number(row["sd_now_mm"]),
             number(row["sd_moved_mm"]),
-            row["advice"],
+            told(row["advice"]),
         )
         for row in rows
     )
@@ -125,10 +151,16 @@ def _table(caption: str, rows: list[Row]) -> DataTable:
 
 def _gains(model: str, rows: list[Row]) -> ModelGains:
     if not rows:
-        return ModelGains(f"What one more measurement on the hand would gain with {model} is not known.", ())
+        return ModelGains(
+            say("What one more measurement on the hand would gain with {model} is not known.", model=model),
+            (),
+        )
     best = rows[:MOST_GAINS]
-    remark = (
-        f"What one more measurement on the hand would gain with {model}, the best {len(best)} of {len(rows)}:"
+    remark = say(
+        ("What one more measurement on the hand would gain with {model}, the best {n_best} of {n_rows}:"),
+        model=model,
+        n_best=len(best),
+        n_rows=len(rows),
     )
     return ModelGains(remark, tuple(_sentence(row) for row in best))
 
@@ -137,31 +169,43 @@ def _sentence(row: Row) -> str:
     """One gain: what to measure, what that does to the joint that gains most and to all joints together."""
     name, _, part = row["quantity"].partition(".")
     if part == _TOUCH:
-        doing = f"Touching a known point with the tip of {_digit_text(name)}"
+        doing = say("Touching a known point with the tip of {digit_text}", digit_text=_digit_text(name))
     else:
-        doing = "Measuring " + (_PLACES[part].format(_bone_text(name)) if part else _bone_text(name))
+        doing = say("Measuring ") + (
+            say(_PLACES[part]).format(_bone_text(name)) if part else _bone_text(name)
+        )
     joint = _joint_text(row["joint"], name.partition("_")[0])
     before, after = number(row["mean_sd_before_mm"]), number(row["mean_sd_after_mm"])
-    return (
-        f"{doing} to {row['sd_mm']:.1f} mm would take {joint} from {row['joint_sd_before_mm']:.1f} to "
-        f"{row['joint_sd_after_mm']:.1f} mm (the mean of all joints from {before} to {after} mm)."
+    return say(
+        (
+            "{doing} to {sd_mm:.1f} mm would take {joint} from {joint_sd_before_mm:.1f} to "
+            "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm)."
+        ),
+        doing=doing,
+        sd_mm=row["sd_mm"],
+        joint=joint,
+        joint_sd_before_mm=row["joint_sd_before_mm"],
+        joint_sd_after_mm=row["joint_sd_after_mm"],
+        before=before,
+        after=after,
     )
 
 
 def _digit_text(digit: str) -> str:
-    return "the thumb" if digit == "thumb" else f"the {digit} finger"
+    return say("the thumb") if digit == "thumb" else say("the {digit} finger", digit=digit)
 
 
 def _bone_text(segment: str) -> str:
     digit, _, kind = segment.rpartition("_")
     if not digit:
-        return f"the {segment}"
-    return f"{_digit_text(digit)}'s {kind}{'' if kind == 'metacarpal' else ' phalanx'}"
+        return say("the {segment}", segment=segment)
+    bone = kind if kind == "metacarpal" else f"{kind} phalanx"
+    return say("{owner}'s {segment}", owner=_digit_text(digit), segment=bone)
 
 
 def _joint_text(joint: str, of_digit: str) -> str:
     digit, _, kind = joint.rpartition("_")
     if not digit:
-        return f"the {joint}"
-    owner = "its" if digit == of_digit else f"{_digit_text(digit)}'s"
-    return f"{owner} {kind.upper()}"
+        return say("the {joint}", joint=joint)
+    owner = say("its") if digit == of_digit else say("{owner}'s", owner=_digit_text(digit))
+    return say("{owner} {joint}", owner=owner, joint=kind.upper())

@@ -15,22 +15,36 @@ from schemas.model import SkeletonModel
 from schemas.study import Recording
 from stages.report.study_results import FIRST_FRAME, HANDS, LEAST_SQUARES, Row, StudyResults, Trial
 from stages.report.table_cells import Block, DataTable, listed, number, title
+from stages.report.wording import mark, say, told, word
 
 PRINTED = Path(__file__).parent / "paper_tables.tsv"
 
 PAPER_DIGITS = ("thumb", "index", "middle", "ring", "little")
-STATISTICS = {"max": "Max [cm]", "min": "Min [cm]", "mean": "Average [cm]", "sd": "Standard Deviation [cm]"}
-TITLES = {
-    1: "Position error of the fingertip without estimating metacarpal posture in the model shown in Fig. 3",
-    2: "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 3",
-    3: "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 4",
-    4: "Position error of the fingertip with estimating metacarpal posture and corrected joint positions "
-    "in the model shown in Fig. 4",
+STATISTICS = {
+    "max": mark("Max [cm]"),
+    "min": mark("Min [cm]"),
+    "mean": mark("Average [cm]"),
+    "sd": mark("Standard Deviation [cm]"),
 }
-SLIPS = (
-    "Known slips of the printed tables: the left ring finger's average of 0.74 cm in Tables 2 to 4 does not "
-    "go with its standard deviation, and the text's “7.5 mm or less” after correction leaves out both "
-    "little fingers (13.1 and 18.2 mm)."
+TITLES = {
+    1: mark(
+        "Position error of the fingertip without estimating metacarpal posture in the model shown in Fig. 3"
+    ),
+    2: mark(
+        "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 3"
+    ),
+    3: mark(
+        "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 4"
+    ),
+    4: mark(
+        "Position error of the fingertip with estimating metacarpal posture and corrected joint "
+        "positions in the model shown in Fig. 4"
+    ),
+}
+SLIPS = mark(
+    "Known slips of the printed tables: the left ring finger's average of 0.74 cm in Tables "
+    "2 to 4 does not go with its standard deviation, and the text's “7.5 mm or less” after "
+    "correction leaves out both little fingers (13.1 and 18.2 mm)."
 )
 
 _Printed = dict[tuple[int, str, str, str], str]
@@ -45,12 +59,18 @@ def own_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Data
         blocks.append(_own_block(recording, rows))
         notes += _notes(results, recording, rows)
     notes += [
-        f"The sheet has no {hand}-hand recording of this task."
+        say("The sheet has no {hand}-hand recording of this task.", hand=hand)
         for hand in HANDS
         if hand not in trial.recordings
     ]
-    table = "" if model.paper_table is None else f"Table {model.paper_table}, this study: "
-    caption = f"{table}{trial.who}, {trial.title}, model {model.name}."
+    table = (
+        ""
+        if model.paper_table is None
+        else say("Table {paper_table}, this study: ", paper_table=model.paper_table)
+    )
+    caption = say(
+        "{table}{who}, {title}, model {name}.", table=table, who=trial.who, title=trial.title, name=model.name
+    )
     return DataTable(caption, tuple(blocks), tuple(notes))
 
 
@@ -61,20 +81,22 @@ def printed_table(table: int) -> DataTable:
         Block(
             _header(hand, PAPER_DIGITS),
             tuple(
-                (words, *(values[table, hand, digit, statistic] for digit in PAPER_DIGITS))
+                (say(words), *(values[table, hand, digit, statistic] for digit in PAPER_DIGITS))
                 for statistic, words in STATISTICS.items()
             ),
         )
         for hand in HANDS
     )
-    return DataTable(f"Table {table}, as the paper prints it.", blocks)
+    return DataTable(say("Table {table}, as the paper prints it.", table=table), blocks)
 
 
 def table_title(model: SkeletonModel) -> str:
     """What a model's table shows, in the paper's words where the paper has that table."""
     if model.paper_table is None:
-        return f"Model {model.name}, in the layout of the paper's tables"
-    return f"Table {model.paper_table}. {TITLES[model.paper_table]}"
+        return say("Model {name}, in the layout of the paper's tables", name=model.name)
+    return say(
+        "Table {paper_table}. {TITLES}", paper_table=model.paper_table, TITLES=say(TITLES[model.paper_table])
+    )
 
 
 def is_the_papers_hand(results: StudyResults, trial: Trial) -> bool:
@@ -88,7 +110,7 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
     blocks = []
     for hand, recording in trial.recordings.items():
         digits = tuple(results.layouts[recording.hand].digits)
-        titles = [f"{title(digit)} {word}" for digit in digits for word in ("mean", "p95")]
+        titles = [f"{title(digit)} {kind}" for digit in digits for kind in (say("mean"), "p95")]
         rows = []
         for model in results.models:
             found = [results.tip_error(recording, model, digit, LEAST_SQUARES) for digit in digits]
@@ -96,10 +118,13 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
                 number(None if row is None else row[name]) for row in found for name in ("mean_mm", "p95_mm")
             ]
             rows.append((model, *cells, _held_out(found)))
-        blocks.append(Block((f"{title(hand)} hand [mm]", *titles, "Held out"), tuple(rows)))
-    caption = (
-        "Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: "
-        f"{trial.who}, {trial.title}."
+        blocks.append(
+            Block((say("{hand} hand [mm]", hand=title(hand)), *titles, say("Held out")), tuple(rows))
+        )
+    caption = say(
+        ("Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: {who}, {title}."),
+        who=trial.who,
+        title=trial.title,
     )
     return DataTable(caption, tuple(blocks))
 
@@ -117,14 +142,14 @@ def _own_block(recording: Recording, rows: dict[str, Row | None]) -> Block:
     return Block(
         _header(recording.hand.hand, tuple(rows)),
         tuple(
-            (words, *(_cm(None if row is None else row[f"{statistic}_mm"]) for row in rows.values()))
+            (say(words), *(_cm(None if row is None else row[f"{statistic}_mm"]) for row in rows.values()))
             for statistic, words in STATISTICS.items()
         ),
     )
 
 
 def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:
-    return (f"Error ({title(hand)} hand)", *map(title, digits))
+    return (say("Error ({hand} hand)", hand=title(hand)), *map(title, digits))
 
 
 def _cm(value_mm: float | None) -> str:
@@ -138,18 +163,27 @@ def _notes(results: StudyResults, recording: Recording, rows: dict[str, Row | No
     status, message = results.status_of(recording)
     for digit, row in rows.items():
         if row is None:
-            why = "no tip error was computed" if status == "used" else f"recording {status}"
-            reasons[why + (f" ({message})" if message and status != "used" else "")].append(digit)
+            why = (
+                say("no tip error was computed")
+                if status == "used"
+                else say("recording {status}", status=status)
+            )
+            reasons[why + (f" ({told(message)})" if message and status != "used" else "")].append(digit)
             continue
         if row["message"] or row["mean_mm"] is None:
-            reasons[row["message"] or "no frame has an error"].append(digit)
+            reasons[told(row["message"]) or "no frame has an error"].append(digit)
         if row["mean_mm"] is not None and row["n_frames"] < row["n_frames_total"]:
             frames[f"{row['n_frames']} of {row['n_frames_total']} frames"].append(digit)
-    hand = f"{title(recording.hand.hand)} hand"
-    notes = [f"{hand}, {listed(digits)}: {reason.rstrip('.')}." for reason, digits in reasons.items()]
-    return notes + [f"{hand}, {listed(digits)}: from {text}." for text, digits in frames.items()]
+    hand = say("{hand} hand", hand=title(recording.hand.hand))
+    notes = [
+        f"{hand}, {listed(map(word, digits))}: {reason.rstrip('.')}." for reason, digits in reasons.items()
+    ]
+    return notes + [
+        say("{hand}, {digits}: from {text}.", hand=hand, digits=listed(map(word, digits)), text=text)
+        for text, digits in frames.items()
+    ]
 
 
 def _held_out(rows: list[Row | None]) -> str:
-    words = {"yes" if row["held_out"] else "no" for row in rows if row is not None}
+    words = {say("yes") if row["held_out"] else say("no") for row in rows if row is not None}
     return "/".join(sorted(words)) or number(None)

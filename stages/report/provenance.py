@@ -14,14 +14,29 @@ from schemas.study import Recording, Study
 from schemas.tables import read_metadata
 from stages.report.study_results import Row, StudyResults, hand_of, recording_key
 from stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
+from stages.report.wording import mark, say, told, word
 
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 
-_RECORDING_TEXTS = ("File", "Subject", "Session", "Hand", "Task", "Trial", "Role")
-STATUS_MARKS = {"used": "used", "excluded": "○ excluded", "failed": "✕ failed", "missing": "? missing"}
+_RECORDING_TEXTS = (
+    mark("File"),
+    mark("Subject"),
+    mark("Session"),
+    mark("Hand"),
+    mark("Task"),
+    mark("Trial"),
+    mark("Role"),
+)
+_STATUS = mark("Status")
+STATUS_MARKS = {
+    "used": mark("used"),
+    "excluded": mark("○ excluded"),
+    "failed": mark("✕ failed"),
+    "missing": mark("? missing"),
+}
 
 
-def recordings_table(results: StudyResults, whose: str = "of the study's sheet") -> DataTable:
+def recordings_table(results: StudyResults, whose: str = mark("of the study's sheet")) -> DataTable:
     """Every recording of the sheet and what became of it."""
     rows = []
     for recording in results.recordings:
@@ -30,37 +45,37 @@ def recordings_table(results: StudyResults, whose: str = "of the study's sheet")
         texts = (recording.file_as_written, *key, recording.role)
         row = dict(zip(_RECORDING_TEXTS, texts, strict=True)) | {"message": message}
         rows.append(
-            results.recording_row_of.get(key, {}) | row | {"Status": STATUS_MARKS.get(status, status)}
+            results.recording_row_of.get(key, {}) | row | {_STATUS: say(STATUS_MARKS.get(status, status))}
         )
     columns = (
         *(
             text_column(heading, heading)
-            for heading in (*_RECORDING_TEXTS, "Status")
+            for heading in (*_RECORDING_TEXTS, _STATUS)
             if heading != "Session" or results.has_sessions
         ),
-        number_column("Frames", "n_frames", 0),
-        number_column("Duration [s]", "duration_s"),
-        number_column("Valid [%]", "valid_percent", 1),
-        text_column("Message", "message"),
+        number_column(say("Frames"), "n_frames", 0),
+        number_column(say("Duration [s]"), "duration_s"),
+        number_column(say("Valid [%]"), "valid_percent", 1),
+        text_column(say("Message"), "message"),
     )
-    return table_of(f"Every recording {whose}.", columns, rows)
+    return table_of(say("Every recording {whose}.", whose=say(whose)), columns, rows)
 
 
-def problems_table(results: StudyResults, whose: str = "as the study asked") -> DataTable | None:
+def problems_table(results: StudyResults, whose: str = mark("as the study asked")) -> DataTable | None:
     """Everything that did not go as the study asked, but what the findings say; None where all did."""
     rest = [row for row in results.problems if row not in results.findings]
-    rows = [(where(row), row["stage"], row["message"]) for row in rest]
+    rows = [(where(row), row["stage"], told(row["message"])) for row in rest]
     messages = {row["message"] for row in results.problems}
     for recording in results.recordings:
         status, message = results.status_of(recording)
         if status != "used" and not (message and message in messages):
-            reason = f"{status}: {message or 'no reason given'}"
+            reason = f"{word(status)}: {told(message) or say('no reason given')}"
             rows.append((recording.file_as_written, "recordings", reason))
     if not rows:
         return None
     return DataTable(
-        f"Everything that did not go {whose}.",
-        (Block(("Where", "Stage", "What happened"), tuple(rows)),),
+        say("Everything that did not go {whose}.", whose=say(whose)),
+        (Block((say("Where"), say("Stage"), say("What happened")), tuple(rows)),),
         (),
         frozenset({0, 1, 2}),
     )
@@ -77,19 +92,26 @@ def findings(results: StudyResults) -> list[dict[str, str]]:
 def where(problem: Row) -> str:
     """What a row of problems is about, in words."""
     named = (
-        str(hand_of(problem).who) if problem["subject"] else "",
-        f"{problem['hand']} hand" if problem["hand"] else "",
+        say("{who}", who=hand_of(problem).who) if problem["subject"] else "",
+        say("{hand} hand", hand=problem["hand"]) if problem["hand"] else "",
         problem["task"],
-        f"model {problem['model']}" if problem["model"] else "",
+        say("model {model}", model=problem["model"]) if problem["model"] else "",
     )
-    return ", ".join(filter(None, named)) or "the study"
+    return say(", ").join(filter(None, named)) or say("the study")
 
 
 def models_table(results: StudyResults) -> DataTable:
     """The skeleton models in words."""
     rows = tuple(_model_cells(model) for model in results.models.values())
-    header = ("Model", "Description", "Paper's table", "Wrist", "First joints of their own", "Metacarpals")
-    return DataTable("Skeleton models.", (Block(header, rows),), (), frozenset(range(6)))
+    header = (
+        say("Model"),
+        say("Description"),
+        say("Paper's table"),
+        say("Wrist"),
+        say("First joints of their own"),
+        say("Metacarpals"),
+    )
+    return DataTable(say("Skeleton models."), (Block(header, rows),), (), frozenset(range(6)))
 
 
 def versions_table() -> DataTable:
@@ -97,17 +119,20 @@ def versions_table() -> DataTable:
     rows = [("shukotsu", VERSION), ("python", platform.python_version())]
     rows += [(package, _version(package)) for package in PACKAGES]
     return DataTable(
-        "Program and package versions.", (Block(("Program", "Version"), tuple(rows)),), (), frozenset({0, 1})
+        say("Program and package versions."),
+        (Block((say("Program"), say("Version")), tuple(rows)),),
+        (),
+        frozenset({0, 1}),
     )
 
 
-def inputs_table(results: StudyResults, whose: str = "of the study") -> DataTable:
+def inputs_table(results: StudyResults, whose: str = mark("of the study")) -> DataTable:
     """SHA-256 of the files that each recording's poses were made from."""
     rows = [row for recording in results.recordings for row in _input_rows(results, recording)]
     return DataTable(
-        f"Input files {whose} and their SHA-256.",
-        (Block(("Recording", "Input file", "SHA-256"), tuple(rows)),),
-        () if rows else ("No poses table is there to read hashes from.",),
+        say("Input files {whose} and their SHA-256.", whose=say(whose)),
+        (Block((say("Recording"), say("Input file"), say("SHA-256")), tuple(rows)),),
+        () if rows else (say("No poses table is there to read hashes from."),),
         frozenset({0, 1, 2}),
     )
 
@@ -120,11 +145,15 @@ def config_text(study: Study) -> str:
 def _model_cells(model: SkeletonModel) -> tuple[str, ...]:
     return (
         model.name,
-        model.description,
+        told(model.description),
         "" if model.paper_table is None else str(model.paper_table),
         model.wrist,
-        ", ".join(model.own_cmc) or "none",
-        f"without a receiver: {model.unmeasured}; with one: {model.measured}",
+        ", ".join(model.own_cmc) or say("none"),
+        say(
+            "without a receiver: {unmeasured}; with one: {measured}",
+            unmeasured=model.unmeasured,
+            measured=model.measured,
+        ),
     )
 
 
@@ -132,7 +161,7 @@ def _version(package: str) -> str:
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
-        return "not installed"
+        return say("not installed")
 
 
 def _input_rows(results: StudyResults, recording: Recording) -> list[tuple[str, str, str]]:

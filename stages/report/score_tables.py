@@ -24,8 +24,9 @@ from stages.report.table_cells import (
     table_of_blocks,
     title,
 )
+from stages.report.wording import mark, say, told
 
-IN_SAMPLE = "○ no"
+IN_SAMPLE = mark("○ no")
 
 
 class Skeleton(NamedTuple):
@@ -44,29 +45,33 @@ class Skeleton(NamedTuple):
     @property
     def seen(self) -> str:
         """Whether it was made without the task that it is scored on."""
-        return DASH if self.reference else "yes" if self.held_out else IN_SAMPLE
+        return DASH if self.reference else say("yes") if self.held_out else say(IN_SAMPLE)
 
     @property
     def kind(self) -> str:
         """What the terminal heads it with."""
-        return "Reference" if self.reference else "Held out" if self.held_out else "In-sample"
+        return say("Reference") if self.reference else say("Held out") if self.held_out else say("In-sample")
 
     @property
     def title(self) -> str:
         """The model and what it was made from."""
-        return self.model if self.reference else f"{self.model} (from {self.made_from})"
+        return (
+            self.model
+            if self.reference
+            else say("{model} (from {made_from})", model=self.model, made_from=self.made_from)
+        )
 
 
 Scored = tuple[Skeleton, list[Row]]
 """A skeleton with its rows of skeleton_scores."""
 
 _SKELETON = (
-    Column("Skeleton", lambda scored: scored[0].model, is_text=True),
-    Column("Made from", lambda scored: scored[0].made_from, is_text=True),
-    Column("Held out", lambda scored: scored[0].seen, is_text=True),
+    Column(mark("Skeleton"), lambda scored: scored[0].model, is_text=True),
+    Column(mark("Made from"), lambda scored: scored[0].made_from, is_text=True),
+    Column(mark("Held out"), lambda scored: scored[0].seen, is_text=True),
 )
-_FRAMES = Column("Frames", lambda scored: number(scored[1][0]["n_frames"], 0))
-_MESSAGE = Column("Message", lambda scored: str(scored[1][0]["message"]), is_text=True)
+_FRAMES = Column(mark("Frames"), lambda scored: number(scored[1][0]["n_frames"], 0))
+_MESSAGE = Column(mark("Message"), lambda scored: told(str(scored[1][0]["message"])), is_text=True)
 
 
 class Score(NamedTuple):
@@ -78,20 +83,20 @@ class Score(NamedTuple):
 
 
 MEANS = (
-    Score("replay_mean_mm", "Tip error of the replay [mm]", "replay"),
-    Score("posed_mean_mm", "Posed with all receivers [mm]", "posed"),
-    Score("left_out_mean_mm", "Distal positions left out [mm]", "left out"),
-    Score("wrist_mcp_sd_mm", "SD of wrist to MCP [mm]", "wr-MCP"),
-    Score("metacarpal_deg", "Metacarpal direction [deg]", "metac."),
-    Score("true_tip_mean_mm", "True fingertip [mm]", "true tip"),
+    Score("replay_mean_mm", mark("Tip error of the replay [mm]"), "replay"),
+    Score("posed_mean_mm", mark("Posed with all receivers [mm]"), "posed"),
+    Score("left_out_mean_mm", mark("Distal positions left out [mm]"), mark("left out")),
+    Score("wrist_mcp_sd_mm", mark("SD of wrist to MCP [mm]"), "wr-MCP"),
+    Score("metacarpal_deg", mark("Metacarpal direction [deg]"), "metac."),
+    Score("true_tip_mean_mm", mark("True fingertip [mm]"), mark("true tip")),
 )
 OF_A_DIGIT = (
     *MEANS[:1],
-    Score("replay_p95_mm", "p95 [mm]"),
+    Score("replay_p95_mm", mark("p95 [mm]")),
     *MEANS[1:3],
-    Score("left_out_p95_mm", "p95 [mm]"),
+    Score("left_out_p95_mm", mark("p95 [mm]")),
     *MEANS[3:],
-    Score("true_tip_p95_mm", "p95 [mm]"),
+    Score("true_tip_p95_mm", mark("p95 [mm]")),
 )
 LEFT_OUT = ("left_out_mean_mm", "left_out_p95_mm")
 """A replay never uses the distal receivers' positions: without a posed hand these are the replay's, and stand
@@ -101,7 +106,7 @@ in its column alone.
 
 def tasks_text(calibrated_on: str) -> str:
     """The tasks of a column calibrated_on."""
-    return ", ".join(calibrated_on.split(";")) or "unknown"
+    return ", ".join(calibrated_on.split(";")) or say("unknown")
 
 
 def score_table(results: StudyResults, trial: Trial, *, compact: bool = False) -> DataTable | None:
@@ -116,19 +121,20 @@ def score_table(results: StudyResults, trial: Trial, *, compact: bool = False) -
         return None
     scores = _with_numbers(MEANS, results.scores_in(trial))
     notes = _shortfalls(results, trial, dict(found), scores)
-    whose = f"ean over digits and hands: {trial.who}, {trial.title}."
+    whose = say("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
     if not compact:
         fresh = any(own.held_out and not own.reference for own, _ in found)
         shown = [each for each in found if each[0].held_out or each[0].reference or not fresh]
-        return table_of_blocks(f"M{whose}", (*_SKELETON, *_columns(scores)), _blocks(shown), notes)
+        return table_of_blocks(whose, (*_SKELETON, *_columns(scores)), _blocks(shown), notes)
     by_kind = {
-        kind: [own for own in found if own[0].kind == kind] for kind in ("Held out", "In-sample", "Reference")
+        kind: [own for own in found if own[0].kind == kind]
+        for kind in (say("Held out"), say("In-sample"), say("Reference"))
     }
     legend = "; ".join(f"{score.short}: {score.heading}" for score in scores)
-    remark = f"{legend}. The replay does not judge a skeleton (docs/evaluation.md)."
+    remark = say("{legend}. The replay does not judge a skeleton (docs/evaluation.md).", legend=legend)
     columns = (_SKELETON[0], *_columns(scores, short=True))
     notes = (remark, *_made_from(dict(found)), *notes)
-    return table_of_blocks(f"Skeletons, m{whose}", columns, by_kind, notes)
+    return table_of_blocks(f"Skeletons, m{whose[1:]}", columns, by_kind, notes)
 
 
 def in_sample_table(results: StudyResults, trial: Trial) -> DataTable | None:
@@ -138,14 +144,14 @@ def in_sample_table(results: StudyResults, trial: Trial) -> DataTable | None:
     if not seen or not any(own.held_out and not own.reference for own, _ in found):
         return None
     scores = _with_numbers(MEANS, (row for _, rows in seen for row in rows))
-    caption = f"In-sample, mean over digits and hands: {trial.who}, {trial.title}."
+    caption = say("In-sample, mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
     return table_of_blocks(caption, (*_SKELETON, *_columns(scores)), _blocks(seen))
 
 
 def _blocks(found: list[Scored]) -> dict[str, list[Scored]]:
     return {
         kind: [own for own in found if own[0].reference == is_reference]
-        for kind, is_reference in (("Skeleton", False), ("Reference", True))
+        for kind, is_reference in ((say("Skeleton"), False), (say("Reference"), True))
     }
 
 
@@ -163,9 +169,11 @@ def digit_tables(results: StudyResults, trial: Trial) -> list[Folded]:
             title(digit): [(own, [row]) for own, its in found for row in its if row["digit"] == digit]
             for digit in dict.fromkeys(row["digit"] for row in rows)
         }
-        whose = f"{trial.who}, {hand} hand, {trial.title}"
-        table = table_of_blocks(f"Digit by digit: {whose}; p95: 95th percentile.", columns, blocks)
-        folded.append(Folded(f"{title(hand)} hand, digit by digit", table))
+        whose = say("{who}, {hand} hand, {title}", who=trial.who, hand=hand, title=trial.title)
+        table = table_of_blocks(
+            say("Digit by digit: {whose}; p95: 95th percentile.", whose=whose), columns, blocks
+        )
+        folded.append(Folded(say("{hand} hand, digit by digit", hand=title(hand)), table))
     return folded
 
 
@@ -216,12 +224,16 @@ def _shortfalls(
     for skeleton, rows in found.items():
         counts = [sum(row[score.name] is not None for row in rows) for score in scores]
         fewest = min((count for count in counts if count), default=0)
-        reasons = dict.fromkeys(row["message"].rstrip(".") for row in rows if row["message"])
-        words = [f"{fewest} of {counted(total, 'digit')}"] if fewest < total else []
+        reasons = dict.fromkeys(told(row["message"].rstrip(".")) for row in rows if row["message"])
+        words = (
+            [say("{fewest} of {digits}", fewest=fewest, digits=counted(total, "digit"))]
+            if fewest < total
+            else []
+        )
         if words or reasons:
             titles_of["; ".join([*words, *reasons])].append(skeleton.title)
     models = [skeleton.title for skeleton in found if not skeleton.reference]
-    groups = {tuple(skeleton.title for skeleton in found): "All rows", tuple(models): "All models"}
+    groups = {tuple(skeleton.title for skeleton in found): say("All rows"), tuple(models): say("All models")}
     return tuple(
         f"{groups.get(tuple(names), '; '.join(names))}: {text}." for text, names in titles_of.items()
     )
@@ -232,7 +244,10 @@ def _made_from(found: dict[Skeleton, list[Row]]) -> list[str]:
     for skeleton in found:
         if not skeleton.reference:
             groups[skeleton.kind, skeleton.made_from].append(skeleton.model)
-    return [f"{kind}, made from {tasks}: {', '.join(models)}." for (kind, tasks), models in groups.items()]
+    return [
+        say("{kind}, made from {tasks}: {models}.", kind=kind, tasks=tasks, models=", ".join(models))
+        for (kind, tasks), models in groups.items()
+    ]
 
 
 def held_out_table(results: StudyResults) -> DataTable | None:
@@ -248,25 +263,30 @@ def held_out_table(results: StudyResults) -> DataTable | None:
             order.index(each[0][0].model), not each[0][0].held_out, each[0][0].calibrated_on, each[0][1]
         ),
     )  # fmt: skip
-    table = table_of("What skeletons were made from, and what they were scored on.", _HELD_OUT, made)
-    return replace(table, notes=(_HELD_OUT_NOTE,)) if made else None
+    table = table_of(say("What skeletons were made from, and what they were scored on."), _HELD_OUT, made)
+    return replace(table, notes=(say(_HELD_OUT_NOTE),)) if made else None
 
 
 _HELD_OUT = (
-    Column("Model", lambda made: made[0][0].model, is_text=True),
-    Column("Made from", lambda made: made[0][0].made_from, is_text=True),
-    Column("Scored on", lambda made: made[0][1], is_text=True),
-    Column("The score is", lambda made: "held out" if made[0][0].held_out else "○ in-sample", is_text=True),
+    Column(mark("Model"), lambda made: made[0][0].model, is_text=True),
+    Column(mark("Made from"), lambda made: made[0][0].made_from, is_text=True),
+    Column(mark("Scored on"), lambda made: made[0][1], is_text=True),
     Column(
-        "Hands",
-        lambda made: (
-            f"{counted(len(made[1]), 'hand')} of "
-            f"{counted(len({hand.subject for hand in made[1]}), 'subject')}"
+        mark("The score is"),
+        lambda made: say("held out") if made[0][0].held_out else say("○ in-sample"),
+        is_text=True,
+    ),
+    Column(
+        mark("Hands"),
+        lambda made: say(
+            "{hands} of {subjects}",
+            hands=counted(len(made[1]), "hand"),
+            subjects=counted(len({hand.subject for hand in made[1]}), "subject"),
         ),
         is_text=True,
     ),
 )
-_HELD_OUT_NOTE = (
-    "A held-out score judges a skeleton by recordings that it has not seen. An in-sample one tells how "
-    "well it describes what it was made from."
+_HELD_OUT_NOTE = mark(
+    "A held-out score judges a skeleton by recordings that it has not seen. An in-sample one "
+    "tells how well it describes what it was made from."
 )

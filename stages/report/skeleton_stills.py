@@ -16,6 +16,7 @@ from stages.report.pictures.hand_views import Window, hand_picture, window_of
 from stages.report.recording_results import read_still
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import alike, listed
+from stages.report.wording import say, word
 
 
 @dataclass(frozen=True)
@@ -66,24 +67,38 @@ def posed_hands(results: StudyResults, who: SubjectSession) -> PosedHands:
         try:
             posed.append(_posed_hand(results, hand))
         except InputError as error:
-            remarks.append(f"{hand.hand.capitalize()} hand: no picture, for {error}.")
+            remarks.append(
+                say("{hand} hand: no picture, for {error}.", hand=hand.hand.capitalize(), error=error)
+            )
     return PosedHands(tuple(posed), tuple(remarks))
 
 
 def index_figure(item: PosedHand, model: str, entries: Mapping[str, IndexEntry]) -> Figure:
     """The hand as `model` has it as an index of its joints."""
     hand, chains = item.hand, item.chains[model]
-    title = f"Joints of {hand}, {model}, seen from the back of the hand; each leads to its row in a table."
+    title = say(
+        ("Joints of {hand}, {model}, seen from the back of the hand; each leads to its row in a table."),
+        hand=hand,
+        model=model,
+    )
     window = window_of(item.receivers_mm, chains)
     drawing = hand_index(title, hand.hand, chains, window, entries)
-    return Figure(f"{hand.hand.capitalize()} hand, {item.task}, frame {item.frame}", drawing)
+    return Figure(
+        say(
+            "{hand} hand, {task}, frame {frame}",
+            hand=hand.hand.capitalize(),
+            task=item.task,
+            frame=item.frame,
+        ),
+        drawing,
+    )
 
 
 def skeleton_pictures(results: StudyResults, hands: PosedHands) -> list[FigureRow]:
     """The subject's posed skeletons: a row for each model (models with equal joints share one)."""
     posed, remarks = hands.hands, hands.remarks
     if not posed:
-        return [FigureRow("No picture", (), tuple(remarks))]
+        return [FigureRow(say("No picture"), (), tuple(remarks))]
     windows = {item.hand: item.window() for item in posed}
     scale = min(window.scale for window in windows.values())
     groups = alike({model: [chains_key(item.chains[model]) for item in posed] for model in results.models})
@@ -116,17 +131,26 @@ def _posed_hand(results: StudyResults, hand: Hand) -> PosedHand:
 def _figure(item: PosedHand, models: Sequence[str], window: Window, scale: float) -> Figure:
     """One hand under models whose joints are equal."""
     hand, chains = item.hand, item.chains[models[0]]
-    title = (
-        f"Skeleton of {hand}, {listed(models)}, seen from the "
-        f"back of the hand and from its "
-        "side. The caption names the joints not to believe."
+    title = say(
+        (
+            "Skeleton of {hand}, {models}, seen from the back of the hand and from its side. The "
+            "caption names the joints not to believe."
+        ),
+        hand=hand,
+        models=listed(models),
     )
     drawing = hand_picture(title, hand.hand, chains, item.receivers_mm, window, scale)
-    caption = f"{hand.hand.capitalize()} hand, {item.task}, frame {item.frame}"
+    caption = say(
+        "{hand} hand, {task}, frame {frame}", hand=hand.hand.capitalize(), task=item.task, frame=item.frame
+    )
     doubted = dict.fromkeys(
         p.name for chain in chains for p in chain.points if p is not None and p.believed == NOT
     )
     absent = dict.fromkeys(name for chain in chains for name in chain.absent)
-    remarks: tuple[str, ...] = (f"Not to be believed (✕): {listed(doubted)}.",) if doubted else ()
-    remarks += (f"Without a place, so left out: {listed(absent)}.",) if absent else ()
+    remarks: tuple[str, ...] = (
+        (say("Not to be believed (✕): {doubted}.", doubted=listed(map(word, doubted))),) if doubted else ()
+    )
+    remarks += (
+        (say("Without a place, so left out: {absent}.", absent=listed(map(word, absent))),) if absent else ()
+    )
     return Figure(caption, drawing, remarks)

@@ -19,10 +19,13 @@ from stages.report.table_cells import (
     text_column,
     title,
 )
+from stages.report.wording import mark, say, told, word
 
-STATUS_MARKS = {"ok": "ok", "weak": "◆ weak", "failed": "✕ failed"}
+STATUS_MARKS = {"ok": mark("ok"), "weak": mark("◆ weak"), "failed": mark("✕ failed")}
 
-STATUS = Column("Status", lambda row: STATUS_MARKS.get(str(row["status"]), str(row["status"])), is_text=True)
+STATUS = Column(
+    "Status", lambda row: say(STATUS_MARKS.get(str(row["status"]), str(row["status"]))), is_text=True
+)
 
 
 def bone_table(results: StudyResults, hand: Hand) -> DataTable:
@@ -31,15 +34,15 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     uses = Counter(segment for digit in results.layouts[hand].digits.values() for segment in digit.segments)
     for model in results.models:
         for row in results.bones_of.get((hand, model), []):
-            name = row["bone"] if uses[row["bone"]] < 2 else f"{row['bone']} ({row['digit']})"
+            name = row["bone"] if uses[row["bone"]] < 2 else f"{row['bone']} ({word(row['digit'])})"
             by_bone.setdefault(name, {})[model] = row
     order = {segment: index for index, segment in enumerate(results.layouts[hand].segments)}
     bones = sorted(by_bone, key=lambda name: order.get(name.split(" ")[0], len(order)))
     rows = tuple((bone, *(_length(by_bone[bone].get(model)) for model in results.models)) for bone in bones)
     return DataTable(
-        f"Bone lengths of {hand}, in mm, with 1-sigma error.",
-        (Block(("Bone [mm]", *results.models), rows),),
-        _bone_notes(by_bone) if rows else ("No bone length was computed.",),
+        say("Bone lengths of {hand}, in mm, with 1-sigma error.", hand=hand),
+        (Block((say("Bone [mm]"), *results.models), rows),),
+        _bone_notes(by_bone) if rows else (say("No bone length was computed."),),
     )
 
 
@@ -48,12 +51,18 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     folded = []
     for model in results.fitted:
         rows = results.receivers_of.get((hand, model), [])
-        caption = f"Receivers of {hand}, model {model}, with 1-sigma errors."
-        no_hand = "No hand was fitted; the reason is under “What went wrong”."
+        caption = say("Receivers of {hand}, model {model}, with 1-sigma errors.", hand=hand, model=model)
+        no_hand = say("No hand was fitted; the reason is under “What went wrong”.")
         table = table_of(caption, _RECEIVER_COLUMNS, rows, no_hand)
         folded.append(
             Folded(
-                f"{title(hand.hand)} hand, {model}: {_counts(rows, 'receiver', 'no hand was fitted')}", table
+                say(
+                    "{hand} hand, {model}: {counts}",
+                    hand=title(hand.hand),
+                    model=model,
+                    counts=_counts(rows, "receiver", say("no hand was fitted")),
+                ),
+                table,
             )
         )
     return folded
@@ -62,10 +71,13 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
 def _loose(row: Row) -> str:
     if row["loose_from_frame"] is None:
         return ""
-    where = f" of {row['loose_task']}" if row["loose_task"] else ""
-    return (
-        f"◆ from frame {row['loose_from_frame']}{where}: moved {number(row['loose_shift_mm'], 1)} mm, "
-        f"turned {number(row['loose_turn_deg'], 1)} deg"
+    where = say(" of {loose_task}", loose_task=row["loose_task"]) if row["loose_task"] else ""
+    return say(
+        ("◆ from frame {loose_from_frame}{where}: moved {loose_shift_mm} mm, turned {loose_turn_deg} deg"),
+        loose_from_frame=row["loose_from_frame"],
+        where=where,
+        loose_shift_mm=number(row["loose_shift_mm"], 1),
+        loose_turn_deg=number(row["loose_turn_deg"], 1),
     )
 
 
@@ -74,15 +86,15 @@ def _placed(heading: str, name: str) -> Column:
 
 
 _RECEIVER_COLUMNS = (
-    text_column("Receiver", "segment"),
+    text_column(mark("Receiver"), "segment"),
     STATUS,
-    _placed("Along the bone [mm]", "along"),
-    _placed("To the thumb's side [mm]", "lateral"),
-    _placed("Over the bone [mm]", "height"),
-    number_column("Residual [mm]", "residual_mm"),
-    number_column("Residual [deg]", "residual_deg"),
-    Column("Came loose", _loose, is_text=True),
-    text_column("Message", "message"),
+    _placed(mark("Along the bone [mm]"), "along"),
+    _placed(mark("To the thumb's side [mm]"), "lateral"),
+    _placed(mark("Over the bone [mm]"), "height"),
+    number_column(mark("Residual [mm]"), "residual_mm"),
+    number_column(mark("Residual [deg]"), "residual_deg"),
+    Column(mark("Came loose"), _loose, is_text=True),
+    text_column(mark("Message"), "message"),
 )
 
 
@@ -95,9 +107,13 @@ def _counts(rows: list[Row], word: str, nothing: str) -> str:
         return nothing
     statuses = Counter(row["status"] for row in rows)
     loose = sum(row.get("loose_from_frame") is not None for row in rows)
-    doubts = [f"{statuses[kind]} {kind}" for kind in ("weak", "failed") if statuses[kind]]
-    doubts += [f"{loose} came loose"] if loose else []
-    return ", ".join([counted(len(rows), word), *(doubts or ["all ok"])])
+    doubts = [
+        say("{count} {status}", count=statuses[kind], status=kind)
+        for kind in ("weak", "failed")
+        if statuses[kind]
+    ]
+    doubts += [say("{loose} came loose", loose=loose)] if loose else []
+    return ", ".join([counted(len(rows), word), *(doubts or [say("all ok")])])
 
 
 def _length(row: Row | None) -> str:
@@ -105,7 +121,7 @@ def _length(row: Row | None) -> str:
         return DASH
     varies = row["sd_over_frames_mm"]
     return _with_error(row["length_mm"], row["sd_mm"]) + (
-        "" if varies is None else f" (varies {number(varies)})"
+        "" if varies is None else say(" (varies {varies})", varies=number(varies))
     )
 
 
@@ -118,10 +134,12 @@ def _bone_notes(by_bone: dict[str, dict[str, Row]]) -> tuple[str, ...]:
             varies = varies or row["sd_over_frames_mm"] is not None
             if row["message"]:
                 places.setdefault(row["message"].rstrip("."), []).append(f"{bone} ({model})")
-    notes = [f"{', '.join(where)}: {message}." for message, where in places.items()]
+    notes = [f"{', '.join(where)}: {told(message)}." for message, where in places.items()]
     if varies:
         notes.append(
-            "“varies”: standard deviation over the frames of a metacarpal's length, from its base to the "
-            "MCP joint. A true skeleton keeps it near 0."
+            say(
+                "“varies”: standard deviation over the frames of a metacarpal's length, from its base to "
+                "the MCP joint. A true skeleton keeps it near 0."
+            )
         )
     return tuple(notes)

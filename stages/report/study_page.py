@@ -24,6 +24,7 @@ from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, DataTable, counted, number
 from stages.report.templates import render
 from stages.report.trust import believed_text, study_beliefs, study_trust_table
+from stages.report.wording import full_name, say, told, word
 
 
 def render_study(results: StudyResults, study: Study, movement: Movement | None = None) -> str:
@@ -63,7 +64,7 @@ def _movement(results: StudyResults, movement: Movement | None) -> dict[str, Any
     """What the study's page says of movement, and where the page of it is."""
     if movement is None:
         return None
-    to = link("Movement", results.paths.report, results.paths.movement_page)
+    to = link(say("Movement"), results.paths.report, results.paths.movement_page)
     return {"to": to, "said": [moved_most(movement), *groups_differ(movement)]}
 
 
@@ -71,7 +72,11 @@ def _front(results: StudyResults) -> dict[str, Any] | None:
     """The first hand of which there is a picture as an index of the study's joints, or None."""
     beliefs = study_beliefs(results.judging, results.leading)
     entries = {
-        joint: IndexEntry(believed, f"#joint-{path_token(joint)}", f"{joint}: {believed}, in most hands")
+        joint: IndexEntry(
+            believed,
+            f"#joint-{path_token(joint)}",
+            say("{joint}: {believed}, in most hands", joint=full_name(joint), believed=say(believed)),
+        )
         for joint, believed in beliefs.items()
     }
     for who in results.sessions:
@@ -103,7 +108,11 @@ def figure_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
 
 def render_failure(message: str) -> str:
     """Give a page that says only why there is no report."""
-    return render("failure.html.j2", title="No report", message=f"The report could not be made: {message}")
+    return render(
+        "failure.html.j2",
+        title=say("No report"),
+        message=say("The report could not be made: {message}", message=message),
+    )
 
 
 def subjects_table(results: StudyResults) -> DataTable:
@@ -115,9 +124,15 @@ def subjects_table(results: StudyResults) -> DataTable:
             scores.setdefault(hand_of(row), []).append(row)
     truth = any(row["true_tip_mean_mm"] is not None for rows in scores.values() for row in rows)
     fitted = model in results.fitted
-    header: tuple[str, ...] = ("Subject", "Hand", "See it move", "Recordings", "Joints to believe")
-    header += ("Distal receivers left out [mm]",) if fitted else ()
-    header += ("Fingertip against the truth [mm]",) if truth else ()
+    header: tuple[str, ...] = (
+        say("Subject"),
+        say("Hand"),
+        say("See it move"),
+        say("Recordings"),
+        say("Joints to believe"),
+    )
+    header += (say("Distal receivers left out [mm]"),) if fitted else ()
+    header += (say("Fingertip against the truth [mm]"),) if truth else ()
     rows = tuple(
         (*_who(results, hand), believed_text(results, hand, model))
         + ((_score_of(scores.get(hand, []), "left_out_mean_mm"),) if fitted else ())
@@ -125,8 +140,13 @@ def subjects_table(results: StudyResults) -> DataTable:
         for hand in results.hands
     )
     return DataTable(
-        f"Every hand of the study; the numbers are those of {model}, means over digits"
-        " (held-out scores where there are any).",
+        say(
+            (
+                "Every hand of the study; the numbers are those of {model}, means over digits (held-out "
+                "scores where there are any)."
+            ),
+            model=model,
+        ),
         (Block(header, rows),),
         (),
         frozenset(range(4)),
@@ -138,7 +158,7 @@ def _who(results: StudyResults, hand: Hand) -> tuple[str, ...]:
     links = recording_links(results.shown, results.paths, page, hand.who, hand.hand)
     return (
         anchor(link(hand.who.label, page, results.paths.subject_page(*hand.who))),
-        hand.hand,
+        word(hand.hand),
         Markup(", ").join(anchor(each) for each in links) if links else DASH,
         _recordings(results, hand),
     )
@@ -151,9 +171,16 @@ def _recordings(results: StudyResults, hand: Hand) -> str:
     used = sum(status == "used" for status, _ in statuses)
     if used == len(mine):
         return counted(used, "recording")
-    reasons = Counter(": ".join(filter(None, each)) for each in statuses if each[0] != "used")
+    reasons = Counter(
+        ": ".join(filter(None, (word(each[0]), told(each[1])))) for each in statuses if each[0] != "used"
+    )
     texts = "; ".join(f"{why} ({count}×)" if count > 1 else why for why, count in reasons.items())
-    return f"◆ {used} of {counted(len(mine), 'recording')}; {texts}"
+    return say(
+        "◆ {used} of {recordings}; {texts}",
+        used=used,
+        recordings=counted(len(mine), "recording"),
+        texts=texts,
+    )
 
 
 def _score_of(rows: list[Row], name: str) -> str:

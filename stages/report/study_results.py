@@ -22,6 +22,7 @@ from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
 from schemas.study import Hand, Recording, Study, SubjectSession, path_token
 from schemas.tables import Table, open_table, read_metadata, read_table, rows_of
+from stages.report.wording import say
 
 Row = dict[str, Any]
 HandModel = tuple[Hand, str]
@@ -64,7 +65,7 @@ class Trial:
     @property
     def title(self) -> str:
         """Task and trial in words."""
-        return f"{self.task}, trial {self.trial}" if self.trial else self.task
+        return say("{task}, trial {trial}", task=self.task, trial=self.trial) if self.trial else self.task
 
 
 def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[Row]]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,14 +19,19 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the argument parser."""
     parser = command_line.parser(
-        "stages.report.subject",
+        "shukotsu stage report.subject",
         "Write a subject's pages of the report: one of the subject, one of each evaluated recording.",
-        "python -m stages.report.subject --plan results/demo/sub-01/plan.json --out "
-        "results/demo/report/sub-01",
+        "shukotsu stage report.subject --plan results/demo/sub-01/plan.json --out results/demo/report/sub-01",
     )
     parser.add_argument("--plan", type=Path, required=True, metavar="JSON", help="the subject's plan")
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FOLDER", help="where the pages go: subject.html and more"
+    )
+    parser.add_argument(
+        "--language",
+        default="en",
+        metavar="CODE",
+        help="the pages' language, as in the study file (default: en)",
     )
     parser.add_argument(
         "--recording",
@@ -43,15 +49,33 @@ def write_pages(arguments: argparse.Namespace) -> None:
     from stages.report.study_results import read_subject
     from stages.report.subject_page import render_subject
 
+    spoken = _language(arguments)
     results = read_subject(read_plan(arguments.plan))
     shown = results.shown
-    if arguments.recording:
-        shown = [_named(results, *arguments.recording)]
-    else:
-        write_text(arguments.out / "subject.html", render_subject(results))
-    for recording in shown:
-        page = Path(recording.hand.hand, f"{recording.name}.html")
-        write_text(arguments.out / page, _recording_page(results, recording))
+    with spoken:
+        if arguments.recording:
+            shown = [_named(results, *arguments.recording)]
+        else:
+            write_text(arguments.out / "subject.html", render_subject(results))
+        for recording in shown:
+            page = Path(recording.hand.hand, f"{recording.name}.html")
+            write_text(arguments.out / page, _recording_page(results, recording))
+
+
+def _language(arguments: argparse.Namespace) -> AbstractContextManager[None]:
+    """The language asked for; InputError where there is no such one."""
+    from stages.report.wording import speaking
+
+    if arguments.language not in _languages():
+        raise InputError(f"--language {arguments.language}: expected one of {', '.join(_languages())}")
+    return speaking(arguments.language)
+
+
+def _languages() -> list[str]:
+    """Every language that a study may name."""
+    from schemas.config_files import json_schema
+
+    return list(json_schema("study")["properties"]["language"]["enum"])
 
 
 def _named(results: StudyResults, hand: str, name: str) -> Recording:
@@ -77,8 +101,11 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write a page that says why there is none."""
     from schemas.files import write_text
     from stages.report.study_page import render_failure
+    from stages.report.wording import speaking
 
-    write_text(arguments.out / "subject.html", render_failure(message))
+    known = arguments.language in _languages()
+    with speaking(arguments.language if known else "en"):
+        write_text(arguments.out / "subject.html", render_failure(message))
 
 
 def main(argv: list[str] | None = None) -> int:

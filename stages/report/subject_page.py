@@ -35,6 +35,7 @@ from stages.report.trust import (
     verdicts,
 )
 from stages.report.truth_tables import joint_error_tables, truth_summary, truth_table
+from stages.report.wording import full_name, say
 
 
 def render_subject(results: StudyResults) -> str:
@@ -54,7 +55,7 @@ def render_subject(results: StudyResults) -> str:
         opening=opening(results),
         used=used_text(results),
         findings=provenance.findings(results),
-        problems=provenance.problems_table(results, f"as the study asked: {who}"),
+        problems=provenance.problems_table(results, say("as the study asked: {who}", who=who)),
         name=who.label,
         trust=[_trust_part(results, hand, posed) for hand in reversed(hands)],
         remarks=posed.remarks,
@@ -64,9 +65,15 @@ def render_subject(results: StudyResults) -> str:
         next_recording=[next_recording(results, hand) for hand in reversed(hands)],
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         skeletons=skeleton_pictures(results, posed),
-        bones=[Folded(f"{hand.hand.capitalize()} hand", bone_table(results, hand)) for hand in hands],
+        bones=[
+            Folded(say("{hand} hand", hand=hand.hand.capitalize()), bone_table(results, hand))
+            for hand in hands
+        ],
         ranges=[
-            Folded(f"{hand.hand.capitalize()} hand: {len(rows)} angles of joints", _ranges_table(hand, rows))
+            Folded(
+                say("{hand} hand: {n_rows} angles of joints", hand=hand.hand.capitalize(), n_rows=len(rows)),
+                _ranges_table(hand, rows),
+            )
             for hand in hands
             if (rows := measured_ranges(results, hand, results.leading))
         ],
@@ -75,13 +82,13 @@ def render_subject(results: StudyResults) -> str:
         fitted=results.fitted,
         simulated=results.simulated,
         slips=SLIPS,
-        sheet=provenance.recordings_table(results, f"of {who}"),
-        inputs=provenance.inputs_table(results, f"of {who}"),
+        sheet=provenance.recordings_table(results, say("of {who}", who=who)),
+        inputs=provenance.inputs_table(results, say("of {who}", who=who)),
     )
 
 
 def _ranges_table(hand: Hand, rows: list[Row]) -> DataTable:
-    caption = f"Range of motion, posture and speed of {hand}, with stated 1-sigma errors."
+    caption = say("Range of motion, posture and speed of {hand}, with stated 1-sigma errors.", hand=hand)
     return measured_table(caption, rows, with_recording=True)
 
 
@@ -97,7 +104,7 @@ def _trust_part(results: StudyResults, hand: Hand, posed: PosedHands) -> dict[st
         for name in (model, *(name for name in results.models if name != model))
     ]
     return {
-        "hand": f"{hand.hand.capitalize()} hand",
+        "hand": say("{hand} hand", hand=hand.hand.capitalize()),
         "index": _index(hand, model, found, posed),
         "reasons": reasons(found),
         "leading": tables[0],
@@ -116,8 +123,9 @@ def _index(hand: Hand, model: str, found: Iterable[Verdict], posed: PosedHands) 
 def _words(verdict: Verdict) -> str:
     """What a pointer on a joint of the index is told."""
     sd = verdict.row["sd_mm"]
-    known = "" if sd is None else f", known to {number(sd)} mm (1 sigma)"
-    return f"{verdict.joint}: {verdict.believed}{known}{'; ' if verdict.why else ''}{verdict.why}"
+    known = "" if sd is None else say(", known to {sd} mm (1 sigma)", sd=number(sd))
+    doubt = f"; {verdict.why}" if verdict.why else ""
+    return f"{full_name(verdict.joint)}: {say(verdict.believed)}{known}{doubt}"
 
 
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
@@ -137,7 +145,7 @@ def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
         "scores": score_table(results, trial),
         "folded": [
             *(
-                [Folded("In-sample scores, of skeletons made with this task too", in_sample)]
+                [Folded(say("In-sample scores, of skeletons made with this task too"), in_sample)]
                 if in_sample
                 else []
             ),

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from stages.report.wording import say, say_count, shown, word
+
 DASH = "–"
 
 
@@ -54,7 +56,7 @@ def number_column(heading: str, name: str, decimals: int = 2) -> Column:
 
 def text_column(heading: str, name: str) -> Column:
     """The text of that name in the rows."""
-    return Column(heading, lambda row: str(row[name]), is_text=True)
+    return Column(heading, lambda row: shown(name, str(row[name])), is_text=True)
 
 
 def table_of(caption: str, columns: Sequence[Column], rows: Iterable[Any], if_empty: str = "") -> DataTable:
@@ -91,7 +93,7 @@ def number(value: float | None, decimals: int = 2) -> str:
 def listed(words: Iterable[str]) -> str:
     """Words as a sentence lists them: a, b and c."""
     words = list(words)
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    return say(" and ").join([say(", ").join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def alike(values: Mapping[str, object]) -> list[list[str]]:
@@ -105,7 +107,7 @@ def alike(values: Mapping[str, object]) -> list[list[str]]:
 
 def counted(count: int, word: str) -> str:
     """The count with its word: 1 joint, 2 joints."""
-    return f"{count} {word}{'' if count == 1 else 's'}"
+    return say_count(count, word)
 
 
 def capital(text: str) -> str:
@@ -115,4 +117,4 @@ def capital(text: str) -> str:
 
 def title(name: str) -> str:
     """The name of a digit or a hand as a heading."""
-    return capital(name.replace("_", " "))
+    return capital(word(name).replace("_", " "))

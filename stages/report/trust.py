@@ -12,18 +12,19 @@ from schemas.study import Hand, path_token
 from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, SMALL_SD_MM, belief, commonest, reason
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, DataTable, listed, number
+from stages.report.wording import mark, say, told, word
 
 APART_MM = 5.0
 """Models that put a joint farther apart than this cannot both be right: it is half a bone's breadth."""
 
-NO_JOINT = "No joint was solved; the reason is under “What went wrong”."
+NO_JOINT = mark("No joint was solved; the reason is under “What went wrong”.")
 
 _COLUMNS = (
-    ("Moved [deg]", "range_deg", 1),
-    ("Gap rms [mm]", "gap_rms_mm", 2),
-    ("Free gap rms [mm]", "gap_rms_free_mm", 2),
-    ("Axis to plane [deg]", "axis_plane_deg", 1),
-    ("Correction [mm]", "correction_mm", 1),
+    (mark("Moved [deg]"), "range_deg", 1),
+    (mark("Gap rms [mm]"), "gap_rms_mm", 2),
+    (mark("Free gap rms [mm]"), "gap_rms_free_mm", 2),
+    (mark("Axis to plane [deg]"), "axis_plane_deg", 1),
+    (mark("Correction [mm]"), "correction_mm", 1),
 )
 """What else is told of a joint where any joint of the hand has it: heading, column, decimals."""
 
@@ -83,16 +84,21 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     found = verdicts(results, hand, model)
     columns = [c for c in _COLUMNS if any(v.row[c[1]] is not None for v in found)]
     advice = {
-        row["joint"]: "" if row["advice"].startswith("enough") else row["advice"]
+        row["joint"]: "" if row["advice"].startswith("enough") else told(row["advice"])
         for row in results.advice
         if hand_of(row) == hand
     }
     helps = any(advice.get(v.joint) for v in found)
-    header = ("Joint", "Believe it?", "SD of the centre [mm]", *(heading for heading, _, _ in columns))
+    header = (
+        say("Joint"),
+        say("Believe it?"),
+        say("SD of the centre [mm]"),
+        *(heading for heading, _, _ in columns),
+    )
     rows = tuple(
         (
             v.joint,
-            v.believed,
+            say(v.believed),
             number(v.row["sd_mm"]),
             *(number(v.row[name], decimals) for _, name, decimals in columns),
             _apart_in_words(v),
@@ -100,12 +106,12 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
         )
         for v in found
     )
-    header += ("Farthest other model [mm]", *(("What would help",) if helps else ()))
+    header += (say("Farthest other model [mm]"), *((say("What would help"),) if helps else ()))
     last = len(header) - 1
     return DataTable(
-        f"Whether to believe the joints of {model}: {hand}.",
+        say("Whether to believe the joints of {model}: {hand}.", model=model, hand=hand),
         (Block(header, rows),),
-        tuple(reasons(found)) if rows else (NO_JOINT,),
+        tuple(reasons(found)) if rows else (say(NO_JOINT),),
         frozenset({0, 1, last, last - helps}),
         tuple(joint_anchor(hand, v.joint, model) for v in found),
     )
@@ -124,13 +130,17 @@ def reasons(found: Iterable[Verdict]) -> list[str]:
         if verdict.why:
             of_reason[verdict.why].append(verdict.joint)
     large = [v.joint for v in found if v.believed == CARE and v.row["sd_mm"] is not None]
-    known = f"known less well than to {SMALL_SD_MM:g} mm (1 sigma, 3-D)"
-    first = [f"{CARE}: {_named(large, found)}, {known}."] if large else []
+    known = say("known less well than to {SMALL_SD_MM:g} mm (1 sigma, 3-D)", SMALL_SD_MM=SMALL_SD_MM)
+    first = (
+        [say("{care}: {names}, {known}.", care=say(CARE), names=_named(large, found), known=known)]
+        if large
+        else []
+    )
     return first + [f"{_named(joints, found)}: {why}." for why, joints in of_reason.items()]
 
 
 def _named(joints: list[str], found: list[Verdict]) -> str:
-    return "All joints" if len(joints) == len(found) > 1 else listed(joints)
+    return say("All joints") if len(joints) == len(found) > 1 else listed(map(word, joints))
 
 
 def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
@@ -150,13 +160,13 @@ def study_trust_table(results: StudyResults, model: str) -> DataTable:
             by_joint[verdict.joint].append(verdict)
     rows = tuple((joint, *_over_hands(found)) for joint, found in by_joint.items())
     header = (
-        "Joint", "Hands", "Believed", "With care", "Not", "Median SD [mm]",
-        "Median to the farthest model [mm]", "Most frequent doubt",
+        say("Joint"), say("Hands"), say("Believed"), say("With care"), say("Not"), say("Median SD [mm]"),
+        say("Median to the farthest model [mm]"), say("Most frequent doubt"),
     )  # fmt: skip
     return DataTable(
-        f"Whether to believe the joints of {model}, all hands of the study.",
+        say("Whether to believe the joints of {model}, all hands of the study.", model=model),
         (Block(header, rows),),
-        () if rows else (NO_JOINT,),
+        () if rows else (say(NO_JOINT),),
         frozenset({0, 7}),
         tuple(f"joint-{path_token(joint)}" for joint in by_joint),
     )
@@ -165,17 +175,20 @@ def study_trust_table(results: StudyResults, model: str) -> DataTable:
 def believed_text(results: StudyResults, hand: Hand, model: str) -> str:
     """How many of a hand's joints to believe."""
     rows = results.joints_of.get((hand, model), [])
-    return f"{sum(belief(row) == BELIEVED for row in rows)} of {len(rows)}" if rows else DASH
+    return (
+        say("{n_far} of {n_rows}", n_far=sum(belief(row) == BELIEVED for row in rows), n_rows=len(rows))
+        if rows
+        else DASH
+    )
 
 
 def believed_counts(rows: Iterable[Row]) -> str:
     """How many joints of rows of joint_centres are believed, with care and not: for a line of summary."""
     counts = Counter(belief(row) for row in rows)
-    words = dict(zip(BELIEFS, ("to believe", "with care", "not"), strict=True))
-    return (
-        ", ".join(f"{counts[each]} {words[each]}" for each in BELIEFS if counts[each])
-        or "no joint was solved"
-    )
+    words = dict(zip(BELIEFS, (say("to believe"), say("with care"), say("not")), strict=True))
+    return say(", ").join(
+        say("{count} {belief}", count=counts[each], belief=words[each]) for each in BELIEFS if counts[each]
+    ) or say("no joint was solved")
 
 
 def _apart_mm(row: Row, other: Row | None) -> float | None:
@@ -201,7 +214,9 @@ def _apart_in_words(verdict: Verdict) -> str:
 def _over_hands(found: list[Verdict]) -> tuple[str, ...]:
     counts = Counter(verdict.believed for verdict in found)
     doubts = Counter(
-        v.why or f"known less well than to {SMALL_SD_MM:g} mm" for v in found if v.believed != BELIEVED
+        v.why or say("known less well than to {SMALL_SD_MM:g} mm", SMALL_SD_MM=SMALL_SD_MM)
+        for v in found
+        if v.believed != BELIEVED
     )
     return (
         str(len(found)),
@@ -225,4 +240,8 @@ def _most_frequent(doubts: Counter[str]) -> str:
     if not kinds:
         return ""
     most = max(kinds.values(), key=len)
-    return f"{most[0]} ({len(most)} of {doubts.total()})" if doubts.total() > 1 else most[0]
+    return (
+        say("{most} ({n_most} of {total})", most=most[0], n_most=len(most), total=doubts.total())
+        if doubts.total() > 1
+        else most[0]
+    )

@@ -11,6 +11,7 @@ from schemas.study import SubjectSession
 from stages.report.score_tables import tasks_text
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, Column, DataTable, Folded, number, table_of_blocks, title
+from stages.report.wording import mark, say
 
 FAR_MM = 5.0
 """A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
@@ -25,30 +26,37 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
     if not made:
         return None
     columns = (
-        Column("Skeleton", lambda own: own[0][0], is_text=True),
-        Column("Made from", lambda own: made_from(results, own[0]), is_text=True),
-        Column("Joints", _joint_count),
-        *(_quantile_column(*each) for each in (("Median", 0.5), ("p90", 0.9), ("Worst", 1.0))),
+        Column(say("Skeleton"), lambda own: own[0][0], is_text=True),
+        Column(say("Made from"), lambda own: made_from(results, own[0]), is_text=True),
+        Column(say("Joints"), _joint_count),
+        _quantile_column(mark("Median [mm]"), 0.5),
+        _quantile_column(mark("p90 [mm]"), 0.9),
+        _quantile_column(mark("Worst [mm]"), 1.0),
         Column(
-            f"Over {FAR_MM:.0f} mm [%]",
+            say("Over {FAR_MM:.0f} mm [%]", FAR_MM=FAR_MM),
             lambda own: _percent([error > FAR_MM for error in known(own[1], "error_mm")]),
         ),
-        _quantile_column("Along", 0.5, "along_mm"),
-        _quantile_column("Across", 0.5, "across_mm"),
-        _quantile_column("Axis", 0.5, "axis_deg", "deg"),
-        _quantile_column("Bone length", 0.5, "bone_error_percent", "%"),
+        _quantile_column(mark("Along [mm]"), 0.5, "along_mm"),
+        _quantile_column(mark("Across [mm]"), 0.5, "across_mm"),
+        _quantile_column(mark("Axis [deg]"), 0.5, "axis_deg"),
+        _quantile_column(mark("Bone length [%]"), 0.5, "bone_error_percent"),
         Column(
-            "In the stated 95 % [%]",
+            say("In the stated 95 % [%]"),
             lambda own: _percent([row["within_95"] for row in own[1] if row["within_95"] is not None]),
         ),
     )
     blocks = {
         kind: [own for own in made.items() if (own[0][0] in results.models) == is_model]
-        for kind, is_model in (("Skeleton", True), ("Reference", False))
+        for kind, is_model in ((say("Skeleton"), True), (say("Reference"), False))
     }
     return table_of_blocks(
-        f"Distance of the joints from the true ones, both hands: {who}. Along and across the "
-        "axis, axis and bone length: medians.",
+        say(
+            (
+                "Distance of the joints from the true ones, both hands: {who}. Along and across the "
+                "axis, axis and bone length: medians."
+            ),
+            who=who,
+        ),
         columns,
         blocks,
     )
@@ -59,8 +67,17 @@ def truth_summary(results: StudyResults, who: SubjectSession, model: str) -> str
     of_subject = [r for r in results.joint_errors if (hand_of(r).who, r["model"]) == (who, model)]
     made = _by_skeleton(results, of_subject)
     parts = [
-        f"made from {made_from(results, key)} {number(float(np.median(errors)), 1)} mm in the median, "
-        f"{sum(error > FAR_MM for error in errors)} of {len(errors)} more than {FAR_MM:.0f} mm off"
+        say(
+            (
+                "made from {made_from} {errors} mm in the median, {n_far} of {n_errors} more than "
+                "{FAR_MM:.0f} mm off"
+            ),
+            made_from=made_from(results, key),
+            errors=number(float(np.median(errors)), 1),
+            n_far=sum(error > FAR_MM for error in errors),
+            n_errors=len(errors),
+            FAR_MM=FAR_MM,
+        )
         for key, rows in made.items()
         if (errors := known(rows, "error_mm"))
     ]
@@ -78,11 +95,13 @@ def joint_error_tables(results: StudyResults, who: SubjectSession) -> list[Folde
         errors = {key: {row["joint"]: row["error_mm"] for row in of_key} for key, of_key in made.items()}
         joints = dict.fromkeys(row["joint"] for row in rows)
         block = Block(
-            ("Joint [mm]", *(_title(results, key) for key in made)),
+            (say("Joint [mm]"), *(_title(results, key) for key in made)),
             tuple((joint, *(number(errors[key].get(joint)) for key in made)) for joint in joints),
         )
-        caption = f"Distance of each joint from the true one, in mm: {hand}."
-        folded.append(Folded(f"{title(hand.hand)} hand, joint by joint", DataTable(caption, (block,))))
+        caption = say("Distance of each joint from the true one, in mm: {hand}.", hand=hand)
+        folded.append(
+            Folded(say("{hand} hand, joint by joint", hand=title(hand.hand)), DataTable(caption, (block,)))
+        )
     return folded
 
 
@@ -94,7 +113,11 @@ def made_from(results: StudyResults, skeleton: Made) -> str:
 
 def _title(results: StudyResults, skeleton: Made) -> str:
     model = skeleton[0]
-    return f"{model}, from {made_from(results, skeleton)}" if model in results.models else model
+    return (
+        say("{model}, from {made_from}", model=model, made_from=made_from(results, skeleton))
+        if model in results.models
+        else model
+    )
 
 
 def _by_skeleton(results: StudyResults, rows: Iterable[Row]) -> dict[Made, list[Row]]:
@@ -109,15 +132,15 @@ def _by_skeleton(results: StudyResults, rows: Iterable[Row]) -> dict[Made, list[
 
 def _joint_count(own: tuple[Made, list[Row]]) -> str:
     found, every = len(known(own[1], "error_mm")), len(own[1])
-    return str(every) if found == every else f"{found} of {every}"
+    return str(every) if found == every else say("{found} of {every}", found=found, every=every)
 
 
-def _quantile_column(heading: str, share: float, name: str = "error_mm", unit: str = "mm") -> Column:
+def _quantile_column(heading: str, share: float, name: str = "error_mm") -> Column:
     def cell(own: tuple[Made, list[Row]]) -> str:
         values = known(own[1], name)
         return number(float(np.quantile(values, share)) if values else None)
 
-    return Column(f"{heading} [{unit}]", cell)
+    return Column(heading, cell)
 
 
 def _percent(answers: Sequence[bool]) -> str:

@@ -17,9 +17,9 @@ REALISM_OPTIONS = ("anatomy", "mounts", "skin", "artefact", "faults")
 def build_parser() -> argparse.ArgumentParser:
     """Give the command's argument parser."""
     parser = command_line.parser(
-        "stages.simulate",
+        "shukotsu stage simulate",
         "Simulate a hand recorded with 16 receivers at 240 Hz; write the exact truth beside it.",
-        "python -m stages.simulate --subject 01 --hand right --task opposition --seed 7 "
+        "shukotsu stage simulate --subject 01 --hand right --task opposition --seed 7 "
         "--anatomy ct --skin phase-lag --out sub-01_hand-right_task-opposition.parquet",
         records_failure=False,
     )

@@ -62,13 +62,13 @@ def move(
         script, weights = _range_of_motion(generator(seed, "range", subject, side))
     script = script + _jitter_deg(rng, script, task)
     times_s = _keyframe_times_s(rng, weights, n_frames)
-    postures = _minimum_jerk(times_s, script, np.arange(n_frames) / RATE_HZ)
+    postures = minimum_jerk(times_s, script, np.arange(n_frames) / RATE_HZ)
     voluntary = np.concatenate([np.radians(postures), np.zeros((*postures.shape[:2], 1))], -1)
     wrist, forearm = _arm(rng, n_frames)
     return Motion(coupled_angles(voluntary, hand, realism), wrist, forearm)
 
 
-def _posture(**angles_deg: float | tuple[float, float]) -> Array:
+def posture(**angles_deg: float | tuple[float, float]) -> Array:
     """Give a posture by joint names: a flexion, or flexion and abduction."""
     posture = np.zeros((len(JOINTS), 2))
     for joint, value in angles_deg.items():
@@ -77,17 +77,17 @@ def _posture(**angles_deg: float | tuple[float, float]) -> Array:
 
 
 def _fingers(joint: str, flexion_deg: float) -> Array:
-    return _posture(**{f"{digit}_{joint}": flexion_deg for digit in FINGERS})
+    return posture(**{f"{digit}_{joint}": flexion_deg for digit in FINGERS})
 
 
-def _rest() -> Array:
+def rest_posture() -> Array:
     """Give the open hand from which every movement starts."""
     fingers = _fingers("mcp", 12.0) + _fingers("pip", 14.0) + _fingers("dip", 6.0)
-    return np.asarray(fingers + _posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
+    return np.asarray(fingers + posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
 
 
 def _cupped() -> Array:
-    return _posture(**{f"{digit}_cmc": angle for digit, angle in _CUP_DEG.items()})
+    return posture(**{f"{digit}_cmc": angle for digit, angle in _CUP_DEG.items()})
 
 
 def _opposition(
@@ -98,7 +98,7 @@ def _opposition(
     n_frames: int,
 ) -> tuple[Array, Array]:
     """Script of the thumb's tip meeting each fingertip in turn: keyframes (K, J, 2), durations (K - 1,)."""
-    rest = _rest()
+    rest = rest_posture()
     starts = np.repeat(rest[None], len(FINGERS), 0)
     for i, digit in enumerate(FINGERS):
         starts[i, :, FLEXION] += _CUPPING[digit] * _cupped()[:, FLEXION]
@@ -111,7 +111,7 @@ def _opposition(
     keyframes, weights = [rest], []
     for _ in range(n_rounds):
         for i in range(len(FINGERS)):
-            bend = _posture(wrist=(rng.uniform(2, 8) * (-1) ** i, rng.uniform(-3, 3)))
+            bend = posture(wrist=(rng.uniform(2, 8) * (-1) ** i, rng.uniform(-3, 3)))
             keyframes += [contacts[i] + bend, contacts[i] + bend, rest - bend]
             weights += [0.42, 0.14, 0.42]
     return np.array(keyframes), np.array(weights)
@@ -138,9 +138,9 @@ def _enslave(contacts: Array, rest: Array) -> None:
 
 def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
     """Script of every joint through its range, one after another and together, as `_opposition`."""
-    rest = _rest()
+    rest = rest_posture()
     keyframes = [rest]
-    for poses in (_finger_ranges(), _thumb_ranges(), _palm_and_wrist_ranges()):
+    for poses in range_postures().values():
         for pose in poses:
             keyframes += [rest + pose, rest]
     factor = np.clip(1.0 + 0.07 * rng.standard_normal((len(JOINTS), 1)), 0.85, 1.12)
@@ -148,37 +148,48 @@ def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
     return script, rng.uniform(0.85, 1.15, len(script) - 1)
 
 
-def _finger_ranges() -> list[Array]:
+def range_postures() -> dict[str, list[Array]]:
+    """Movements of a range of motion by name: postures (J, 2) that are added to that of rest, in turn."""
+    return _finger_ranges() | _thumb_ranges() | _palm_and_wrist_ranges()
+
+
+def _finger_ranges() -> dict[str, list[Array]]:
     hook = _fingers("pip", 72.0) + _fingers("dip", 50.0)
     fist = _fingers("mcp", 54.0) + _fingers("pip", 70.0) + _fingers("dip", 58.0)
-    spread = _posture(index_mcp=(0, 14), middle_mcp=(0, 4), ring_mcp=(0, -8), little_mcp=(0, -15))
+    spread = posture(index_mcp=(0, 14), middle_mcp=(0, 4), ring_mcp=(0, -8), little_mcp=(0, -15))
     alone = [
-        _posture(**{f"{digit}_mcp": 50.0, f"{digit}_pip": 66.0, f"{digit}_dip": 52.0}) for digit in FINGERS
+        posture(**{f"{digit}_mcp": 50.0, f"{digit}_pip": 66.0, f"{digit}_dip": 52.0}) for digit in FINGERS
     ]
-    return [_fingers("mcp", 54.0), hook, fist, spread, -spread, _fingers("mcp", -25.0), *alone]
+    return {
+        "knuckles": [_fingers("mcp", 54.0)],
+        "hook": [hook],
+        "fist": [fist],
+        "spread": [spread, -spread],
+        "back": [_fingers("mcp", -25.0)],
+        "alone": alone,
+    }
 
 
-def _thumb_ranges() -> list[Array]:
+def _thumb_ranges() -> dict[str, list[Array]]:
     circle = [
-        _posture(thumb_cmc=(22 * np.cos(angle) + 8, 16 * np.sin(angle)), thumb_mcp=8 - 8 * np.cos(angle))
+        posture(thumb_cmc=(22 * np.cos(angle) + 8, 16 * np.sin(angle)), thumb_mcp=8 - 8 * np.cos(angle))
         for angle in np.linspace(0, 2 * np.pi, 6, endpoint=False)
     ]
-    bent = [_posture(thumb_mcp=(48.0, 6.0)), _posture(thumb_ip=60.0), _posture(thumb_mcp=(20.0, -8.0))]
-    return [*circle, *bent, _posture(thumb_cmc=(25.0, -8.0), thumb_mcp=35.0, thumb_ip=45.0)]
+    bent = [posture(thumb_mcp=(48.0, 6.0)), posture(thumb_ip=60.0), posture(thumb_mcp=(20.0, -8.0))]
+    across = posture(thumb_cmc=(25.0, -8.0), thumb_mcp=35.0, thumb_ip=45.0)
+    return {"thumb-circle": circle, "thumb-bend": bent, "thumb-across": [across]}
 
 
-def _palm_and_wrist_ranges() -> list[Array]:
+def _palm_and_wrist_ranges() -> dict[str, list[Array]]:
     grasp = _fingers("mcp", 40.0) + _fingers("pip", 45.0) + _fingers("dip", 32.0) + _cupped()
-    thumb = _posture(thumb_cmc=(28.0, -10.0), thumb_mcp=25.0, thumb_ip=25.0)
-    return [
-        _cupped(),
-        grasp + thumb,
-        _posture(wrist=(35.0, 0.0)),
-        _posture(wrist=(-35.0, 0.0)),
-        _posture(wrist=(0.0, 14.0)),
-        _posture(wrist=(0.0, -18.0)),
-        grasp + thumb + _posture(wrist=(-20.0, 5.0)),
-    ]
+    thumb = posture(thumb_cmc=(28.0, -10.0), thumb_mcp=25.0, thumb_ip=25.0)
+    return {
+        "cup": [_cupped()],
+        "grasp": [grasp + thumb],
+        "wrist-bend": [posture(wrist=(35.0, 0.0)), posture(wrist=(-35.0, 0.0))],
+        "wrist-sideways": [posture(wrist=(0.0, 14.0)), posture(wrist=(0.0, -18.0))],
+        "grasp-turned": [grasp + thumb + posture(wrist=(-20.0, 5.0))],
+    }
 
 
 def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
@@ -201,7 +212,7 @@ def _keyframe_times_s(rng: np.random.Generator, weights: Array, n_frames: int) -
     return np.asarray(ends / ends[-1] * (n_frames - 1) / RATE_HZ)
 
 
-def _minimum_jerk(times_s: Array, postures: Array, at_s: Array) -> Array:
+def minimum_jerk(times_s: Array, postures: Array, at_s: Array) -> Array:
     """Go from posture to posture (K, ...), at rest in each, with minimum jerk (Flash & Hogan 1985)."""
     i = np.clip(np.searchsorted(times_s, at_s, side="right") - 1, 0, len(times_s) - 2)
     u = np.clip((at_s - times_s[i]) / (times_s[i + 1] - times_s[i]), 0.0, 1.0)

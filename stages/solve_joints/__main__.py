@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.solve_joints",
+        "shukotsu stage solve_joints",
         "Find the centre and axis of every joint between two receivers (Eq. 1-7 of the paper).",
-        "python -m stages.solve_joints --poses results/demo/sub-01/right/rom/poses.parquet "
+        "shukotsu stage solve_joints --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16 --model paper-fig4 --out joint_solutions.parquet",
     )
     command_line.add_plan_options(parser, calibration="--poses", sizes=("hand_length_mm",))

@@ -22,9 +22,9 @@ _HEADINGS = ("joint", "range deg", "sd now mm", "sd with more motion mm", "advic
 def build_parser() -> argparse.ArgumentParser:
     """Give the command's argument parser."""
     parser = command_line.parser(
-        "stages.solve_joints.check_calibration",
+        "shukotsu stage solve_joints.check_calibration",
         "Say which joints the calibration recordings move too little, and how they would gain from more.",
-        "python -m stages.solve_joints.check_calibration --poses results/demo/sub-01/right/rom/poses.parquet "
+        "shukotsu stage solve_joints.check_calibration --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16",
     )
     command_line.add_plan_options(parser, calibration="--poses", sizes=("hand_length_mm",))

@@ -112,7 +112,10 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(REPOSITORY / room, folder / room, ignore=shutil.ignore_patterns("__pycache__"))
     for name in (
         "pyproject.toml",
-        *(f"tests/{name}" for name in ("conftest.py", "refusals.py", "chains.py", *GUARDS)),
+        *(
+            f"tests/{name}"
+            for name in ("conftest.py", "refusals.py", "refusal_places.py", "chains.py", *GUARDS)
+        ),
     ):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(REPOSITORY / name, folder / name)

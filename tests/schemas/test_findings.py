@@ -12,7 +12,7 @@ def test_kinds_are_those_of_the_contract() -> None:
         "other-person, same-file, too-short"
     )
     assert ", ".join(KINDS) == expected
-    assert all(f"| `{kind}` |" in mistakes_page() for kind in KINDS)
+    assert all(f"\n## {kind}\n" in mistakes_page() for kind in KINDS)
 
 
 def test_accepting_makes_a_suspect_finding_a_note_with_the_reason() -> None:

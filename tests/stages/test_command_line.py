@@ -200,7 +200,7 @@ def test_a_python_without_the_packages_is_said(module: str) -> None:
     assert ended.returncode == 2
     assert ended.stderr.count("\n") == 1
     assert "is not installed for " in ended.stderr
-    assert ".venv/bin/python in place of python" in ended.stderr
+    assert "then its .venv/bin/shukotsu" in ended.stderr
 
 
 # --- failing ----------------------------------------------------------------------------------------------
@@ -352,3 +352,26 @@ def test_a_job_that_is_ended_while_it_writes_leaves_no_file(tmp_path: Path) -> N
         process.terminate()
         assert process.wait(60) == 128 + signal.SIGTERM
     assert not list(tmp_path.iterdir())
+
+
+def test_who_reads_only_the_beginning_breaks_nothing() -> None:
+    """As `... | head` does."""
+    code = (
+        "import argparse, sys; from stages import command_line\n"
+        "def work(_): [print('a line', flush=True) for _ in range(100_000)]\n"
+        "sys.exit(command_line.run(argparse.Namespace(), work))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        cwd=REPOSITORY,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    assert process.stdout.readline() == "a line\n"
+    process.stdout.close()
+    assert process.wait() == 128 + signal.SIGPIPE
+    assert process.stderr.read() == ""
+    process.stderr.close()

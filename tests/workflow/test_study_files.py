@@ -14,6 +14,7 @@ from schemas.config_files import CONFIG_FOLDER
 from schemas.errors import InputError
 from schemas.plan import plan_text, read_plan
 from schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
+from stages.report.print_figures import style
 from workflow.study_files import StudyFiles
 from workflow.write_plan import main as write_plan
 
@@ -170,6 +171,24 @@ def test_a_job_is_run_again_for_what_it_uses(folder: Path, change: str) -> None:
     after = files(folder, *rows, models=models, **sheets)
     changed = {name for name, request in requests.items() if request(after) != first[name]}
     assert changed == {name for name, changes in AGAIN.items() if change in changes}
+
+
+def test_the_reports_language_concerns_no_plan(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another language makes pages and figures anew, and no result."""
+    monkeypatch.setattr(style, "font_of", lambda _: Path("a.ttf"))
+    before, after = files(folder), files(folder, more="language: ja\n")
+    assert (before.study.language, after.study.language) == ("en", "ja")
+    for request in (StudyFiles.plan, StudyFiles.fit_plan):
+        assert request(before, FIT) == request(after, FIT)
+    assert before.recordings_plan(FIT) == after.recordings_plan(FIT)
+
+
+def test_a_language_without_a_font_is_refused_before_anything_runs(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(style, "font_of", lambda _: None)
+    with pytest.raises(InputError, match="language: ja: its figures need a font"):
+        files(folder, more="language: ja\n")
 
 
 def test_a_layout_is_part_of_every_request(folder: Path) -> None:

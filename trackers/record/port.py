@@ -132,7 +132,7 @@ def _why_not(name: str, error: Exception) -> str:
     if re.fullmatch(r"[\w.-]+:\d+", name):
         return f"no such port; for one on the network give --port socket://{name}"
     if number == errno.ENOENT or "No such file" in text:
-        return "no such port; `python -m stages.capture devices` lists those there are"
+        return "no such port; `shukotsu devices` lists those there are"
     if number == errno.EACCES or "Permission denied" in text:
         return "may not be opened by you; on most systems members of the group dialout may"
     if "://" in name:

@@ -88,5 +88,5 @@ def _format_by_ending(path: Path) -> str:
     raise InputError(
         f"{path}: the ending {path.suffix!r} does not say which format this is (known are {endings}); "
         f"give --format {' or '.join(FORMATS)}, or a mapping: "
-        "`python -m stages.capture inspect FILE --write-mapping mapping.yaml` writes one to edit"
+        "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
     )

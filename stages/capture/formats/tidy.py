@@ -103,7 +103,8 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
     if missing:
         _refuse_other_form(path, header)
         present = listed([name for name in header if name])
-        raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{_hint(header)}")
+        do = f"{_hint(header)}; `shukotsu inspect {path}` shows how to read another table as it is"
+        raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{do}")
     wanted = [name for name in (*REQUIRED, SEGMENT, RECEIVER) if name in header]
     twice = [name for name in wanted if list(header).count(name) > 1]
     if twice:
@@ -147,7 +148,7 @@ def _refuse_other_form(path: Path, header: Sequence[str]) -> None:
     if what:
         raise InputError(
             f"{path}: no columns of a tidy recording; {what}: {do}, or "
-            f"`python -m stages.capture inspect {path}` shows how to read it as it is"
+            f"`shukotsu inspect {path}` shows how to read it as it is"
         )
 
 

@@ -16,13 +16,17 @@ from schemas.model import the_papers
 from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, compare
 from stages.report.comparison.questions import PRIOR, Question
 from stages.report.study_results import StudyResults, recording_key, row_key
+from stages.report.wording import mark, say
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-NO_NUMBER = "no such number"
-OTHER_KIND = {True: "made from this task too, not held out", False: "made without this task, not in-sample"}
+NO_NUMBER = mark("no such number")
+OTHER_KIND = {
+    True: mark("made from this task too, not held out"),
+    False: mark("made without this task, not in-sample"),
+}
 PLACE = ["subject", "model", "digit", "place"]
 
 
@@ -179,10 +183,10 @@ class Answer:
     def kind(self) -> str:
         """Which data the skeletons were made from."""
         if self.held_out:
-            return "Held out: skeletons made without the recordings that they are scored on."
-        return (
-            "In-sample: nothing is held out, so a skeleton may have learnt the recording that it is scored "
-            "on and not the hand."
+            return say("Held out: skeletons made without the recordings that they are scored on.")
+        return say(
+            "In-sample: nothing is held out, so a skeleton may have learnt the recording that it is "
+            "scored on and not the hand."
         )
 
     @property

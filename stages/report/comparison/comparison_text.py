@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from stages.report.comparison.comparisons import Comparison, Missing, missing_text
 from stages.report.table_cells import counted, listed, number
+from stages.report.wording import say
 from subject_statistics.multiple_comparisons import LEVEL
 from subject_statistics.paired_statistics import FEWEST_SUBJECTS, Paired
 
@@ -25,7 +26,7 @@ def summary(comparisons: Sequence[Comparison]) -> list[str]:
     """
     known = with_statistics(comparisons)
     if not known:
-        return ["There is nothing to compare: no subject has the numbers of two models."]
+        return [say("There is nothing to compare: no subject has the numbers of two models.")]
     differ = [each for each in known if not each[0].equal]
     tested = [each for each in differ if each[0].testable]
     equal = [each for each, _ in known if each.equal]
@@ -43,13 +44,26 @@ def untestable(comparisons: Sequence[Comparison]) -> str:
     if not known or any(each.testable for each in comparisons):
         return ""
     most = max(each.n for each in known)
-    who = f"{counted(most, 'subject')} cannot show a difference between models, whatever the numbers are: "
+    who = say(
+        "{subjects} cannot show a difference between models, whatever the numbers are: ",
+        subjects=counted(most, "subject"),
+    )
     if most < FEWEST_SUBJECTS:
         least = min(each.smallest_p for each in known)
-        return f"{who}the smallest p that a test can give is {least:.2g}. It takes {FEWEST_SUBJECTS} or more."
+        return say(
+            ("{who}the smallest p that a test can give is {least:.2g}. It takes {FEWEST_SUBJECTS} or more."),
+            who=who,
+            least=least,
+            FEWEST_SUBJECTS=FEWEST_SUBJECTS,
+        )
     least = min(each.smallest_p_holm or 1.0 for each in comparisons)
     over = counted(comparisons[0].n_compared, "comparison")
-    return f"{who}the smallest p that a test can give, Holm-corrected over {over}, is {least:.2g}."
+    return say(
+        "{who}the smallest p that a test can give, Holm-corrected over {over}, is {least:.2g}.",
+        who=who,
+        over=over,
+        least=least,
+    )
 
 
 def missing_of(comparisons: Sequence[Comparison]) -> dict[str, list[Missing]]:
@@ -75,14 +89,14 @@ def p_text(p: float) -> str:
     if p < 0.0001:
         return "p < 0.0001"
     texts = (f"{p:.{digits}g}" for digits in range(2, 17))
-    return f"p = {next(text for text in texts if (float(text) <= LEVEL) == (p <= LEVEL))}"
+    return say("p = {next}", next=next(text for text in texts if (float(text) <= LEVEL) == (p <= LEVEL)))
 
 
 def _some(names: Sequence[str]) -> str:
     """The first few by name."""
     if len(names) <= MOST_NAMED + 1:
         return listed(names)
-    return listed([*names[:MOST_NAMED], f"{len(names) - MOST_NAMED} more"])
+    return listed([*names[:MOST_NAMED], say("{n_names} more", n_names=len(names) - MOST_NAMED)])
 
 
 def _shown(tested: Sequence[Tested]) -> list[str]:
@@ -94,17 +108,42 @@ def _shown(tested: Sequence[Tested]) -> list[str]:
     better = [_with_amount(*each) for each in shown if _mean(each) < 0]
     worse = [_with_amount(*each) for each in shown if _mean(each) > 0]
     unclear = [f"{each.model}{_despite(own)}" for each, own in tested if not each.significant]
-    parts = [f"better than {other} {_are(better)} {listed(better)}"] if better else []
-    parts += [f"worse {'' if better else f'than {other} '}{_are(worse)} {listed(worse)}"] if worse else []
-    against = "" if parts else f"from {other} "
-    parts += [f"no difference {against}is shown for {listed(unclear)}"] if unclear else []
+    parts = (
+        [say("better than {other} {are} {better}", other=other, are=_are(better), better=listed(better))]
+        if better
+        else []
+    )
+    parts += (
+        [
+            say(
+                "worse {part}{are} {worse}",
+                part="" if better else say("than {other} ", other=other),
+                are=_are(worse),
+                worse=listed(worse),
+            )
+        ]
+        if worse
+        else []
+    )
+    against = "" if parts else say("from {other} ", other=other)
+    parts += (
+        [say("no difference {against}is shown for {unclear}", against=against, unclear=listed(unclear))]
+        if unclear
+        else []
+    )
     counts = sorted({own.n for _, own in tested})
-    who = counted(counts[0], "subject") if len(counts) == 1 else f"{counts[0]} to {counts[-1]} subjects"
-    return [f"Over {who}, {'; '.join(parts)}."]
+    who = (
+        counted(counts[0], "subject")
+        if len(counts) == 1
+        else say("{counts} to {counts_2} subjects", counts=counts[0], counts_2=counts[-1])
+    )
+    return [say("Over {who}, {parts}.", who=who, parts="; ".join(parts))]
 
 
 def _with_amount(comparison: Comparison, statistics: Paired) -> str:
-    amount = f"by {number(abs(statistics.mean))} {comparison.question.unit} in the mean"
+    amount = say(
+        "by {mean} {unit} in the mean", mean=number(abs(statistics.mean)), unit=comparison.question.unit
+    )
     return f"{comparison.model} ({amount}){_despite(statistics)}"
 
 
@@ -113,9 +152,9 @@ def _despite(statistics: Paired) -> str:
     n, n_better = statistics.n, statistics.n_better
     n_worse = n - n_better - statistics.n_equal
     if statistics.mean > 0 and n_better >= _MOST * n:
-        return f" (the mean is worse, though it is better in {n_better} of {n})"
+        return say(" (the mean is worse, though it is better in {n_better} of {n})", n_better=n_better, n=n)
     if statistics.mean < 0 and n_worse >= _MOST * n:
-        return f" (the mean is better, though it is worse in {n_worse} of {n})"
+        return say(" (the mean is better, though it is worse in {n_worse} of {n})", n_worse=n_worse, n=n)
     return ""
 
 
@@ -133,17 +172,38 @@ def _seen(untested: Sequence[Tested]) -> list[str]:
         return []
     first = untested[0][0]
     parts = [
-        f"{number(abs(own.mean))} {each.question.unit} {'more' if own.mean > 0 else 'less'} with "
-        f"{each.model} "
-        f"({own.n_better} of {own.n} better)"
+        say(
+            "{mean} {unit} {part} with {model} ({n_better} of {n} better)",
+            mean=number(abs(own.mean)),
+            unit=each.question.unit,
+            part=say("more") if own.mean > 0 else say("less"),
+            model=each.model,
+            n_better=own.n_better,
+            n=own.n,
+        )
         for each, own in sorted(untested, key=_mean)
     ]
-    who = "this subject" if all(own.n == 1 for _, own in untested) else "these subjects"
-    return [f"In {who}, compared with {first.other}, {first.question.amount} {listed(parts)}."]
+    who = say("this subject") if all(own.n == 1 for _, own in untested) else say("these subjects")
+    return [
+        say(
+            "In {who}, compared with {other}, {amount} {parts}.",
+            who=who,
+            other=first.other,
+            amount=say(first.question.amount),
+            parts=listed(parts),
+        )
+    ]
 
 
 def _equal(equal: Sequence[Comparison]) -> list[str]:
     if not equal:
         return []
     verb = "has" if len(equal) == 1 else "have"
-    return [f"{listed(each.model for each in equal)} {verb} exactly the same numbers as {equal[0].other}."]
+    return [
+        say(
+            "{value} {verb} exactly the same numbers as {other}.",
+            value=listed(each.model for each in equal),
+            verb=verb,
+            other=equal[0].other,
+        )
+    ]

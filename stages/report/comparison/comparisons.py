@@ -16,6 +16,7 @@ import numpy as np
 
 from stages.report.comparison.questions import Question
 from stages.report.table_cells import listed
+from stages.report.wording import mark, say, told
 from subject_statistics.multiple_comparisons import LEVEL, holm
 from subject_statistics.paired_statistics import Paired, paired
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 Pair = tuple[str, str]
 
 ALL_DIGITS = ""
-NO_ROW = "not scored"
+NO_ROW = mark("not scored")
 
 
 class Missing(NamedTuple):
@@ -138,7 +139,7 @@ def missing_text(missing: Iterable[Missing]) -> str:
     for (model, reason), count in Counter((each.model, each.reason.rstrip(".")) for each in missing).items():
         models_of[reason, count].append(model)
     return "; ".join(
-        f"{listed(models)}: {reason}" + (f", {count} places" if count > 1 else "")
+        f"{listed(models)}: {told(reason)}" + (say(", {count} places", count=count) if count > 1 else "")
         for (reason, count), models in models_of.items()
     )
 

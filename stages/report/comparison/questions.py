@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stages.report.wording import mark
+
 PRIOR, NAIL, TRUE = "prior-only", "distal-receiver", "true-skeleton"
 
 
@@ -32,62 +34,80 @@ class Question:
 
 JOINT_ERROR = Question(
     "error_mm",
-    "the joint centre is off by",
-    "Joint centres against the truth",
-    "How far the stated joint centres are from the true ones. This judges a skeleton. Models that differ "
-    "only in how they pose a metacarpal have the same joints.",
-    "how far the joint centres are from the true ones",
+    mark("the joint centre is off by"),
+    mark("Joint centres against the truth"),
+    mark(
+        "How far the stated joint centres are from the true ones. This judges a skeleton. Models "
+        "that differ only in how they pose a metacarpal have the same joints."
+    ),
+    mark("how far the joint centres are from the true ones"),
     (PRIOR,),
     table="joint_errors",
-    axis="Joint error [mm]",
-    caption="distance of the joint centres to the true ones in the child receiver's frame, mean over joints",
+    axis=mark("Joint error [mm]"),
+    caption=mark(
+        "distance of the joint centres to the true ones in the child receiver's frame, mean over joints"
+    ),
 )
 METACARPAL = Question(
     "metacarpal_deg",
-    "the metacarpal's direction is off by",
-    "Metacarpal directions against the truth",
-    "The angle between the stated and the true metacarpal. This judges what models of metacarpals differ "
-    "in; one that starts its fingers at the wrist states another line than the bone's and is off by a "
-    "constant angle besides.",
-    "how far the metacarpals are from their true directions",
+    mark("the metacarpal's direction is off by"),
+    mark("Metacarpal directions against the truth"),
+    mark(
+        "The angle between the stated and the true metacarpal. This judges what models of "
+        "metacarpals differ in; one that starts its fingers at the wrist states another line "
+        "than the bone's and is off by a constant angle besides."
+    ),
+    mark("how far the metacarpals are from their true directions"),
     (PRIOR,),
     unit="deg",
 )
 TRUE_TIP = Question(
     "true_tip_mean_mm",
-    "the fingertip is missed by",
-    "Fingertips against the truth",
-    "From the fingertip that a model states to the true end of the distal bone. A fitted hand knows a "
-    "fingertip; the other models know the receiver on the nail, which distal-receiver is alone.",
-    "how far the fingertips are from the true ones",
+    mark("the fingertip is missed by"),
+    mark("Fingertips against the truth"),
+    mark(
+        "From the fingertip that a model states to the true end of the distal bone. A fitted "
+        "hand knows a fingertip; the other models know the receiver on the nail, which "
+        "distal-receiver is alone."
+    ),
+    mark("how far the fingertips are from the true ones"),
     (PRIOR, NAIL, TRUE),
-    axis="Fingertip error [mm]",
-    caption="distance from the stated fingertip to the true end of the distal bone, mean over frames",
+    axis=mark("Fingertip error [mm]"),
+    caption=mark("distance from the stated fingertip to the true end of the distal bone, mean over frames"),
 )
 LEFT_OUT = Question(
     "left_out_mean_mm",
-    "the distal receiver, left out, is missed by",
-    "Distal receivers left out of the pose",
-    "Each fitted hand is posed without the distal receivers' positions and must say where they are. On "
-    "recordings that it was not made from this judges a fitted hand in part: it sees no error that a "
-    "bone and its receiver make together. Other models replay their receivers, which is another test, "
-    "and are not here.",
-    "how far distal receivers are missed when a pose is not told where they are",
+    mark("the distal receiver, left out, is missed by"),
+    mark("Distal receivers left out of the pose"),
+    mark(
+        "Each fitted hand is posed without the distal receivers' positions and must say where "
+        "they are. On recordings that it was not made from this judges a fitted hand in part: it "
+        "sees no error that a bone and its receiver make together. Other models replay their "
+        "receivers, which is another test, and are not here."
+    ),
+    mark("how far distal receivers are missed when a pose is not told where they are"),
     (PRIOR, TRUE),
     fitted_only=True,
-    axis="Left-out error [mm]",
-    caption="fitted hands posed without the positions of the distal receivers, distance from where the hand "
-    "says that these are to where they are, mean over frames",
+    axis=mark("Left-out error [mm]"),
+    caption=mark(
+        "fitted hands posed without the positions of the distal receivers, distance from where "
+        "the hand says that these are to where they are, mean over frames"
+    ),
 )
 REPLAY = Question(
     "replay_mean_mm",
-    "the replay misses its receiver by",
-    "Tip error of the replay",
-    "The paper's number. It says how well the joints close and not where they are, so it judges no "
-    "skeleton: the true one does not win it. A large error is a warning; a small one is no proof.",
+    mark("the replay misses its receiver by"),
+    mark("Tip error of the replay"),
+    mark(
+        "The paper's number. It says how well the joints close and not where they are, so it "
+        "judges no skeleton: the true one does not win it. A large error is a warning; a small "
+        "one is no proof."
+    ),
     references=(TRUE,),
-    axis="Replay's tip error [mm]",
-    caption="tip error of the receiver-driven replay, least-squares binding, mean over frames; it says how "
-    "well the joints close and not where they are",
+    axis=mark("Replay's tip error [mm]"),
+    caption=mark(
+        "tip error of the receiver-driven replay, least-squares binding, mean over frames; it "
+        "says how well the joints close and not where they are"
+    ),
 )
 QUESTIONS = (JOINT_ERROR, METACARPAL, TRUE_TIP, LEFT_OUT, REPLAY)

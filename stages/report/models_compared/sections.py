@@ -32,9 +32,10 @@ from stages.report.pictures.subject_dots import (
 )
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import DASH, Block, DataTable, Folded, counted, listed, number, title
+from stages.report.wording import mark, say
 from subject_statistics.paired_statistics import FEWEST_SUBJECTS, Paired
 
-_SCALES = {"linear": "", "log": ", log scale", "asinh": ", even about 0, squeezed outward"}
+_SCALES = {"linear": "", "log": mark(", log scale"), "asinh": mark(", even about 0, squeezed outward")}
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,11 @@ def value_panels(answer: Answer, looks: Looks) -> Panels:
         [v for of in answer.by_digit.values() for numbers in of.values() for v in numbers.values()]
     )
     scale = value_scale(every)
-    shown = f"{answer.question.choice}, every subject under {listed(answer.names)}"
+    shown = say(
+        "{choice}, every subject under {names}",
+        choice=say(answer.question.choice),
+        names=listed(answer.names),
+    )
     marks = {name: (name == answer.baseline, name in answer.question.references) for name in answer.names}
     panels = [
         _panel_of(
@@ -70,15 +75,22 @@ def value_panels(answer: Answer, looks: Looks) -> Panels:
         for digit, of in answer.by_digit.items()
     ]
     places = (
-        "hands, recordings and joints" if answer.question.table == "joint_errors" else "hands and recordings"
+        say("hands, recordings and joints")
+        if answer.question.table == "joint_errors"
+        else say("hands and recordings")
     )
-    caption = f"A dot is a subject: the mean over {places}."
+    caption = say("A dot is a subject: the mean over {places}.", places=places)
     if answer.n_subjects >= FEWEST_FOR_QUARTILES:
-        caption += " The line is the median, the box the quartiles."
+        caption += say(" The line is the median, the box the quartiles.")
     if answer.overall:
-        caption += f" In bold what the others are compared with: {answer.baseline}."
+        caption += say(" In bold what the others are compared with: {baseline}.", baseline=answer.baseline)
     low = scale.below(every)
-    below = f"{counted(low, 'number')} below {scale.low:.2g} {answer.question.unit} at the left edge."
+    below = say(
+        "{numbers} below {low:.2g} {unit} at the left edge.",
+        numbers=counted(low, "number"),
+        low=scale.low,
+        unit=answer.question.unit,
+    )
     return _panels(answer, caption, panels, scale, (below,) if low else ())
 
 
@@ -95,22 +107,32 @@ def difference_panels(answer: Answer, looks: Looks) -> Panels | None:
     if not strips:
         return None
     scale = difference_scale(np.array([value for strip in strips for value in strip.numbers.values()]))
-    shown = f"{answer.question.choice}, each subject's difference from {answer.baseline}"
+    shown = say(
+        "{choice}, each subject's difference from {baseline}",
+        choice=say(answer.question.choice),
+        baseline=answer.baseline,
+    )
     panels = [_panel_of(digit, shown, of) for digit, of in of_digit.items() if of]
-    caption = (
-        f"A dot is a subject: the model's number less that of {answer.baseline}, over the places in which "
-        "both have one. The line is the mean"
+    caption = say(
+        (
+            "A dot is a subject: the model's number less that of {baseline}, over the places in "
+            "which both have one. The line is the mean"
+        ),
+        baseline=answer.baseline,
     )
     if all(strip.interval is None for strip in strips):
-        caption += f"; with fewer than {FEWEST_SUBJECTS} subjects there is no interval."
+        caption += say(
+            "; with fewer than {FEWEST_SUBJECTS} subjects there is no interval.",
+            FEWEST_SUBJECTS=FEWEST_SUBJECTS,
+        )
     else:
-        caption += ", the bar its 95 % interval, for one comparison at a time."
+        caption += say(", the bar its 95 % interval, for one comparison at a time.")
     return _panels(answer, caption, panels, scale)
 
 
 def digit_title(digit: str) -> str:
     """The digit in words."""
-    return "All digits" if digit == ALL_DIGITS else title(digit)
+    return say("All digits") if digit == ALL_DIGITS else title(digit)
 
 
 def _panel_of(digit: str, shown: str, strips: Sequence[Strip]) -> Panel:
@@ -120,9 +142,13 @@ def _panel_of(digit: str, shown: str, strips: Sequence[Strip]) -> Panel:
 def _panels(
     answer: Answer, caption: str, panels: Sequence[Panel], scale: Scale, remarks: tuple[str, ...] = ()
 ) -> Panels:
-    drawn = draw_panels(panels, scale, f"{answer.question.unit}{_SCALES[scale.kind]}", answer.n_subjects)
+    drawn = draw_panels(panels, scale, f"{answer.question.unit}{say(_SCALES[scale.kind])}", answer.n_subjects)
     if drawn.overlapping:
-        remarks += (f"{counted(drawn.overlapping, 'dot')} of much the same number lie partly on others.",)
+        remarks += (
+            say(
+                "{dots} of much the same number lie partly on others.", dots=counted(drawn.overlapping, "dot")
+            ),
+        )
     names = (panel.name for panel in panels)
     return Panels(caption, tuple(zip(names, drawn.pictures, strict=True)), remarks)
 
@@ -172,21 +198,27 @@ def _headline(results: StudyResults, answers: Sequence[Answer]) -> str:
     """What the study shows of its models by the answer that judges best; where it cannot, that it cannot."""
     main = next((each for each in answers if each.judges), None)
     if main is None:
-        return (
-            "The data of this study cannot say which of its models is the better skeleton: there is no truth "
-            "and no fitted hand that was held out, and the replay's error says only how well joints close."
+        return say(
+            "The data of this study cannot say which of its models is the better skeleton: there is "
+            "no truth and no fitted hand that was held out, and the replay's error says only how "
+            "well joints close."
         )
-    seen = "" if main.held_out else ", on recordings that they were made from, for nothing is held out"
+    seen = "" if main.held_out else say(", on recordings that they were made from, for nothing is held out")
     parts = [
-        f"Models are judged by {main.question.judged_by}{seen}.",
+        say("Models are judged by {judged_by}{seen}.", judged_by=say(main.question.judged_by), seen=seen),
         untestable(main.overall),
         *_summary(main),
     ]
     others = [name for name in results.models if name not in results.fitted]
     if main.question.fitted_only and len(others) > 1:
         parts.append(
-            f"Between {listed(others)} the data of this study cannot decide: there is no truth, and the "
-            "replay's error says only how well joints close."
+            say(
+                (
+                    "Between {others} the data of this study cannot decide: there is no truth, and the "
+                    "replay's error says only how well joints close."
+                ),
+                others=listed(others),
+            )
         )
     return " ".join(filter(None, parts))
 
@@ -196,25 +228,29 @@ def _section(own: Answer, headline: str, looks: Looks) -> Section:
     summarised = [untestable(own.overall), *_summary(own)]
     return Section(
         key=own.question.metric,
-        choice=own.question.choice,
-        says=own.question.says,
+        choice=say(own.question.choice),
+        says=say(own.question.says),
         kind=own.kind,
         sentences=tuple(text for text in summarised if text and text not in headline),
         missing=tuple(missing_sentences(own.overall)),
         values=value_panels(own, looks),
         differences=difference_panels(own, looks),
         table=overall,
-        by_digit=Folded("The same, digit by digit", by_digit) if by_digit else None,
+        by_digit=Folded(say("The same, digit by digit"), by_digit) if by_digit else None,
         subjects=_subject_table(own),
     )
 
 
 def _summary(own: Answer) -> list[str]:
-    return summary(own.overall) if own.overall else [f"There is only {listed(own.models)} to look at."]
+    return (
+        summary(own.overall)
+        if own.overall
+        else [say("There is only {models} to look at.", models=listed(own.models))]
+    )
 
 
 def _held_out(own: Answer) -> str:
-    return "held out" if own.held_out else "in-sample"
+    return say("held out") if own.held_out else say("in-sample")
 
 
 def _comparison_table(own: Answer, comparisons: Sequence[Comparison]) -> DataTable | None:
@@ -226,21 +262,41 @@ def _comparison_table(own: Answer, comparisons: Sequence[Comparison]) -> DataTab
     if not of_digit:
         return None
     measured = (
-        "Subjects", f"Model [{unit}]", f"{own.baseline} [{unit}]", f"Difference [{unit}]", f"Median [{unit}]",
-        f"95 % interval [{unit}]", "p", "p corrected", "Effect size", "Better in",
-    )  # fmt: skip
+        say("Subjects"),
+        say("Model [{unit}]", unit=unit),
+        f"{own.baseline} [{unit}]",
+        say("Difference [{unit}]", unit=unit),
+        say("Median [{unit}]", unit=unit),
+        say("95 % interval [{unit}]", unit=unit),
+        "p",
+        say("p corrected"),
+        say("Effect size"),
+        say("Better in"),
+    )
     blocks = (Block((digit_title(digit), *measured), tuple(rows)) for digit, rows in of_digit.items())
-    scope = "" if ALL_DIGITS in of_digit else ", digit by digit"
+    scope = "" if ALL_DIGITS in of_digit else say(", digit by digit")
     return DataTable(
-        f"{own.question.choice}: every model against {own.baseline}{scope}, {_held_out(own)}.",
+        say(
+            "{choice}: every model against {baseline}{scope}, {held_out}.",
+            choice=say(own.question.choice),
+            baseline=own.baseline,
+            scope=scope,
+            held_out=_held_out(own),
+        ),
         tuple(blocks),
         (
-            f"Differences are the model's number less that of {own.baseline}: below 0 the model is better. A "
-            "subject counts once, by its mean over the places in which both have a number. Interval: "
-            "expanded "
-            f"percentile bootstrap over subjects, from {FEWEST_SUBJECTS} subjects on, for one comparison. "
-            f"p: sign-flip test; corrected by Holm over {counted(comparisons[0].n_compared, 'comparison')}. "
-            "Effect size: Cohen's d_z with Hedges' correction.",
+            say(
+                (
+                    "Differences are the model's number less that of {baseline}: below 0 the model is "
+                    "better. A subject counts once, by its mean over the places in which both have a number. "
+                    "Interval: expanded percentile bootstrap over subjects, from {FEWEST_SUBJECTS} subjects "
+                    "on, for one comparison. p: sign-flip test; corrected by Holm over {comparisons}. Effect "
+                    "size: Cohen's d_z with Hedges' correction."
+                ),
+                baseline=own.baseline,
+                FEWEST_SUBJECTS=FEWEST_SUBJECTS,
+                comparisons=counted(comparisons[0].n_compared, "comparison"),
+            ),
         ),
         frozenset({0, 6}),
     )
@@ -248,7 +304,11 @@ def _comparison_table(own: Answer, comparisons: Sequence[Comparison]) -> DataTab
 
 def _cells(comparison: Comparison, statistics: Paired) -> tuple[str, ...]:
     compared = comparison.compared
-    some = f" of {len(comparison.subjects)}" if len(compared) < len(comparison.subjects) else ""
+    some = (
+        say(" of {n_subjects}", n_subjects=len(comparison.subjects))
+        if len(compared) < len(comparison.subjects)
+        else ""
+    )
     interval = statistics.interval
     return (
         comparison.model,
@@ -259,11 +319,13 @@ def _cells(comparison: Comparison, statistics: Paired) -> tuple[str, ...]:
         ),
         number(statistics.mean),
         number(statistics.median),
-        f"{number(interval[0])} to {number(interval[1])}" if interval else DASH,
+        say("{interval} to {interval_2}", interval=number(interval[0]), interval_2=number(interval[1]))
+        if interval
+        else DASH,
         _p_cell(statistics.p),
         _p_cell(comparison.p_holm),
         number(statistics.effect),
-        f"{statistics.n_better} of {statistics.n}",
+        say("{n_better} of {n}", n_better=statistics.n_better, n=statistics.n),
     )
 
 
@@ -275,8 +337,8 @@ def _subject_table(own: Answer) -> Folded:
     """A row a subject, a column a model, and what is missing."""
     means = own.by_digit[ALL_DIGITS]
     gone = {subject: missing_text(missing) for subject, missing in missing_of(own.overall).items()}
-    last = ("Missing",) if any(gone.values()) else ()
-    header = (f"Subject [{own.question.unit}]", *own.names, *last)
+    last = (say("Missing"),) if any(gone.values()) else ()
+    header = (say("Subject [{unit}]", unit=own.question.unit), *own.names, *last)
     subjects = sorted({*gone, *(subject for numbers in means.values() for subject in numbers)})
     rows = tuple(
         (
@@ -286,6 +348,10 @@ def _subject_table(own: Answer) -> Folded:
         )
         for subject in subjects
     )
-    caption = f"{own.question.choice}, subject by subject: mean over all digits, {_held_out(own)}."
+    caption = say(
+        "{choice}, subject by subject: mean over all digits, {held_out}.",
+        choice=say(own.question.choice),
+        held_out=_held_out(own),
+    )
     text = frozenset({0, len(header) - 1} if last else {0})
-    return Folded("Subject by subject", DataTable(caption, (Block(header, rows),), (), text))
+    return Folded(say("Subject by subject"), DataTable(caption, (Block(header, rows),), (), text))

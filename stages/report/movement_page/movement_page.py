@@ -37,7 +37,9 @@ from stages.report.pictures.scale import Scale
 from stages.report.pictures.subject_dots import Panel, Strip, difference_scale, draw_panels, value_scale
 from stages.report.pictures.xy_plot import Array, shared_scale, xy_picture
 from stages.report.study_results import StudyResults
+from stages.report.table_cells import capital
 from stages.report.templates import render
+from stages.report.wording import say, word
 
 
 def render_movement(results: StudyResults, movement: Movement) -> str:
@@ -72,11 +74,11 @@ def _range_panels(movement: Movement, digits: Sequence[str]) -> Panels | None:
     if not found:
         return None
     n_subjects = movement.ranges["subject"].nunique()
-    caption = (
-        "A dot is a subject: the range from the 2.5th to the 97.5th percentile of the angle, mean over "
-        "trials and sessions, in the colour of the joint's digit."
+    caption = say(
+        "A dot is a subject: the range from the 2.5th to the 97.5th percentile of the angle, "
+        "mean over trials and sessions, in the colour of the joint's digit."
     )
-    return _drawn(found, caption, value_scale, n_subjects, "range of motion", ("", ""))
+    return _drawn(found, caption, value_scale, n_subjects, say("range of motion"), ("", ""))
 
 
 def _difference_panels(movement: Movement, digits: Sequence[str]) -> list[dict[str, Any]]:
@@ -84,7 +86,7 @@ def _difference_panels(movement: Movement, digits: Sequence[str]) -> list[dict[s
     made = []
     for contrast in difference_strips(movement, digits):
         _, level, other = contrast.levels
-        sides = (f"{other} more ←", f"→ {level} more")
+        sides = (say("{other} more ←", other=other), say("→ {level} more", level=level))
         panels = _drawn(contrast.panels, "", difference_scale, 0, f"difference, {contrast.words}", sides)
         made.append({"words": contrast.words, "panels": panels})
     return made
@@ -105,12 +107,12 @@ def _drawn(
         scale = scale_of(
             np.array([value for each in own for strip in each.strips for value in _drawn_of(strip)])
         )
-        unit = {"log": "deg, log scale", "asinh": "deg, even about 0, squeezed outward"}.get(
+        unit = {"log": say("deg, log scale"), "asinh": say("deg, even about 0, squeezed outward")}.get(
             scale.kind, "deg"
         )
-        names = [f"{angle[:1].upper()}{angle[1:]}, {each.place}" for each in own]
+        names = [f"{capital(word(angle))}, {each.place}" for each in own]
         panels = [
-            Panel(name, f"{name}: {what} by joint.", each.strips)
+            Panel(name, say("{name}: {what} by joint.", name=name, what=what), each.strips)
             for name, each in zip(names, own, strict=True)
         ]
         drawn += zip(names, draw_panels(panels, scale, unit, n_subjects, sides).pictures, strict=True)

@@ -15,6 +15,7 @@ from stages.report.palette import Look, digit_looks
 from stages.report.pictures.subject_dots import Strip
 from stages.report.pictures.xy_plot import Array, XYPlot
 from stages.report.recording_results import ANGLES
+from stages.report.wording import say
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,7 +36,7 @@ class Strips:
 def place_text(place: Sequence[str]) -> str:
     """Hand and task in words."""
     hand, task = place
-    return f"{hand} hand, {task}"
+    return say("{hand} hand, {task}", hand=hand, task=task)
 
 
 def looks_of_joints(joints: Sequence[str], digits: Sequence[str]) -> dict[str, Look]:
@@ -75,7 +76,7 @@ class Contrast:
     def words(self) -> str:
         """The contrast in words."""
         factor, level, other = self.levels
-        return f"{factor}: {level} less {other}"
+        return say("{factor}: {level} less {other}", factor=factor, level=level, other=other)
 
 
 def difference_strips(movement: Movement, digits: Sequence[str]) -> list[Contrast]:
@@ -102,7 +103,7 @@ def _difference_strip(row: pd.Series[float], looks: dict[str, Look]) -> Strip:
     joint = str(row["of"]).partition(" ")[0]
     low, high = float(row["low"]), float(row["high"])
     interval = (low, high) if np.isfinite([low, high]).all() else None
-    return Strip(joint, looks[joint], {}, float(row["difference"]), interval, float(row["p_holm"]) <= LEVEL)
+    return Strip(joint, looks[joint], {}, float(row["difference"]), interval, float(row["p_max_t"]) <= LEVEL)
 
 
 @dataclass(frozen=True)
@@ -124,11 +125,19 @@ def curve_plots(movement: Movement, digits: Sequence[str]) -> list[Drawn]:
             x, mean = _column(ordered, "percent"), _column(ordered, "mean")
             std, n = _column(ordered, "std"), int(rows["count"].max())
             colour = looks_of_joints([joint], digits)[joint].colour
-            words = f"{angle_text(joint, angle)}, {place_text((hand, task))}, by {event}, n = {n}"
+            words = say(
+                "{angle_text}, {place_text}, by {event}, n = {n}",
+                angle_text=angle_text(joint, angle),
+                place_text=place_text((hand, task)),
+                event=event,
+                n=n,
+            )
             plot = XYPlot(
-                f"Mean course of {words}", ("cycle [%]", f"{angle} [deg]"),
-                (x, mean - std, mean + std) if n > 1 else None, ((x, mean, colour),),
-            )  # fmt: skip
+                say("Mean course of {words}", words=words),
+                (say("cycle [%]"), say("{angle} [deg]", angle=angle)),
+                (x, mean - std, mean + std) if n > 1 else None,
+                ((x, mean, colour),),
+            )
             found.append(Drawn(words, plot))
         if len(found) >= MOST_PANELS:
             break
@@ -144,15 +153,24 @@ def curve_difference_plots(movement: Movement) -> list[Drawn]:
     found = []
     for (_, level, other, hand, task, joint, angle, event), own in curves[:MOST_PANELS]:
         x = _column(own, "percent")
-        words = (
-            f"{angle_text(joint, angle)}, {level} less {other}, {place_text((hand, task))}, by {event}, "
-            f"n = {int(own['n'].max())} and {int(own['n_other'].max())}"
+        words = say(
+            "{angle_text}, {level} less {other}, {place_text}, by {event}, n = {max} and {max_2}",
+            angle_text=angle_text(joint, angle),
+            level=level,
+            other=other,
+            place_text=place_text((hand, task)),
+            event=event,
+            max=int(own["n"].max()),
+            max_2=int(own["n_other"].max()),
         )
         plot = XYPlot(
-            f"Difference in course: {words}", ("cycle [%]", "difference [deg]"),
-            (x, _column(own, "low"), _column(own, "high")), ((x, _column(own, "difference"), "#1c1d20"),),
-            levels=((0.0, False),), marked=_stretches(x, own["significant"].fillna(False).to_numpy(bool)),
-        )  # fmt: skip
+            say("Difference in course: {words}", words=words),
+            (say("cycle [%]"), say("difference [deg]")),
+            (x, _column(own, "low"), _column(own, "high")),
+            ((x, _column(own, "difference"), "#1c1d20"),),
+            levels=((0.0, False),),
+            marked=_stretches(x, own["significant"].fillna(False).to_numpy(bool)),
+        )
         found.append(Drawn(words, plot))
     return found
 
@@ -174,11 +192,12 @@ def agreement_plots(movement: Movement) -> list[Drawn]:
             words = f"{of_text(str(row['of']))}, {place_text((str(row['hand']), str(row['task'])))}"
             limits = [(float(row[name]), True) for name in ("loa_low", "loa_high")]
             plot = XYPlot(
-                f"Agreement of sessions: {words}", ("mean of two sessions [deg]", "difference [deg]"),
+                say("Agreement of sessions: {words}", words=words),
+                (say("mean of two sessions [deg]"), say("difference [deg]")),
                 points=((first + second) / 2, second - first),
                 levels=((float(row["bias"]), False), *(each for each in limits if np.isfinite(each[0]))),
-            )  # fmt: skip
-            found.append(Drawn(f"{words}, n = {int(row['n'])}", plot))
+            )
+            found.append(Drawn(say("{words}, n = {n}", words=words, n=int(row["n"])), plot))
         if len(found) >= MOST_PANELS:
             break
     return found[:MOST_PANELS]

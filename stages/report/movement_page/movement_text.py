@@ -8,6 +8,7 @@ from stages.report.belief import BELIEVED
 from stages.report.comparison.comparison_text import p_text
 from stages.report.movement_page.movement_results import RANGE, Movement
 from stages.report.table_cells import counted, listed, number
+from stages.report.wording import say
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +26,7 @@ def answers(movement: Movement) -> list[str]:
 def angle_text(joint: str, angle: str) -> str:
     """A joint's angle in words: index MCP flexion."""
     digit, _, kind = joint.rpartition("_")
-    return f"{digit} {kind.upper()} {angle}" if digit else f"{joint} {angle}"
+    return say("{joint} {angle}", joint=f"{digit} {kind.upper()}" if digit else joint, angle=angle)
 
 
 def of_text(of: str) -> str:
@@ -38,18 +39,24 @@ def moved_most(movement: Movement) -> str:
     """Which joint angles moved most over subjects."""
     found = movement.moved_most
     if found.empty:
-        return "Which joint moved most is not known: no recording of this study has joint angles."
+        return say("Which joint moved most is not known: no recording of this study has joint angles.")
     first = found.iloc[0]
     care = movement.believed.get(first["joint"], BELIEVED) != BELIEVED
-    spread = "" if first["count"] < 2 else f", standard deviation {number(first['std'], 1)}"
-    text = (
-        f"The {angle_text(first['joint'], first['angle'])} moved most: {number(first['mean'], 1)} deg on "
-        f"average over {counted(int(first['count']), 'subject')}{spread}, hands and tasks averaged"
-        f"{'; believe it with care' if care else ''}."
+    spread = "" if first["count"] < 2 else say(", standard deviation {std}", std=number(first["std"], 1))
+    text = say(
+        (
+            "The {angle_text} moved most: {mean} deg on average over {subjects}{spread}, hands and "
+            "tasks averaged{part}."
+        ),
+        angle_text=angle_text(first["joint"], first["angle"]),
+        mean=number(first["mean"], 1),
+        subjects=counted(int(first["count"]), "subject"),
+        spread=spread,
+        part=say("; believe it with care") if care else "",
     )
     rest = found.iloc[1 : 1 + MOST_NAMED]
     others = [f"{angle_text(r['joint'], r['angle'])} ({number(r['mean'], 1)})" for _, r in rest.iterrows()]
-    return f"{text} Next: {listed(others)} deg." if others else text
+    return say("{text} Next: {others} deg.", text=text, others=listed(others)) if others else text
 
 
 def groups_differ(movement: Movement) -> list[str]:
@@ -58,8 +65,10 @@ def groups_differ(movement: Movement) -> list[str]:
     rows = rows[rows["quantity"] == RANGE]
     if rows.empty:
         return [
-            "No groups, sessions or tasks are compared: the study file names no factor with two levels "
-            "(factors: [group])."
+            say(
+                "No groups, sessions or tasks are compared: the study file names no factor with two "
+                "levels (factors: [group])."
+            )
         ]
     return [
         _pair_text(str(factor), str(level), str(other), own)
@@ -68,39 +77,62 @@ def groups_differ(movement: Movement) -> list[str]:
 
 
 def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
-    start = f"{factor.capitalize()}, {level} against {other}:"
-    tested = rows[rows["p_holm"].notna()]
+    start = say("{factor}, {level} against {other}:", factor=factor.capitalize(), level=level, other=other)
+    tested = rows[rows["p_max_t"].notna()]
     if tested.empty:
         messages = [message for message in rows["message"].unique() if message]
-        why = messages[0].rstrip(".") if messages else "there are too few subjects"
-        return f"{start} not tested, {why}."
-    shown = tested[tested["p_holm"] <= LEVEL].sort_values("p_holm", kind="stable")
+        why = messages[0].rstrip(".") if messages else say("there are too few subjects")
+        return say("{start} not tested, {why}.", start=start, why=why)
+    shown = tested[tested["p_max_t"] <= LEVEL].sort_values("p_max_t", kind="stable")
     n, n_other = int(tested["n"].max()), int(tested["n_other"].max())
     paired = (tested["design"] == "within").all()
-    who = counted(n, "subject") if paired else f"{n} and {n_other} subjects"
+    who = counted(n, "subject") if paired else say("{n} and {n_other} subjects", n=n, n_other=n_other)
     if shown.empty:
-        return f"{start} no difference is shown in {counted(len(tested), 'range')} of motion ({who})."
+        return say(
+            "{start} no difference is shown in {ranges} of motion ({who}).",
+            start=start,
+            ranges=counted(len(tested), "range"),
+            who=who,
+        )
     parts = [_difference_text(row) for _, row in shown.head(MOST_NAMED).iterrows()]
-    more = f"; {len(shown) - MOST_NAMED} more in the table" if len(shown) > MOST_NAMED else ""
-    return (
-        f"{start} a difference is shown in {len(shown)} of {counted(len(tested), 'range')} of motion "
-        f"({who}): {'; '.join(parts)}{more}."
+    more = (
+        say("; {n_shown} more in the table", n_shown=len(shown) - MOST_NAMED)
+        if len(shown) > MOST_NAMED
+        else ""
+    )
+    return say(
+        "{start} a difference is shown in {n_shown} of {ranges} of motion ({who}): {parts}{more}.",
+        start=start,
+        n_shown=len(shown),
+        ranges=counted(len(tested), "range"),
+        who=who,
+        parts="; ".join(parts),
+        more=more,
     )
 
 
 def _difference_text(row: Any) -> str:
-    more, sign = ("less", -1) if row["difference"] < 0 else ("more", 1)
+    more, sign = (say("less"), -1) if row["difference"] < 0 else (say("more"), 1)
     ends = sorted((sign * row["low"], sign * row["high"]))
-    return (
-        f"{of_text(row['of'])} {number(abs(row['difference']), 1)} deg {more} with {row['level']} "
-        f"({interval_text(*ends)}, {p_text(row['p_holm'])} after Holm; {row['hand']} hand, "
-        f"{row['task']})"
+    return say(
+        (
+            "{of_text} {difference} deg {more} with {level} ({interval_text}, {p_text} corrected; "
+            "{hand} hand, {task})"
+        ),
+        of_text=of_text(row["of"]),
+        difference=number(abs(row["difference"]), 1),
+        more=more,
+        level=row["level"],
+        interval_text=interval_text(*ends),
+        p_text=p_text(row["p_max_t"]),
+        hand=row["hand"],
+        task=row["task"],
     )
 
 
 def interval_text(low: float, high: float, decimals: int = 1) -> str:
     """A 95 % interval in a sentence."""
-    return f"95 % {number(low, decimals)} to {number(high, decimals)}"
+    return say("95 % {low} to {high}", low=number(low, decimals), high=number(high, decimals))
 
 
 def repeats(movement: Movement) -> str:
@@ -108,9 +140,9 @@ def repeats(movement: Movement) -> str:
     rows = movement.reliability
     rows = rows[(rows["quantity"] == RANGE) & rows["sem"].notna()]
     if rows.empty:
-        return (
-            "How well the numbers repeat is not known: no hand was recorded in two sessions or two trials of "
-            "one task by enough subjects."
+        return say(
+            "How well the numbers repeat is not known: no hand was recorded in two sessions or two "
+            "trials of one task by enough subjects."
         )
     texts = []
     for across, own in rows.groupby("across", sort=False):
@@ -118,13 +150,25 @@ def repeats(movement: Movement) -> str:
         n, k = int(own["n"].max()), int(own["k"].max())
         held = own["held_percent"].median()
         stated = (
-            "" if held != held else f"; the stated 1-sigma error holds {number(held, 0)} % of differences"
+            ""
+            if held != held
+            else say("; the stated 1-sigma error holds {held} % of differences", held=number(held, 0))
         )
         texts.append(
-            f"From {across} to {across} a range of motion repeats to {number(sem, 1)} deg (standard error of "
-            f"measurement, median of {counted(len(own), 'joint angle')}; {k} {across}s of "
-            f"{counted(n, 'subject')}), so a change of one person below {number(mdc, 1)} deg cannot be "
-            f"told from measurement error{stated}."
+            say(
+                (
+                    "From {across} to {across} a range of motion repeats to {sem} deg (standard error of "
+                    "measurement, median of {joint_angles}; {k} {across}s of {subjects}), so a change of one "
+                    "person below {mdc} deg cannot be told from measurement error{stated}."
+                ),
+                across=across,
+                sem=number(sem, 1),
+                joint_angles=counted(len(own), "joint angle"),
+                k=k,
+                subjects=counted(n, "subject"),
+                mdc=number(mdc, 1),
+                stated=stated,
+            )
         )
     return " ".join(texts)
 
@@ -134,20 +178,31 @@ def model_matters(movement: Movement) -> str:
     rows = movement.dependence
     rows = rows[rows["agree"].notna()]
     if rows.empty:
-        return (
-            "Whether another skeleton model would change an answer is not known: no question was answered "
-            "under two models."
+        return say(
+            "Whether another skeleton model would change an answer is not known: no question was "
+            "answered under two models."
         )
     agree = rows["agree"].astype(bool)
     models = sorted({model for each in rows["models"] for model in each.split(";")})
     if agree.all():
-        return f"Another skeleton model changes none of {len(rows)} answers ({listed(models)})."
+        return say(
+            "Another skeleton model changes none of {n_rows} answers ({models}).",
+            n_rows=len(rows),
+            models=listed(models),
+        )
     apart = rows[~agree]
     ranges = apart[apart["quantity"] == RANGE]
     named = dict.fromkeys(of_text(of) for of in (apart if ranges.empty else ranges)["of"])
     first = list(named)[:MOST_NAMED]
-    rest = f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
-    return (
-        f"Another skeleton model changes {len(apart)} of {len(rows)} answers ({listed(models)}), among them "
-        f"of {', '.join(first)}{rest}: see below which models part."
+    rest = say(" and {n_named} more", n_named=len(named) - MOST_NAMED) if len(named) > MOST_NAMED else ""
+    return say(
+        (
+            "Another skeleton model changes {n_apart} of {n_rows} answers ({models}), among them of "
+            "{first}{rest}: see below which models part."
+        ),
+        n_apart=len(apart),
+        n_rows=len(rows),
+        models=listed(models),
+        first=", ".join(first),
+        rest=rest,
     )

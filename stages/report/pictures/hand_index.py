@@ -14,7 +14,8 @@ from stages.report.hand_motion import Chain
 from stages.report.palette import BONE, SOFT
 from stages.report.pictures.hand_views import Window, views_of
 from stages.report.pictures.picture import Picture
-from stages.report.pictures.word_places import Labels
+from stages.report.pictures.word_places import Labels, width_in_letters
+from stages.report.wording import say, word
 
 Array = npt.NDArray[np.float64]
 
@@ -64,10 +65,10 @@ def hand_index(
         end = chain.points[-1]
         if end is not None and window.holds(end):
             x, y = px(view.places(end.position_mm)).tolist()
-            x, y = labels.place(chain.digit, x, y - 12)
-            picture.text(x, y, chain.digit, "middle", middle=True, css_class="label")
+            x, y = labels.place(word(chain.digit), x, y - 12)
+            picture.text(x, y, word(chain.digit), "middle", middle=True, css_class="label")
     if absent:
-        words, x = "outside the picture, or without a place", 24.0 * len(absent) + 16
+        words, x = say("outside the picture, or without a place"), 24.0 * len(absent) + 16
         picture.text(x, foot + 6, words, colour=SOFT, middle=True)
     _legend(picture, foot + _FOOT_PX - 12)
     return picture.markup()
@@ -75,10 +76,10 @@ def hand_index(
 
 def _legend(picture: Picture, y: float) -> None:
     x = 12.0
-    picture.text(x, y, "believe it?", colour=SOFT, middle=True)
+    picture.text(x, y, say("believe it?"), colour=SOFT, middle=True)
     x += 72
     for belief, (shape, face, edge) in BELIEF_MARKS.items():
-        words = belief[2:] + (", its place is known" if belief == BELIEVED else "")
+        words = say(belief)[2:] + (say(", its place is known") if belief == BELIEVED else "")
         picture.marks(np.array([[x, y]]), shape, _MARK_PX, face, edge)
         picture.text(x + 10, y, words, middle=True)
-        x += 32 + 5.4 * len(words)
+        x += 32 + 5.4 * width_in_letters(words)

@@ -18,6 +18,7 @@ from stages.report.hand_motion import Chain, Point
 from stages.report.palette import AMBER, INK, PAPER, RULE, SOFT, WEAK_LINE, Look, digit_looks
 from stages.report.pictures.picture import Picture
 from stages.report.pictures.word_places import Labels
+from stages.report.wording import say, word
 
 Array = npt.NDArray[np.float64]
 
@@ -186,14 +187,14 @@ class _Page:
             for chain, point in inside:
                 x, y = self.px(view.places(point.position_mm)).tolist()
                 if point is chain.points[-1]:
-                    x, y = labels.place(chain.digit, x, y - 10)
+                    x, y = labels.place(word(chain.digit), x, y - 10)
                     taken.append(y)
-                    self.picture.text(x, y, chain.digit, "middle", middle=True, css_class="label")
+                    self.picture.text(x, y, word(chain.digit), "middle", middle=True, css_class="label")
             for _, point in inside:
                 if point.believed == NOT:
                     x, y = self.px(view.places(point.position_mm)).tolist()
-                    x, y = labels.place(point.name, x, y + 12)
-                    self.picture.text(x, y, point.name, "middle", middle=True, css_class="label")
+                    x, y = labels.place(word(point.name), x, y + 12)
+                    self.picture.text(x, y, word(point.name), "middle", middle=True, css_class="label")
         for point, _ in looks_of_points(chains):
             if not self.window.holds(point):
                 self._outside(view, point, taken, left, right)
@@ -210,7 +211,12 @@ class _Page:
             [way, across * 0.87 - way / 2, -across * 0.87 - way / 2]
         )
         self.picture.outline(corners, AMBER, WEAK_LINE)
-        self._aside(f"{point.name} {point.reach_mm:.0f} mm", at_x, at_y, rightwards=at_x < (left + right) / 2)
+        self._aside(
+            say("{name} {reach_mm:.0f} mm", name=word(point.name), reach_mm=point.reach_mm),
+            at_x,
+            at_y,
+            rightwards=at_x < (left + right) / 2,
+        )
 
     def _aside(self, words: str, x: float, y: float, *, rightwards: bool) -> None:
         """Words beside a place, with a halo in the paper's colour (page.css)."""
@@ -221,8 +227,11 @@ class _Page:
         """Under each view from where it is seen, and a bar that says how long 20 mm are."""
         wide, _, deep = self.window.size_mm
         for middle, lines in (
-            (wide / 2, ["seen from the back"]),
-            (wide + GUTTER_MM + deep / 2, ["seen from the side,", f"back of the hand to the {hand}"]),
+            (wide / 2, [say("seen from the back")]),
+            (
+                wide + GUTTER_MM + deep / 2,
+                [say("seen from the side,"), say("back of the hand to the {hand}", hand=hand)],
+            ),
         ):
             x, y = self.px(np.array([middle, 0.0])).tolist()
             for index, line in enumerate(lines):
@@ -232,7 +241,7 @@ class _Page:
         self.picture.line([(start, y), (end, y)], SOFT)
         for x in (start, end):
             self.picture.line([(x, y - 3), (x, y + 3)], SOFT)
-        self.picture.text((start + end) / 2, y - 5, f"{BAR_MM:g} mm", "middle", SOFT)
+        self.picture.text((start + end) / 2, y - 5, say("{BAR_MM:g} mm", BAR_MM=BAR_MM), "middle", SOFT)
 
 
 def free_place(wanted: float, taken: Sequence[float], gap: float, highest: float) -> float:

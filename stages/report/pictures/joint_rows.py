@@ -11,6 +11,7 @@ from markupsafe import Markup
 from stages.report.palette import HUES, INK, PAPER, SOFT
 from stages.report.pictures.picture import Array, Picture
 from stages.report.pictures.scale import Scale
+from stages.report.wording import say, word
 
 _WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM, _ROW = 400.0, 88.0, 386.0, 6.0, 36.0, 17.0
 _LEAST_SPAN_DEG = 20.0
@@ -49,7 +50,7 @@ def singular_value_picture(title: str, joints: Sequence[str], values: Sequence[S
     """Each joint's six singular values, largest first, on a logarithmic scale; the sixth is a diamond."""
     known = np.maximum(np.array(values, float).reshape(len(joints), 6), _LEAST_SINGULAR_VALUE)
     scale = Scale(10.0 ** np.floor(np.log10(known.min(initial=0.1))), _LARGEST_SINGULAR_VALUE, "log")
-    picture = _rows(title, joints, scale, "singular value")
+    picture = _rows(title, joints, scale, say("singular value"))
     y = [_middle(row) for row in range(len(joints))]
     for place in range(6):
         shape, face, edge = "o", "none" if place < 3 else _BAR, SOFT if place < 3 else PAPER
@@ -66,7 +67,7 @@ def _rows(title: str, joints: Sequence[str], scale: Scale, unit: str) -> Picture
     picture.number_axis(scale, (_LEFT, _RIGHT), _TOP, foot, unit)
     picture.line([(_LEFT, foot), (_RIGHT, foot)], SOFT)
     for row, joint in enumerate(joints):
-        picture.text(_LEFT - 5, _middle(row), joint, "end", middle=True)
+        picture.text(_LEFT - 5, _middle(row), word(joint), "end", middle=True)
     return picture
 
 

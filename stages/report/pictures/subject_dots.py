@@ -19,7 +19,9 @@ from markupsafe import Markup
 from stages.report.palette import INK, MARK_PX, SOFT, Look
 from stages.report.pictures.picture import Picture
 from stages.report.pictures.scale import Scale
+from stages.report.pictures.word_places import width_in_letters
 from stages.report.table_cells import number
+from stages.report.wording import mark, say, word
 
 Array = npt.NDArray[np.float64]
 
@@ -30,7 +32,7 @@ FEWEST_FOR_QUARTILES = 5
 _WIDTH, _TOP, _FOOT, _RIGHT = 400.0, 20.0, 36.0, 46.0
 _LETTER, _LEFT_LEAST, _LEFT_MOST, _MARK_ROOM = 5.9, 46.0, 144.0, 12.0
 _ROW_LEAST, _ROW_MOST, _ROW_PAD = 24.0, 84.0, 7.0
-SIDES = ("better ←", "→ worse")
+SIDES = (mark("better ←"), mark("→ worse"))
 _GROSS = 8.0
 """The largest number being so many times the usual one, an even scale would squeeze all others together."""
 _DECADES = 4.0
@@ -135,7 +137,10 @@ def draw_panels(
     sides : what is said left and right of a difference's zero.
     """
     models = list(dict.fromkeys(strip.model for panel in panels for strip in panel.strips))
-    left = min(max(_LETTER * max(map(len, models)) + 8 + _MARK_ROOM, _LEFT_LEAST), _LEFT_MOST)
+    left = min(
+        max(_LETTER * max(width_in_letters(word(model)) for model in models) + 8 + _MARK_ROOM, _LEFT_LEAST),
+        _LEFT_MOST,
+    )
     diameter = 9.0 if n_subjects <= 12 else 6.0 if n_subjects <= 40 else 4.0
     heights = dict.fromkeys(models, _ROW_LEAST)
     rows = _Rows(scale, unit, n_subjects, diameter, left, {}, heights, sides)
@@ -187,7 +192,7 @@ def _picture(panel: Panel, offsets: Sequence[Array], rows: _Rows) -> Markup:
     for strip in panel.strips:
         _label(picture, strip, rows)
         _marks(picture, strip, rows)
-    heading = "mean" if any(strip.mean is not None for strip in panel.strips) else "median"
+    heading = say("mean") if any(strip.mean is not None for strip in panel.strips) else say("median")
     picture.text(_WIDTH, _TOP - 5, heading, "end", SOFT)
     return picture.markup()
 
@@ -199,19 +204,20 @@ def _zero(picture: Picture, rows: _Rows) -> None:
     zero, share = float(rows.across(0.0)), float(rows.scale.share(0.0))
     picture.line([(zero, _TOP), (zero, rows.foot)], SOFT)
     if share > 0.25:
-        picture.text(zero - 5, _TOP - 5, rows.sides[0], "end", SOFT)
+        picture.text(zero - 5, _TOP - 5, say(rows.sides[0]), "end", SOFT)
     if share < 0.75:
-        picture.text(zero + 5, _TOP - 5, rows.sides[1], "start", SOFT)
+        picture.text(zero + 5, _TOP - 5, say(rows.sides[1]), "start", SOFT)
 
 
 def _label(picture: Picture, strip: Strip, rows: _Rows) -> None:
     """The model's name, how many subjects it has where not all, and its mean or median."""
     most = round((rows.left - 8 - _MARK_ROOM) / _LETTER)
-    name = strip.model if len(strip.model) <= most else strip.model[: most - 1] + "…"
+    own = word(strip.model)
+    name = own if width_in_letters(own) <= most else own[: most - 1] + "…"
     middle, missing = rows.middle(strip.model), len(strip.numbers) < rows.n_subjects
     colour = SOFT if strip.reference else INK
     picture.marks(np.array([[4.0, middle]]), strip.look.marker, MARK_PX, strip.look.colour)
-    with picture.group("model", "" if name == strip.model else strip.model):
+    with picture.group("model", "" if name == own else own):
         picture.text(
             _MARK_ROOM,
             middle - (5 if missing else 0),
@@ -223,7 +229,12 @@ def _label(picture: Picture, strip: Strip, rows: _Rows) -> None:
         )
     if missing:
         picture.text(
-            _MARK_ROOM, middle + 7, f"{len(strip.numbers)} of {rows.n_subjects}", "start", SOFT, middle=True
+            _MARK_ROOM,
+            middle + 7,
+            say("{n_numbers} of {n_subjects}", n_numbers=len(strip.numbers), n_subjects=rows.n_subjects),
+            "start",
+            SOFT,
+            middle=True,
         )
     values = list(strip.numbers.values())
     shown = strip.mean if strip.mean is not None else float(np.median(values)) if values else None

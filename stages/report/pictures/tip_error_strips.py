@@ -14,6 +14,7 @@ from stages.report.pictures.picture import Picture
 from stages.report.pictures.scale import Scale, plain
 from stages.report.pictures.traces import Trace, error_scale, thin, trace_band
 from stages.report.table_cells import alike, listed
+from stages.report.wording import say, word
 
 Array = npt.NDArray[np.float64]
 Traces = Mapping[str, Mapping[str, Trace]]
@@ -52,7 +53,7 @@ def thinned_traces(
 def time_label(traces: Traces) -> str:
     """What stands under the time axis."""
     trace = next(trace for of in traces.values() for trace in of.values())
-    return "device time [s]" if trace.in_seconds else "frame"
+    return say("device time [s]") if trace.in_seconds else say("frame")
 
 
 def hidden_lines(traces: Traces, models: Sequence[str]) -> str:
@@ -62,7 +63,9 @@ def hidden_lines(traces: Traces, models: Sequence[str]) -> str:
         for model in models
     }
     hidden = [listed(group) for group in alike(lines) if len(group) > 1]
-    return f"Equal, so that the last hides the others: {'; '.join(hidden)}." if hidden else ""
+    return (
+        say("Equal, so that the last hides the others: {hidden}.", hidden="; ".join(hidden)) if hidden else ""
+    )
 
 
 def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> Markup:
@@ -73,7 +76,7 @@ def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> 
     picture = Picture(title, _WIDTH, foot + _FOOT)
     everything = [trace for of in traces.values() for trace in of.values()]
     errors = error_scale(everything)
-    picture.text(0, 12, f"[mm]{', log scale' if errors.kind == 'log' else ''}")
+    picture.text(0, 12, f"[mm]{say(', log scale') if errors.kind == 'log' else ''}")
     _legend(picture, models, looks)
     first = min((trace.span[0] for trace in everything), default=0.0)
     last = max((trace.span[1] for trace in everything), default=0.0)
@@ -84,7 +87,7 @@ def tip_error_picture(title: str, traces: Traces, looks: Mapping[str, Look]) -> 
         for place, (model, trace) in enumerate(of.items()):
             strip.draw(trace, looks[model], place / len(of))
         if not of:
-            picture.text(_LEFT + 6, strip.top + _STRIP / 2, "not known", middle=True)
+            picture.text(_LEFT + 6, strip.top + _STRIP / 2, say("not known"), middle=True)
     if everything:
         picture.line([(_LEFT, foot - _GAP), (_RIGHT, foot - _GAP)], SOFT)
         picture.number_axis(time, (_LEFT, _RIGHT), foot - _GAP, foot - _GAP, time_label(traces))
@@ -110,7 +113,7 @@ class _Strip:
 
     def frame(self, digit: str) -> None:
         """The digit's name, and the numbers of the errors with their grid."""
-        self.picture.text(_RIGHT + 6, self.top + _STRIP / 2, digit, middle=True)
+        self.picture.text(_RIGHT + 6, self.top + _STRIP / 2, word(digit), middle=True)
         for tick in self.errors.ticks(2, 0.28):
             y = float(self._down(tick))
             self.picture.line([(_LEFT, y), (_RIGHT, y)], RULE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from unicodedata import east_asian_width
 
 LETTER_PX, LINE_PX = 6.2, 12.0
 """About as large as a letter and a line of a picture's text are."""
@@ -35,7 +36,7 @@ class Labels:
 
     def place(self, words: str, x: float, y: float, anchor: str = "middle") -> tuple[float, float]:
         """The nearest free place to (x, y), the middle of the words' line; where none is free, (x, y)."""
-        width = LETTER_PX * len(words)
+        width = LETTER_PX * width_in_letters(words)
         start = {"start": 0.0, "middle": -width / 2, "end": -width}[anchor]
         for dx, dy in _STEPS:
             box = (x + dx + start, y + dy - LINE_PX / 2, x + dx + start + width, y + dy + LINE_PX / 2)
@@ -44,6 +45,11 @@ class Labels:
                 self.taken.append(box)
                 return x + dx, y + dy
         return x, y
+
+
+def width_in_letters(words: str) -> int:
+    """How many Latin letters a text is wide: a Chinese or Japanese one is twice as wide."""
+    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
 
 
 def _overlap(one: Box, other: Box) -> bool:

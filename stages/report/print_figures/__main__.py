@@ -13,10 +13,10 @@ from stages import command_line
 def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
-        "stages.report.print_figures",
+        "shukotsu stage report.print_figures",
         "Draw a study's figures, or with --recording one recording's, for print: NAME.svg, NAME.pdf and the "
         "caption NAME.txt of each.",
-        "python -m stages.report.print_figures --study config/demo.yaml --results results/demo "
+        "shukotsu stage report.print_figures --study config/demo.yaml --results results/demo "
         "--out results/demo/figures",
     )
     parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
@@ -46,22 +46,28 @@ def draw(arguments: argparse.Namespace) -> None:
     from schemas.study import read_study
     from stages.report.print_figures import study_figures
     from stages.report.print_figures.drawing import save
+    from stages.report.print_figures.style import check_font
     from stages.report.study_results import read_results
+    from stages.report.wording import ENGLISH, speaking
 
     if arguments.recording and arguments.against:
         raise InputError("--against: differences are of a study; leave out --recording")
-    results = read_results(read_study(arguments.study), arguments.results)
+    study = read_study(arguments.study)
+    results = read_results(study, arguments.results)
     folder = arguments.out
-    if arguments.recording:
-        recording = study_figures.find_recording(results, *arguments.recording)
-        folder /= study_figures.recording_folder(recording)
-        drawings = study_figures.of_recording(results, recording)
-    else:
-        drawings = study_figures.of_study(results, arguments.against)
-    for drawing in drawings:
-        save(folder, drawing)
-        if drawing.missing:
-            print(f"{folder / drawing.name}: {drawing.missing}", file=sys.stderr)
+    check_font(study.language)
+    with speaking(study.language):
+        if arguments.recording:
+            recording = study_figures.find_recording(results, *arguments.recording)
+            folder /= study_figures.recording_folder(recording)
+            drawings = study_figures.of_recording(results, recording)
+        else:
+            drawings = study_figures.of_study(results, arguments.against)
+        for drawing in drawings:
+            save(folder, drawing)
+            if drawing.missing:
+                why = drawing.missing if study.language == ENGLISH else "not drawn; the caption says why"
+                print(f"{folder / drawing.name}: {why}", file=sys.stderr)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

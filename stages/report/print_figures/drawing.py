@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,17 +13,25 @@ from matplotlib.figure import Figure
 from schemas import PROGRAM, VERSION
 from schemas.files import replacing, write_text
 from schemas.study import Recording
-from stages.report.print_figures.style import ONE_COLUMN_MM, SMALL_PT, applied, label, new_figure
+from stages.report.print_figures.style import ONE_COLUMN_MM, SMALL_PT, applied, new_figure, wrapped
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import counted
+from stages.report.wording import plain, say, tidied
 
 
 def study_text(results: StudyResults) -> str:
     """Which study it is, how many subjects and hands it has, and whether its recordings are real."""
     subjects, hands = counted(len(results.subjects), "subject"), counted(len(results.hands), "hand")
-    kind = "simulated recordings of " if results.simulated else ""
-    each = " (counted in each session)" if results.has_sessions else ""
-    return f"Study {results.name}: {kind}{subjects}, {hands}{each}."
+    kind = say("simulated recordings of ") if results.simulated else ""
+    each = say(" (counted in each session)") if results.has_sessions else ""
+    return say(
+        "Study {name}: {kind}{subjects}, {hands}{each}.",
+        name=results.name,
+        kind=kind,
+        subjects=subjects,
+        hands=hands,
+        each=each,
+    )
 
 
 def count_range(counts: Iterable[int]) -> str:
@@ -35,8 +42,8 @@ def count_range(counts: Iterable[int]) -> str:
 
 def recording_text(recording: Recording) -> str:
     """The recording in words."""
-    trial = f", trial {recording.trial}" if recording.trial else ""
-    return f"{recording.hand}, {recording.task}{trial}"
+    trial = say(", trial {trial}", trial=recording.trial) if recording.trial else ""
+    return say("{hand}, {task}{trial}", hand=recording.hand, task=recording.task, trial=trial)
 
 
 class NoDataError(Exception):
@@ -60,8 +67,13 @@ def drawn(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
             figure, caption = draw()
         except NoDataError as error:
             return _without_data(name, str(error))
-    versions = f"Drawn by {PROGRAM} {VERSION} with matplotlib {matplotlib.__version__}."
-    return Drawing(name, figure, f"{caption} {versions}")
+    versions = say(
+        "Drawn by {PROGRAM} {VERSION} with matplotlib {version}.",
+        PROGRAM=PROGRAM,
+        VERSION=VERSION,
+        version=matplotlib.__version__,
+    )
+    return Drawing(name, figure, plain(tidied(f"{caption} {versions}")))
 
 
 def not_drawn(name: str, reason: str) -> Drawing:
@@ -93,8 +105,8 @@ def _with(base: Path, kind: str) -> Path:
 
 
 def _without_data(name: str, reason: str) -> Drawing:
-    sentence = f"Not drawn: {reason.rstrip('.')}."
-    lines = textwrap.wrap(label(sentence), 52)
+    sentence = plain(tidied(say("Not drawn: {reason}.", reason=reason.rstrip("."))))
+    lines = wrapped(sentence, 52)
     figure = new_figure(ONE_COLUMN_MM, 10.0 + 4.0 * len(lines))
     figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
     return Drawing(name, figure, sentence, sentence)

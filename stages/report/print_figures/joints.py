@@ -36,6 +36,7 @@ from stages.report.print_figures.style import (
 )
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import alike, listed
+from stages.report.wording import mark, say, word
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +54,7 @@ def joints_in_order(results: StudyResults, joints: Collection[str]) -> list[str]
 def draw_joint_axis(axes: Axes, joints: Sequence[str]) -> None:
     """A name a joint, upright."""
     axes.set_xlim(-0.6, len(joints) - 0.4)
-    axes.set_xticks(range(len(joints)), [label(joint) for joint in joints], rotation=90)
+    axes.set_xticks(range(len(joints)), [label(word(joint)) for joint in joints], rotation=90)
     axes.tick_params(axis="x", length=0)
 
 
@@ -72,7 +73,9 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
     """Draw a panel a model; models with equal joints share one. Raises NoDataError without a truth."""
     own = answer(results, JOINT_ERROR)
     if own is None:
-        raise NoDataError("the true joints are not known, or no model has a joint that could be compared")
+        raise NoDataError(
+            say("the true joints are not known, or no model has a joint that could be compared")
+        )
     sd = replace(JOINT_ERROR, metric="sd_mm")
     found = _by_model(own.seen, observations(results, sd, own.models, held_out=own.held_out))
     prior = found.pop(PRIOR, _OfModel())
@@ -85,10 +88,16 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
     for models, axes in zip(groups, panels, strict=True):
         _error_panel(axes, joints, found[models[0]], prior, look[models[0]])
         error_axis(axes, _drawn([*found.values(), prior], top))
-        axes.set_ylabel("Joint error [mm]")
+        axes.set_ylabel(say("Joint error [mm]"))
         draw_joint_axis(axes, joints)
     counts = [count_range(len(of) for of in found[models[0]].error_mm.values()) for models in groups]
-    headings(panels, [label(f"{listed(own)}; n = {n} hands") for own, n in zip(groups, counts, strict=True)])
+    headings(
+        panels,
+        [
+            label(say("{own}; n = {n} hands", own=listed(own), n=n))
+            for own, n in zip(groups, counts, strict=True)
+        ],
+    )
     figure.legend(handles=_handles(), loc="outside lower center", ncols=4)
     return figure, _error_caption(results, own)
 
@@ -126,27 +135,34 @@ def _drawn(found: list[_OfModel], top: float) -> list[Array]:
 
 def _handles() -> list[Line2D]:
     return [
-        Line2D([], [], color="0.3", marker="o", markersize=1.8, linestyle="none", label="hand"),
-        Line2D([], [], color="0.3", marker="o", linewidth=1.4, label="median, quartiles"),
-        Line2D([], [], color="black", label="stated 1-sigma error, median"),
-        Line2D([], [], color=SOFT, linestyle=(0, (1, 1)), label=f"{PRIOR}, median"),
+        Line2D([], [], color="0.3", marker="o", markersize=1.8, linestyle="none", label=say("hand")),
+        Line2D([], [], color="0.3", marker="o", linewidth=1.4, label=say("median, quartiles")),
+        Line2D([], [], color="black", label=say("stated 1-sigma error, median")),
+        Line2D([], [], color=SOFT, linestyle=(0, (1, 1)), label=say("{PRIOR}, median", PRIOR=PRIOR)),
     ]
 
 
 def _error_caption(results: StudyResults, own: Answer) -> str:
     return (
-        f"Error of every joint centre, model by model. {study_text(results)} Distance to the true "
-        f"centre in the "
-        "child receiver's frame [mm]. A dot is a hand; mark: median; bar: quartiles, from "
-        f"{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in three "
-        "dimensions (outside the scale where it is larger than every error); dotted line: median of "
-        f"prior-only, the hand that anatomy expects. Models with equal joints share a panel. "
-        f"{own.kind} {missing_text_of(own)}"
+        say(
+            (
+                "Error of every joint centre, model by model. {study_text} Distance to the true centre "
+                "in the child receiver's frame [mm]. A dot is a hand; mark: median; bar: quartiles, from "
+                "{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in "
+                "three dimensions (outside the scale where it is larger than every error); dotted line: "
+                "median of prior-only, the hand that anatomy expects. Models with equal joints share a "
+                "panel. {kind} {missing_text_of}"
+            ),
+            study_text=study_text(results),
+            FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
+            kind=own.kind,
+            missing_text_of=missing_text_of(own),
+        )
     ).rstrip()
 
 
 _TRUST_MM = 24.0
-_ABSENT = "no result"
+_ABSENT = mark("no result")
 KINDS = {
     BELIEVED: ("0.45", ""),
     CARE: (AMBER, "////"),
@@ -163,7 +179,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
     """Draw a panel a model; models that agree share one. Raises NoDataError without any joint."""
     found = {model: of for model in results.models if (of := _beliefs(results, model))}
     if not found:
-        raise NoDataError("no hand of this study has a joint")
+        raise NoDataError(say("no hand of this study has a joint"))
     groups = alike(found)
     joints = joints_in_order(results, {joint for of in found.values() for joint in of})
     figure = new_figure(TWO_COLUMNS_MM, _JOINTS_MM + _TRUST_MM * len(groups))
@@ -172,19 +188,31 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
     for models, axes in zip(groups, panels, strict=True):
         _trust_panel(axes, joints, found[models[0]], results.hands)
         draw_joint_axis(axes, joints)
-    headings(panels, [label(f"{listed(models)}; n = {n} hands") for models in groups])
+    headings(panels, [label(say("{models}; n = {n} hands", models=listed(models), n=n)) for models in groups])
     handles = [
-        Patch(label=kind.lstrip("✓◆✕ "), edgecolor="black", linewidth=0.4, facecolor=fill, hatch=hatch)
+        Patch(
+            label=say(kind).lstrip("✓◆✕ \u00a0"),
+            edgecolor="black",
+            linewidth=0.4,
+            facecolor=fill,
+            hatch=hatch,
+        )
         for kind, (fill, hatch) in KINDS.items()
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, title="Believe it?")
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, title=say("Believe it?"))
     return figure, (
-        "Which joints to believe: share of the study's hands [%] in which a joint is to be believed (its "
-        f"centre is known to {SMALL_SD_MM:g} mm or better, 1 sigma in three dimensions), with care (known "
-        "less well), not (its error is large, an assumption does not hold, or it failed), or has no result. "
-        f"{study_text(results)} "
-        "Made from all of the model's calibration recordings. Models that agree share a panel. A joint that "
-        "a model does not have has no bar."
+        say(
+            (
+                "Which joints to believe: share of the study's hands [%] in which a joint is to be "
+                "believed (its centre is known to {SMALL_SD_MM:g} mm or better, 1 sigma in three "
+                "dimensions), with care (known less well), not (its error is large, an assumption does "
+                "not hold, or it failed), or has no result. {study_text} Made from all of the model's "
+                "calibration recordings. Models that agree share a panel. A joint that a model does not "
+                "have has no bar."
+            ),
+            SMALL_SD_MM=SMALL_SD_MM,
+            study_text=study_text(results),
+        )
     )
 
 
@@ -204,12 +232,20 @@ def _trust_panel(axes: Axes, joints: list[str], found: _Beliefs, hands: Sequence
         counts = [sum(found[joints[place]].get(hand, _ABSENT) == kind for hand in hands) for place in own]
         share = 100.0 * np.array(counts) / len(hands)
         axes.bar(
-            own, share, 0.8, foot, edgecolor="black", linewidth=0.4, label=kind, facecolor=fill, hatch=hatch
+            own,
+            share,
+            0.8,
+            foot,
+            edgecolor="black",
+            linewidth=0.4,
+            label=say(kind),
+            facecolor=fill,
+            hatch=hatch,
         )
         foot += share
     axes.set_ylim(0.0, 100.0)
     axes.set_yticks([0, 50, 100])
-    axes.set_ylabel("Hands [%]")
+    axes.set_ylabel(say("Hands [%]"))
 
 
 _LENGTHS_MM, _BONES_MM = 58.0, 26.0
@@ -222,8 +258,12 @@ def bone_lengths(results: StudyResults) -> tuple[Figure, str]:
     found = {model: of for model in results.fitted if (of := _lengths(results, model))}
     if not found:
         raise NoDataError(
-            "only a model that fits the whole hand states the bones themselves, and "
-            + ("none of its hands has lengths" if results.fitted else "this study has no such model")
+            say("only a model that fits the whole hand states the bones themselves, and ")
+            + (
+                say("none of its hands has lengths")
+                if results.fitted
+                else say("this study has no such model")
+            )
         )
     bones = list(dict.fromkeys(bone for of in found.values() for bone in of))
     figure = new_figure(TWO_COLUMNS_MM, _BONES_MM + _LENGTHS_MM * len(found))
@@ -232,25 +272,33 @@ def bone_lengths(results: StudyResults) -> tuple[Figure, str]:
     for (model, of), axes in zip(found.items(), panels, strict=True):
         _length_panel(axes, bones, of, look[model])
     counts = [count_range(len(hands) for hands in of.values()) for of in found.values()]
-    headings(panels, [label(f"{own}; n = {n} hands") for own, n in zip(found, counts, strict=True)])
-    panels[-1].set_xticks(range(len(bones)), [label(bone) for bone in bones], rotation=90)
+    headings(
+        panels,
+        [label(say("{own}; n = {n} hands", own=own, n=n)) for own, n in zip(found, counts, strict=True)],
+    )
+    panels[-1].set_xticks(range(len(bones)), [label(word(bone)) for bone in bones], rotation=90)
     many = any(len(hands) > MANY for of in found.values() for hands in of.values())
     marks = (
-        f"A dot is a hand (coloured: right, grey: left); {_stated(found)}"
+        say("A dot is a hand (coloured: right, grey: left); {stated}", stated=_stated(found))
         if many
-        else "A mark is a hand (filled: right, open: left), the bar its stated 1-sigma error"
+        else say("A mark is a hand (filled: right, open: left), the bar its stated 1-sigma error")
     )
     return figure, (
-        f"Bone lengths of fitted hands [mm]. {study_text(results)} {marks}. Joint to joint, the "
-        f"last bone of a "
-        "digit to its end. Where the model shares lengths between a person's hands, the two are not "
-        "independent."
+        say(
+            (
+                "Bone lengths of fitted hands [mm]. {study_text} {marks}. Joint to joint, the last bone "
+                "of a digit to its end. Where the model shares lengths between a person's hands, the two "
+                "are not independent."
+            ),
+            study_text=study_text(results),
+            marks=marks,
+        )
     )
 
 
 def _stated(found: dict[str, _Lengths]) -> str:
     errors = [sd for of in found.values() for hands in of.values() for _, sd in hands.values()]
-    return f"median of the stated 1-sigma errors: {np.nanmedian(errors):.2f} mm"
+    return say("median of the stated 1-sigma errors: {errors:.2f} mm", errors=np.nanmedian(errors))
 
 
 def _lengths(results: StudyResults, model: str) -> _Lengths:
@@ -283,7 +331,7 @@ def _length_panel(axes: Axes, bones: list[str], lengths: _Lengths, look: Look) -
                 )  # fmt: skip
     axes.set_xlim(-0.6, len(bones) - 0.4)
     axes.set_ylim(0.0, 1.06 * max(length for of in lengths.values() for length, _ in of.values()))
-    axes.set_ylabel("Bone length [mm]")
+    axes.set_ylabel(say("Bone length [mm]"))
     axes.tick_params(axis="x", length=0)
     axes.grid(axis="y")
 

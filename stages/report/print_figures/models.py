@@ -35,6 +35,7 @@ from stages.report.print_figures.style import (
 )
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import listed, number, title
+from stages.report.wording import say
 from subject_statistics.paired_statistics import FEWEST_SUBJECTS, Paired
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def judgements(results: StudyResults, baseline: str = "") -> list[Answer]:
 def missing_text_of(own: Answer) -> str:
     """Which numbers of the models are not there and why; empty where all are."""
     sentences = missing_sentences(own.overall)
-    return f"Without a number: {' '.join(sentences)}" if sentences else ""
+    return say("Without a number: {sentences}", sentences=" ".join(sentences)) if sentences else ""
 
 
 def references_of(own: Answer) -> tuple[str, ...]:
@@ -65,9 +66,14 @@ def _text(results: StudyResults, question: Question) -> str:
     """What the number is, in a sentence's words."""
     blind = [model for model in results.models if model not in results.fitted]
     if question is not TRUE_TIP or not blind:
-        return question.caption
+        return say(question.caption)
     verb = "knows" if len(blind) == 1 else "know"
-    return f"{question.caption}; {listed(blind)} {verb} no fingertip but the distal receiver's origin"
+    return say(
+        "{caption}; {blind} {verb} no fingertip but the distal receiver's origin",
+        caption=say(question.caption),
+        blind=listed(blind),
+        verb=verb,
+    )
 
 
 _PANEL_MM, _LEGEND_MM = 52.0, 12.0
@@ -79,16 +85,20 @@ def models_by_digit(results: StudyResults) -> tuple[Figure, str]:
     """Draw a panel for each thing that skeletons are judged by. Raises NoDataError without a score."""
     judged = judgements(results)
     if not judged:
-        raise NoDataError("no model of this study has a score; see skeleton_scores and problems")
+        raise NoDataError(say("no model of this study has a score; see skeleton_scores and problems"))
     figure = new_figure(TWO_COLUMNS_MM, _LEGEND_MM + _PANEL_MM * len(judged))
     panels = stacked(figure, len(judged))
     sentences: list[str] = []
     counts: list[str] = []
     for each, axes in zip(judged, panels, strict=True):
         counts.append(_digit_panel(axes, results, each))
-        text = f"{title(_text(results, each.question))} [mm]; n = {counts[-1]} subjects."
+        text = say(
+            "{text} [mm]; n = {counts} subjects.",
+            text=title(_text(results, each.question)),
+            counts=counts[-1],
+        )
         sentences.append(f"{text} {missing_text_of(each)}".strip())
-    headings(panels, [f"n = {n} subjects" for n in counts])
+    headings(panels, [say("n = {n} subjects", n=n) for n in counts])
     models = [name for name in results.models if any(name in each.models for each in judged)]
     handles = model_handles(model_looks(list(results.models)), models)
     references = dict.fromkeys(name for each in judged for name in references_of(each))
@@ -98,10 +108,19 @@ def models_by_digit(results: StudyResults) -> tuple[Figure, str]:
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=4)
     caption = (
-        f"Error of skeleton models by digit. {study_text(results)} A dot is a subject, the mean "
-        f"over hands and "
-        f"recordings; mark: median; bar: quartiles, from {FEWEST_FOR_QUARTILES} subjects on. "
-        + (f"Grey lines: median of {listed(references)}, for reference. " if references else "")
+        say(
+            (
+                "Error of skeleton models by digit. {study_text} A dot is a subject, the mean over hands "
+                "and recordings; mark: median; bar: quartiles, from {FEWEST_FOR_QUARTILES} subjects on. "
+            ),
+            study_text=study_text(results),
+            FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
+        )
+        + (
+            say("Grey lines: median of {references}, for reference. ", references=listed(references))
+            if references
+            else ""
+        )
         + f"{judged[0].kind} {lettered(sentences)}"
     )
     return figure, caption
@@ -128,7 +147,7 @@ def _digit_panel(axes: Axes, results: StudyResults, own: Answer) -> str:
         drawn += _references(axes, references_of(own), of_model, place)
     _digit_axis(axes, list(means))
     error_axis(axes, drawn)
-    axes.set_ylabel(own.question.axis)
+    axes.set_ylabel(say(own.question.axis))
     return count_range(counts)
 
 
@@ -174,14 +193,14 @@ def paired_differences(results: StudyResults, base: str = "") -> tuple[Figure, s
     judged = [(each, with_statistics(each.overall)) for each in judgements(results, base)]
     panels = [(each, compared) for each, compared in judged if compared]
     if not panels:
-        raise NoDataError("no subject has numbers of two models that can be compared")
+        raise NoDataError(say("no subject has numbers of two models that can be compared"))
     rows = [len(compared) for _, compared in panels]
     figure = new_figure(ONE_COLUMN_MM, sum(_FOOT_MM + _ROW_MM * n for n in rows))
     drawn = stacked(figure, len(panels), height_ratios=rows)
     for panel, axes in zip(panels, drawn, strict=True):
         _draw_differences(axes, results, panel)
     counts = [count_range(own.n for _, own in compared) for _, compared in panels]
-    headings(drawn, [f"n = {n} subjects" for n in counts])
+    headings(drawn, [say("n = {n} subjects", n=n) for n in counts])
     return figure, _differences_caption(results, panels)
 
 
@@ -212,7 +231,13 @@ def _draw_differences(axes: Axes, results: StudyResults, panel: _Panel) -> None:
     axes.set_yticks(range(len(compared)), [label(comparison.model) for comparison, _ in compared])
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="x")
-    axes.set_xlabel(f"{judge.question.axis.removesuffix(' [mm]')} less that of\n{label(judge.baseline)} [mm]")
+    axes.set_xlabel(
+        say(
+            "{axis} less that of\n{baseline} [mm]",
+            axis=say(judge.question.axis).removesuffix(" [mm]"),
+            baseline=label(judge.baseline),
+        )
+    )
 
 
 def _differences(comparison: Comparison) -> Array:
@@ -221,14 +246,25 @@ def _differences(comparison: Comparison) -> Array:
 
 def _differences_caption(results: StudyResults, panels: list[_Panel]) -> str:
     few = any(statistics.interval is None for _, compared in panels for _, statistics in compared)
-    parts = [f"Differences between skeleton models, subject by subject. {study_text(results)}"]
+    parts = [
+        say(
+            "Differences between skeleton models, subject by subject. {study_text}",
+            study_text=study_text(results),
+        )
+    ]
     parts.append(
-        "A dot is a subject: the mean over the places (a digit in a recording, or a joint) in which both "
-        "models have a number. Below 0 the model named at the left does better. Mark: mean; bar: 95 % "
-        "interval of the mean, expanded percentile bootstrap over subjects"
-        + (f" (none is drawn of fewer than {FEWEST_SUBJECTS} subjects)." if few else ".")
+        say(
+            "A dot is a subject: the mean over the places (a digit in a recording, or a joint) in "
+            "which both models have a number. Below 0 the model named at the left does better. Mark: "
+            "mean; bar: 95 % interval of the mean, expanded percentile bootstrap over subjects"
+        )
+        + (
+            say(" (none is drawn of fewer than {FEWEST_SUBJECTS} subjects).", FEWEST_SUBJECTS=FEWEST_SUBJECTS)
+            if few
+            else "."
+        )
     )
-    parts.append("p: two-sided sign-flip test, corrected by Holm within a panel.")
+    parts.append(say("p: two-sided sign-flip test, corrected by Holm within a panel."))
     parts.append(panels[0][0].kind)
     parts.append(lettered([_panel_text(results, panel) for panel in panels]))
     return " ".join(parts)
@@ -237,14 +273,26 @@ def _differences_caption(results: StudyResults, panels: list[_Panel]) -> str:
 def _panel_text(results: StudyResults, panel: _Panel) -> str:
     judge, compared = panel
     parts = "; ".join(_difference(comparison, statistics) for comparison, statistics in compared)
-    text = f"{title(_text(results, judge.question))}; less that of {judge.baseline}: {parts}."
+    text = say(
+        "{text}; less that of {baseline}: {parts}.",
+        text=title(_text(results, judge.question)),
+        baseline=judge.baseline,
+        parts=parts,
+    )
     return " ".join(filter(None, [text, missing_text_of(judge)]))
 
 
 def _difference(comparison: Comparison, statistics: Paired) -> str:
-    amount = f"{comparison.model} {number(statistics.mean)} mm"
+    amount = say("{model} {mean} mm", model=comparison.model, mean=number(statistics.mean))
     if statistics.interval is None:
-        return f"{amount} (n = {statistics.n})"
+        return say("{amount} (n = {n})", amount=amount, n=statistics.n)
     low, high = statistics.interval
     p = "" if comparison.p_holm is None else f", {p_text(comparison.p_holm)}"
-    return f"{amount} ({number(low)} to {number(high)}, n = {statistics.n}{p})"
+    return say(
+        "{amount} ({low} to {high}, n = {n}{p})",
+        amount=amount,
+        low=number(low),
+        high=number(high),
+        n=statistics.n,
+        p=p,
+    )

@@ -31,6 +31,7 @@ from stages.report.print_figures.style import (
     scattered,
 )
 from stages.report.study_results import StudyResults
+from stages.report.wording import say, told, word
 
 _ACROSS = 3
 _ROW_MM, _FOOT_MM, _PLOT_MM = 4.2, 16.0, 46.0
@@ -40,15 +41,22 @@ def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Figure,
     """Draw a panel a hand, task and angle. Raises NoDataError without joint angles."""
     panels = range_strips(movement, _digits(results))
     if not panels:
-        raise NoDataError("no recording of this study has joint angles")
+        raise NoDataError(say("no recording of this study has joint angles"))
     figure = _rows_of_joints(panels, _range_row)
-    figure.supxlabel("Range of motion [deg]", fontsize="medium")
+    figure.supxlabel(say("Range of motion [deg]"), fontsize="medium")
     n = count_range(len(strip.numbers) for panel in panels for strip in panel.strips)
     return figure, (
-        f"Range of motion (2.5th to 97.5th percentile of the angle) of every joint angle [deg]. "
-        f"{study_text(results)} Model {movement.model}. A dot is a subject (n = {n}), the mean over trials "
-        "and sessions; mark: median; bar: quartiles. Colour: the joint's digit. Hands with a suspect "
-        "finding are left out."
+        say(
+            (
+                "Range of motion (2.5th to 97.5th percentile of the angle) of every joint angle [deg]. "
+                "{study_text} Model {model}. A dot is a subject (n = {n}), the mean over trials and "
+                "sessions; mark: median; bar: quartiles. Colour: the joint's digit. Hands with a suspect "
+                "finding are left out."
+            ),
+            study_text=study_text(results),
+            model=movement.model,
+            n=n,
+        )
     )
 
 
@@ -56,22 +64,36 @@ def group_differences(results: StudyResults, movement: Movement) -> tuple[Figure
     """Draw the first factor's first two levels. Raises NoDataError where nothing is compared."""
     contrasts = difference_strips(movement, _digits(results))
     if not contrasts:
-        raise NoDataError("the study names no factor with two levels, so nothing is compared")
+        raise NoDataError(say("the study names no factor with two levels, so nothing is compared"))
     first = contrasts[0]
     figure = _rows_of_joints(first.panels, _difference_row)
-    figure.supxlabel(label(f"Difference in range of motion, {first.words} [deg]"), fontsize="medium")
+    figure.supxlabel(
+        label(say("Difference in range of motion, {words} [deg]", words=first.words)), fontsize="medium"
+    )
     rows = movement.differences
     rows = rows[(rows["quantity"] == RANGE) & (rows["factor"] == first.levels[0])]
     rows = rows[(rows["level"] == first.levels[1]) & (rows["other_level"] == first.levels[2])]
-    tests = ", ".join(sorted(test for test in rows["test"].unique() if test)) or "none, for want of subjects"
+    tests = ", ".join(sorted(told(test) for test in rows["test"].unique() if test)) or say(
+        "none, for want of subjects"
+    )
     others = "; ".join(each.words for each in contrasts[1:])
     return figure, (
-        f"Difference in range of motion, {first.words}, by joint [deg]. {study_text(results)} Model "
-        f"{movement.model}. Mark: mean difference, filled where it is shown at 5 % after Holm's correction "
-        f"over all joint angles; bar: 95 % interval. Test: {tests}. n = {count_range(rows['n'].astype(int))} "
-        f"and {count_range(rows['n_other'].astype(int))} subjects; left out: "
-        f"{count_range(rows['left_out'].astype(int))}."
-        + (f" Not drawn: {others}; see the movement page." if others else "")
+        say(
+            (
+                "Difference in range of motion, {words}, by joint [deg]. {study_text} Model {model}. "
+                "Mark: mean difference, filled where it is shown at 5 % over all joint angles "
+                "(max-t permutation); bar: 95 % interval. Test: {tests}. n = {n} and {n_other} subjects; "
+                "left out: {left_out}."
+            ),
+            words=first.words,
+            study_text=study_text(results),
+            model=movement.model,
+            tests=tests,
+            n=count_range(rows["n"].astype(int)),
+            n_other=count_range(rows["n_other"].astype(int)),
+            left_out=count_range(rows["left_out"].astype(int)),
+        )
+        + (say(" Not drawn: {others}; see the movement page.", others=others) if others else "")
     )
 
 
@@ -79,12 +101,21 @@ def movement_curves(results: StudyResults, movement: Movement) -> tuple[Figure, 
     """Draw mean curves, then differences. Raises NoDataError without cycles."""
     means, differences = curve_plots(movement, _digits(results)), curve_difference_plots(movement)
     if not means and not differences:
-        raise NoDataError("no movement was cut into cycles, for the study has no events")
+        raise NoDataError(say("no movement was cut into cycles, for the study has no events"))
     figure = _plots([*means, *differences])
     return figure, (
-        f"Course of joint angles over a cycle. {study_text(results)} Model {movement.model}. First "
-        f"{len(means)} panels: mean over subjects of those joints that moved most, shade one standard "
-        f"deviation between subjects. {_curve_differences_text(len(differences))}{_list(means + differences)}"
+        say(
+            (
+                "Course of joint angles over a cycle. {study_text} Model {model}. First {n_means} "
+                "panels: mean over subjects of those joints that moved most, shade one standard "
+                "deviation between subjects. {curve_differences_text}{list}"
+            ),
+            study_text=study_text(results),
+            model=movement.model,
+            n_means=len(means),
+            curve_differences_text=_curve_differences_text(len(differences)),
+            list=_list(means + differences),
+        )
     )
 
 
@@ -92,25 +123,36 @@ def agreement(results: StudyResults, movement: Movement) -> tuple[Figure, str]:
     """Draw Bland-Altman plots. Raises NoDataError where no hand was recorded in two sessions."""
     drawn = agreement_plots(movement)
     if not drawn:
-        raise NoDataError("no range of motion was measured in two sessions by enough subjects")
+        raise NoDataError(say("no range of motion was measured in two sessions by enough subjects"))
     return _plots(drawn), (
-        f"Agreement of sessions in range of motion (Bland-Altman) [deg]. {study_text(results)} Model "
-        f"{movement.model}. A dot is a subject's difference between a session and the next, over their mean; "
-        f"line: mean difference; dashed: 95 % limits of agreement. {_list(drawn)}"
+        say(
+            (
+                "Agreement of sessions in range of motion (Bland-Altman) [deg]. {study_text} Model "
+                "{model}. A dot is a subject's difference between a session and the next, over their "
+                "mean; line: mean difference; dashed: 95 % limits of agreement. {list}"
+            ),
+            study_text=study_text(results),
+            model=movement.model,
+            list=_list(drawn),
+        )
     )
 
 
 def _curve_differences_text(count: int) -> str:
     if not count:
         return ""
-    return (
-        f"Last {count}: difference between two levels, shade its pointwise 95 % interval; bar at the foot: "
-        "where it is shown at 5 % for the whole curve, by permutation of the largest |t|. "
+    return say(
+        (
+            "Last {count}: difference between two levels, shade its pointwise 95 % interval; bar at "
+            "the foot: where it is shown at 5 % for the whole curve, by permutation of the largest "
+            "|t|. "
+        ),
+        count=count,
     )
 
 
 def _list(drawn: Sequence[Drawn]) -> str:
-    return "Panels, row by row: " + "; ".join(each.heading for each in drawn) + "."
+    return say("Panels, row by row: ") + say("{parts}.", parts="; ".join(each.heading for each in drawn))
 
 
 def _digits(results: StudyResults) -> list[str]:
@@ -128,11 +170,17 @@ def _rows_of_joints(panels: Sequence[Strips], draw: Callable[[Axes, int, Strip],
     for own, panel in zip(axes, panels, strict=False):
         for row, strip in enumerate(panel.strips):
             draw(own, row, strip)
-        own.set_yticks(range(len(panel.strips)), [label(strip.model) for strip in panel.strips])
+        own.set_yticks(range(len(panel.strips)), [label(word(strip.model)) for strip in panel.strips])
         own.set_ylim(len(panel.strips) - 0.4, -0.6)
         own.tick_params(axis="y", length=0)
         own.grid(axis="x")
-    headings(axes[: len(panels)], [label(f"{panel.angle},\n{panel.place}") for panel in panels])
+    headings(
+        axes[: len(panels)],
+        [
+            say("{angle},\n{place}", angle=label(word(panel.angle)), place=label(panel.place))
+            for panel in panels
+        ],
+    )
     return figure
 
 

@@ -32,6 +32,7 @@ from stages.report.recording_results import ANGLES, Array, read_angles, read_tip
 from stages.report.score_tables import mean
 from stages.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
 from stages.report.table_cells import listed, number, title
+from stages.report.wording import mark, say, word
 
 _STRIP_MM, _FOOT_MM = 26.0, 22.0
 
@@ -40,14 +41,14 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     """Draw the strips. Raises NoDataError where no model replayed the recording."""
     traces = _traces(results, recording)
     if not any(traces.values()):
-        raise NoDataError("no model has a tip error in this recording")
+        raise NoDataError(say("no model has a tip error in this recording"))
     looks = model_looks(list(results.models))
     figure = new_figure(TWO_COLUMNS_MM, _FOOT_MM + _STRIP_MM * len(traces))
     strips = stacked(figure, len(traces), sharex=True, sharey=True)
     _draw_strips(strips, traces, looks)
     headings(strips, [label(title(digit)) for digit in traces])
     strips[-1].set_xlabel(title(time_label(traces)))
-    figure.supylabel("Tip error [mm]", fontsize="medium")
+    figure.supylabel(say("Tip error [mm]"), fontsize="medium")
     models = [model for model in results.models if any(model in of for of in traces.values())]
     figure.legend(handles=_model_lines(looks, models), loc="outside upper center", ncols=4)
     return figure, _error_caption(results, recording, traces, models)
@@ -61,7 +62,7 @@ def _draw_strips(strips: Sequence[Axes], traces: Traces, looks: Mapping[str, Loo
         for index, (model, trace) in enumerate(of.items()):
             _draw_trace(axes, trace, looks[model], index / len(of), index)
         if not of:
-            axes.text(0.02, 0.5, "no tip error", transform=axes.transAxes, va="center")
+            axes.text(0.02, 0.5, say("no tip error"), transform=axes.transAxes, va="center")
         axes.margins(x=0.01)
         vertical_axis(axes, scale, 3)
 
@@ -111,32 +112,41 @@ def _error_caption(results: StudyResults, recording: Recording, traces: Traces, 
         and row_key(row) == recording_key(recording)
     ]
     means = [
-        f"{model} {number(mean(row['mean_mm'] for row in rows if row['model'] == model))} mm"
+        say(
+            "{model} {mean} mm",
+            model=model,
+            mean=number(mean(row["mean_mm"] for row in rows if row["model"] == model)),
+        )
         for model in models
     ]
     n = count_range([row["n_frames"] for row in rows] or [0])
     hidden = hidden_lines(traces, models)
     without = [
-        f"{digit} ({listed([model for model in models if model not in of])})"
+        f"{word(digit)} ({listed([model for model in models if model not in of])})"
         for digit, of in traces.items()
         if any(model not in of for model in models)
     ]
-    return (
-        f"Tip error over time of {recording_text(recording)}. Distance from the fingertip, replayed from "
-        f"the receivers with the least-squares binding, to the distal receiver [mm]; n = {n} frames a "
-        "digit. Line: the largest value of every stretch of time that print can resolve; shade: down to the "
-        "smallest; both broken where frames are missing. Marks tell lines apart and are no samples. Mean "
-        f"over digits: {'; '.join(means)}. The tip error says how well the joints close and not where they "
-        f"are.{f' {hidden}' if hidden else ''}"
-        + (f" Without a tip error: {listed(without)}." if without else "")
-    )
+    return say(
+        (
+            "Tip error over time of {recording_text}. Distance from the fingertip, replayed from the "
+            "receivers with the least-squares binding, to the distal receiver [mm]; n = {n} frames a "
+            "digit. Line: the largest value of every stretch of time that print can resolve; shade: "
+            "down to the smallest; both broken where frames are missing. Marks tell lines apart and "
+            "are no samples. Mean over digits: {means}. The tip error says how well the joints close "
+            "and not where they are.{value}"
+        ),
+        recording_text=recording_text(recording),
+        n=n,
+        means="; ".join(means),
+        value=f" {hidden}" if hidden else "",
+    ) + (say(" Without a tip error: {without}.", without=listed(without)) if without else "")
 
 
 _ROW_MM, _ANGLES_FOOT_MM = 28.0, 16.0
 _LINES: tuple[tuple[str, str, Literal["-", "--", ":"]], ...] = (
-    ("Flexion", INK, "-"),
-    ("Abduction or deviation", SOFT, "--"),
-    ("Axial rotation", HUES["plain"][0], ":"),
+    (mark("Flexion"), INK, "-"),
+    (mark("Abduction or deviation"), SOFT, "--"),
+    (mark("Axial rotation"), HUES["plain"][0], ":"),
 )
 """Name, colour and dashes of each of ANGLES."""
 
@@ -148,7 +158,7 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
     except InputError as error:
         raise NoDataError(f"{model}: {error}") from error
     if not traces:
-        raise NoDataError(f"{model} has no joint angles of this recording")
+        raise NoDataError(say("{model} has no joint angles of this recording", model=model))
     rows = _in_rows(results.layouts[recording.hand], traces)
     figure = new_figure(TWO_COLUMNS_MM, _ANGLES_FOOT_MM + _ROW_MM * len(rows))
     grid = figure.subplots(len(rows), max(map(len, rows)), squeeze=False, sharex=True, sharey=True)
@@ -158,20 +168,26 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
         for axes, joint in zip(line, joints, strict=False):
             _angle_panel(axes, traces[joint])
     panels = [axes for line, joints in zip(grid, rows, strict=True) for axes in line[: len(joints)]]
-    headings(panels, [label(joint) for joints in rows for joint in joints])
+    headings(panels, [label(word(joint)) for joints in rows for joint in joints])
     in_seconds = next(trace for of in traces.values() for trace in of).in_seconds
-    figure.supxlabel("Device time [s]" if in_seconds else "Frame", fontsize="medium")
-    figure.supylabel("Angle [deg]", fontsize="medium")
-    handles = [Line2D([], [], color=colour, linestyle=line, label=name) for name, colour, line in _LINES]
+    figure.supxlabel(say("Device time [s]") if in_seconds else say("Frame"), fontsize="medium")
+    figure.supylabel(say("Angle [deg]"), fontsize="medium")
+    handles = [Line2D([], [], color=colour, linestyle=line, label=say(name)) for name, colour, line in _LINES]
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure, (
-        f"Joint angles of {recording_text(recording)}, model {model}; n = {n_frames} frames. Joint "
-        f"coordinate "
-        "system of Grood and Suntay, named and signed as the International Society of Biomechanics "
-        "recommends for the hand; flexion, ulnar deviation and pronation are positive [deg]. Zero is the "
-        "straight finger, and for bones that stand otherwise their rest. Each line passes through the "
-        "smallest and the largest value of every stretch of time that print can resolve, and is broken "
-        "where frames are missing."
+        say(
+            (
+                "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint "
+                "coordinate system of Grood and Suntay, named and signed as the International Society of "
+                "Biomechanics recommends for the hand; flexion, ulnar deviation and pronation are "
+                "positive [deg]. Zero is the straight finger, and for bones that stand otherwise their "
+                "rest. Each line passes through the smallest and the largest value of every stretch of "
+                "time that print can resolve, and is broken where frames are missing."
+            ),
+            recording_text=recording_text(recording),
+            model=model,
+            n_frames=n_frames,
+        )
     )
 
 

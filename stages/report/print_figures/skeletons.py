@@ -28,6 +28,7 @@ from stages.report.print_figures.style import SMALL_PT, TWO_COLUMNS_MM, headings
 from stages.report.recording_results import read_still
 from stages.report.study_results import StudyResults
 from stages.report.table_cells import alike, listed, title
+from stages.report.wording import say, word
 
 _ACROSS = 3
 _FOOT_MM = 20.0
@@ -58,8 +59,8 @@ def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]
         )
         for digit, own in digit_looks(motion.digits).items()
     ]  # fmt: skip
-    handles.append(Line2D([], [], color=SOFT, marker="+", linestyle="none", label="receiver"))
-    for belief, words in ((CARE, "joint to believe with care"), (NOT, "joint not to believe")):
+    handles.append(Line2D([], [], color=SOFT, marker="+", linestyle="none", label=say("receiver")))
+    for belief, words in ((CARE, say("joint to believe with care")), (NOT, say("joint not to believe"))):
         mark = BELIEF_MARKS[belief]
         handles.append(
             Line2D(
@@ -116,11 +117,13 @@ def _title(models: list[str]) -> str:
 def _captions(axes: Axes, window: Window) -> None:
     """What the two views are, and a bar that says how long 20 mm are."""
     wide, high, deep = window.size_mm
-    for x, text in ((wide / 2, "back"), (wide + GUTTER_MM + deep / 2, "side")):
+    for x, text in ((wide / 2, say("back")), (wide + GUTTER_MM + deep / 2, say("side"))):
         axes.text(x, -1, text, ha="center", va="top", fontsize=SMALL_PT)
     foot = -_FOOT_MM + 3.0
     axes.plot([0, BAR_MM], [foot, foot], color="black", linewidth=1.2, solid_capstyle="butt")
-    axes.text(BAR_MM + 3.0, foot, f"{BAR_MM:g} mm", ha="left", va="center", fontsize=SMALL_PT)
+    axes.text(
+        BAR_MM + 3.0, foot, say("{BAR_MM:g} mm", BAR_MM=BAR_MM), ha="left", va="center", fontsize=SMALL_PT
+    )
     axes.set_xlim(0, window.width_mm)
     axes.set_ylim(-_FOOT_MM, high)
     axes.set_aspect("equal")
@@ -133,23 +136,27 @@ def _caption(
     for models in groups:
         points = {p.name: p for chain in chains[models[0]] for p in chain.points if p is not None}
         outside = [
-            f"{p.name} ({p.reach_mm:.0f} mm from its receiver)"
+            say("{name} ({reach_mm:.0f} mm from its receiver)", name=word(p.name), reach_mm=p.reach_mm)
             for p in points.values()
             if not window.holds(p)
         ]
         absent = dict.fromkeys(name for chain in chains[models[0]] for name in chain.absent)
         doubted = [point.name for point in points.values() if point.believed == NOT]
         parts = [listed(models)]
-        parts += [f"not to be believed: {listed(doubted)}"] if doubted else []
-        parts += [f"outside the picture: {listed(outside)}"] if outside else []
-        parts += [f"without a place: {listed(absent)}"] if absent else []
-        sentences.append(f"{'; '.join(parts)}.")
-    side = "thumb's side, with the back of the hand to the " + recording.hand.hand
-    return (
-        f"Skeletons of {recording_text(recording)}, at frame {frame} (n = 1 frame, of those with most "
-        f"valid receivers the one in which the hand is most open). Left: from the back of the hand; right: "
-        f"from the {side}. Lengths in mm, one scale in all panels. Joints stand where their receivers carry "
-        "them and "
-        "tips at the distal receivers, those of a fitted hand where the fit poses its bones. Models with "
-        "equal joints share a panel. " + lettered(sentences)
-    )
+        parts += [say("not to be believed: {doubted}", doubted=listed(map(word, doubted)))] if doubted else []
+        parts += [say("outside the picture: {outside}", outside=listed(outside))] if outside else []
+        parts += [say("without a place: {absent}", absent=listed(map(word, absent)))] if absent else []
+        sentences.append(say("{parts}.", parts="; ".join(parts)))
+    side = say("thumb's side, with the back of the hand to the {hand}", hand=recording.hand.hand)
+    return say(
+        (
+            "Skeletons of {recording_text}, at frame {frame} (n = 1 frame, of those with most valid "
+            "receivers the one in which the hand is most open). Left: from the back of the hand; "
+            "right: from the {side}. Lengths in mm, one scale in all panels. Joints stand where "
+            "their receivers carry them and tips at the distal receivers, those of a fitted hand "
+            "where the fit poses its bones. Models with equal joints share a panel. "
+        ),
+        recording_text=recording_text(recording),
+        frame=frame,
+        side=side,
+    ) + lettered(sentences)

@@ -24,6 +24,7 @@ from stages.report.print_figures.movement import (
 from stages.report.print_figures.over_time import joint_angles, tip_error
 from stages.report.print_figures.skeletons import skeletons
 from stages.report.study_results import StudyResults
+from stages.report.wording import say
 
 
 def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
@@ -76,11 +77,11 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
         if name in (recording.name, plain):
             return recording
     if of_hand:
-        known = "this hand has " + ", ".join(recording.name for recording in of_hand)
+        known = say("this hand has ") + ", ".join(recording.name for recording in of_hand)
     else:
-        known = "hands are " + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
+        known = say("hands are ") + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
     raise InputError(f"--recording {subject} {hand} {name}: no such recording; {known}")
 
 
 def _no_angles() -> tuple[Figure, str]:
-    raise NoDataError("joint angles need a model that fits the whole hand, and this study has none")
+    raise NoDataError(say("joint angles need a model that fits the whole hand, and this study has none"))

@@ -6,10 +6,11 @@ A journal that wants it otherwise changes this and the palette.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from string import ascii_lowercase
+from textwrap import wrap
 from typing import Any
 
 import matplotlib
@@ -21,8 +22,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
+from schemas.errors import InputError
 from stages.report.palette import INK, RULE, SOFT, Look
 from stages.report.pictures.scale import Scale, plain
+from stages.report.pictures.word_places import width_in_letters
+from stages.report.wording import ENGLISH, catalogue_of, language
 
 Array = npt.NDArray[np.float64]
 
@@ -100,7 +104,7 @@ def applied(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
     """Draw and save in this style, `settings` on top, and leave matplotlib's settings as they were."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        all_settings: Any = {**STYLE, "font.family": [FONT, *_installed()], **(settings or {})}
+        all_settings: Any = {**STYLE, **_fonts(), **(settings or {})}
         matplotlib.rcParams.update(all_settings)
         yield
 
@@ -118,7 +122,7 @@ def stacked(figure: Figure, n: int, **settings: Any) -> list[Axes]:
 def headings(panels: Sequence[Axes], words: Sequence[str]) -> None:
     """Every panel's letter, where there are several, and at its right end what is to be said of it."""
     for axes, letter, own in zip(panels, letters(len(panels)), words, strict=True):
-        axes.set_title(letter, loc="left", fontweight="bold")
+        axes.set_title(letter, loc="left", fontweight="bold" if language() == ENGLISH else "normal")
         axes.set_title(own, loc="right", fontsize=SMALL_PT)
 
 
@@ -136,7 +140,7 @@ def lettered(sentences: Sequence[str]) -> str:
 
 def label(text: str) -> str:
     """The text as the fonts at hand can write it; a character that none has becomes its code in ASCII."""
-    known = _characters()
+    known = _characters(language())
     return "".join(c if c.isprintable() and ord(c) in known else _code(c) for c in text)
 
 
@@ -151,6 +155,55 @@ def _code(character: str) -> str:
     )
 
 
+def wrapped(text: str, width: int) -> list[str]:
+    """Lines of at most so many Latin letters, as the fonts at hand can write them."""
+    return wrap(label(text), width if width_in_letters(text) < 1.5 * len(text) else width // 2)
+
+
+def font_of(own: str) -> Path | None:
+    """The file of the first installed font that writes a language; None where there is none."""
+    found = _first_font(catalogue_of(own).fonts)
+    if found is None and _seek_fonts():
+        found = _first_font(catalogue_of(own).fonts)
+    return found
+
+
+def _first_font(names: Sequence[str]) -> Path | None:
+    files = {entry.name: Path(entry.fname) for entry in reversed(font_manager.fontManager.ttflist)}
+    return next((files[name] for name in names if name in files), None)
+
+
+@cache
+def _seek_fonts() -> int:
+    """Add fonts that were installed after matplotlib wrote down its list; how many."""
+    known = {entry.fname for entry in font_manager.fontManager.ttflist}
+    new = [path for path in font_manager.findSystemFonts() if path not in known]
+    for path in new:
+        with suppress(OSError, RuntimeError):  # a file that is no font that can be drawn
+            font_manager.fontManager.addfont(path)
+    return len(new)
+
+
+def check_font(own: str) -> None:
+    """Raise InputError where no font is installed that writes the language of the figures."""
+    if own == ENGLISH or font_of(own) is not None:
+        return
+    raise InputError(
+        f"language: {own}: its figures need a font, and none of {', '.join(catalogue_of(own).fonts)} is "
+        "installed; install one (on Debian and Ubuntu: sudo apt-get install fonts-ipaexfont-gothic) or leave "
+        "the key language out of the study file"
+    )
+
+
+def _fonts() -> dict[str, Any]:
+    """Settings of fonts: first that of the language spoken. Only a TrueType file goes into a PDF as such."""
+    font = None if language() == ENGLISH else font_of(language())
+    if font is None:
+        return {"font.family": [FONT, *_installed()]}
+    name = font_manager.get_font(font).family_name
+    return {"font.family": [name, FONT, *_installed()], "pdf.fonttype": 42 if font.suffix == ".ttf" else 3}
+
+
 @cache
 def _installed() -> tuple[str, ...]:
     """Fonts for other scripts that are there as TrueType files; others cannot go into a PDF as TrueType."""
@@ -160,11 +213,12 @@ def _installed() -> tuple[str, ...]:
 
 
 @cache
-def _characters() -> frozenset[int]:
+def _characters(own: str) -> frozenset[int]:
     """Code points that some font in use has."""
     found: set[int] = set()
-    for name in (FONT, *_installed()):
-        found |= font_manager.get_font(font_manager.findfont(name)).get_charmap().keys()
+    files = [Path(font_manager.findfont(name)) for name in (FONT, *_installed())]
+    for file in (*files, *([] if own == ENGLISH else filter(None, [font_of(own)]))):
+        found |= font_manager.get_font(file).get_charmap().keys()
     return frozenset(found)
 
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from skeleton.posing import Seat
 from stages.report.belief import BELIEFS
 from stages.report.hand_motion import Array, HandMotion, JointAxis, SkeletonMotion, seen, shown_first, upright
+from stages.report.wording import word
 
 POSITION_STEP_MM = 0.05
 """A point is off by at most sqrt(3) / 2 of it, 0.044 mm."""
@@ -150,7 +151,7 @@ def _header(motion: HandMotion) -> dict[str, Any]:
     based = np.isfinite(motion.receiver_mm[:, motion.base]).all(-1)
     return {
         "hand": motion.hand,
-        "digits": motion.digits,
+        "digits": [word(digit) for digit in motion.digits],
         "receivers": motion.receivers,
         "base": motion.base,
         "firstBase": int(np.argmax(based)),

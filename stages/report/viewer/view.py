@@ -19,6 +19,7 @@ from stages.report.hand_motion import (
 )
 from stages.report.pictures.hand_views import hand_picture, window_of
 from stages.report.viewer.packed_motion import NOMINAL_HZ, Block, motion_text
+from stages.report.wording import say, word
 
 
 @dataclass(frozen=True)
@@ -55,12 +56,12 @@ def view_of(
     models = tuple(skeleton.model for skeleton in motion.skeletons)
     return View(
         title=title,
-        digits=motion.digits,
+        digits=tuple(map(word, motion.digits)),
         models=models,
         places=tuple(skeleton.place for skeleton in motion.skeletons),
         shown=shown,
         still=_still(title, motion, motion.skeletons[shown[0]], frame),
-        still_caption=f"{models[shown[0]]}, frame {motion.frame[frame]}",
+        still_caption=say("{models}, frame {frame}", models=models[shown[0]], frame=motion.frame[frame]),
         data=Markup(motion_text(motion, extra, extra_header)),
         remark=_remark(motion),
     )
@@ -75,9 +76,15 @@ def _still(title: str, motion: HandMotion, skeleton: SkeletonMotion, frame: int)
 def _remark(motion: HandMotion) -> str:
     parts = []
     if motion.every > 1:
-        parts.append(f"Of the recording one frame in {motion.every} is here.")
+        parts.append(say("Of the recording one frame in {every} is here.", every=motion.every))
     if not np.isfinite(motion.time_s).any():
         parts.append(
-            f"The recording has no device time; it is shown as if it had {NOMINAL_HZ:g} frames a second."
+            say(
+                (
+                    "The recording has no device time; it is shown as if it had {NOMINAL_HZ:g} frames a "
+                    "second."
+                ),
+                NOMINAL_HZ=NOMINAL_HZ,
+            )
         )
     return " ".join(parts)

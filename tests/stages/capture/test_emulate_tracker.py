@@ -1,4 +1,4 @@
-"""The command `python -m stages.capture emulate`: its ports, its options and how it refuses them."""
+"""The command `shukotsu emulate`: its ports, its options and how it refuses them."""
 
 import signal
 import socket

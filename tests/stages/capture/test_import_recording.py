@@ -1,4 +1,4 @@
-"""The command `python -m stages.capture import`, run as its users run it."""
+"""The command `shukotsu import`, run as its users run it."""
 
 import subprocess
 import sys

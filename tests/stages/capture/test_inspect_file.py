@@ -1,4 +1,4 @@
-"""`python -m stages.capture inspect`: what it says of each kind of file; its drafts lead to an import."""
+"""`shukotsu inspect`: what it says of each kind of file; its drafts lead to an import."""
 
 import re
 from collections.abc import Iterable
@@ -112,7 +112,7 @@ def test_a_wide_table_of_quaternions(run: Run) -> None:
     assert "quaternion w i j k: median norm 1.00000" in out
     assert "so wxyz is likelier" in out
     assert re.search(r"position px py pz: span .* in mm nothing, .* in m a desk", out)
-    assert f"\nnext: python -m stages.capture inspect {path} --write-mapping" in out
+    assert f"\nnext: shukotsu inspect {path} --write-mapping" in out
     sixteen = np.concatenate([TURNED, PLACE, np.roll(TURNED, 1, 0), PLACE, np.ones((FRAMES, 2))], 1)
     assert "a table as text: 40 rows, 16 columns" in run.inspect(run.table("a.txt", "", sixteen, " "))
     run.drafted(path)
@@ -323,7 +323,7 @@ def test_own_files_need_no_mapping(run: Run) -> None:
     assert "3 rows, frames 7 to 8, 2 of them" in out
     assert "not measured in layout arm: elbow" in out
     assert "1 of 3 rows lack a number" in out
-    assert "next: python -m stages.capture import --in" in out
+    assert "next: shukotsu import --in" in out
     assert "needs no mapping" in run.inspect(path, "--write-mapping", str(run.mapping), code=2)
     assert not run.mapping.exists()
     run.write("rom.csv", TIDY + TIDY_ROWS.replace("elbow", "forearm"))
@@ -338,7 +338,7 @@ def test_own_files_need_no_mapping(run: Run) -> None:
 @pytest.mark.parametrize("text", [GUIDE_FILE, GUIDE_FILE.split("\n", 1)[1]], ids=["comments", "semicolons"])
 def test_importing_a_foreign_table_without_a_mapping_leads_here(run: Run, text: str) -> None:
     path = run.write("old.csv", text)
-    recording_files.refuse(path, f"`python -m stages.capture inspect {path}`")
+    recording_files.refuse(path, f"`shukotsu inspect {path}`")
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ def test_what_was_fitted_and_what_held_out(fitted: StudyResults, file: Study) ->
 def test_methods_say_what_the_study_is(fitted: StudyResults, results: StudyResults) -> None:
     """Subjects, hands, receivers, recordings, models; simulated recordings are never passed off as real."""
     text = " ".join(methods_text(fitted))
-    assert "2 hands of 1 subject were simulated with 16 magnetic receivers a hand" in text
+    assert "2 hands of 1 subject were simulated with 16 receivers a hand" in text
     assert "no person's hand is behind these numbers" in text
     assert "recordings of tasks that they were not made from" in text
     for name, model in fitted.models.items():

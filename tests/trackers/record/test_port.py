@@ -76,7 +76,7 @@ def test_two_programs_cannot_share_a_port(pty_pair: tuple[int, str]) -> None:
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("/dev/no-such-port", "/dev/no-such-port: no such port; `python -m stages.capture devices` lists"),
+        ("/dev/no-such-port", "/dev/no-such-port: no such port; `shukotsu devices` lists"),
         ("socket://127.0.0.1:1", "socket://127.0.0.1:1: cannot be reached"),
         ("127.0.0.1:4001", "127.0.0.1:4001: no such port; for one on the network give --port socket://127."),
         ("nonsense://x", "nonsense://x: cannot be reached"),

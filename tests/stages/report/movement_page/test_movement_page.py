@@ -89,7 +89,7 @@ def test_the_page_answers_each_question(results: StudyResults, movement: Movemen
     for sentence in answers(movement):
         assert sentence in text
     assert "Group, A against B: a difference is shown in 1 of 21 ranges of motion (3 and 3 subjects)" in text
-    assert "12.1 deg more with A (95 % 8.1 to 16.1, p = 0.0021 after Holm; right hand, opposition)" in text
+    assert "12.1 deg more with A (95 % 8.1 to 16.1, p = 0.0021 corrected; right hand, opposition)" in text
     assert "changes 1 of 21 answers" in text
     table = table_called(page, "Differences in range_deg [deg].")
     row = next(row for row in table.rows if row[0] == "index_pip flexion")
@@ -168,7 +168,10 @@ def test_figures_are_drawn_with_their_captions(results: StudyResults) -> None:
 def test_methods_say_what_was_done(results: StudyResults, movement: Movement) -> None:
     text = " ".join(methods_text(results, movement))
     assert "Movement was measured in 6 subjects by joint angles under whole-hand." in text
-    assert "exact permutation; two-sided, Holm-corrected" in text
+    assert (
+        "exact permutation; two-sided, corrected over all joint angles of a quantity by the largest |t|"
+        in text
+    )
     assert "Bland-Altman" in text
     assert "Movement was measured" not in " ".join(methods_text(results))
 

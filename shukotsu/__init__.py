@@ -1,0 +1,29 @@
+"""The one command of the project, and what notebooks import."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from shukotsu.hand_plot import plot_hand
+    from shukotsu.posed_hand import PosedHand, bend
+    from shukotsu.read_results import pose, read
+
+__all__ = ["PosedHand", "bend", "plot_hand", "pose", "read"]
+
+_HOME = {
+    "PosedHand": "posed_hand",
+    "bend": "posed_hand",
+    "plot_hand": "hand_plot",
+    "pose": "read_results",
+    "read": "read_results",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for then and no sooner: the command line starts fast."""
+    from importlib import import_module
+
+    if name not in _HOME:
+        raise AttributeError(f"module 'shukotsu' has no {name!r}; it has {', '.join(__all__)}")
+    return getattr(import_module(f"shukotsu.{_HOME[name]}"), name)

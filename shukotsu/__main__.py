@@ -1,0 +1,24 @@
+"""Command line: `shukotsu`, one command a thing to do; only the module of that command is imported."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+from shukotsu.commands import COMMANDS, build_parser
+from stages import command_line
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Hand the arguments after the first to the command that the first one names; give its exit code."""
+    argv = sys.argv[1:] if argv is None else argv
+    if not argv:
+        build_parser().print_help()
+        return command_line.EXIT_BAD_INPUT
+    command = COMMANDS[build_parser().parse_args(argv[:1]).command]
+    status: int = importlib.import_module(command.module).main([*command.before, *argv[1:]])
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

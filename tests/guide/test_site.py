@@ -1,0 +1,122 @@
+"""The guide as a site: built strictly, opened as files with no network, searched, and read by axe-core.
+
+Needs .venv-site (`make site`); axe-core is in .tools, or where SHUKOTSU_TOOLS says.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from browser import WatchedPage, watched
+from guide_pages import REPOSITORY
+from playwright.sync_api import Browser
+
+pytestmark = pytest.mark.tools
+
+PROGRAMS = REPOSITORY / ".venv-site" / "bin"
+AXE = (
+    Path(os.environ.get("SHUKOTSU_TOOLS", REPOSITORY / ".tools")) / "node_modules" / "axe-core" / "axe.min.js"
+)
+SERIOUS = ("serious", "critical")
+PAGES = ("index", "configuration", "gallery", "first-study")
+FETCHED = re.compile(
+    r"""<(?:script|img|iframe|link(?=[^>]*stylesheet|[^>]*preconnect|[^>]*icon))[^>]*\s(?:src|href)="(http[^"]*|//[^"]*)"""
+)
+STYLES_FETCH = re.compile(r"""(?:@import|url\()\s*["']?(?:https?:)?//""")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built from a copy of the guide; strict, so that a warning would end it."""
+    if not (PROGRAMS / "mkdocs").is_file():
+        pytest.skip("no .venv-site; `make site` makes it")
+    folder = tmp_path_factory.mktemp("guide")
+    for name in ("docs", "guide"):
+        shutil.copytree(
+            REPOSITORY / name, folder / name, ignore=shutil.ignore_patterns("pictures", "__pycache__")
+        )
+    shutil.copytree(REPOSITORY / "guide", folder / "guide", dirs_exist_ok=True)
+    shutil.copy(REPOSITORY / "mkdocs.yml", folder)
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "NO_MKDOCS_2_WARNING": "1"}
+    for command in (["python", "-m", "guide.pictures", "docs/pictures"], ["mkdocs", "build", "--quiet"]):
+        done = subprocess.run(
+            [str(PROGRAMS / command[0]), *command[1:]],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "site"
+
+
+@contextmanager
+def opened(browser: Browser, page: Path, **options: object) -> Iterator[WatchedPage]:
+    """A page of the site, which asks for nothing but the site's files and complains of nothing."""
+    with watched(browser, **options) as own:
+        own.open(page)
+        yield own
+        foreign = [address for address in own.requests if not address.startswith(("file:", "data:", "blob:"))]
+        assert foreign == []
+        # To switch languages the theme looks for a list of pages, which browsers let no file read.
+        assert [line for line in own.console if "sitemap.xml" not in line and "ERR_FAILED" not in line] == []
+        own.console.clear()
+        own.requests.clear()
+
+
+def test_every_page_is_there_in_both_languages(site: Path) -> None:
+    pages = {path.name.removesuffix(".md") for path in (REPOSITORY / "docs").glob("*.md")}
+    names = {name for name in pages if not name.endswith(".ja")}
+    for folder, language in ((site, "en"), (site / "ja", "ja")):
+        assert {path.stem for path in folder.glob("*.html")} - {"404"} == names
+        assert f'<html lang="{language}"' in (folder / "index.html").read_text("utf-8")
+
+
+def test_no_page_fetches_from_elsewhere(site: Path) -> None:
+    pages = sorted(site.rglob("*.html"))
+    assert {
+        page.name: FETCHED.findall(page.read_text("utf-8"))
+        for page in pages
+        if FETCHED.search(page.read_text("utf-8"))
+    } == {}
+    assert [
+        style.name for style in site.rglob("*.css") if STYLES_FETCH.search(style.read_text("utf-8"))
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("start", "word", "target"), [("index", "calliper", "measuring"), ("ja/index", "calliper", "measuring")]
+)
+def test_search_works_from_a_file(browser: Browser, site: Path, start: str, word: str, target: str) -> None:
+    with opened(browser, site / f"{start}.html") as page:
+        field = page.page.locator("input.md-search__input")
+        field.click()  # the index is read when somebody wants it
+        field.press_sequentially(word)
+        page.page.locator(f".md-search-result__link[href*='{target}']").first.wait_for()
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("page", PAGES)
+def test_nothing_is_wider_than_the_page(browser: Browser, site: Path, page: str, width: int) -> None:
+    with opened(browser, site / f"{page}.html", viewport={"width": width, "height": 800}) as own:
+        assert own.value("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("page", PAGES[:3])
+def test_axe_finds_nothing_serious(browser: Browser, site: Path, page: str, theme: str) -> None:
+    if not AXE.is_file():
+        pytest.skip(f"no {AXE}; SHUKOTSU_TOOLS can name another folder")
+    with opened(browser, site / f"{page}.html", color_scheme=theme) as own:
+        own.page.add_script_tag(content=AXE.read_text("utf-8"))
+        found = own.value("async () => (await axe.run({preload: false})).violations")
+        serious = [f"{one['id']}: {one['nodes'][0]['html']}" for one in found if one["impact"] in SERIOUS]
+        assert serious == []

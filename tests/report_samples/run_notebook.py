@@ -1,0 +1,32 @@
+"""Run the guide's notebook on the results in a folder, print what it prints, and keep its picture.
+
+After `make demo` and `make site`:
+.venv-site/bin/python tests/report_samples/run_notebook.py . docs/gallery/notebook.png
+"""
+
+from __future__ import annotations
+
+import base64
+import sys
+from pathlib import Path
+
+import nbclient
+import nbformat
+
+NOTEBOOK = Path(__file__).resolve().parents[2] / "docs" / "notebooks" / "which-joint-moves-most.ipynb"
+
+
+def main(folder: str, picture: str) -> None:
+    """Run every cell in that folder; a cell that fails ends this with its traceback."""
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    nbformat.validate(notebook)
+    place = {"metadata": {"path": folder}}
+    nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3", resources=place).execute()
+    for output in (one for cell in notebook.cells for one in cell.get("outputs", [])):
+        print(output.get("text") or output.get("data", {}).get("text/plain", ""))
+        if drawn := output.get("data", {}).get("image/png"):
+            Path(picture).write_bytes(base64.b64decode(drawn))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,48 @@
+"""`shukotsu check` of a recording: findings first; advice on joints only where nothing contradicts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from shukotsu.check_file import main as check
+from stages.simulate.realism import Realism
+from stages.simulate.recording import write_recording
+from stages.simulate.simulation import simulate
+
+
+@pytest.fixture(scope="module")
+def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("rom") / "rom.csv"
+    write_recording(path, simulate("P1", "right", "rom", 3, Realism.full(), 900))
+    return path
+
+
+def test_a_good_recording_has_a_line_a_joint(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert check([str(rom), "--hand", "right"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "no finding"
+    assert lines[1].split()[:2] == ["joint", "range"]
+    assert [line.split()[0] for line in lines[2:]][:4] == ["thumb_cmc", "thumb_mcp", "thumb_ip", "index_mcp"]
+    assert list(rom.parent.iterdir()) == [rom]  # nothing is left beside it
+
+
+def test_of_the_other_hand_only_that_is_said(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert check([str(rom), "--hand", "left"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("suspect: wrong-hand: This seems to be a right hand")
+    assert "thumb_cmc" not in out
+
+
+def test_which_hand_is_not_guessed(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert check([str(rom)]) == 2
+    assert "--hand is missing; say which hand the recording is of" in capsys.readouterr().err
+
+
+def test_without_a_study_in_the_folder_it_says_how_to_make_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert check([]) == 2
+    assert "or make one: `shukotsu new FOLDER`" in capsys.readouterr().err

@@ -1,0 +1,130 @@
+"""The guide's blocks are run as a reader types them, page by page and in their order; its notebook, too."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from browser import browser  # noqa: F401
+from guide_pages import PAGES, REPOSITORY, Block, blocks
+from PIL import Image
+from report_samples.screenshots import FOLDER, SCALE, WIDTH, take_all
+from studies.guide_folder import begin_as_reader, make_guide_folder, write_lab_files
+
+from schemas.results import Results
+
+pytestmark = pytest.mark.slow
+
+SHELLS = ("sh", "bash", "shell", "console")
+SITE_PYTHON = REPOSITORY / ".venv-site" / "bin" / "python"
+RUN_NOTEBOOK = REPOSITORY / "tests" / "report_samples" / "run_notebook.py"
+MOST_SECONDS = 900
+
+TAKE_FILES = 'if [ "$PWD" != "$START" ] && [ -f study.yaml ]; then cp -f "$LAB"/* .; fi'
+"""What a reader does in a study folder that was just made: copies recordings into it and edits the sheets."""
+
+
+def run_blocks(page: Path) -> list[Block]:
+    """The page's blocks that say no reason why no test runs them."""
+    return [block for block in blocks(page, *SHELLS, "python") if not block.not_run]
+
+
+RUN_PAGES = [page for page in PAGES if run_blocks(page)]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that every page begins in, its study run; not to be changed."""
+    folder = tmp_path_factory.mktemp("guide")
+    make_guide_folder(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A lab's recordings and sheets."""
+    folder = tmp_path_factory.mktemp("lab")
+    write_lab_files(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str, str]:
+    """Programs on the path as after `source .venv/bin/activate`; nothing opens a window."""
+    programs = tmp_path_factory.mktemp("programs")
+    for name, words in {"shukotsu": "-P -m shukotsu", "python": ""}.items():
+        (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {words} "$@"\n', "utf-8")
+        (programs / name).chmod(0o755)
+    own = Path(sys.executable).parent
+    return os.environ | {
+        "PATH": f"{programs}:{own}:{os.environ['PATH']}",
+        "PYTHONPATH": str(REPOSITORY),
+        "BROWSER": "true",
+        "MPLBACKEND": "agg",
+        "LAB": str(lab),
+    }
+
+
+@pytest.mark.parametrize("page", RUN_PAGES, ids=lambda page: page.name)
+def test_blocks_of_a_page_run(
+    page: Path, finished: Path, environment: dict[str, str], tmp_path: Path
+) -> None:
+    folder = tmp_path / "reader"
+    shutil.copytree(finished, folder, symlinks=True)
+    begin_as_reader(folder, page.read_text("utf-8"))
+    (folder / ".venv").symlink_to(Path(sys.prefix))
+    for name, lines in scripts(page).items():
+        (folder / name).write_text(lines, "utf-8")
+        program = [sys.executable] if name.endswith(".py") else ["bash"]
+        done = subprocess.run(
+            [*program, name],
+            cwd=folder,
+            env=environment | {"START": str(folder)},
+            capture_output=True,
+            text=True,
+            timeout=MOST_SECONDS,
+            check=False,
+        )
+        assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
+
+
+def scripts(page: Path) -> dict[str, str]:
+    """What to run of a page: its shell blocks as one script, then its Python blocks as another."""
+    shell = [
+        f"{TAKE_FILES}\necho '--- {block}'\n{block.text}"
+        for block in run_blocks(page)
+        if block.language in SHELLS
+    ]
+    python = [block.text for block in run_blocks(page) if block.language == "python"]
+    found = {"blocks.sh": "\n".join(["set -eu", *shell])} if shell else {}
+    return found | ({"blocks.py": "\n".join(python)} if python else {})
+
+
+def test_the_notebook_answers_its_question(
+    finished: Path, environment: dict[str, str], tmp_path: Path
+) -> None:
+    if not SITE_PYTHON.is_file():
+        pytest.skip("no .venv-site; `make site` makes it")
+    picture = tmp_path / "picture.png"
+    command = [str(SITE_PYTHON), str(RUN_NOTEBOOK), str(finished), str(picture)]
+    inline = environment | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
+    done = subprocess.run(command, env=inline, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "moved most of the joints to believe: " in done.stdout
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.usefixtures("browser")
+def test_every_screenshot_can_be_taken_anew(finished: Path, tmp_path: Path) -> None:
+    results = Results(finished / "results" / "demo")
+    recording = results.subject_pages("01") / "right" / "opposition.html"
+    taken = take_all(results, "01", recording, tmp_path)
+    kept = (REPOSITORY / FOLDER).glob("*.png")
+    assert sorted(picture.name for picture in taken) == sorted(picture.name for picture in kept)
+    for picture in taken:
+        with Image.open(picture) as image:
+            assert image.width == WIDTH * SCALE

@@ -1,0 +1,79 @@
+"""A study from `shukotsu new` to its report and exports, by the one command, from a folder of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from studies.running import REPOSITORY, record
+
+pytestmark = pytest.mark.slow
+
+
+def shukotsu(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in a folder."""
+    return subprocess.run(
+        [sys.executable, "-P", "-m", "shukotsu", *argv],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
+    record(tmp_path / "captures" / "rom.parquet", subject="01", task="rom")
+    assert shukotsu(tmp_path, "new", "piano", "--recordings", "captures").returncode == 0
+    folder = tmp_path / "piano"
+    sheet = folder / "recordings.tsv"
+    sheet.write_text(sheet.read_text().replace("\t\t\t\t", "01\tright\trom\tboth\t"))
+    study = folder / "study.yaml"
+    study.write_text(study.read_text().replace("[rigid, paper-fig4, whole-hand]", "[rigid]"))
+
+    assert "1 subjects, 1 recordings, 1 models" in shukotsu(folder, "check").stdout
+    early = shukotsu(folder, "report")
+    assert (early.returncode, early.stdout) == (2, "")
+    assert "is not there yet; run `shukotsu run study.yaml` in this folder first" in early.stderr
+    assert "is not there yet" in shukotsu(folder, "export", "--formats", "csv", "--out", "out").stderr
+
+    planned = shukotsu(folder, "run", "--dry-run")
+    assert planned.returncode == 0
+    one_table = shukotsu(folder, "run", "--dry-run", "--", "results/piano/joint_centres.parquet")
+    assert one_table.returncode == 0, one_table.stderr
+    assert not (folder / "results" / "piano" / "report.html").exists()
+
+    done = shukotsu(folder, "run", "--cores", "2")
+    assert done.returncode == 0, done.stderr
+    command = done.stderr.partition("\n")[0]
+    assert command.startswith("$ ")
+    assert command.endswith("--configfile study.yaml --quiet rules --cores 2")
+    first, last = done.stdout.splitlines()
+    assert first.startswith("1 of 1 recording was used. ")
+    assert last == "report: results/piano/report.html"
+
+    printed = shukotsu(folder, "report", "--print").stdout
+    assert printed.startswith("Study piano: 1 of 1 recording was used.")
+    assert printed.endswith("\nresults/piano/report.html\n")
+    exported = shukotsu(folder, "export", "study.yaml", "--formats", "csv", "--out", "out")
+    assert exported.returncode == 0, exported.stderr
+    assert (folder / "out" / "sub-01_hand-right_task-rom_model-rigid.csv").is_file()
+
+
+def test_what_snakemake_says_no_to_is_the_commands_exit_code(tmp_path: Path) -> None:
+    record(tmp_path / "rom.parquet", subject="01", task="rom")
+    (tmp_path / "recordings.tsv").write_text(
+        "subject\thand\ttask\trole\tfile\n01\tright\trom\tboth\trom.parquet\n"
+    )
+    (tmp_path / "study.yaml").write_text(
+        "study: a\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [rigid]\n"
+    )
+    refused = shukotsu(tmp_path, "run", "--cores", "none")
+    assert refused.returncode == 2
+    assert "--cores: is 'none'; expected a number of jobs, or all" in refused.stderr
+    wrong = shukotsu(tmp_path, "run", "--", "--no-such-option")
+    assert wrong.returncode not in (0, -1)
+    assert "Traceback" not in wrong.stderr

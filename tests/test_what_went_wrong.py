@@ -1,0 +1,62 @@
+"""What docs/what-went-wrong.md quotes is said by the program, in these words."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+
+import pytest
+from refusal_places import ROOMS, ROOT
+
+PAGE = (ROOT / "docs" / "what-went-wrong.md").read_text("utf-8")
+FILLED_IN = re.compile(
+    r"\d[\d.]*|'[^']*'|\.\.\.|[{}<>]|\b(?:index_distal|little_metacarpal|liberty16|arm|x_mm)\b"
+)
+"""What a sentence says of one recording: numbers, names, what is in quotes."""
+
+
+def section(head: str) -> str:
+    """The part of the page below a heading, up to the next one."""
+    return PAGE.partition(f"## {head}\n")[2].partition("\n## ")[0]
+
+
+def first_cells(head: str) -> list[str]:
+    """The first cell of every row of a section's table but its head."""
+    rows = [line.split(" | ")[0].strip("| ") for line in section(head).splitlines() if line.startswith("|")]
+    return rows[2:]
+
+
+QUOTED = [cell.strip("*") for cell in first_cells("Joints are weak or failed")]
+QUOTED += [quote for cell in first_cells("An error is printed") for quote in re.findall(r"`([^`]+)`", cell)]
+
+
+@cache
+def said() -> str:
+    """Every text in the code of the rooms, … for what it fills in."""
+    texts = []
+    for room in ROOMS:
+        for path in sorted((ROOT / room).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(node, ast.JoinedStr):
+                    parts = (part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
+                    texts.append("".join(map(str, parts)))
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    texts.append(node.value)
+    return "\n".join(texts)
+
+
+def longest_part(quote: str) -> str:
+    """The longest part of a sentence that is the same for every recording."""
+    return max((part.strip(" ;:,") for part in FILLED_IN.split(quote)), key=len)
+
+
+@pytest.mark.parametrize("quote", QUOTED)
+def test_what_is_quoted_is_said(quote: str) -> None:
+    assert len(longest_part(quote)) >= len("is empty")
+    assert longest_part(quote) in said()
+
+
+def test_what_is_not_said_is_noticed() -> None:
+    assert len(QUOTED) > 30
+    assert longest_part("moved only 4 deg; the moon alone can look like that") not in said()
