@@ -18,7 +18,7 @@ ROW = "P1\tright\trom\tboth\trom.csv\n"
 def test_a_new_study_reads_when_a_row_is_written(
     tmp_path: Path, language: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(style, "font_of", lambda own: Path("installed.ttf"))
+    monkeypatch.setattr(style, "font_of", lambda _: Path("installed.ttf"))
     monkeypatch.chdir(tmp_path)
     assert new(["piano", "--language", language]) == 0
     assert "next: write a row a recording into piano/recordings.tsv" in capsys.readouterr().out
@@ -35,7 +35,7 @@ def test_a_new_study_reads_when_a_row_is_written(
 def test_a_new_study_in_japanese_is_refused_without_a_font(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(style, "font_of", lambda own: None)
+    monkeypatch.setattr(style, "font_of", lambda _: None)
     monkeypatch.chdir(tmp_path)
     new([".", "--language", "ja"])
     with Path("recordings.tsv").open("a") as file:
