@@ -27,7 +27,7 @@ from stages.fit_hand.posed_tables import posed_blocks
 from stages.fit_hand.replaying import pose_hand
 from stages.measure_movement.angle_ranges import HIGH_PERCENT, LOW_PERCENT
 from stages.measure_movement.movement_rows import distance_rows, path_rows, range_rows
-from stages.measure_movement.recorded_movement import ANGLES, AngleSeries, Fingertip
+from stages.measure_movement.recorded_movement import ANGLES, ERRORS, AngleSeries, Fingertip
 from stages.measure_movement.sampling import grid_of
 from stages.simulate.random_hand import BONES, DIGITS
 from stages.simulate.realism import Realism
@@ -104,10 +104,10 @@ def _columns(
 
 def _angles(blocks: Sequence[dict[str, dict[str, Array]]]) -> Iterator[AngleSeries]:
     for angle in ANGLES:
-        names = [f"{angle}_{what}" for what in ("deg", "sd_deg", "change_sd_deg")]
+        names = [f"{angle}_{what}" for what in ("deg", *ERRORS)]
         of = _columns(blocks, "joint_angles", "joint", names)
         stacked = np.stack([*of.values()], 1)
-        yield AngleSeries(angle, tuple(of), stacked[..., 0], stacked[..., 1], stacked[..., 2])
+        yield AngleSeries(angle, tuple(of), stacked[..., 0], stacked[..., 1:])
 
 
 def _true_angles_deg(tips: Fingertips, poses: Poses, made: Simulated) -> dict[str, Array]:

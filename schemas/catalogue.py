@@ -375,7 +375,7 @@ IN_THIS_FRAME = "in this frame, by the receivers valid in it and what the fit le
 
 JOINT_ANGLES = Table(
     "joint_angles",
-    4,
+    5,
     "the joint's angles with the fitted hand",
     (
         *OF_SKELETON_IN_RECORDING,
@@ -394,6 +394,12 @@ JOINT_ANGLES = Table(
         ),
         _real("abduction_change_sd_deg", "the same of abduction_deg"),
         _real("rotation_change_sd_deg", "the same of rotation_deg"),
+        _real("flexion_session_sd_deg", "1-sigma of what differs when the receivers are put on anew"),
+        _real("abduction_session_sd_deg", "the same of abduction_deg"),
+        _real("rotation_session_sd_deg", "the same of rotation_deg"),
+        _real("flexion_session_change_sd_deg", "of flexion_change_sd_deg, what differs so"),
+        _real("abduction_session_change_sd_deg", "the same of abduction_deg"),
+        _real("rotation_session_change_sd_deg", "the same of rotation_deg"),
     ),
     ("subject", "session", "hand", "task", "trial", "model", "made_without", "joint", "frame"),
 )

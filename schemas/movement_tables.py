@@ -97,7 +97,7 @@ CLOCKS = Table(
 
 RANGES_OF_MOTION = Table(
     "ranges_of_motion",
-    1,
+    2,
     "how far and how fast an angle of a joint moved in a recording",
     (
         *_OF_MODEL,
@@ -110,6 +110,8 @@ RANGES_OF_MOTION = Table(
         real("median_deg", "median of the angle: the posture"),
         real("range_sd_deg", "1-sigma error of range_deg: what skin and skeleton leave uncertain"),
         real("median_sd_deg", "the same of median_deg"),
+        real("range_session_sd_deg", "of range_sd_deg, what differs when the receivers are put on anew"),
+        real("median_session_sd_deg", "the same of median_sd_deg"),
         real("speed_median_deg_s", "median of the angle's speed"),
         real("speed_p95_deg_s", "95th percentile of the angle's speed"),
         N_FRAMES,
@@ -257,7 +259,11 @@ MOVEMENT_RELIABILITY = Table(
         *_with_interval("bias", "mean difference of a session, or trial, from the one before it"),
         *_with_interval("loa_low", "lower 95 % limit of agreement (Bland-Altman)"),
         *_with_interval("loa_high", "upper limit"),
-        real("stated_sd", "rms of the stated 1-sigma error of a difference between two sessions"),
+        real(
+            "stated_sd",
+            "rms of the stated 1-sigma error of a difference between two sessions; of angles without what "
+            "their sessions have in common",
+        ),
         real("difference_to_stated", "rms difference between two sessions, over stated_sd"),
         real("held_percent", "differences within 1.96 times their own stated 1-sigma error"),
         UNIT,

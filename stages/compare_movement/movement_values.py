@@ -24,7 +24,9 @@ SUSPECT = "suspect"
 
 @dataclass(frozen=True)
 class Quantity:
-    """A column that is compared. of : the columns that say whose it is. sd : its stated 1-sigma error."""
+    """A column that is compared. of : the columns that say whose it is. sd : its 1-sigma error
+    as stated, where it can be of what differs between sessions alone.
+    """
 
     table: Table
     name: str
@@ -41,9 +43,9 @@ class Quantity:
 _ANGLE, _TIP, _TIPS = ("joint", "angle"), ("digit",), ("digit", "other_digit")
 
 QUANTITIES = (
-    Quantity(RANGES_OF_MOTION, "range_deg", _ANGLE, "range_sd_deg", " "),
+    Quantity(RANGES_OF_MOTION, "range_deg", _ANGLE, "range_session_sd_deg", " "),
     Quantity(RANGES_OF_MOTION, "full_range_deg", _ANGLE, "", " "),
-    Quantity(RANGES_OF_MOTION, "median_deg", _ANGLE, "median_sd_deg", " "),
+    Quantity(RANGES_OF_MOTION, "median_deg", _ANGLE, "median_session_sd_deg", " "),
     Quantity(RANGES_OF_MOTION, "speed_median_deg_s", _ANGLE, "", " "),
     Quantity(RANGES_OF_MOTION, "speed_p95_deg_s", _ANGLE, "", " "),
     Quantity(FINGERTIP_PATHS, "path_length_mm", _TIP, "path_sd_mm"),

@@ -39,6 +39,18 @@ _MOST_AT_ONCE = 128
 
 _NUDGE_RAD = 1e-5
 
+NEUTRAL_SD_DEG = np.array([1.5, 1.5, 3.0])
+"""Of flexion, abduction and rotation at neutral, which is as bones face: published hands (CT, X-ray, Buchholz
+1992, MyoHand) have these 1.6, 1.5 and 2.8 deg apart (1 sigma), most where axes of DIP joints turn. It is the
+same in all frames and all people."""
+
+PUT_ON = ("mount", "mount turn", "mount habit", "mount turn habit")
+"""Groups of unknowns that are others when the receivers are put on anew."""
+
+_NEW_SHARE = 0.5
+"""Of what residuals leave open, that is another in the next session (our choice): noise and how skin wanders.
+The rest is how skin follows the posture, which repeats."""
+
 
 @dataclass(frozen=True)
 class _Spread:
@@ -66,6 +78,9 @@ class PosedErrors:
     changes_deg : joint to (F, 3), of how far an angle is from the reference: what the hand's unknowns do to
     both alike is no error of the change. reference_deg : joint to (3, H), what they do to the reference, as
     maps of H standard normal numbers. by_hand_deg : joint to (F, 3, H), what they do to each frame.
+
+    session_deg, session_changes_deg : joint to (F, 3), of the hand's part alone, what differs when the same
+    hand puts the receivers on anew.
     """
 
     centre_mm: Array
@@ -75,6 +90,8 @@ class PosedErrors:
     by_hand_deg: Mapping[str, Array] = field(default_factory=dict)
     changes_deg: Mapping[str, Array] = field(default_factory=dict)
     reference_deg: Mapping[str, Array] = field(default_factory=dict)
+    session_deg: Mapping[str, Array] = field(default_factory=dict)
+    session_changes_deg: Mapping[str, Array] = field(default_factory=dict)
 
 
 def posed_errors(
@@ -103,20 +120,63 @@ def posed_errors(
         joint: _change_errors_deg(few.angles_deg[joint], own, reference_deg[joint])
         for joint, own in few.by_hand_deg.items()
     }
+    neutral_deg = _neutral_sd_deg(tips)
+    angles_deg = {joint: np.hypot(own, neutral_deg[joint]) for joint, own in few.angles_deg.items()}
+    anew = _new_in_a_session(tips)
+    session_deg = {joint: _norms(own @ anew) for joint, own in few.by_hand_deg.items()}
+    session_changes_deg = {
+        joint: _norms((own - reference_deg[joint]) @ anew) for joint, own in few.by_hand_deg.items()
+    }
 
     def of_all(values: Array) -> Array:
         out = values[nearest] if len(values) else np.zeros((len(nearest), *values.shape[1:]))
         out[~posed.posed] = np.nan
         return out
 
+    def by_joint(values: Mapping[str, Array]) -> dict[str, Array]:
+        return {joint: of_all(own) for joint, own in values.items()}
+
     return PosedErrors(
         of_all(few.centre_mm),
         of_all(few.turn_deg),
-        {joint: of_all(values) for joint, values in few.angles_deg.items()},
+        by_joint(angles_deg),
         of_all(few.tips_mm),
-        changes_deg={joint: of_all(values) for joint, values in changes_deg.items()},
+        changes_deg=by_joint(changes_deg),
         reference_deg=reference_deg,
+        session_deg=by_joint(session_deg),
+        session_changes_deg=by_joint(session_changes_deg),
     )
+
+
+def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
+    """How uncertain each joint's neutral is, (3,); of unknown anatomy angles count from no neutral."""
+    known = {joint for digit in known_digits(tips.fit.evidence.layout) for joint in digit.joints}
+    joints = tips.fit.evidence.layout.joints
+    return {joint: NEUTRAL_SD_DEG if joint in known else np.zeros(3) for joint in joints}
+
+
+def _new_in_a_session(tips: Fingertips) -> Array:
+    """Take maps of H standard normal numbers, of the hand, to what differs in another session, (H, H)."""
+    evidence = tips.fit.evidence
+    root = _square_root(tips.covariance)[: len(evidence.posterior.x)]
+    put_on = np.isin(evidence.model.unknowns.groups, PUT_ON)
+    return new_in_a_session(root, evidence.problem.precision, put_on, _NEW_SHARE)
+
+
+def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_], new_share: float) -> Array:
+    """Square root (H, H) of what differs in another session, in the numbers that root (G, H) takes.
+
+    root : of the covariance C of G unknowns; precision : (G,) of their priors. An unknown's error is the pull
+    of the priors, C L C with their precisions L, and what residuals do, the rest of C. For the same hand in
+    another session the pull on what is put on anew is another, and new_share of the residuals' part.
+    """
+    pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
+    return _square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
+
+
+def _norms(maps: Array) -> Array:
+    """1-sigma errors (...) of numbers given as maps (..., N)."""
+    return np.asarray(np.sqrt((maps**2).sum(-1)))
 
 
 def _change_errors_deg(angles_deg: Array, by_hand_deg: Array, reference_deg: Array) -> Array:
@@ -185,7 +245,7 @@ def _errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
     return PosedErrors(
         _norm(spread.shift_mm),
         np.degrees(_norm(spread.turn_rad)),
-        {joint: np.sqrt((own**2).sum(-1)) for joint, own in angles_deg.items()},
+        {joint: _norms(own) for joint, own in angles_deg.items()},
         _tip_errors_mm(tips, posed, spread, frames),
         {joint: own[..., :n_hand] for joint, own in angles_deg.items()},
     )

@@ -30,6 +30,14 @@ LEFT_OUT_FRAMES = 512
 ENDS = {BONE: "tip", TIP: "skin_tip"}
 """Where a digit ends, and what its columns of posed_tips begin with."""
 
+ERRORS_OF_ANGLES = {
+    "sd_deg": "angles_deg",
+    "change_sd_deg": "changes_deg",
+    "session_sd_deg": "session_deg",
+    "session_change_sd_deg": "session_changes_deg",
+}
+"""Columns of joint_angles, without the angle's name, and what of `PosedErrors` is in them."""
+
 Columns = dict[str, Any]
 
 
@@ -63,13 +71,12 @@ def angle_columns(
     angles = _turns_deg(posed, layout)
     angles |= angles_of_hand(posed.bones, bones, bones[:, 0], layout, side_of(fit), rests)
     unknown = np.full((len(poses.frame), 3), np.nan)
-    sd_deg, change_sd_deg = (
-        {joint: unknown if errors is None else own[joint] for joint in angles}
-        for own in (({}, {}) if errors is None else (errors.angles_deg, errors.changes_deg))
-    )
     columns = _keys(name, "joint", list(angles), poses)
-    for suffix, values in (("deg", angles), ("sd_deg", sd_deg), ("change_sd_deg", change_sd_deg)):
-        stacked = np.concatenate([*values.values(), np.empty((0, 3))])
+    by_suffix: dict[str, Mapping[str, Array]] = {"deg": angles}
+    for suffix, own in ERRORS_OF_ANGLES.items():
+        by_suffix[suffix] = {} if errors is None else getattr(errors, own)
+    for suffix, values in by_suffix.items():
+        stacked = np.concatenate([*(values.get(joint, unknown) for joint in angles), np.empty((0, 3))])
         for index, part in enumerate(("flexion", "abduction", "rotation")):
             columns[f"{part}_{suffix}"] = stacked[:, index]
     return columns

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skeleton.rotations import Array
-from stages.measure_movement.angle_ranges import angle_range
+from stages.measure_movement.angle_ranges import AngleErrors, angle_range
 from stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
 from stages.measure_movement.differentiation import speed, velocity, velocity_noise_sd
 from stages.measure_movement.fingertip_contacts import contact_count, contacts
@@ -42,8 +42,8 @@ def range_rows(
             if series.angle == "flexion":
                 yield row | {"status": "failed", "message": message or "no frame has this angle"}
             continue
-        of = (own[known, index] for own in (series.angle_deg, series.sd_deg, series.change_sd_deg))
-        row |= asdict(angle_range(*of))
+        errors = AngleErrors(*series.errors_deg[known, index].T)
+        row |= asdict(angle_range(series.angle_deg[known, index], errors))
         row |= _speed_columns(speeds[:, index], "deg_s")
         yield row | _judged(row, "ok" if status == "failed" else status, message, grid)
 

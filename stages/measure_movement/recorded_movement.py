@@ -22,6 +22,9 @@ from skeleton.rotations import Array, conjugate, rotate
 
 ANGLES = ("flexion", "abduction", "rotation")
 
+ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
+"""Columns of joint_angles, without the angle's name."""
+
 _BONE_POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 _BLOCK_FRAMES = 1 << 15
 _FACING_FRAMES = 512
@@ -30,13 +33,15 @@ _FACING_FRAMES = 512
 
 @dataclass(frozen=True)
 class AngleSeries:
-    """One angle of J joints over T frames: (T, J) degrees, NaN in gaps and of errors that are not known."""
+    """One angle of J joints over T frames: (T, J) degrees, NaN in gaps.
+
+    errors_deg : (T, J, E) the errors in `ERRORS`, NaN where they are not known.
+    """
 
     angle: str
     joints: tuple[str, ...]
     angle_deg: Array
-    sd_deg: Array
-    change_sd_deg: Array
+    errors_deg: Array
 
 
 @dataclass(frozen=True)
@@ -84,17 +89,16 @@ class RecordedMovement:
         """Flexion, abduction and rotation in turn, each of all joints."""
         for index, angle in enumerate(ANGLES):
             if self._fitted:
-                columns = [f"{angle}_{what}" for what in ("deg", "sd_deg", "change_sd_deg")]
+                columns = [f"{angle}_{what}" for what in ("deg", *ERRORS)]
                 by_joint = self._table(JOINT_ANGLES, "joint", columns)
             else:
-                unknown = np.full((len(self.poses.frame), 2), np.nan)
+                unknown = np.full((len(self.poses.frame), len(ERRORS)), np.nan)
                 by_joint = {
                     joint: np.column_stack([own[:, index], unknown]) for joint, own in self._ridden[0].items()
                 }
-            stacked = (
-                np.stack([*by_joint.values()], 1) if by_joint else np.empty((len(self.poses.frame), 0, 3))
-            )
-            yield AngleSeries(angle, tuple(by_joint), stacked[..., 0], stacked[..., 1], stacked[..., 2])
+            none = np.empty((len(self.poses.frame), 0, 1 + len(ERRORS)))
+            stacked = np.stack([*by_joint.values()], 1) if by_joint else none
+            yield AngleSeries(angle, tuple(by_joint), stacked[..., 0], stacked[..., 1:])
 
     def fingertips(self) -> dict[str, Fingertip]:
         """The ends of all digits that have one."""

@@ -15,10 +15,12 @@ from stages.fit_hand.facing import facing_nails
 from stages.fit_hand.fingertips import TIP, Fingertips, fingertips
 from stages.fit_hand.fit import Settings, fit_hand
 from stages.fit_hand.frame_uncertainty import (
+    NEUTRAL_SD_DEG,
     PosedErrors,
     _point,
     _spread_of,
     errors_with,
+    new_in_a_session,
     posed_errors,
     posed_frames,
 )
@@ -174,4 +176,41 @@ def test_a_change_has_no_error_that_all_frames_share(tips: Fingertips) -> None:
     known = replace(tips, covariance=np.zeros_like(tips.covariance))
     own, alone = posed_errors(tips, still, frames), posed_errors(known, still, frames)
     for joint, sd_deg in alone.angles_deg.items():
-        np.testing.assert_allclose(own.changes_deg[joint], sd_deg, rtol=1e-6)
+        of_frame = np.sqrt(sd_deg**2 - NEUTRAL_SD_DEG**2)
+        np.testing.assert_allclose(own.changes_deg[joint], of_frame, rtol=1e-6)
+
+
+def test_of_the_same_hand_in_another_session_less_is_uncertain(tips: Fingertips) -> None:
+    """Nothing differs in a posture's change from itself; elsewhere a part of what the hand leaves open."""
+    poses, posed = task_of(tips)
+    errors = stated(tips, poses, posed)
+    for joint, sd_deg in errors.angles_deg.items():
+        assert (errors.session_deg[joint] < sd_deg).all()
+        assert (errors.session_changes_deg[joint] < errors.changes_deg[joint]).all()
+        assert np.median(errors.session_deg[joint] / sd_deg) > 0.1
+    one = np.zeros(20, int)
+    still = posed_errors(tips, posed_frames(posed, one), tips.fit.evidence.convention.frames(poses.take(one)))
+    assert max(own.max() for own in still.session_changes_deg.values()) < 1e-6
+
+
+@pytest.mark.parametrize("new_share", [0.0, 1.0])
+def test_sessions_of_drawn_unknowns_differ_as_stated(new_share: float) -> None:
+    """Of a linear problem: people drawn from the priors, measured twice, a part of them drawn anew."""
+    rng = np.random.default_rng(8)
+    n_unknowns, n_people = 6, 20_000
+    seen, precision = rng.normal(size=(9, n_unknowns)), rng.uniform(0.5, 2.0, n_unknowns)
+    put_on = np.arange(n_unknowns) % 2 == 0
+    covariance = np.linalg.inv(seen.T @ seen + np.diag(precision))
+    root = np.linalg.cholesky(covariance)
+    person = rng.normal(size=(n_people, n_unknowns)) / np.sqrt(precision)
+    noise = rng.normal(size=(n_people, 9))
+    found = []
+    for _ in range(2):
+        anew = rng.normal(size=person.shape) / np.sqrt(precision)
+        true = np.where(put_on, anew, person)
+        other = new_share * rng.normal(size=noise.shape) + (1.0 - new_share) * noise
+        found.append((true @ seen.T + other) @ seen @ covariance - true)
+    expected = root @ new_in_a_session(root, precision, put_on, new_share)
+    np.testing.assert_allclose(
+        np.cov((found[1] - found[0]).T), 2 * expected @ expected.T, atol=0.05 * np.trace(covariance)
+    )
