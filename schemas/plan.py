@@ -325,16 +325,26 @@ def plan_of_poses(
 
     calibration, evaluated : poses files, one may be both. subject, session, hand : whose, where no file says.
     sizes_mm : hand_length_mm and hand_breadth_mm. sheets : paths of HAND_SHEETS, of
-    which the rows of this hand count. Raises InputError where the files are of several hands.
+    which the rows of this hand count. Raises InputError where the files are of several hands, or two are of
+    one recording, which would count twice.
     """
     whose = one_hand([*calibration, *evaluated], subject, session, hand)
+    roles: dict[Path, list[str]] = {}
+    for role, paths in (("calibration", calibration), ("evaluation", evaluated)):
+        for path in dict.fromkeys(paths):
+            same = next((other for other in roles if other.samefile(path)), path)
+            roles.setdefault(same, []).append(role)
     files: dict[Recording, Path] = {}
-    for path in dict.fromkeys([*calibration, *evaluated]):
-        roles = [
-            name for name, paths in (("calibration", calibration), ("evaluation", evaluated)) if path in paths
-        ]
+    known: dict[tuple[str, str], Path] = {}
+    for path, own in roles.items():
         name = recording_name(path)
-        role = "both" if len(roles) == 2 else roles[0]
+        first = known.setdefault((name.task, name.trial), path)
+        if first != path:
+            raise InputError(
+                f"{path}: is of {name}, as {first} is; give a recording once, and import another repetition "
+                "with a --trial of its own"
+            )
+        role = "both" if len(set(own)) == 2 else own[0]
         given = (path, str(path), Path(layout.name), "auto", None, "keep", "")
         files[Recording(whose, name.task, name.trial, role, *given)] = path
     named = {name: path for name, path in (sheets or {}).items() if path is not None}

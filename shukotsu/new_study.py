@@ -56,10 +56,13 @@ def new_study(arguments: argparse.Namespace) -> None:
         "recordings.tsv": "".join(f"{row}\n" for row in rows),
         "participants.tsv": "subject\thand_length_mm\thand_breadth_mm\n",
     }
-    for file in texts:
-        if (folder / file).exists():
-            raise InputError(f"{folder / file}: is there already; name another folder, or edit that file")
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        kept = [folder / file for file in texts if (folder / file).exists()]
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made a study's folder ({error.strerror or error})") from error
+    if kept:
+        raise InputError(f"{kept[0]}: is there already; name another folder, or edit that file")
     for file, text in texts.items():
         write_text(folder / file, text)
         print(folder / file)

@@ -138,6 +138,7 @@ def run(
     message = ""
     try:
         _refuse_odd_text(arguments)
+        _refuse_outputs_over_inputs(arguments)
         with recorded(record_failure is not None and arguments.record_failure) as messages:
             work(arguments)
         if messages and record_failure is not None:
@@ -181,6 +182,37 @@ def _refuse_odd_text(arguments: argparse.Namespace) -> None:
             longest = max((len(part.encode()) for part in each.parts), default=0)
             if "\0" in text or longest > FILE_NAME_BYTES:
                 raise InputError(f"{option}: {text}: no file can have this name; give a shorter, plain one")
+
+
+def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
+    """Raise InputError where a file to write is one to read, which would be lost, or another one to write."""
+    named = [
+        (name, path)
+        for name, value in vars(arguments).items()
+        for path in (value if isinstance(value, list | tuple) else [value])
+        if isinstance(path, Path)
+    ]
+    for at, (name, path) in enumerate(named):
+        if not name.startswith("out"):
+            continue
+        option = f"--{name.replace('_', '-')}"
+        for other, read in named:
+            if not other.startswith("out") and _same_file(path, read):
+                raise InputError(
+                    f"{option}: {path}: is the file that is read, which would be lost; give another name"
+                )
+        if any(other.startswith("out") and _same_file(path, own) for other, own in named[:at]):
+            raise InputError(f"{option}: {path}: is to hold another output too; give each a name of its own")
+
+
+def _same_file(first: Path, second: Path) -> bool:
+    """Whether two paths are of one file, be it by a link; a folder takes several."""
+    try:
+        if first.is_dir() or second.is_dir():
+            return False
+        return first.resolve() == second.resolve() or first.samefile(second)
+    except (OSError, RuntimeError):  # not there, or a link to itself: whoever opens it says so
+        return False
 
 
 @contextmanager

@@ -105,7 +105,8 @@ class PosesTable:
             rows = file.rows()
             for start in range(0, len(self.frame), row_group_frames):
                 frame = self.frame[start : start + row_group_frames]
-                first, end = np.searchsorted(rows["frame"], [frame[0], frame[-1] + 1])
+                first = np.searchsorted(rows["frame"], frame[0])
+                end = np.searchsorted(rows["frame"], frame[-1], side="right")
                 yield _columns(segment, frame, rows[first:end], segment in self.frozen)
 
 

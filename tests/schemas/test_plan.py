@@ -252,3 +252,15 @@ def test_poses_of_two_hands_are_refused(tmp_path: Path) -> None:
     files = [poses(tmp_path, "rom"), poses(tmp_path, "rom", LEFT)]
     with pytest.raises(InputError, match=r"left-rom.parquet: is of .*; expected subject 01, right hand"):
         plan_of_poses(files[:1], files[1:], read_layout("liberty16"), [])
+
+
+def test_a_recording_counts_once(tmp_path: Path) -> None:
+    """A copy would halve the variance of every joint; the same file by another path is the same file."""
+    rom, layout = poses(tmp_path, "rom"), read_layout("liberty16")
+    copy, link = tmp_path / "copy.parquet", tmp_path / "link.parquet"
+    copy.write_bytes(rom.read_bytes())
+    link.symlink_to(rom)
+    with pytest.raises(InputError, match=r"copy.parquet: is of .* rom, as .*-rom.parquet is; give a record"):
+        plan_of_poses([rom, copy], [], layout, [])
+    (recording,) = plan_of_poses([rom], [link], layout, []).recordings
+    assert recording.role == "both"

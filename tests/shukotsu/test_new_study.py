@@ -100,3 +100,13 @@ def test_what_cannot_be_made_is_refused_and_nothing_is_left(
     assert new(argv) == 2
     assert f"error: {sentence}" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["recordings.tsv", "there"]
+
+
+@pytest.mark.parametrize("folder", ["file/piano", "file"])
+def test_a_folder_that_cannot_be_is_one_sentence(
+    folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    assert new([folder]) == 2
+    assert f"error: {folder}: cannot be made a study's folder (" in capsys.readouterr().err

@@ -6,7 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pyarrow as pa
@@ -49,6 +49,40 @@ def poses(path: Path, task: str, hand: str = "right") -> Path:
     names = {"subject": "01", "hand": hand, "task": task, "trial": ""}
     write_table(path, POSES, NO_ROWS, Provenance(parameters=names))
     return path
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (("--in", "a.csv", "--out", "a.csv"), "--out: a.csv: is the file that is read, which would be lost"),
+        (("--in", "link.csv", "--out", "./a.csv"), "--out: a.csv: is the file that is read"),
+        (("--in", "a.csv", "b.csv", "--out", "b.csv"), "--out: b.csv: is the file that is read"),
+        (("--out", "c.csv", "--out-bones", "./x/../c.csv"), "--out-bones: x/../c.csv: is to hold another out"),
+        (("--in", ".", "--out", "."), ""),
+        (("--in", "a.csv", "--out", "c.csv", "--out-bones", "d.csv"), ""),
+    ],
+)
+def test_no_output_takes_the_place_of_an_input(
+    argv: Sequence[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A raw recording that its poses are written over cannot be had again."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.csv", "b.csv"):
+        Path(name).touch()
+    Path("x").mkdir()
+    Path("link.csv").symlink_to("a.csv")
+    parser = command_line.parser("stages.any", "Any.", "any")
+    parser.add_argument("--in", dest="file", type=Path, nargs="*")
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--out-bones", type=Path)
+    worked: list[argparse.Namespace] = []
+    status = command_line.run(parser.parse_args(argv), worked.append)
+    assert (status, len(worked)) == ((2, 0) if message else (0, 1))
+    assert message in capsys.readouterr().err
 
 
 def test_a_plan_is_read(tmp_path: Path) -> None:

@@ -51,6 +51,11 @@ def table_rows(table: PosesTable) -> list[dict[str, Any]]:
     return [{k: None if v != v else v for k, v in row.items()} for row in rows]
 
 
+def test_the_largest_frame_number_costs_no_other_pose() -> None:
+    rows = table_rows(table_of(samples_of(("hand", 1, 0.0, GOOD), ("hand", 2**63 - 1, 0.1, GOOD))))
+    assert [(row["frame"], row["valid"]) for row in rows] == [(1, True), (2**63 - 1, True)]
+
+
 def one_row(numbers: tuple[float, ...] = GOOD, time_s: float = 0.0) -> dict[str, Any]:
     return table_rows(table_of(samples_of(("hand", 0, time_s, numbers))))[0]
 
