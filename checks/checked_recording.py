@@ -15,6 +15,7 @@ from checks.mistake_search import Mistake, Search, find_mistakes
 from checks.sampled_motion import motion_of, receiver_axes
 from checks.timeline import (
     Timeline,
+    alike,
     jumping_share,
     repeated_share,
     sides,
@@ -22,6 +23,7 @@ from checks.timeline import (
     stuck,
     true_clock,
     turning_speed,
+    zeros,
 )
 from schemas.findings import NOTE, REFUSED, SUSPECT, Finding
 from schemas.layout import Layout
@@ -77,6 +79,8 @@ def check_recording(
     late = [
         *_left_out(left_out or {}),
         *_frozen(poses),
+        *_zeros(line, segments),
+        *_alike(line, segments),
         *_stays(line, segments),
         *_clock(line, clock),
         *([short] if short else []),
@@ -102,7 +106,7 @@ def _explained(
     if (sign < 0).any():
         line = replace(line, position_mm=line.position_mm * sign[..., None])
     odd = spikes(line)
-    usable = line.valid & ~odd & ~stuck(line)
+    usable = line.valid & ~odd & ~stuck(line) & ~zeros(line)
     axes = receiver_axes(layout, segments)
     motion = motion_of(line.position_mm, line.quaternion, usable, axes, hand)
     recorded = Recorded(layout, segments, axes, hand, bool(body.known.any()), euler)
@@ -202,6 +206,37 @@ def _stays(line: Timeline, segments: Sequence[str]) -> list[Finding]:
         "numbers of these rows empty, or leave the recording out with `exclude` in the recordings sheet."
     )
     return [Finding("receiver-stuck", SUSPECT if share[place] > MANY_STUCK else NOTE, message)]
+
+
+def _zeros(line: Timeline, segments: Sequence[str]) -> list[Finding]:
+    empty = zeros(line)
+    if not empty.any():
+        return []
+    count, place = int(empty.sum()), int(np.argmax(empty.sum(0)))
+    row = int(np.argmax(empty[:, place]))
+    poses = f"{count} poses, most of {segments[place]}," if count > 1 else f"One pose, of {segments[place]},"
+    message = (
+        f"{poses} first {_at(line, row)}, {'are' if count > 1 else 'is'} at 0, 0, 0 and not turned, to the "
+        "last bit: probably the program writes zeros where it has no value; leave the seven numbers of "
+        "these rows empty."
+    )
+    return [Finding("zeros", SUSPECT, message)]
+
+
+def _alike(line: Timeline, segments: Sequence[str]) -> list[Finding]:
+    empty = zeros(line)
+    pairs = alike(replace(line, valid=line.valid & ~empty) if empty.any() else line)
+    if not pairs:
+        return []
+    (first, second), rows = max(pairs.items(), key=lambda pair: len(pair[1]))
+    share = len(rows) / max(1, int(line.valid[:, [first, second]].all(1).sum()))
+    message = (
+        f"The receivers {segments[first]} and {segments[second]} have one and the same pose in "
+        f"{100 * share:.0f} % of their frames, first {_at(line, int(rows[0]))}, which two receivers cannot: "
+        "probably one is read, or was exported, in place of the other; name each one's own columns or "
+        "station, or export the file again."
+    )
+    return [Finding("receivers-alike", SUSPECT, message)]
 
 
 _LEFT_OUT = {

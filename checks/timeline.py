@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -116,6 +117,34 @@ def _others_move(line: Timeline, place: int, start: int, end: int) -> bool:
     seen[place] = False
     moved = np.ptp(line.position_mm[rows][:, seen], axis=0)
     return bool(seen.any() and moved.max() > MOVED_MM)
+
+
+def zeros(line: Timeline) -> Bools:
+    """Poses (T, S) at the transmitter's own place and not turned, to the last bit, of receivers with others.
+
+    A receiver that is there all along may be what the others are measured against.
+    """
+    there = (line.position_mm == 0).all(-1) & (line.quaternion[..., 1:] == 0).all(-1) & line.valid
+    return np.asarray(there & (line.valid & ~there).any(0))
+
+
+def alike(line: Timeline) -> dict[tuple[int, int], npt.NDArray[np.int64]]:
+    """Rows in which two receivers, of which one moves, have one pose to the last bit, by their places."""
+    x = np.sort(np.where(line.valid, line.position_mm[..., 0], np.nan), axis=1)
+    rows = np.flatnonzero((np.diff(x, axis=1) == 0).any(1))
+    position, turn, valid = (array[rows] for array in (line.position_mm, line.quaternion, line.valid))
+    found = {}
+    for first, second in itertools.combinations(range(valid.shape[1]), 2):
+        same = (position[:, first] == position[:, second]).all(-1) & valid[:, [first, second]].all(1)
+        same &= (turn[:, first] == turn[:, second]).all(-1)
+        if same.any() and (_moves(line, first) or _moves(line, second)):
+            found[first, second] = rows[same]
+    return found
+
+
+def _moves(line: Timeline, place: int) -> bool:
+    here = line.position_mm[line.valid[:, place], place]
+    return bool((here != here[:1]).any())
 
 
 def repeated_share(line: Timeline) -> float:

@@ -117,6 +117,16 @@ KINDS: Mapping[str, Kind] = {
         "A recording stopped at once, or a file cut off.",
         "Record it again; or leave it out with `exclude`.",
     ),
+    "zeros": Kind(
+        "Poses are at 0, 0, 0 and not turned, to the last bit.",
+        "Programs that write zeros, or no rotation, for a receiver that they do not see.",
+        "Leave the seven numbers of these rows empty, which makes them gaps.",
+    ),
+    "receivers-alike": Kind(
+        "Two receivers have one and the same pose, to the last bit.",
+        "Columns or a station named twice in the mapping or the layout; an export that repeats a receiver.",
+        "Each receiver's own columns or `value` in the mapping; or export the file again.",
+    ),
 }  # fmt: skip
 
 

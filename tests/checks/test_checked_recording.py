@@ -88,6 +88,23 @@ def test_the_hand_is_mirrored_whichever_it_is() -> None:
         assert f"--hand {hand}" in finding.message
 
 
+def test_what_no_receiver_can_be_is_named_alone(planted: Planted) -> None:
+    """Zeros of all receivers close every joint, and a receiver that is given twice its own."""
+    position, quaternion = planted.poses.position_mm.copy(), planted.poses.quaternion.copy()
+    position[300:500], quaternion[300:500] = 0, [1, 0, 0, 0]
+    empty = replace(planted.poses, position_mm=position, quaternion=quaternion)
+    (finding,) = check_recording(empty, LAYOUT, "right").findings
+    assert (finding.kind, finding.severity) == ("zeros", SUSPECT)
+    assert "3200 poses" in finding.message
+    middle, distal = (planted.poses.index(f"index_{bone}") for bone in ("middle", "distal"))
+    position, quaternion = planted.poses.position_mm.copy(), planted.poses.quaternion.copy()
+    position[:, middle], quaternion[:, middle] = position[:, distal], quaternion[:, distal]
+    twice = replace(planted.poses, position_mm=position, quaternion=quaternion)
+    (finding,) = check_recording(twice, LAYOUT, "right").findings
+    assert (finding.kind, finding.severity) == ("receivers-alike", SUSPECT)
+    assert "index_middle and index_distal have one and the same pose in 100 %" in finding.message
+
+
 def test_severities(planted: Planted) -> None:
     """Nothing can be made of random poses or ten frames; a receiver that hung shortly is a note."""
     rng = np.random.default_rng(2)
@@ -158,7 +175,8 @@ def test_a_real_arm(real_data: Path, side: str) -> None:
 
 
 def test_every_kind_is_planted_somewhere() -> None:
-    assert {kind for kind, _ in MISTAKES.values()} | {"other-person", "same-file"} == {*KINDS}
+    elsewhere = {"other-person", "same-file", "zeros", "receivers-alike"}
+    assert {kind for kind, _ in MISTAKES.values()} | elsewhere == {*KINDS}
 
 
 def test_the_world_has_no_preferred_direction(planted: Planted) -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from checks.timeline import Timeline, repeated_share, sides, spikes, stuck, true_clock
+from checks.timeline import Timeline, alike, repeated_share, sides, spikes, stuck, true_clock, zeros
 from skeleton.rotations import about_axis
 
 FRAMES = 600
@@ -60,6 +60,28 @@ def test_a_receiver_hangs_only_while_another_moves() -> None:
     assert (stuck(line) == expected).all()
     still = replace(line, position_mm=line.position_mm * 0, quaternion=line.quaternion[:1].repeat(FRAMES, 0))
     assert not stuck(still).any()
+
+
+def test_zeros_are_no_poses_but_of_what_all_is_measured_against() -> None:
+    line = moving()
+    line.position_mm[:, 0], line.quaternion[:, 0] = 0, [1, 0, 0, 0]
+    line.position_mm[100:104, 1:], line.quaternion[100:104, 1:] = 0, [-1, 0, 0, 0]
+    expected = np.zeros((FRAMES, 3), bool)
+    expected[100:104, 1:] = True
+    assert (zeros(line) == expected).all()
+    assert not zeros(moving()).any()
+
+
+def test_two_receivers_are_never_one_unless_neither_moves() -> None:
+    line = moving(4)
+    assert alike(line) == {}
+    line.position_mm[:, 3], line.quaternion[:, 3] = line.position_mm[:, 1], line.quaternion[:, 1]
+    line.valid[:10, 3] = False
+    (pair,) = alike(line).items()
+    assert (pair[0], pair[1].tolist()) == ((1, 3), list(range(10, FRAMES)))
+    fixed = moving()
+    fixed.position_mm[:, :2], fixed.quaternion[:, :2] = 0, [1, 0, 0, 0]
+    assert alike(fixed) == {}
 
 
 def test_poses_that_are_written_twice() -> None:

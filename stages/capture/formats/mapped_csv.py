@@ -29,6 +29,9 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 TIME_OF_DAY = "hh:mm:ss"
 
+_MOST_FRAMES = 2.0**40
+"""From the middle of a recording; a hundred years at 240 Hz, and frames are still told apart."""
+
 _LARGEST_RAD = 1.1 * 2 * np.pi
 
 
@@ -212,7 +215,13 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
 
     A value that repeats the one before is no sample; of two on one frame the nearer is kept.
     """
-    changes = {segment: _changes(track) for segment, track in tracks.items()}
+    timed = {segment: _changes(track) for segment, track in tracks.items()}
+    every_s = np.concatenate([new.time_s for new in timed.values()])
+    middle_s = float(np.median(every_s)) if len(every_s) else np.nan
+    changes = {
+        segment: new.of(np.asarray(np.abs(new.time_s - middle_s) * rate_hz < _MOST_FRAMES))
+        for segment, new in timed.items()
+    }
     starts = [float(new.time_s.min()) for new in changes.values() if len(new.row)]
     if not starts:
         raise InputError(f"{path}: no receiver has a value with a time; check the mapping's time column")
@@ -228,6 +237,8 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
             f"segment {segment}: {len(at)} new values in {len(tracks[segment].row)} rows; "
             f"{len(at) - len(kept)} left out because another was nearer to the same frame of {rate_hz:g} Hz"
         )
+        if lost := len(timed[segment].row) - len(at):
+            notes.append(f"segment {segment}: {lost} new values left out, whose times are years off the others'")
     return placed
 
 

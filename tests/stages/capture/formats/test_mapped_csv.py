@@ -235,7 +235,9 @@ def test_small_angles_may_be_in_radians(tmp_path: Path) -> None:
 
 
 def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -> None:
-    """Rows repeat what has not changed; of two new values on one frame the nearer is kept."""
+    """Rows repeat what has not changed; of two new values on one frame the nearer is kept. One time that is
+    no time costs its own row: as the start of the grid it would put all others on one frame.
+    """
     receivers = {
         segment: {"position": [f"{c}{n}" for c in "xyz"], "orientation": [f"{c}{n}" for c in "wabc"]}
         for segment, n in (("forearm", 1), ("hand", 2))
@@ -249,6 +251,7 @@ def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -
         "csv": {"time": "t", "time_unit": "s", "in_step": False},
     }
     rows = [(0.0, 1, 1), (0.008, 1, 2), (0.011, 2, 3), (0.014, 2, 4), (0.03, 2, 4), (0.04, 1, 5)]
+    rows += [(-1e300, 9, 9)]
     lines = [f"{time},{one},0,0,1,0,0,0,{other},0,0,1,0,0,0\n" for time, one, other in rows]
     samples = read(tmp_path, "t,x1,y1,z1,w1,a1,b1,c1,x2,y2,z2,w2,a2,b2,c2\n" + "".join(lines), told)
     for segment, frame, x_mm, time_s in (
@@ -259,8 +262,9 @@ def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -
         np.testing.assert_array_equal(samples.frame[own], frame)
         np.testing.assert_array_equal(samples.numbers[own, 0], x_mm)
         np.testing.assert_array_equal(samples.time_s[own], time_s)
-    assert "segment forearm: 3 new values in 6 rows; 0 left out" in samples.notes[0]
-    assert "segment hand: 5 new values in 6 rows; 2 left out" in samples.notes[1]
+    assert "segment forearm: 3 new values in 7 rows; 0 left out" in samples.notes[0]
+    assert samples.notes[1] == "segment forearm: 1 new values left out, whose times are years off the others'"
+    assert "segment hand: 5 new values in 7 rows; 2 left out" in samples.notes[2]
 
 
 @pytest.mark.parametrize(
