@@ -34,7 +34,7 @@ FLAGS = {
     "out-of-reach": "the position is farther away than any tracker reaches, whatever its unit",
     "duplicate-frame": "the row stands more than once in the recording, each time the same",
     "conflicting-duplicate": "the frame stands more than once with different numbers or times",
-    "time-missing": "the row has no (finite) time",
+    "time-missing": "the row has no (finite) time, or one that is years off all others",
     "time-not-increasing": "the time is not later than that of the receiver's row before",
     "frozen": "the receiver gave one and the same pose all along while that of its parent segment moved",
     "device-error": "the tracker itself reported that this pose is wrong",
@@ -53,6 +53,9 @@ INVALIDATING = ("device-error", "hemisphere-flip", "low-quality", "misfit", "spi
 
 NORM_TOLERANCE = 0.01
 """A quaternion whose length is off by more was not rounded: it is something else."""
+
+WILD_TIMES = 1e6
+"""So many times what half of a receiver's times span, and a second, no time of a recording is off."""
 
 FROZEN_FRAMES = 240
 """A second at 240 Hz: a working receiver's last digits move in that time."""
@@ -221,6 +224,7 @@ def _checked(file: _RowFile, hemisphere: tuple[float, float, float] | None) -> _
     rows = file.rows()
     rows = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
     _empty_far(rows)
+    _empty_wild_times(rows["time_s"])
     rows["flags"] |= _gap_flags(rows) | _time_flags(rows["time_s"])
     norm, bad = _normalise(rows)
     first = min(zip(rows["sample"][bad], rows["frame"][bad], norm[bad], strict=True), default=None)
@@ -321,6 +325,16 @@ def _empty_far(rows: Rows) -> None:
     far = (np.isfinite(position_mm) & (position_mm > FARTHEST_MM)).any(-1)
     rows["numbers"][far] = np.nan
     rows["flags"][far] |= _BIT["out-of-reach"]
+
+
+def _empty_wild_times(time_s: Array) -> None:
+    """Take out times that are far from all others: one in a million years would be the recording's length."""
+    known = np.isfinite(time_s)
+    if not known.any():
+        return
+    low, middle, high = np.quantile(time_s[known], (0.25, 0.5, 0.75))
+    with np.errstate(over="ignore"):
+        time_s[np.abs(time_s - middle) > WILD_TIMES * (high - low + 1.0)] = np.nan
 
 
 def _gap_flags(rows: Rows) -> Flags:

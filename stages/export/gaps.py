@@ -15,7 +15,7 @@ from schemas.errors import InputError
 from skeleton.rotations import Array, conjugate, multiply, rotate
 from stages.export.long_arrays import by_point
 from stages.export.motion import Bools, SkeletonMotion, Whole, continuous
-from stages.export.resampling import blended, bracketed, slerped
+from stages.export.resampling import FILLED_FRAMES, blended, bracketed, slerped
 
 POLICIES = ("refuse", "hold", "cut", "interpolate")
 _TOLD = 10
@@ -61,6 +61,7 @@ def closed(motion: SkeletonMotion, policy: str, max_gap_s: float) -> SkeletonMot
     if policy == "cut":
         return _cut(motion)
     _refuse_absent(motion)
+    _refuse_many(motion, gaps)
     if policy == "interpolate":
         _refuse_wide(motion, gaps, max_gap_s)
     return _filled(with_lost_frames(motion), gaps, policy)
@@ -155,6 +156,16 @@ def _refuse_absent(motion: SkeletonMotion) -> None:
         raise InputError(
             f"{motion.origin}: joint {name} has no pose in any of these frames, so there is nothing "
             "to fill from; widen --frames"
+        )
+
+
+def _refuse_many(motion: SkeletonMotion, gaps: list[Gap]) -> None:
+    """One wrong frame number may ask for more frames than a disk holds."""
+    if _lost(motion).sum() > FILLED_FRAMES:
+        widest = max((gap for gap in gaps if not gap.joint), key=lambda gap: gap.last - gap.first)
+        raise InputError(
+            f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames to "
+            "leave it out, or --gaps cut"
         )
 
 

@@ -14,6 +14,9 @@ from skeleton.rotations import Array
 from stages.export.long_arrays import by_point
 from stages.export.motion import Bools, SkeletonMotion, Whole, continuous, known_points
 
+FILLED_FRAMES = 1_000_000
+"""The most that are made where a recording has none: over an hour at 240 Hz."""
+
 _SAME_S = 1e-9
 _WIDEST_STEPS = 1.5
 """Frames further apart than this many usual intervals have a gap between them."""
@@ -60,7 +63,8 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
 
     Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
     further apart than 1.5 usual intervals and than widest_s, has no pose (NaN). Nothing is filtered: a rate
-    below twice the motion's own aliases. Raises InputError where times are missing or do not grow.
+    below twice the motion's own aliases. Raises InputError where times are missing or do not grow, or where
+    pauses would make more than FILLED_FRAMES.
     """
     time_s = motion.time_s
     if not np.isfinite(time_s).all():
@@ -73,6 +77,12 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
         )
     if len(time_s) < 2:
         return replace(motion, rate_hz=fps)
+    if (pauses := _count(time_s, fps) - len(time_s) * fps / motion.rate_hz) > FILLED_FRAMES:
+        wide = int(np.argmax(np.diff(time_s)))
+        raise InputError(
+            f"--fps: pauses of the recording, the longest after frame {motion.frame[wide]}, would make "
+            f"{pauses:.0f} frames, more than {FILLED_FRAMES}; export the parts before and after it with --frames"
+        )
     at = np.minimum(time_s[0] + np.arange(_count(time_s, fps)) / fps, time_s[-1])
     before, after, share = bracketed(at, time_s)
     share = np.where(at - time_s[before] < _SAME_S, 0.0, np.where(time_s[after] - at < _SAME_S, 1.0, share))

@@ -83,7 +83,10 @@ class Cells:
         if self._empty is not None or pa.types.is_integer(column.type):
             exact = _cast(column, pa.int64())
         if exact is not None and not exact.null_count:
-            return np.asarray(exact.to_numpy(), np.int64)
+            wholes = np.asarray(exact.to_numpy(), np.int64)
+            large = (wholes > _LARGEST_EXACT) | (wholes < -_LARGEST_EXACT)
+            self._refuse_first(large, name, "a whole number of at most 15 digits")
+            return wholes
         reals = self.reals(name)
         whole = (np.abs(reals) <= _LARGEST_EXACT) & (reals == np.floor(reals))
         self._refuse_first(~whole, name, "a whole number")

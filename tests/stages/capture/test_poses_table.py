@@ -51,6 +51,16 @@ def table_rows(table: PosesTable) -> list[dict[str, Any]]:
     return [{k: None if v != v else v for k, v in row.items()} for row in rows]
 
 
+@pytest.mark.parametrize("wild_s", [1e12, -1e12, 1e300, -1e300])
+def test_a_time_far_from_all_others_is_none(wild_s: float) -> None:
+    """A movie would stand still from it on, and the recording last a million years."""
+    times = [1.7e9, 1.7e9 + 0.01, wild_s, 1.7e9 + 0.03, 1.7e9 + 3600]
+    rows = table_rows(table_of(samples_of(*(("hand", n, t, GOOD) for n, t in enumerate(times)))))
+    assert [row["time_s"] for row in rows] == [*times[:2], None, *times[3:]]
+    assert [row["flags"] for row in rows] == ["", "", "time-missing", "", ""]
+    assert all(row["valid"] for row in rows)
+
+
 def test_the_largest_frame_number_costs_no_other_pose() -> None:
     rows = table_rows(table_of(samples_of(("hand", 1, 0.0, GOOD), ("hand", 2**63 - 1, 0.1, GOOD))))
     assert [(row["frame"], row["valid"]) for row in rows] == [(1, True), (2**63 - 1, True)]

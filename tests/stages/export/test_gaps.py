@@ -52,6 +52,16 @@ def test_lost_frames_are_a_gap_too() -> None:
     assert np.isnan(found.receivers.position_mm[10:13]).all(), "receivers are measured, and never filled"
 
 
+@pytest.mark.parametrize("policy", ["hold", "interpolate"])
+@pytest.mark.parametrize("jump", [10**9, 10**15])
+def test_a_wrong_frame_number_fills_no_disk(policy: str, jump: int) -> None:
+    motion = moving_fingers(30)
+    motion.frame[20:] += jump
+    with pytest.raises(InputError, match=r"lost frames \d+ to \d+ .*, more than the 1000000 frames that are"):
+        closed(motion, policy, 1e9)
+    assert len(closed(motion, "cut", 0.1).frame) == 20
+
+
 def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
     motion = moving_fingers(50)
     held = closed(blanked(motion, np.s_[10:20, [MCP, TIP]]), "hold", 0.1)

@@ -67,6 +67,13 @@ def test_a_gap_that_was_kept_stays_a_gap() -> None:
     assert inside.sum() == 3
 
 
+def test_pauses_of_days_fill_no_disk() -> None:
+    motion = moving_fingers(40)
+    late = replace(motion, time_s=motion.time_s + np.where(np.arange(40) < 20, 0, 1e6))
+    with pytest.raises(InputError, match=r"the longest after frame 26, would make \d+ frames, more than 10000"):
+        resampled(late, 60)
+
+
 def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
     motion = moving_fingers(100).take(np.r_[0:40, 50:100])
     found = resampled(motion, 30)
