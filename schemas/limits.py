@@ -42,6 +42,9 @@ NAMES_BYTES = 200
 FARTHEST_MM = 1e8
 """A hundred kilometres: what is left of a motion laboratory where millimetres are given as metres."""
 
+HAND_SIZES_MM = {"hand_length_mm": (50.0, 400.0), "hand_breadth_mm": (30.0, 200.0)}
+"""Between these a hand's size is: what is beyond is in another unit."""
+
 START_BYTES = 600 * 2**20
 """Address space that the libraries of a stage take before it has read a byte. With less, one of them ends the
 process in words of its own, or in none."""

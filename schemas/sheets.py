@@ -72,7 +72,7 @@ def _one_of(*words: str) -> Callable[[str], str]:
 
 def _number(text: str) -> float:
     try:
-        value = float(text)
+        value = float(text) if text.isascii() and "_" not in text else math.nan
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
@@ -85,6 +85,18 @@ def _positive(text: str) -> float:
     if value <= 0:
         raise ValueError(f"is {text!r}; expected a number above zero")
     return value
+
+
+def _size(name: str) -> Callable[[str], float]:
+    least, largest = limits.HAND_SIZES_MM[name]
+
+    def read(text: str) -> float:
+        value = _positive(text)
+        if not least < value < largest:
+            raise ValueError(f"is {text!r}; expected millimetres, {least:g} to {largest:g}")
+        return value
+
+    return read
 
 
 SUBJECT = Cell("subject", _text, "the subject's name; any text")
@@ -142,8 +154,10 @@ PARTICIPANTS = Sheet(
     "participants",
     (
         SUBJECT,
-        Cell("hand_length_mm", _positive, "wrist crease to the tip of the middle finger", False),
-        Cell("hand_breadth_mm", _positive, "across the knuckles of digits 2 to 5", False),
+        Cell(
+            "hand_length_mm", _size("hand_length_mm"), "wrist crease to the tip of the middle finger", False
+        ),
+        Cell("hand_breadth_mm", _size("hand_breadth_mm"), "across the knuckles of digits 2 to 5", False),
     ),
     ("subject",),
     more_columns=True,

@@ -275,6 +275,33 @@ def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], 
     return problems
 
 
+def unmatched_rows(study: Study) -> list[str]:
+    """Say, a sentence each, which rows of the sheets of measurements and touches are of no hand of the study,
+    and whose names the sheet of participants and that of recordings write otherwise.
+    """
+    hands = set(study.hands) | {replace(hand, session="") for hand in study.hands}
+    problems = []
+    for name in ("measurements", "touches"):
+        for row in read_sheet(study.sheets.get(name), SHEETS[name]):
+            hand = Hand(row["subject"], row["hand"], row["session"])
+            if hand not in hands:
+                problems.append(
+                    f"{study.sheets[name].name}: row {row.line}, column subject: the study has no {hand.hand} "
+                    f"hand of {hand.who.label!r}; the row was not applied"
+                )
+    people = {row["subject"]: row.line for row in read_sheet(study.sheets.get("participants"), PARTICIPANTS)}
+    left_out = {row.hand.subject for row in study.unusable}
+    nobody = [name for name in people if name not in {*study.subjects, *left_out}]
+    missing = [name for name in study.subjects if name not in people]
+    if nobody and missing:
+        problems.append(
+            f"{study.sheets['participants'].name}: has no row of {listed([repr(name) for name in missing], 3)}, "
+            f"and row {people[nobody[0]]} is of {nobody[0]!r}, who has no recording; write names alike in both "
+            "sheets, or the sizes and factors of these subjects stay unknown"
+        )
+    return problems
+
+
 def _check_factors(
     names: Sequence[str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
 ) -> None:

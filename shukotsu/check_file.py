@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import tempfile
 from pathlib import Path
 
@@ -45,17 +46,21 @@ def check_study(path: Path) -> None:
 
     Snakemake runs code in a file that asks for it; this runs none.
     """
+    from schemas.study import unmatched_rows
+
     files = read_files(path)
     study = files.study
     counts = f"{len(study.subjects)} subjects, {len(study.recordings)} recordings, {len(study.models)} models"
     print(f"{path}: study {study.name}, {counts}")
     for row in study.unusable:
         print(f"note: {row.message}")
+    for problem in unmatched_rows(study):
+        print(f"note: {problem}")
     print("note: the poses are read when it runs; `shukotsu check RECORDING` reads one")
     shipped, folder = Path(__file__).parents[1] / "config", path.resolve().parent
     read = [*map(Path, files.configuration), *(recording.file for recording in study.recordings)]
     read += [recording.mapping for recording in study.recordings if recording.mapping is not None]
-    for each in sorted({each.resolve() for each in read}):
+    for each in sorted({Path(os.path.realpath(each)) for each in read}):  # of a link to itself, itself
         if not each.is_relative_to(folder) and not each.is_relative_to(shipped):
             print(f"note: reads {each}, outside the study's folder")
 

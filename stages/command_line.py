@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schemas.errors import InputError, TableError
-from schemas.limits import FILE_NAME_BYTES
+from schemas.limits import FILE_NAME_BYTES, HAND_SIZES_MM
 
 if TYPE_CHECKING:
     from checks.checked_recording import CheckedRecording
@@ -57,16 +57,16 @@ def add_plan_options(
     alone.add_argument("--session", help="in which session (default: as the poses say)")
     alone.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses say)")
     for name in sizes:
-        alone.add_argument(f"--{name.replace('_', '-')}", type=float, help=_SIZES[name][0])
+        alone.add_argument(f"--{name.replace('_', '-')}", type=float, help=_SIZES[name])
     for name in sheets:
         alone.add_argument(f"--{name}", type=Path, help=f"sheet of {name}")
 
 
 _SIZES = {
-    "hand_length_mm": ("wrist crease to the middle finger's tip (default: not measured)", 50.0, 400.0),
-    "hand_breadth_mm": ("across the knuckles of digits 2 to 5 (default: not measured)", 30.0, 200.0),
+    "hand_length_mm": "wrist crease to the middle finger's tip (default: not measured)",
+    "hand_breadth_mm": "across the knuckles of digits 2 to 5 (default: not measured)",
 }
-"""Help, least and largest value of the sizes of a hand."""
+"""Help of the sizes of a hand."""
 
 
 def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = None) -> SubjectPlan:
@@ -86,7 +86,7 @@ def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = N
         return read_plan(arguments.plan)
     if arguments.layout is None:
         raise InputError("--plan or --layout: give the subject's plan, or the poses and the layout of a hand")
-    for name, (_, least, largest) in _SIZES.items():
+    for name, (least, largest) in HAND_SIZES_MM.items():
         value = given.get(name)
         if value is not None and not least < value < largest:
             option = f"--{name.replace('_', '-')}"

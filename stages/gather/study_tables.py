@@ -22,7 +22,7 @@ from schemas.plan import SubjectPlan, read_plan
 from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
 from schemas.sheets import CORRECTIONS, read_sheet
-from schemas.study import Study, SubjectSession, correction_problems
+from schemas.study import Study, SubjectSession, correction_problems, unmatched_rows
 from schemas.tables import (
     Provenance,
     Table,
@@ -58,6 +58,7 @@ def gather_study(study: Study, results: Results) -> None:
         problems += _gather_table(results, name, plans)
     problems += [row for plan in plans for row in _uncalibrated(plan)]
     problems += _correction_rows(study)
+    problems += [_problem("plan", "sheet", REFUSED, message) for message in unmatched_rows(study)]
     _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
     unique = list({tuple(row[key] for key in _UNIQUE): row for row in reversed(problems)}.values())[::-1]

@@ -101,6 +101,9 @@ def test_quotes_and_markup_are_text(tmp_path: Path) -> None:
         (CORRECTIONS, [CORRECTION[0], "01\tleft\tj\tnan\t0\t0"], "column dx_mm: is 'nan'; expected a num"),
         (CORRECTIONS, [*CORRECTION, CORRECTION[1]], "row 3: .*joint 'thumb_ip' already stands in row 2"),
         (PARTICIPANTS, ["subject\thand_length_mm", "01\t0"], "column hand_length_mm: is '0'; .* above zero"),
+        (PARTICIPANTS, ["subject\thand_length_mm", "01\t18"], "is '18'; expected millimetres, 50 to 400"),
+        (PARTICIPANTS, ["subject\thand_breadth_mm", "01\t8.5"], "is '8.5'; expected millimetres, 30 to 200"),
+        (PARTICIPANTS, ["subject\thand_length_mm", "01\t1_80"], "is '1_80'; expected a number"),
         (PARTICIPANTS, ["subject", "01", "02", "01"], "row 4: subject '01' already stands in row 2"),
         (
             MEASUREMENTS,

@@ -14,7 +14,7 @@ from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.plan import StudyPlans, plan_from_content
 from schemas.sheets import CORRECTIONS, read_sheet
-from schemas.study import Hand, Study, correction_problems, path_token, read_study
+from schemas.study import Hand, Study, correction_problems, path_token, read_study, unmatched_rows
 
 
 def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
@@ -219,6 +219,27 @@ def study_of_sessions(folder: Path, *rows: str, **sheets: str) -> Study:
     keys = "".join(f"{name}: {file}\n" for name, file in named.items())
     (folder / "study.yaml").write_text(f"study: s\nlayout: liberty16\nmodels: [rigid]\n{keys}")
     return read_study(folder / "study.yaml")
+
+
+def test_names_that_the_sheets_write_otherwise_are_told(tmp_path: Path) -> None:
+    """A spreadsheet makes 1 of 01, and the hand's length would be unknown without a word."""
+    rows = ("01  right rom both a.csv", "02  right rom both a.csv")
+    measured = "subject hand quantity value_mm sd_mm\n1 right index_proximal 45 1\n01 left index_proximal 45 1"
+    read = study_of_sessions(
+        tmp_path,
+        *(row.replace("  ", " - ") for row in rows),
+        participants="subject hand_length_mm\n1 180\n02 190\n",
+        measurements=measured,
+    )
+    first, second, people = unmatched_rows(read)
+    assert first == (
+        "measurements.tsv: row 2, column subject: the study has no right hand of '1'; the row was not applied"
+    )
+    assert "row 3, column subject: the study has no left hand of '01'" in second
+    assert "participants.tsv: has no row of '01', and row 2 is of '1', who has no recording" in people
+    for text in ("subject hand_length_mm\n02 190\n", "subject hand_length_mm\n01 1e2\n02 190\n03 180\n"):
+        (tmp_path / "participants.tsv").write_text(text.replace(" ", "\t"))
+        assert unmatched_rows(read)[2:] == [], "who was not measured, or not recorded, is no mistake"
 
 
 def test_sessions_are_kept_apart(tmp_path: Path) -> None:

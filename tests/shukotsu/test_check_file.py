@@ -46,3 +46,17 @@ def test_without_a_study_in_the_folder_it_says_how_to_make_one(
     monkeypatch.chdir(tmp_path)
     assert check([]) == 2
     assert "or make one: `shukotsu new FOLDER`" in capsys.readouterr().err
+
+
+def test_a_study_says_what_its_sheets_do_not_share(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And a recording that is a link to itself is one that cannot be read, no end of the check."""
+    monkeypatch.chdir(tmp_path)
+    Path("loop.csv").symlink_to("loop.csv")
+    Path("recordings.tsv").write_text("subject\thand\ttask\trole\tfile\n01\tright\trom\tboth\tloop.csv\n")
+    Path("participants.tsv").write_text("subject\thand_length_mm\n1\t180\n")
+    sheets = "recordings: recordings.tsv\nparticipants: participants.tsv\n"
+    Path("study.yaml").write_text(f"study: s\n{sheets}layout: liberty16\nmodels: [rigid]\n")
+    assert check([]) == 0
+    assert "note: participants.tsv: has no row of '01', and row 2 is of '1'" in capsys.readouterr().out

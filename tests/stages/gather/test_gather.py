@@ -186,6 +186,17 @@ def test_recordings_hands_and_corrections_without_results_are_problems(tmp_path:
     )
 
 
+def test_a_row_of_nobody_is_a_problem(plans: list[SubjectPlan], tmp_path: Path) -> None:
+    assert plans
+    sheet = tmp_path / "participants.tsv"
+    sheet.write_text("subject\thand_length_mm\n1\t180\n02\t190\n")
+    with (tmp_path / "study.yaml").open("a") as file:
+        file.write(f"participants: {sheet}\n")
+    (problem,) = (row for row in gathered(tmp_path)["problems"] if row["kind"] == "sheet")
+    assert (problem["stage"], problem["severity"]) == ("plan", "refused")
+    assert "participants.tsv: has no row of '01', and row 2 is of '1'" in problem["message"]
+
+
 def test_a_failed_import_is_a_problem_and_a_row(plans: list[SubjectPlan], tmp_path: Path) -> None:
     recording = plans[0].recordings[1]
     names = {"subject": "01", "hand": "right", "task": "pinch", "trial": "1"}
