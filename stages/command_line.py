@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import errno
+import io
 import os
 import signal
 import sys
@@ -136,6 +137,8 @@ def run(
     place of ending with 2, also for a bug, which must not cost a study its other subjects.
     """
     message = ""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a name that the terminal's encoding lacks must not end it
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
@@ -153,6 +156,13 @@ def run(
         print(
             f"error: {error.name} is not installed for {sys.executable}; run `./bootstrap requirements.lock` "
             "once in the folder of this program, and then its .venv/bin/shukotsu",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_INPUT
+    except UnicodeEncodeError as error:  # of a path: what is printed was seen to
+        print(
+            f"error: {error.object!a}: no file can have this name in this system's encoding ({error.encoding}); "
+            "set LC_ALL=C.UTF-8",
             file=sys.stderr,
         )
         return EXIT_BAD_INPUT

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,3 +64,37 @@ def test_a_study_says_what_its_sheets_do_not_share(
     Path("study.yaml").write_text(f"study: s\n{sheets}layout: liberty16\nmodels: [rigid]\n")
     assert check([]) == 0
     assert "note: participants.tsv: has no row of '01', and row 2 is of '1'" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("environment", "status", "said"),
+    [
+        ({"PYTHONIOENCODING": "latin-1"}, 0, r"note: reads .*/\\u5916/a.csv, outside the study's folder"),
+        (
+            {"LC_ALL": "POSIX", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
+            2,
+            "no file can have this name in this system's encoding",
+        ),
+    ],
+)
+def test_a_name_that_the_terminal_cannot_show_ends_nothing(
+    tmp_path: Path, environment: dict[str, str], status: int, said: str
+) -> None:
+    (tmp_path / "\u5916").mkdir()
+    (tmp_path / "\u5916" / "a.csv").touch()
+    study = tmp_path / "study"
+    study.mkdir()
+    row = "01\tright\trom\tboth\t../\u5916/a.csv"
+    (study / "recordings.tsv").write_text(f"subject\thand\ttask\trole\tfile\n{row}\n", "utf-8")
+    text = "study: s\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [rigid]\n"
+    (study / "study.yaml").write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-m", "shukotsu", "check", "study.yaml"],
+        cwd=study,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])} | environment,
+        capture_output=True,
+        encoding="latin-1",
+        check=False,
+    )
+    assert done.returncode == status, done.stderr
+    assert re.search(said, done.stdout + done.stderr)
