@@ -89,7 +89,9 @@ def check_recording(
 
 
 def poses_digest(poses: Poses) -> str:
-    """Give a digest of all poses, whatever their names, frames and times."""
+    """Give a digest of all poses, whatever their names, frames and times; empty where there is none."""
+    if not poses.valid.any():
+        return ""
     digest = hashlib.sha256()
     for place in np.flatnonzero(poses.valid.any(0)):
         for numbers in (poses.position_mm, poses.quaternion):

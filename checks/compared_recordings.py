@@ -40,7 +40,7 @@ def compared(
     first_of: dict[str, str] = {}
     found = []
     for name, _, own in recordings:
-        first = first_of.setdefault(own.digest, name)
+        first = first_of.setdefault(own.digest, name) if own.digest else name
         more = (same_file(first),) if first != name else ()
         found.append(replace(own, findings=(*more, *own.findings)))
     for place, finding in _other_people(recordings).items():

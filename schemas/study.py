@@ -285,19 +285,19 @@ def unmatched_rows(study: Study) -> list[str]:
         for row in read_sheet(study.sheets.get(name), SHEETS[name]):
             hand = Hand(row["subject"], row["hand"], row["session"])
             if hand not in hands:
-                problems.append(
-                    f"{study.sheets[name].name}: row {row.line}, column subject: the study has no {hand.hand} "
-                    f"hand of {hand.who.label!r}; the row was not applied"
-                )
+                reason = f"column subject: the study has no {hand.hand} hand of {hand.who.label!r}"
+                place = f"{study.sheets[name].name}: row {row.line}"
+                problems.append(f"{place}, {reason}; the row was not applied")
     people = {row["subject"]: row.line for row in read_sheet(study.sheets.get("participants"), PARTICIPANTS)}
     left_out = {row.hand.subject for row in study.unusable}
     nobody = [name for name in people if name not in {*study.subjects, *left_out}]
     missing = [name for name in study.subjects if name not in people]
     if nobody and missing:
+        names = listed([repr(name) for name in missing], 3)
         problems.append(
-            f"{study.sheets['participants'].name}: has no row of {listed([repr(name) for name in missing], 3)}, "
-            f"and row {people[nobody[0]]} is of {nobody[0]!r}, who has no recording; write names alike in both "
-            "sheets, or the sizes and factors of these subjects stay unknown"
+            f"{study.sheets['participants'].name}: has no row of {names}, and row {people[nobody[0]]} is of "
+            f"{nobody[0]!r}, who has no recording; write names alike in both sheets, or sizes and factors "
+            "of these subjects stay unknown"
         )
     return problems
 

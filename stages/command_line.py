@@ -161,8 +161,8 @@ def run(
         return EXIT_BAD_INPUT
     except UnicodeEncodeError as error:  # of a path: what is printed was seen to
         print(
-            f"error: {error.object!a}: no file can have this name in this system's encoding ({error.encoding}); "
-            "set LC_ALL=C.UTF-8",
+            f"error: {error.object!a}: no file can have this name in this system's encoding "
+            f"({error.encoding}); set LC_ALL=C.UTF-8",
             file=sys.stderr,
         )
         return EXIT_BAD_INPUT

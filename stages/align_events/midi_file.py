@@ -182,7 +182,10 @@ def _seconds(path: Path, division: int, tempos: list[tuple[int, int]], tick: Arr
     if division & 0x8000:
         frames, per_frame = 256 - (division >> 8), division & 0xFF
         if frames not in FRAMES_PER_S or not per_frame:
-            raise InputError(f"{path}: its header counts {frames} frames a second; expected 24, 25, 29 or 30")
+            raise InputError(
+                f"{path}: its header counts {frames} frames a second of {per_frame} ticks; expected 24, 25, "
+                "29 or 30, of 1 tick or more; copy the file again"
+            )
         return tick / (FRAMES_PER_S[frames] * per_frame)
     if not division:
         raise InputError(f"{path}: its header counts 0 ticks a quarter note; copy the file again")

@@ -164,8 +164,8 @@ def _refuse_many(motion: SkeletonMotion, gaps: list[Gap]) -> None:
     if _lost(motion).sum() > FILLED_FRAMES:
         widest = max((gap for gap in gaps if not gap.joint), key=lambda gap: gap.last - gap.first)
         raise InputError(
-            f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames to "
-            "leave it out, or --gaps cut"
+            f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames "
+            "to leave it out, or --gaps cut"
         )
 
 

@@ -81,7 +81,8 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
         wide = int(np.argmax(np.diff(time_s)))
         raise InputError(
             f"--fps: pauses of the recording, the longest after frame {motion.frame[wide]}, would make "
-            f"{pauses:.0f} frames, more than {FILLED_FRAMES}; export the parts before and after it with --frames"
+            f"{pauses:.0f} frames, more than {FILLED_FRAMES}; export the parts before and after it with "
+            "--frames"
         )
     at = np.minimum(time_s[0] + np.arange(_count(time_s, fps)) / fps, time_s[-1])
     before, after, share = bracketed(at, time_s)

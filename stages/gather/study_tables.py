@@ -104,7 +104,7 @@ def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
         digests = read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"]
         for recording in plan.recordings:
             name = "/".join(recording.key.values())
-            if name not in digests:
+            if not digests.get(name):
                 continue
             own = (plan.who, f"{recording.hand}, {recording.title}")
             who, first = first_of.setdefault(digests[name], own)

@@ -1,5 +1,8 @@
 """A subject's recordings against each other: another person, receivers put on anew, a file named twice."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from checked_hands import hand_of
 
@@ -50,3 +53,10 @@ def test_the_same_poses_again(own: list[tuple[str, str, CheckedRecording]]) -> N
     found = compared([*own, again])
     assert [(one.kind, one.severity) for one in found[3].findings] == [("same-file", SUSPECT)]
     assert "those of the right hand's rom" in found[3].findings[0].message
+
+
+def test_recordings_without_a_pose_are_not_one_file(planted: Planted) -> None:
+    empty = replace(planted.poses, valid=np.zeros_like(planted.poses.valid))
+    nothing = check_recording(empty, read_layout("liberty16"), "right")
+    found = compared([("rom", "right", nothing), ("grip", "right", nothing)])
+    assert [[one.kind for one in own.findings] for own in found] == [["too-short"], ["too-short"]]

@@ -224,7 +224,7 @@ def study_of_sessions(folder: Path, *rows: str, **sheets: str) -> Study:
 def test_names_that_the_sheets_write_otherwise_are_told(tmp_path: Path) -> None:
     """A spreadsheet makes 1 of 01, and the hand's length would be unknown without a word."""
     rows = ("01  right rom both a.csv", "02  right rom both a.csv")
-    measured = "subject hand quantity value_mm sd_mm\n1 right index_proximal 45 1\n01 left index_proximal 45 1"
+    measured = "subject hand quantity value_mm sd_mm\n1 right ring_distal 25 1\n01 left ring_distal 25 1"
     read = study_of_sessions(
         tmp_path,
         *(row.replace("  ", " - ") for row in rows),

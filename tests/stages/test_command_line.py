@@ -57,7 +57,7 @@ def poses(path: Path, task: str, hand: str = "right") -> Path:
         (("--in", "a.csv", "--out", "a.csv"), "--out: a.csv: is the file that is read, which would be lost"),
         (("--in", "link.csv", "--out", "./a.csv"), "--out: a.csv: is the file that is read"),
         (("--in", "a.csv", "b.csv", "--out", "b.csv"), "--out: b.csv: is the file that is read"),
-        (("--out", "c.csv", "--out-bones", "./x/../c.csv"), "--out-bones: x/../c.csv: is to hold another out"),
+        (("--out", "c.csv", "--out-bones", "./x/../c.csv"), "--out-bones: x/../c.csv: is to hold another"),
         (("--in", ".", "--out", "."), ""),
         (("--in", "a.csv", "--out", "c.csv", "--out-bones", "d.csv"), ""),
     ],

@@ -238,7 +238,8 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
             f"{len(at) - len(kept)} left out because another was nearer to the same frame of {rate_hz:g} Hz"
         )
         if lost := len(timed[segment].row) - len(at):
-            notes.append(f"segment {segment}: {lost} new values left out, whose times are years off the others'")
+            why = "whose times are years off the others'"
+            notes.append(f"segment {segment}: {lost} new values left out, {why}")
     return placed
 
 

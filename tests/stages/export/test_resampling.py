@@ -70,7 +70,7 @@ def test_a_gap_that_was_kept_stays_a_gap() -> None:
 def test_pauses_of_days_fill_no_disk() -> None:
     motion = moving_fingers(40)
     late = replace(motion, time_s=motion.time_s + np.where(np.arange(40) < 20, 0, 1e6))
-    with pytest.raises(InputError, match=r"the longest after frame 26, would make \d+ frames, more than 10000"):
+    with pytest.raises(InputError, match=r"the longest after frame 26, would make \d+ frames, more"):
         resampled(late, 60)
 
 

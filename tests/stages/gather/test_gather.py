@@ -118,8 +118,9 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
     plans: list[SubjectPlan], tmp_path: Path
 ) -> None:
     finding = {"hand": "right", "task": "pinch", "trial": "1", "kind": "spikes", "message": "It jumps."}
-    write_findings(plans[0], finding | {"severity": "refused"}, digests={"01//right/rom/": "a"})
-    write_findings(plans[1], digests={"02//right/pinch/": "a"})
+    digests = {"01//right/rom/": "a", "01//right/pinch/1": ""}
+    write_findings(plans[0], finding | {"severity": "refused"}, digests=digests)
+    write_findings(plans[1], digests={"02//right/pinch/": "a", "02//right/rom/": ""})
     found = gathered(tmp_path)
     rows = [row for row in found["problems"] if row["stage"] == "check_recordings"]
     keys = ("subject", "hand", "task", "kind", "severity")

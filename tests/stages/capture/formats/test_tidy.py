@@ -86,7 +86,7 @@ def row_with(column: str, text: str) -> str:
     [
         ("frame", "3.5", "line 5, column frame: is '3.5'; expected a whole number"),
         ("frame", "", "line 5, column frame: is empty; expected a whole number"),
-        ("frame", str(2**63 - 1), "line 5, column frame: is '9223372036854775807'; expected a whole number of"),
+        ("frame", str(2**63 - 1), "line 5, column frame: is '9223372036854775807'; expected a whole number"),
         ("frame", str(-(2**63)), "line 5, column frame: is '-9223372036854775808'; expected a whole number"),
         ("frame", "1e300", "line 5, column frame: is '1e300'; expected a whole number"),
         ("frame", "inf", "line 5, column frame: is 'inf'; expected a whole number"),
