@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skeleton.rotations import Array
+from stages.capture.inspection.column_titles import ANGLE_UNITS, POSITION_UNITS, TIME_UNITS, split_title
 
 _NORM_SHARE = 0.9
 _NORM_OFF = 0.02
@@ -69,7 +70,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     """
     numeric = [title for title in titles if title in numbers]
     named = _named_groups(numeric, numbers)
-    time = next((t for t in numeric if _TIME.search(t) and _grows(numbers[t])), None)
+    time = next((t for t in numeric if _is_time(t) and _grows(numbers[t])), None)
     frame = next((t for t in numeric if t != time and _FRAME.search(t) and _whole(numbers[t])), None)
     receiver = next((t for t in titles if t not in (time, frame) and _is_receiver(t, numbers.get(t))), None)
     text = [title for title in titles if title not in numbers and title != receiver]
@@ -90,13 +91,14 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
 
     w, x, y, z are a group only where a q stands before them or their norm is 1.
     """
-    alike: dict[tuple[str, str], dict[str, str]] = {}
+    alike: dict[tuple[str, str, str], dict[str, str]] = {}
     for title in titles:
-        if match := _AXIS.fullmatch(title):
-            axes = alike.setdefault((match["before"].lower(), match["after"].lower()), {})
+        name, unit = split_title(title)
+        if match := _AXIS.fullmatch(name):
+            axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
             axes.setdefault(match["axis"][0].lower(), title)
     groups: dict[str, list[str]] = {}
-    for (before, _), axes in alike.items():
+    for (before, _, _), axes in alike.items():
         for names in _NAMED_GROUPS:
             group = [title for axis, title in axes.items() if axis in names]
             if len(group) < len(names) or group[0] in groups:
@@ -144,9 +146,17 @@ def _keeps(titles: Sequence[str], named: Mapping[str, list[str]]) -> bool:
 
 
 def _named_angles(titles: Sequence[str]) -> bool:
-    axes = [match["axis"] for title in titles if (match := _AXIS.fullmatch(title))]
+    names, units = zip(*map(split_title, titles), strict=True)
+    if not ANGLE_UNITS.isdisjoint(units) or not POSITION_UNITS.isdisjoint(units):
+        return not ANGLE_UNITS.isdisjoint(units)
+    axes = [match["axis"] for name in names if (match := _AXIS.fullmatch(name))]
     by_axis = len(axes) == 3 and {axis[0].lower() for axis in axes} == {"a", "e", "r"}
-    return by_axis or sum(bool(_ANGLE.search(title)) for title in titles) >= 2
+    return by_axis or sum(bool(_ANGLE.search(name)) for name in names) >= 2
+
+
+def _is_time(title: str) -> bool:
+    name, unit = split_title(title)
+    return unit in TIME_UNITS or bool(_TIME.search(title) or _TIME.search(name))
 
 
 def _grows(values: Array) -> bool:

@@ -16,15 +16,21 @@ from skeleton.rotations import Array
 CHECK = "CHECK"
 """Stands in a drafted mapping for what a file cannot say; no key accepts it."""
 
+NOTHING, TOO_FAR = "nothing", "too far for a tracker"
 _EXTENTS = (
-    (2, "nothing"),
+    (2, NOTHING),
     (30, "a fingertip's width"),
     (300, "a hand's reach of motion"),
     (2500, "a desk"),
     (8000, "a room"),
-    (np.inf, "too far for a tracker"),
+    (np.inf, TOO_FAR),
 )
 """Up to how many mm a motion spans what."""
+
+IMPOSSIBLE_EXTENTS = (NOTHING, TOO_FAR)
+
+SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+"""Seconds of every unit that times may come in."""
 
 
 @dataclass(frozen=True)
@@ -37,32 +43,47 @@ class Description:
 
 
 @np.errstate(over="ignore")  # a span without an end is said as one
-def extent_line(what: str, position: Array) -> str:
-    """Say how far positions (N, 3) spread, and what that would be in each unit."""
+def extent_line(what: str, position: Array, stated: str = "") -> str:
+    """Say how far positions (N, 3) spread, and what that is in the unit stated, or would be in each unit."""
     seen = position[np.isfinite(position).all(-1)]
     if not len(seen):
         return f"{what}: no complete position"
     spans = np.ptp(seen, axis=0)
     largest = float(spans.max())
-    meanings = ", ".join(f"in {unit} {_extent(largest * mm)}" for unit, mm in MM_PER_UNIT.items())
+    if stated:
+        meanings = f"in {stated}, as its titles say, {extent(largest * MM_PER_UNIT[stated])}"
+    else:
+        meanings = ", ".join(f"in {unit} {extent(largest * mm)}" for unit, mm in MM_PER_UNIT.items())
     return f"{what}: span {largest:.3g} (x {spans[0]:.3g}, y {spans[1]:.3g}, z {spans[2]:.3g}); {meanings}"
 
 
-def _extent(span_mm: float) -> str:
+def extent(span_mm: float) -> str:
+    """What a motion of that span is."""
     return next(meaning for limit, meaning in _EXTENTS if span_mm <= limit)
 
 
 @np.errstate(over="ignore")
-def rate_line(what: str, time: Array, units: Iterable[tuple[str, float]]) -> str:
-    """Say the median step of times (N,) and the rate that it would be in each unit (name, seconds)."""
-    steps = np.diff(np.unique(time[np.isfinite(time)]))
-    if not len(steps):
+def rate_line(what: str, time: Array, units: Iterable[str], why: str = "") -> str:
+    """Say the median step of times (N,) and the rate that it would be in each unit; why it is in that one."""
+    step = median_step(time)
+    if step is None:
         return f"{what}: one time only"
-    step = float(np.median(steps))
-    rates = ", ".join(f"in {name} {1 / (step * seconds):.4g} Hz" for name, seconds in units)
-    longest = float(steps.max())
+    because = f", {why}," if why else ""
+    rates = ", ".join(f"in {unit}{because} {1 / (step * SECONDS_PER_UNIT[unit]):.4g} Hz" for unit in units)
+    longest = float(_steps(time).max())
     gaps = f"; longest step {longest:.4g}" if longest > 1.5 * step else ""
     return f"{what}: median step {step:.4g}, so {rates}{gaps}"
+
+
+def median_step(time: Array) -> float | None:
+    """The median step from one of times (N,) to the next later one; None where there is one time only."""
+    steps = _steps(time)
+    return float(np.median(steps)) if len(steps) else None
+
+
+def _steps(time: Array) -> Array:
+    steps: Array = np.diff(np.unique(time[np.isfinite(time)]))
+    return steps
 
 
 def draft(path: Path, config: Mapping[str, Any], more: Iterable[str] = ()) -> str:

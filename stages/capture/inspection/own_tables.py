@@ -88,7 +88,7 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
         stations = np.unique(np.concatenate([part.wholes(RECEIVER) for part in parts]))
         lines.append(f"receivers: {', '.join(map(str, stations))}")
     if np.isfinite(time_s).any():
-        lines.append(rate_line("time_s", time_s, [("s", 1.0)]))
+        lines.append(rate_line("time_s", time_s, ["s"]))
     whole = np.isfinite(numbers).all(-1)
     lines.append(f"{(~whole).sum()} of {len(whole)} rows lack a number and stay gaps")
     lines.append(extent_line("positions", numbers[:, :3]))

@@ -16,10 +16,16 @@ from stages.capture.formats.cells import Cells
 from stages.capture.formats.mapped_csv import TIME_OF_DAY
 from stages.capture.formats.text_table import open_table_text
 from stages.capture.inspection.column_roles import Roles, find_roles
-from stages.capture.inspection.description import CHECK, Description, draft, extent_line, rate_line
+from stages.capture.inspection.column_units import Unit, Units, angle_unit_by_size, find_units
+from stages.capture.inspection.description import (
+    CHECK,
+    SECONDS_PER_UNIT,
+    Description,
+    draft,
+    extent_line,
+    rate_line,
+)
 from stages.capture.inspection.text_form import TextForm, detect_form
-
-TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))
 
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
 
@@ -37,8 +43,9 @@ def describe_table(path: Path, layout: Layout) -> Description:
     numbers = _numbers(cells, text.titles) | of_day
     roles = find_roles(text.titles, numbers)
     lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
+    units = find_units(roles, numbers)
     if roles.time:
-        lines.append(rate_line(f"time column {roles.time}", numbers[roles.time], TIME_UNITS))
+        lines.append(_time_line(roles.time, numbers[roles.time], units.time))
     lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
     receivers: list[str] = []
     if roles.receiver:
@@ -46,8 +53,12 @@ def describe_table(path: Path, layout: Layout) -> Description:
         lines.append(
             f"receiver column {roles.receiver}: one row a receiver and frame; it has {', '.join(receivers)}"
         )
-    lines += _orientation_lines(roles, numbers)
-    lines += [extent_line(f"position {' '.join(group)}", _rows(numbers, group)) for group in roles.positions]
+    lines += _orientation_lines(roles, numbers, units.angle)
+    stated = units.position.stated
+    lines += [
+        extent_line(f"position {' '.join(group)}", _rows(numbers, group), stated) for group in roles.positions
+    ]
+    lines += [f"unit in doubt: {unit.doubt}" for unit in units if unit.doubt]
     lines += [f"quality {title}: {_range(numbers[title])}" for title in roles.quality]
     lines += [f"other numbers: {', '.join(roles.aside)} (quality?)"] if roles.aside else []
     lines += [f"text: {', '.join(roles.text)}"] if roles.text else []
@@ -57,8 +68,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.positions and not roles.orientations[1]:
         lines.append("no orientations were found: a joint cannot be found from positions alone")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    config = _config(roles, numbers, receivers, asynchronous, layout)
-    config["csv"] = _csv(form, roles, numbers, asynchronous)
+    config = _config(roles, units, receivers, asynchronous, layout)
+    config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day:
         config["csv"]["time_unit"] = TIME_OF_DAY
     return Description(tuple(lines), draft(path, config))
@@ -94,7 +105,13 @@ def _range(values: Array) -> str:
     return f"{np.nanmin(values):g} to {np.nanmax(values):g}"
 
 
-def _orientation_lines(roles: Roles, numbers: Mapping[str, Array]) -> list[str]:
+def _time_line(title: str, times: Array, unit: Unit) -> str:
+    if unit.stated:
+        return rate_line(f"time column {title}", times, [unit.stated], "as its title says")
+    return rate_line(f"time column {title}", times, SECONDS_PER_UNIT)
+
+
+def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) -> list[str]:
     lines = []
     for group in roles.quaternions:
         rows = _rows(numbers, group)
@@ -108,17 +125,14 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array]) -> list[str]:
         )
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
     for group in roles.angles:
-        rows = _rows(numbers, group)
         ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
-        lines.append(f"angles: {ranges}; {_angle_unit(rows)[1]}")
+        seem = (
+            f"in {angle.stated}, as their titles say"
+            if angle.stated
+            else angle_unit_by_size(group, numbers).why
+        )
+        lines.append(f"angles: {ranges}; {seem}")
     return lines
-
-
-def _angle_unit(angles: Array) -> tuple[str, str]:
-    largest = float(np.nanmax(np.abs(angles)))
-    if largest > 2 * np.pi + 0.01:
-        return "deg", f"degrees, as {largest:.4g} is more than two pi"
-    return CHECK, "radians, or degrees of very small turns"
 
 
 def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> float:
@@ -140,32 +154,28 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
 
 
 def _config(
-    roles: Roles, numbers: Mapping[str, Array], receivers: Sequence[str], asynchronous: bool, layout: Layout
+    roles: Roles, units: Units, receivers: Sequence[str], asynchronous: bool, layout: Layout
 ) -> dict[str, Any]:
     """The mapping but for its `csv` group."""
-    ranges = (numbers[title] for group in roles.positions for title in group)
-    spans = [np.nanmax(values) - np.nanmin(values) for values in ranges]
-    why = f"mm, cm, m or inch; positions span {max(spans):.3g} of it" if spans else "mm, cm, m or inch"
-    config: dict[str, Any] = {"format": "csv", "position_unit": (CHECK, why)}
+    config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
     if asynchronous:
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
-    config["orientation"] = _orientation(roles, numbers)
+    config["orientation"] = _orientation(roles, units.angle)
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
     config["receivers"] = (_receivers(roles, receivers, layout) or {CHECK: {}}, named)
     return config
 
 
-def _orientation(roles: Roles, numbers: Mapping[str, Array]) -> dict[str, Any]:
+def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
     kind, groups = roles.orientations
     config: dict[str, Any] = {"kind": kind if groups else CHECK}
     if kind == "quaternion" and groups:
         config["order"] = (CHECK, f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?")
     if kind == "euler" and groups:
-        angle_unit, why = _angle_unit(_rows(numbers, [title for group in groups for title in group]))
         config["axes"] = (CHECK, f"of {' '.join(groups[0])}; ZYX for azimuth, elevation, roll")
-        config["unit"] = (angle_unit, why if angle_unit != CHECK else f"deg or rad; {why}")
+        config["unit"] = angle[:2]
     return {**config, "rotates": (CHECK, "receiver-to-transmitter, or transmitter-to-receiver")}
 
 
@@ -203,14 +213,14 @@ def _column(title: str) -> int | str:
     return int(number) if number != title else title
 
 
-def _csv(form: TextForm, roles: Roles, numbers: Mapping[str, Array], asynchronous: bool) -> dict[str, Any]:
+def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[str, Any]:
     """The mapping's `csv` group."""
     config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
     config |= {name: getattr(form, name) for name in ("delimiter", "decimal", "header")}
     config |= {name: value for name in ("comment", "skip_lines") if (value := getattr(form, name))}
     if roles.time:
         config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
-        config["time_unit"] = (CHECK, rate_line("s, ms or us", numbers[roles.time], TIME_UNITS))
+        config["time_unit"] = time[:2]
     if roles.frame and not asynchronous:
         config["frame"] = _column(roles.frame)
     if asynchronous:

@@ -156,6 +156,102 @@ def test_a_column_between_named_ones_shifts_none(run: Run) -> None:
     assert re.search(r'position: \["u", "v", "w0"\].*# CHECK: guessed from the place', draft)
 
 
+POSES_OF_TWO = np.concatenate([40 * PLACE, 50 * PLACE, 40 * PLACE + 3, 50 * PLACE[:, ::-1]], 1)
+"""Of two receivers: positions in cm, then angles in degrees."""
+
+
+def titled_table(run: Run, titles: str, factors: tuple[float, float, float]) -> Path:
+    """A table of times, from s, and POSES_OF_TWO in other units.
+
+    titles : of the time, then of one receiver's position and angles, in which # is the receiver's number.
+    """
+    time, *own = titles.split(",")
+    header = ",".join([time, *(title.replace("#", number) for number in "12" for title in own)])
+    rows = POSES_OF_TWO * np.tile(np.repeat(factors[1:], 3), 2)
+    return run.table(
+        "old.csv", header, np.concatenate([factors[0] * np.arange(FRAMES)[:, None] / 125, rows], 1)
+    )
+
+
+STATED = [
+    ("time_ms,x#_cm,y#_cm,z#_cm,rx#_deg,ry#_deg,rz#_deg", (1e3, 1, 1), ("ms", "cm", "deg")),
+    ("t (us),X# (mm),Y# (mm),Z# (mm),roll# [rad],pitch# [rad],yaw# [rad]",
+     (1e6, 10, np.pi / 180), ("us", "mm", "rad")),
+    ("Time [s],pos_x [m] #,pos_y [m] #,pos_z [m] #,x (°) #,y (°) #,z (°) #", (1, 0.01, 1), ("s", "m", "deg")),
+    ("elapsed_msec,x_inches_#,y_inches_#,z_inches_#,a_degrees_#,e_degrees_#,r_degrees_#",
+     (1e3, 1 / 2.54, 1), ("ms", "inch", "deg")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("titles", "factors", "units"), STATED)
+def test_units_that_titles_state_are_drafted(
+    run: Run, titles: str, factors: tuple[float, float, float], units: tuple[str, str, str]
+) -> None:
+    path = titled_table(run, titles, factors)
+    out = run.drafted(path)
+    assert "unit in doubt" not in out
+    assert f"so in {units[0]}, as its title says, 125 Hz" in out
+    assert f"in {units[1]}, as its titles say, a" in out
+    assert f"in {units[2]}, as their titles say" in out
+    assert "guessed" not in run.mapping.read_text("utf-8")
+    samples = run.imported(path, {"axes": "ZYX", **FORWARD, "CHECK_1": "hand", "CHECK_2": "forearm"})
+    hand = of(samples, "hand")
+    np.testing.assert_allclose(samples.numbers[hand, :3], 400 * PLACE, atol=0.02)
+    np.testing.assert_allclose(samples.time_s[hand], np.arange(FRAMES) / 125, atol=1e-6)
+    turned = euler_matrix(np.radians(POSES_OF_TWO[:, 3:6]))
+    np.testing.assert_allclose(matrix(samples.numbers[hand, 3:]), turned, atol=1e-4)
+
+
+def euler_matrix(angles_rad: np.ndarray) -> np.ndarray:
+    """Rotations (N, 3, 3) about z, then the new y, then the new x."""
+    (cz, cy, cx), (sz, sy, sx) = np.cos(angles_rad).T, np.sin(angles_rad).T
+    rows = [
+        [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+        [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+        [-sy, cy * sx, cy * cx],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+@pytest.mark.parametrize(
+    ("titles", "factors", "doubt", "key"),
+    [
+        (STATED[0][0], (1, 1, 1),
+         "the title time_ms says ms, in which frames come at 1.25e+05 Hz", "time_unit"),
+        (STATED[0][0].replace("cm", "m"), (1e3, 10, 1),
+         "the titles of positions say m, in which their span is too far for a tracker", "position_unit"),
+        (STATED[0][0].replace("cm", "mm"), (1e3, 0.01, 1),
+         "the titles of positions say mm, in which their span is nothing", "position_unit"),
+        (STATED[0][0].replace("deg", "rad"), (1e3, 1, 1),
+         "the titles of angles say rad; they look like degrees, as ", "unit"),
+        (STATED[0][0], (1e3, 1, np.pi / 180),
+         "the titles of angles say deg; they look like radians, or degrees of very small turns", "unit"),
+    ],
+)  # fmt: skip
+def test_a_stated_unit_that_cannot_be_is_doubted(
+    run: Run, titles: str, factors: tuple[float, float, float], doubt: str, key: str
+) -> None:
+    assert f"\nunit in doubt: {doubt}" in run.drafted(titled_table(run, titles, factors))
+    assert re.search(rf"(?m)^ *{key}: CHECK  # .*{re.escape(doubt)}", run.mapping.read_text("utf-8"))
+
+
+def test_titles_that_disagree_settle_no_unit(run: Run) -> None:
+    """`x_m` is a position in metres, or the x of the middle finger: only what all titles say is believed."""
+    rows = np.concatenate([np.arange(FRAMES)[:, None] / 125, PLACE, TURNED, PLACE, TURNED], 1)
+    titles = "time_s,x_i,y_i,z_i,iqw,iqx,iqy,iqz,x_m,y_m,z_m,mqw,mqx,mqy,mqz"
+    assert "unit in doubt: titles of positions say m, others nothing\n" in run.drafted(
+        run.table("old.csv", titles, rows)
+    )
+    mapping = yaml.safe_load(run.mapping.read_text("utf-8"))
+    assert mapping["position_unit"] == "CHECK"
+    assert mapping["csv"]["time_unit"] == "s"
+    assert [own["position"] for own in mapping["receivers"].values()] == [
+        [f"{axis}_{finger}" for axis in "xyz"] for finger in "im"
+    ]
+    out = run.inspect(run.table("old.csv", titles.replace("_i", "_mm"), rows))
+    assert "unit in doubt: titles of positions say mm and m\n" in out
+
+
 def test_nine_numbers_and_columns_without_names(run: Run) -> None:
     path = run.table("old.txt", "", np.concatenate([PLACE, matrix(TURNED).reshape(-1, 9)], 1), "  ")
     assert "cells separated by blanks, decimal point, no header" in run.drafted(path)

@@ -1,0 +1,128 @@
+"""In which units a table's columns are: what their titles state, unless their numbers cannot be that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from schemas.mapping import MM_PER_UNIT
+from skeleton.rotations import Array
+from stages.capture.inspection.column_roles import Roles
+from stages.capture.inspection.column_titles import ANGLE_UNITS, POSITION_UNITS, TIME_UNITS, split_title
+from stages.capture.inspection.description import (
+    CHECK,
+    IMPOSSIBLE_EXTENTS,
+    SECONDS_PER_UNIT,
+    extent,
+    median_step,
+    rate_line,
+)
+
+STATED = "as the columns' titles say"
+LEAST_HZ, MOST_HZ = 1.0, 5000.0
+"""Frames come at such rates, whatever the tracker."""
+TWO_PI = 2 * np.pi + 0.01
+
+
+class Unit(NamedTuple):
+    """A unit for the mapping, or CHECK; why, in a comment; what speaks against the one that titles state."""
+
+    unit: str
+    why: str
+    doubt: str = ""
+
+    @property
+    def stated(self) -> str:
+        """The unit that titles state and numbers do not contradict; else empty."""
+        return self.unit if self.why == STATED else ""
+
+
+class Units(NamedTuple):
+    """The units of a table's columns."""
+
+    position: Unit
+    angle: Unit
+    time: Unit
+
+
+def find_units(roles: Roles, numbers: Mapping[str, Array]) -> Units:
+    """The units of columns with these roles; numbers : title -> (N,)."""
+    return Units(
+        _position_unit(roles.positions, numbers),
+        _angle_unit(roles.angles, numbers),
+        _time_unit(roles.time, numbers) if roles.time else Unit(CHECK, ""),
+    )
+
+
+def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
+    """The unit of positions, by the titles of all of them together."""
+    titles = [title for group in groups for title in group]
+    span = max((float(np.ptp(values)) for values in _finite(titles, numbers)), default=0.0)
+    why = "mm, cm, m or inch" + (f"; positions span {span:.3g} of it" if titles else "")
+    said = _stated(titles, POSITION_UNITS)
+    if span and len(said) == 1 and said[0]:
+        would_be = extent(span * MM_PER_UNIT[said[0]])
+        if would_be in IMPOSSIBLE_EXTENTS:
+            return _doubted(why, f"the titles of positions say {said[0]}, in which their span is {would_be}")
+    return _settled(said, why, "positions")
+
+
+def _angle_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
+    """The unit of angles, by the titles of all of them together, else by the largest."""
+    titles = [title for group in groups for title in group]
+    by_size = angle_unit_by_size(titles, numbers)
+    said = _stated(titles, ANGLE_UNITS)
+    if by_size.unit == "deg" and "rad" not in said:
+        return Unit("deg", STATED if said == ["deg"] else by_size.why)
+    if said == ["deg"] or (said == ["rad"] and by_size.unit == "deg"):
+        return _doubted("deg or rad", f"the titles of angles say {said[0]}; they look like {by_size.why}")
+    return _settled(said, f"deg or rad; {by_size.why}", "angles")
+
+
+def angle_unit_by_size(titles: Iterable[str], numbers: Mapping[str, Array]) -> Unit:
+    """The unit of angles, by the largest of them alone."""
+    largest = max((float(np.abs(values).max()) for values in _finite(titles, numbers)), default=0.0)
+    if largest > TWO_PI:
+        return Unit("deg", f"degrees, as {largest:.4g} is more than two pi")
+    return Unit(CHECK, "radians, or degrees of very small turns")
+
+
+def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
+    """The unit of the column of times, by its title."""
+    times, said = numbers[title], split_title(title).unit
+    why = rate_line("s, ms or us", times, SECONDS_PER_UNIT)
+    if said not in TIME_UNITS:
+        return Unit(CHECK, why)
+    step = median_step(times)
+    rate_hz = None if step is None else 1 / (step * SECONDS_PER_UNIT[said])
+    if rate_hz is None or LEAST_HZ <= rate_hz <= MOST_HZ:
+        return Unit(said, STATED)
+    return _doubted(why, f"the title {title} says {said}, in which frames come at {rate_hz:.4g} Hz")
+
+
+def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Array]:
+    for title in titles:
+        yield numbers[title][np.isfinite(numbers[title])]
+
+
+def _stated(titles: Iterable[str], units: frozenset[str]) -> list[str]:
+    """The units of that kind that titles state, empty among them where one states none."""
+    found = (split_title(title).unit for title in titles)
+    return list(dict.fromkeys(unit if unit in units else "" for unit in found))
+
+
+def _settled(said: Sequence[str], why: str, what: str) -> Unit:
+    """The one unit that all titles state; what some or several state is a doubt."""
+    stated = [unit for unit in said if unit]
+    if len(said) == 1 and stated:
+        return Unit(said[0], STATED)
+    if not stated:
+        return Unit(CHECK, why)
+    others = ", others nothing" if "" in said else ""
+    return _doubted(why, f"titles of {what} say {' and '.join(stated)}{others}")
+
+
+def _doubted(why: str, doubt: str) -> Unit:
+    return Unit(CHECK, f"{why}; {doubt}", doubt)
