@@ -19,6 +19,11 @@ _FONT = '"Noto Sans", "Segoe UI", "Helvetica Neue", Arial, sans-serif'
 _FONT_JA = '"Noto Sans CJK JP", "IPAexGothic", sans-serif'
 TEXT_PX = 14.0
 
+_STILL = (
+    ".still{display:none}@media (prefers-reduced-motion:reduce){.still{display:inline}.moving{display:none}}"
+)
+"""SMIL asks nobody whether movement is wanted: beside each moving outline is a still one."""
+
 _STRAIGHT_PX = 1.0
 """By which a moving outline may be off, where it saves a frame."""
 
@@ -53,7 +58,7 @@ class Drawing:
             f"<desc>{escape(description)}</desc>",
             f"<style>text{{font:{number(TEXT_PX)}px {font};fill:{INK}}}"
             f"path,line,polyline{{stroke-linecap:round;stroke-linejoin:round}}"
-            f".h{{font-weight:600}}.s{{font-size:12.5px;fill:{SOFT}}}.m{{font-size:12px}}</style>",
+            f".h{{font-weight:600}}.s{{font-size:12.5px;fill:{SOFT}}}.m{{font-size:12px}}{_STILL}</style>",
             f'<rect x="1" y="1" width="{number(width - 2)}" height="{number(height - 2)}" rx="14" '
             f'fill="{CARD}" stroke="{EDGE}" stroke-width="1.5"/>',
             f'<clipPath id="{name}-card"><rect x="2" y="2" width="{number(width - 4)}" '
@@ -78,15 +83,20 @@ class Drawing:
         self._parts.append("</g>")
 
     def path(self, frames: Sequence[str], attributes: str, seconds: float = 0.0) -> None:
-        """Path data of every frame of a loop; one frame, or all the same, stand still."""
+        """Path data of every frame of a loop; one frame, or all the same, stand still.
+
+        Who asks for less movement sees the first frame.
+        """
         if len(set(frames)) == 1:
             self._parts.append(f'<path d="{frames[0]}" {attributes}/>')
             return
         times, values = _changes([*frames, frames[0]])
-        self._parts.append(
-            f'<path d="{frames[0]}" {attributes}><animate attributeName="d" dur="{number(seconds)}s" '
-            f'repeatCount="indefinite" keyTimes="{";".join(times)}" values="{";".join(values)}"/></path>'
-        )
+        with self.group(attributes):
+            self._parts.append(
+                f'<path class="still" d="{frames[0]}"/><path class="moving" d="{frames[0]}">'
+                f'<animate attributeName="d" dur="{number(seconds)}s" repeatCount="indefinite" '
+                f'keyTimes="{";".join(times)}" values="{";".join(values)}"/></path>'
+            )
 
     def dots(self, frames: Sequence[str], size: float, colour: str, seconds: float) -> None:
         """Discs with a bright edge, where path data of points have them."""

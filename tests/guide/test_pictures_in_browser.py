@@ -4,7 +4,7 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from browser import WatchedPage
+from browser import WatchedPage, chromium, watched
 
 from guide.picture_words import LANGUAGES
 from guide.pictures import PICTURES, file_name, write_pictures
@@ -53,3 +53,22 @@ def test_a_moving_picture_moves(name: str, pictures: Path, watched_page: Watched
     watched_page.open(pictures / file_name(name, "en"))
     start, later = watched_page.value(MOVED, 0.0), watched_page.value(MOVED, 0.9)
     assert (start != later) == (name.startswith("movement-") or name == "rigid-pair")
+
+
+@pytest.mark.usefixtures("browser")
+@pytest.mark.parametrize(("options", "moves"), [((), True), (("--force-prefers-reduced-motion",), False)])
+@pytest.mark.parametrize("name", ["movement-fist", "rigid-pair"])
+def test_it_stands_still_for_who_asks_for_less_movement(
+    name: str, options: tuple[str, ...], moves: bool, pictures: Path
+) -> None:
+    """As a page of the guide shows it, in an <img>; to that Playwright's own emulation does not reach."""
+    page, picture = pictures / f"{name}.html", pictures / file_name(name, "en")
+    page.write_text(f'<img src="{picture.name}" alt="">', "utf-8")
+    shots = set()
+    with chromium(*options) as started, watched(started) as own:
+        own.opened.add(picture.as_uri())
+        own.open(page)
+        for _ in range(4):
+            shots.add(own.page.screenshot())
+            own.page.wait_for_timeout(400)
+    assert (len(shots) > 1) == moves
