@@ -28,6 +28,7 @@ SHELL = [block for page in PAGES for block in blocks(page, "sh", "bash", "shell"
 YAML = [block for page in PAGES for block in blocks(page, "yaml")]
 TAGS = ("br", "details", "div", "figure", "figcaption", "p", "span", "style", "sub", "summary", "sup")
 """What a page may be laid out with."""
+RUN_LANGUAGES = ("sh", "bash", "shell", "console", "python", "sql")
 KINDS = ("study", "layout", "model", "mapping")
 
 
@@ -104,7 +105,7 @@ def test_files_of_the_project_are_where_the_guide_says(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_a_block_that_is_not_run_says_why(page: Path) -> None:
     """A mark with no reason, or that no block follows, is a mistake."""
-    marked = [block for block in blocks(page, "sh", "bash", "shell", "console", "python") if block.not_run]
+    marked = [block for block in blocks(page, *RUN_LANGUAGES) if block.not_run]
     assert len(re.findall(r"^\s*<!-- not run", page.read_text("utf-8"), re.MULTILINE)) == len(marked)
 
 

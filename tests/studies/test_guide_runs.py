@@ -21,6 +21,11 @@ pytestmark = pytest.mark.slow
 
 SHELLS = ("sh", "bash", "shell", "console")
 SITE_PYTHON = REPOSITORY / ".venv-site" / "bin" / "python"
+RUN_SQL = """
+import sys, duckdb
+for statement in duckdb.extract_statements(sys.argv[1]):
+    print(duckdb.execute(statement).fetchall())
+"""
 RUN_NOTEBOOK = REPOSITORY / "tests" / "report_samples" / "run_notebook.py"
 MOST_SECONDS = 900
 
@@ -34,6 +39,7 @@ def run_blocks(page: Path) -> list[Block]:
 
 
 RUN_PAGES = [page for page in PAGES if run_blocks(page)]
+SQL = [block for page in PAGES for block in blocks(page, "sql") if not block.not_run]
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +108,17 @@ def scripts(page: Path) -> dict[str, str]:
     python = [block.text for block in run_blocks(page) if block.language == "python"]
     found = {"blocks.sh": "\n".join(["set -eu", *shell])} if shell else {}
     return found | ({"blocks.py": "\n".join(python)} if python else {})
+
+
+@pytest.mark.parametrize("block", SQL, ids=str)
+def test_sql_is_answered(block: Block, finished: Path) -> None:
+    """By DuckDB, a row or more of each statement but those that look for failures."""
+    if not SITE_PYTHON.is_file():
+        pytest.skip("no .venv-site; `make site` makes it")
+    command = [str(SITE_PYTHON), "-c", RUN_SQL, block.text]
+    done = subprocess.run(command, cwd=finished, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("[]\n") == block.text.count("'failed'")
 
 
 def test_the_notebook_answers_its_question(
