@@ -12,6 +12,7 @@
 (() => {
 const {floor, min, max, PI} = Math, RIGHT = PI / 2;
 const FIELD = Math.tan(PI / 15); // half of a view 24 degrees high
+const LINE = 14; // px from the name of a fingertip to one above it
 const CLASSES_MM = [0.5, 1, 2, 4, 8]; // upper ends; the last class is open
 const FLOATS = 12; // an instance: both ends, both radii, colour
 const SIDES = 16;
@@ -416,6 +417,12 @@ class HandViewer {
     this.drawn++;
   }
 
+  /* Half a label's width with room beside it; measured once, since that costs a layout. */
+  halfWide(label) {
+    label.halfWide ||= label.offsetWidth / 2 + 2;
+    return label.halfWide;
+  }
+
   placeLabels(parts, base, {turn, centre, pan, distance}) {
     const shown = this.pictures().map(([first]) => first), labels = this.part.labels.children;
     const n = this.digits.length, taken = [];
@@ -425,11 +432,11 @@ class HandViewer {
       if (labels[i].hidden) continue;
       const tip = this.seen(this.place(s, this.skeletons[s].tips[i % n]), base), p = apply(turn, minus(tip, centre));
       const pixels = part[3] / (2 * FIELD * (distance - p[2]));
-      const x = part[0] + part[2] / 2 + (p[0] - pan[0]) * pixels, wide = 3.4 * this.digits[i % n].length + 3;
+      const x = part[0] + part[2] / 2 + (p[0] - pan[0]) * pixels, wide = this.halfWide(labels[i]);
       let y = part[3] / 2 - (p[1] - pan[1]) * pixels;
       // A name that would lie on another goes above it.
-      const hit = () => taken.find((own) => Math.abs(own.x - x) < own.wide + wide && Math.abs(own.y - y) < 13);
-      for (let other = hit(); other; other = hit()) y = other.y - 13;
+      const hit = () => taken.find((own) => Math.abs(own.x - x) < own.wide + wide && Math.abs(own.y - y) < LINE);
+      for (let other = hit(); other; other = hit()) y = other.y - LINE;
       taken.push({x, y, wide});
       labels[i].hidden = !(x > part[0] && x < part[0] + part[2] && y > 0 && y < part[3]);
       labels[i].style.transform = `translate(${x.toFixed(1)}px,${y.toFixed(1)}px)`;

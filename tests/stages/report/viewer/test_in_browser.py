@@ -41,6 +41,20 @@ HEARING = """(v) => {
   v.onframe(({index, time}) => heard.push([document.timeline.currentTime / 1000, time, index]));
 }"""
 
+# Pairs of words over the picture, of those shown, whose letters lie on each other.
+ON_EACH_OTHER = """() => {
+  const words = [...document.querySelectorAll(
+    ".viewer-labels span:not([hidden]), .viewer-models span:not([hidden]), .viewer-scale")];
+  const boxes = words.map((word) => {
+    const range = document.createRange();
+    range.selectNodeContents(word);
+    return [word.textContent, range.getBoundingClientRect()];
+  });
+  return boxes.flatMap(([own, a], i) => boxes.slice(i + 1).filter(([, b]) =>
+    Math.min(a.right, b.right) - Math.max(a.left, b.left) > .5
+    && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > .5).map(([other]) => `${own}, ${other}`));
+}"""
+
 
 def write(path: Path, motion: Any, title: str = "Subject 01, right hand, opposition") -> Path:
     """Write the motion's page."""
@@ -369,6 +383,26 @@ def test_skeletons_stand_side_by_side_or_one_over_the_other_or_alone(page: Watch
     alone = seen(page)
     assert 6000 < alone["inked"] < both["inked"]
     assert page.page.get_by_label("One over the other").is_disabled()
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("names", [(), ("母指", "示指", "中指", "環指", "小指")], ids=["english", "japanese"])
+def test_no_words_lie_on_each_other(
+    page: WatchedPage, file: Path, names: tuple[str, ...], width: int, tmp_path: Path
+) -> None:
+    """A letter of Japanese is as wide as it is high; here it is made so, whatever the machine's fonts."""
+    style = "<style>.viewer-labels span { width: 2em; text-align-last: justify; }</style>" if names else ""
+    text = file.read_text("utf-8")
+    for english, own in zip(("thumb", "index", "middle", "ring", "little"), names, strict=False):
+        text = text.replace(f"<span hidden>{english}</span>", f"<span hidden>{own}</span>")
+    (tmp_path / "hand.html").write_text(text.replace("</head>", f"{style}</head>"), "utf-8")
+    page.page.set_viewport_size({"width": width, "height": 800})
+    opened(page, tmp_path / "hand.html")
+    found: set[str] = set()
+    for index in range(0, FRAMES, 20):
+        page.value(f"{VIEWER}.goTo({index}), {VIEWER}.draw()")
+        found |= set(page.value(ON_EACH_OTHER))
+    assert found == set()
 
 
 def test_any_two_models_can_be_chosen_and_who_asks_is_told(page: WatchedPage) -> None:
