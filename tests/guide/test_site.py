@@ -12,6 +12,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import pytest
 from browser import WatchedPage, watched
@@ -92,15 +93,39 @@ def test_no_page_fetches_from_elsewhere(site: Path) -> None:
     ] == []
 
 
+def found_by_search(page: WatchedPage, word: str) -> list[Path]:
+    """The pages that the search field of a page lists for a word, the best first."""
+    field = page.page.locator("input.md-search__input")
+    field.click()  # the index is read when somebody wants it
+    field.fill(word)
+    field.press("End")  # the theme looks at each key that is let go
+    page.wait("/\\d|No matching/.test(document.querySelector('.md-search-result__meta').textContent)")
+    links = page.page.locator(".md-search-result__link").all()
+    return [Path(unquote(urlsplit(str(link.get_attribute("href"))).path)) for link in links]
+
+
 @pytest.mark.parametrize(
-    ("start", "word", "target"), [("index", "calliper", "measuring"), ("ja/index", "calliper", "measuring")]
+    ("start", "word", "target"),
+    [
+        ("index", "calliper", "measuring"),
+        ("ja/index", "calliper", "measuring"),
+        ("ja/index", "母指", "ja/calibration-movements"),
+    ],
 )
 def test_search_works_from_a_file(browser: Browser, site: Path, start: str, word: str, target: str) -> None:
+    """The best hit is the page that is about it, and a click leads there."""
     with opened(browser, site / f"{start}.html") as page:
-        field = page.page.locator("input.md-search__input")
-        field.click()  # the index is read when somebody wants it
-        field.press_sequentially(word)
-        page.page.locator(f".md-search-result__link[href*='{target}']").first.wait_for()
+        found = found_by_search(page, word)
+        assert found[0] == site / f"{target}.html"
+        assert [path for path in found if not path.is_file()] == []
+        page.page.locator(".md-search-result__link").first.click()
+        page.wait(f"location.href.startsWith('{found[0].as_uri()}')")
+        assert word in page.page.locator("article").inner_text().lower()
+
+
+def test_search_finds_nothing_where_nothing_is(browser: Browser, site: Path) -> None:
+    with opened(browser, site / "index.html") as page:
+        assert found_by_search(page, "qqxyzzy") == []
 
 
 @pytest.mark.parametrize("width", [390, 1280])
