@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 
+from schemas.catalogue import DISTAL_RECEIVER
+from schemas.layout import Layout
 from stages.report.palette import AMBER, INK, NO, WEAK_LINE, Mark
 from stages.report.table_cells import alike, listed
 from stages.report.wording import mark, say, told, word
@@ -33,6 +35,27 @@ def belief(row: Mapping[str, object]) -> str:
     if row["status"] in ("weak", "failed"):
         return NOT
     return BELIEVED if isinstance(sd, float) and sd <= SMALL_SD_MM and not _apart_mm(row) else CARE
+
+
+def length_belief(
+    bone: Mapping[str, object], joints: Mapping[str, Mapping[str, object]], *, is_whole: bool
+) -> str:
+    """One of BELIEFS for a row of bone_lengths: the worst of the joints at its ends and of its own error.
+
+    joints : rows of joint_centres by joint. is_whole : whether it is the bone itself, see `is_whole_bone`.
+    """
+    sd = bone["sd_mm"]
+    if bone["length_mm"] is None:
+        return NOT
+    known = is_whole and isinstance(sd, float) and sd <= SMALL_SD_MM
+    ends = (belief(joints[str(bone[end])]) for end in ("starts_at", "ends_at") if bone[end] in joints)
+    return max([BELIEVED if known else CARE, *ends], key=BELIEFS.index)
+
+
+def is_whole_bone(bone: Mapping[str, object], layout: Layout) -> bool:
+    """Whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
+    own = {joint.child: name for name, joint in layout.joints.items()}
+    return bone["starts_at"] == own.get(str(bone["bone"])) and bone["ends_at"] != DISTAL_RECEIVER
 
 
 def _apart_mm(row: Mapping[str, object]) -> float:

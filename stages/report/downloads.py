@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES, TIP_ERRORS
+from schemas.catalogue import BONE_LENGTHS, JOINT_ERRORS, SKELETON_SCORES, TIP_ERRORS
 from schemas.tables import Table
 from stages.report.comparison.comparisons import Comparison
 from stages.report.study_results import Row, StudyResults
@@ -45,7 +45,7 @@ class Downloads:
 
 
 def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downloads:
-    """Pack the comparisons, the scores, the joint errors and the tip errors, as many as MOST_BYTES hold."""
+    """Pack the comparisons, scores, joint and tip errors and bone lengths, as many as MOST_BYTES hold."""
     compared = [comparison_row(each) for each in comparisons]
     files: list[Download] = []
     not_packed = []
@@ -54,11 +54,14 @@ def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downl
         (SKELETON_SCORES.name, _columns(SKELETON_SCORES), results.scores),
         (JOINT_ERRORS.name, _columns(JOINT_ERRORS), results.joint_errors),
         (TIP_ERRORS.name, _columns(TIP_ERRORS), results.tip_errors),
+        (BONE_LENGTHS.name, _columns(BONE_LENGTHS), results.bones),
     ):
+        if not rows:
+            continue
         file = packed(f"{name}.csv", rows, columns, MOST_BYTES - sum(len(each.data) for each in files))
         if file is None:
             not_packed.append((results.paths.study_table(name).name, len(rows)))
-        elif rows:
+        else:
             files.append(file)
     return Downloads(tuple(files), tuple(not_packed))
 

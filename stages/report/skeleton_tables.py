@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 
+from schemas.catalogue import DISTAL_RECEIVER
 from schemas.study import Hand
+from stages.report.belief import BELIEVED, SMALL_SD_MM, is_whole_bone, length_belief
+from stages.report.links import anchor, link
 from stages.report.study_results import Row, StudyResults
 from stages.report.table_cells import (
     DASH,
@@ -31,10 +34,8 @@ STATUS = Column(
 def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     """The bone lengths of a hand, mm, one column a model; a bone is named after its segment."""
     by_bone: dict[str, dict[str, Row]] = {}
-    uses = Counter(segment for digit in results.layouts[hand].digits.values() for segment in digit.segments)
     for model in results.models:
-        for row in results.bones_of.get((hand, model), []):
-            name = row["bone"] if uses[row["bone"]] < 2 else f"{row['bone']} ({word(row['digit'])})"
+        for name, row in _named_bones(results, hand, model).items():
             by_bone.setdefault(name, {})[model] = row
     order = {segment: index for index, segment in enumerate(results.layouts[hand].segments)}
     bones = sorted(by_bone, key=lambda name: order.get(name.split(" ")[0], len(order)))
@@ -44,6 +45,93 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
         (Block((say("Bone [mm]"), *results.models), rows),),
         _bone_notes(by_bone) if rows else (say("No bone length was computed."),),
     )
+
+
+def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Row]:
+    """Rows of bone_lengths by the bone's name, with its digit where several have one of that name."""
+    uses = Counter(segment for digit in results.layouts[hand].digits.values() for segment in digit.segments)
+    return {
+        row["bone"] if uses[row["bone"]] < 2 else f"{row['bone']} ({word(row['digit'])})": row
+        for row in results.bones_of.get((hand, model), [])
+    }
+
+
+def lengths_table(results: StudyResults, model: str) -> DataTable:
+    """The bone lengths of all hands side by side, mm: a row a hand, a column a bone, with verdicts."""
+    bones = {hand: _named_bones(results, hand, model) for hand in results.hands}
+    order = {segment: i for layout in results.layouts.values() for i, segment in enumerate(layout.segments)}
+    names = sorted(dict.fromkeys(name for own in bones.values() for name in own),
+                   key=lambda name: order.get(name.split(" ")[0], len(order)))  # fmt: skip
+    beliefs = {hand: _length_beliefs(results, hand, model, own) for hand, own in bones.items()}
+    rows = tuple(
+        (
+            anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
+            word(hand.hand),
+            _believed(results, hand, beliefs[hand]),
+            *(_believed_length(own.get(name), beliefs[hand].get(name, "")) for name in names),
+        )
+        for hand, own in bones.items()
+    )
+    header = (say("Subject"), say("Hand"), say("Lengths to believe"))
+    return DataTable(
+        say("Bone lengths of every hand under {model}, in mm, with 1-sigma error.", model=model),
+        (Block((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
+        _lengths_notes(results, model) if names else (say("No bone length was computed."),),
+        frozenset(range(2)),
+    )
+
+
+def _length_beliefs(results: StudyResults, hand: Hand, model: str, bones: dict[str, Row]) -> dict[str, str]:
+    joints = {row["joint"]: row for row in results.joints_of.get((hand, model), [])}
+    layout = results.layouts[hand]
+    return {
+        name: length_belief(row, joints, is_whole=is_whole_bone(row, layout)) for name, row in bones.items()
+    }
+
+
+def _believed(results: StudyResults, hand: Hand, beliefs: dict[str, str]) -> str:
+    """How many of a hand's lengths to believe; none of one with a finding."""
+    if not beliefs:
+        return DASH
+    yes = 0 if hand in results.suspect else sum(own == BELIEVED for own in beliefs.values())
+    text = say("{n_far} of {n_rows}", n_far=yes, n_rows=len(beliefs))
+    return text + (say(" (◆ has a finding)") if hand in results.suspect else "")
+
+
+def _believed_length(row: Row | None, believed: str) -> str:
+    """The length, a doubt's sign behind it, so that it sorts as a number."""
+    if row is None or row["length_mm"] is None:
+        return DASH
+    sd = "" if row["sd_mm"] is None else f" ± {number(row['sd_mm'], 1)}"
+    return number(row["length_mm"], 1) + sd + ("" if believed == BELIEVED else f" {believed[0]}")
+
+
+def _lengths_notes(results: StudyResults, model: str) -> tuple[str, ...]:
+    """What the signs mean, and what of the model's lengths is not the bone itself."""
+    rows = [row for hand in results.hands for row in results.bones_of.get((hand, model), [])]
+    notes = [
+        say(
+            "◆ with care, ✕ not to believe: the worst of the joints at the bone's ends, and with care where "
+            "its own error is above {SMALL_SD_MM:g} mm.",
+            SMALL_SD_MM=SMALL_SD_MM,
+        )
+    ]
+    if any(row["ends_at"] == DISTAL_RECEIVER for row in rows):
+        notes.append(
+            say(
+                "{model} ends a digit at its distal receiver and may begin a finger at the wrist; such a "
+                "length is not the bone's and is with care at best.",
+                model=model,
+            )
+        )
+    if model in results.fitted:
+        notes.append(
+            say(
+                "Where {model} shares lengths between a person's hands, the two are not independent.",
+                model=model,
+            )
+        )
+    return tuple(notes)
 
 
 def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:

@@ -20,11 +20,15 @@ from stages.report.movement_page.movement_text import groups_differ, moved_most
 from stages.report.pictures.hand_index import IndexEntry
 from stages.report.score_tables import held_out_table, mean
 from stages.report.skeleton_stills import index_figure, posed_hands
+from stages.report.skeleton_tables import lengths_table
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, DataTable, counted, number
 from stages.report.templates import render
 from stages.report.trust import believed_text, study_beliefs, study_trust_table
 from stages.report.wording import full_name, say, told, word
+
+FEW_HANDS = 30
+"""As many rows as are shown unfolded."""
 
 
 def render_study(results: StudyResults, study: Study, movement: Movement | None = None) -> str:
@@ -47,6 +51,8 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         compared=compared,
         downloads=downloads(results, compared.comparisons),
         subjects=subjects_table(results),
+        lengths=lengths_table(results, results.leading),
+        lengths_open=len(results.hands) <= FEW_HANDS,
         trust=study_trust_table(results, results.leading),
         model=results.leading,
         held_out=held_out_table(results),

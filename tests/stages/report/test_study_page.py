@@ -9,7 +9,7 @@ from urllib.parse import unquote
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from report_samples.read_page import read_page, rows_where, table_called
+from report_samples.read_page import ReadTable, read_page, rows_where, table_called
 
 from schemas.results import Results
 from schemas.study import Hand, Study, SubjectSession, read_study
@@ -91,6 +91,61 @@ def test_what_was_fitted_and_what_held_out(fitted: StudyResults, file: Study) ->
     }
     assert {tuple(row[:4]) for row in table.rows[1:]} == expected
     assert {row[4] for row in table.rows[1:]} == {"2 hands of 1 subject"}
+
+
+def _lengths(page: str, model: str) -> ReadTable:
+    return table_called(page, f"Bone lengths of every hand under {model}, in mm, with 1-sigma error.")
+
+
+def test_bone_lengths_stand_side_by_side(fitted: StudyResults, file: Study) -> None:
+    """A row a hand and a column a bone, as the gathered table has them, with a doubt's sign behind."""
+    page = render_study(fitted, file)
+    header, *rows = _lengths(page, "whole-hand").rows
+    assert header[:5] == ["Subject", "Hand", "Lengths to believe", "thumb metacarpal", "thumb proximal"]
+    assert [row[:3] for row in rows] == [["S01", "right", "15 of 19"], ["S01", "left", "11 of 19"]]
+    for row in rows:
+        known = rows_where(fitted.bones, hand=row[1], model="whole-hand")
+        cells = dict(zip(header[3:], row[3:], strict=True))
+        assert len(cells) == len(known) == 19
+        for bone in known:
+            start = f"{bone['length_mm']:.1f} ± {bone['sd_mm']:.1f}"
+            assert cells[bone["bone"].replace("_", " ")].removesuffix(" ◆").removesuffix(" ✕") == start
+    left = dict(zip(header, rows[1], strict=True))
+    assert left["ring distal"].endswith(" ✕")  # its DIP joint failed
+    assert left["little middle"].endswith(" ✕")  # and here it is weak
+    assert page.count('href="#bones"') == 1
+
+
+def test_many_bone_lengths_are_folded(fitted: StudyResults, file: Study) -> None:
+    def section(results: StudyResults) -> str:
+        return render_study(results, file).partition('<section id="bones">')[2][:200]
+
+    recordings = [
+        replace(recording, hand=replace(recording.hand, subject=f"S{index}"))
+        for index in range(20)
+        for recording in fitted.recordings
+    ]
+    layouts = {recording.hand: next(iter(fitted.layouts.values())) for recording in recordings}
+    assert "<details open>" in section(fitted)
+    assert "<details>" in section(replace(fitted, recordings=tuple(recordings), layouts=layouts))
+    assert "No bone length was computed." in render_study(replace(fitted, bones=[]), file)
+
+
+def test_lengths_of_a_hand_with_a_finding_count_for_nothing(fitted: StudyResults, file: Study) -> None:
+    finding = {"subject": "S01", "session": "", "hand": "left", "task": "rom", "model": ""}
+    finding |= {"stage": "check_recordings", "kind": "units", "severity": "suspect", "message": "in m"}
+    page = render_study(replace(fitted, problems=[finding]), file)
+    rows = _lengths(page, "whole-hand").rows[1:]
+    assert [row[2] for row in rows] == ["15 of 19", "0 of 19 (◆ has a finding)"]
+
+
+def test_lengths_that_are_not_the_bones_are_said(results: StudyResults, study: Study) -> None:
+    """The paper's models end a digit at its distal receiver."""
+    page = render_study(results, study)
+    rows = _lengths(page, "rigid").rows
+    last = [place for place, name in enumerate(rows[0]) if name.endswith("distal")]
+    assert all(row[place][-1] in "◆✕" for row in rows[1:] for place in last if row[place] != "–")
+    assert "rigid ends a digit at its distal receiver" in page
 
 
 def test_methods_say_what_the_study_is(fitted: StudyResults, results: StudyResults) -> None:
