@@ -142,7 +142,7 @@ def fit_clock(reference_s: Array, other_s: Array, ahead_s: Array | None = None) 
         )
     stretches = _supported(reference_s, other_s, stretches, within_s)
     stretches, ambiguity_s, odds = _best_shifts(reference_s, other_s, stretches, within_s)
-    fit = _fitted(other_s, _refined(reference_s, other_s, stretches, within_s))
+    fit = _fitted(reference_s, other_s, _refined(reference_s, other_s, stretches, within_s))
     ahead_s = np.zeros(len(other_s)) if ahead_s is None else ahead_s
     before_s, after_s = ahead_s[np.searchsorted(other_s, fit.steps_between_s)].T
     fit = replace(fit, steps_s=fit.steps_s - (after_s - before_s))
@@ -214,18 +214,35 @@ def _beyond(reference_s: Array, expected_s: Array, within_s: float) -> int:
 
 
 def _supported(r: Array, o: Array, stretches: list[Stretch], within_s: float) -> list[Stretch]:
-    """Leave out stretches whose pulses keep nearly as well to the line before or after."""
+    """Leave out stretches without which the line before or after, of all pulses, has nearly as many."""
     kept = list(stretches)
     for own in sorted(stretches, key=lambda stretch: len(stretch.other)):
         place = kept.index(own)
         first = kept[place - 1].other[-1] + 1 if place else 0
         end = kept[place + 1].other[0] if place + 1 < len(kept) else len(o)
-        beside = [kept[near] for near in (place - 1, place + 1) if 0 <= near < len(kept)]
-        lines = [Line.through(o[near.other], r[near.reference]) for near in beside]
-        hits = [coincidences(r, line(o[first:end]), within_s) for line in lines]
-        if hits and max(hits) > len(own.other) - FEWEST_GAINED:
+        hits = _keeps(r, o, own, within_s)[first:end]
+        before, after = (
+            _keeps(r, o, kept[near], within_s)[first:end] if 0 <= near < len(kept) else None
+            for near in (place - 1, place + 1)
+        )
+        gained = [_gained(before, hits, before)] if before is not None else []
+        gained += [_gained(hits, after, after)] if after is not None else []
+        if min(gained, default=FEWEST_GAINED) < FEWEST_GAINED:
             kept.remove(own)
     return kept
+
+
+def _keeps(r: Array, o: Array, stretch: Stretch, within_s: float) -> npt.NDArray[np.bool_]:
+    """Whether pulses (N,) of the other clock keep to the line of a stretch."""
+    expected_s = Line.through(o[stretch.other], r[stretch.reference])(o)
+    return np.abs(r[nearest(r, expected_s)] - expected_s) <= within_s
+
+
+def _gained(first: npt.NDArray[np.bool_], then: npt.NDArray[np.bool_], alone: npt.NDArray[np.bool_]) -> int:
+    """By how many more pulses (N,) keep to one line and, after a step, to another than to one alone."""
+    up_to = np.concatenate([[0], np.cumsum(first)])
+    left = then.sum() - np.concatenate([[0], np.cumsum(then)])
+    return int((up_to + left).max() - alone.sum())
 
 
 @dataclass(frozen=True)
@@ -315,8 +332,8 @@ def _robust_sd_s(pairs: _Pairs) -> float:
     return max(usual, 1e-4)
 
 
-def _refined(r: Array, o: Array, stretches: list[Stretch], within_s: float) -> tuple[Integers, _Pairs]:
-    """Fit the lines, match all pulses by them, and again; gives the references' indices and the pairs."""
+def _refined(r: Array, o: Array, stretches: list[Stretch], within_s: float) -> _Pairs:
+    """Fit the lines, match all pulses by them, and again."""
     i, j = (np.concatenate([getattr(s, name) for s in stretches]) for name in ("reference", "other"))
     pairs = _Pairs(o[j], r[i] - o[j], np.repeat(np.arange(len(stretches)), [len(s.other) for s in stretches]))
     for _ in range(3):
@@ -329,7 +346,7 @@ def _refined(r: Array, o: Array, stretches: list[Stretch], within_s: float) -> t
         i, j = nearest_pairs(r, expected_s, within_s if few else min(within_s, max(5 * sd_s, 0.003)))
         _, own = np.unique(stretch[j], return_inverse=True)
         pairs = _Pairs(o[j], r[i] - o[j], own)
-    return i, pairs
+    return pairs
 
 
 def _stretch_of_each(r: Array, o: Array, pairs: _Pairs, lines: Sequence[Line], within_s: float) -> Integers:
@@ -350,10 +367,8 @@ def _stretch_of_each(r: Array, o: Array, pairs: _Pairs, lines: Sequence[Line], w
     return stretch
 
 
-def _fitted(o: Array, matched: tuple[Integers, _Pairs]) -> ClockFit:
+def _fitted(r: Array, o: Array, pairs: _Pairs) -> ClockFit:
     """The fit, yet to be judged."""
-    i, pairs = matched
-    j = np.searchsorted(o, pairs.x)
     error = pairs.residuals_s(pairs.lines(_robust_sd_s(pairs)))
     sd_s = _stated_sd_s(error, int(pairs.stretch[-1]) + 2)
     lines = pairs.lines(sd_s)
@@ -363,11 +378,16 @@ def _fitted(o: Array, matched: tuple[Integers, _Pairs]) -> ClockFit:
     ]
     fit = ClockFit(
         lines, np.stack([pairs.x[ends], pairs.x[ends + 1]], -1), np.array(steps), sd_s, 0.0, _wander_s(error),
-        float(np.sqrt(np.mean(error**2))), 0.0, len(i), int(i[-1] - i[0] + 1 - len(i)),
-        int(j[-1] - j[0] + 1 - len(j)), "", "",
+        float(np.sqrt(np.mean(error**2))), 0.0, len(error), 0, 0, "", "",
     )  # fmt: skip
     ends_s = np.concatenate([pairs.x[pairs.stretch == number][[0, -1]] for number in range(len(lines))])
-    return replace(fit, clock_sd_s=float(fit.mapped(ends_s)[1].max()))
+    own_s, margin_s = fit.mapped(o)[0], 5 * sd_s
+    begin_s, end_s = max(r[0], own_s[0]) - margin_s, min(r[-1], own_s[-1]) + margin_s
+    n_missing, n_extra = (
+        max(0, int(((times >= begin_s) & (times <= end_s)).sum()) - len(error)) for times in (r, own_s)
+    )
+    clock_sd_s = float(fit.mapped(ends_s)[1].max())
+    return replace(fit, clock_sd_s=clock_sd_s, n_missing=n_missing, n_extra=n_extra)
 
 
 def _stated_sd_s(error: Array, n_unknown: int) -> float:

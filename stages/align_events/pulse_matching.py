@@ -41,6 +41,10 @@ regular intervals, the one is taken that moves them least in number."""
 RUN_PULSES = 8
 """A stretch ends where fewer than half of so many successive pulses keep to its line."""
 
+MISS_COST = 0.25
+"""What a pulse that only one clock has takes from a stretch, of what one that both have gives it: a stretch is
+what pays most, so that a chance hit far from all others, beyond a step, is none of it."""
+
 CHANCE = 0.01
 """Windows that coincide as well by chance, expected in all places together, above which none is believed."""
 
@@ -150,7 +154,7 @@ def _stretch(r: Array, o: Array, within_s: float) -> Stretch | None:
                 break
         if best is not None and best[0] < CHANCE:
             break
-    return best and Stretch(*_followed(r, o, best[1], best[2], within_s), best[0])
+    return best and Stretch(*_dense(*_followed(r, o, best[1], best[2], within_s)), best[0])
 
 
 def _coinciding(r: Array, o: Array, start: int, size: int, within_s: float) -> tuple[Integers, Integers]:
@@ -207,6 +211,15 @@ def _followed(
         if keep.sum() <= len(other):
             return reference, other
         reference, other = i[keep], first + j[keep]
+
+
+def _dense(reference: Integers, other: Integers) -> tuple[Integers, Integers]:
+    """The run of pairs that pays most, see MISS_COST."""
+    missed = reference - reference[0] + other - other[0] - 2 * np.arange(len(other))
+    paid = np.arange(len(other)) - MISS_COST * missed
+    end = int(np.argmax(paid - np.minimum.accumulate(paid)))
+    first = int(np.argmin(paid[: end + 1]))
+    return reference[first : end + 1], other[first : end + 1]
 
 
 def _kept(hit: npt.NDArray[np.bool_]) -> int:

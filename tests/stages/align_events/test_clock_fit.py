@@ -149,6 +149,27 @@ def test_steps_are_found(kind: str, steps: dict[float, float]) -> None:
         assert np.mean(nearest_s < 0.06) > 0.97, "all but those that were added"
 
 
+@pytest.mark.parametrize(("step_s", "lost"), [(1.0, 0.0), (30.0, 0.2)])
+def test_a_step_among_few_pulses_is_found(step_s: float, lost: float) -> None:
+    """Pulses beyond the step that by chance keep to the line before it do not hide it; else it is said."""
+    weak = []
+    for seed in range(150):
+        g = np.random.default_rng(seed)
+        true_s = np.sort(g.uniform(0.0, 120.0, 40))
+        other_s = true_s / 1.0001 + 7000.0 + np.where(true_s > 60.0, step_s, 0.0)
+        keep, keep_other = g.random((2, 40)) >= lost
+        fit = fit_clock(true_s[keep], np.sort((other_s + g.normal(0.0, 0.002, 40))[keep_other]))
+        assert isinstance(fit, ClockFit)
+        if fit.status == "weak":
+            weak.append(fit.message)
+            continue
+        assert fit.steps_s == pytest.approx([step_s], abs=0.01), seed
+        clear = np.abs(true_s - 60.0) > 9.0  # where a lost pulse does not leave open which side it is on
+        assert np.abs(fit.mapped(other_s)[0] - true_s)[clear].max() < 0.02, seed
+    assert len(weak) <= 1
+    assert all("fewer than half of the pulses" in message for message in weak)
+
+
 def test_a_recorder_that_paused() -> None:
     """Its clock stood still meanwhile: pulses are missing, and what follows is later."""
     pulses = simulated(3, seconds=600)
