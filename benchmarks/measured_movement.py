@@ -151,7 +151,7 @@ def _tip_numbers(
         true_tips[digit] = _tip(made.truth.skin_tip_mm[:, index], last, true, sd_mm)
     for quantity, rows in (
         ("path", zip(path_rows(tips, grid), path_rows(true_tips, grid), strict=True)),
-        ("distance", zip(distance_rows(tips), distance_rows(true_tips), strict=True)),
+        ("distance", zip(distance_rows(tips, grid), distance_rows(true_tips, grid), strict=True)),
     ):
         for row, own in rows:
             name, sd = (

@@ -136,7 +136,7 @@ def _measure_recording(
     for name, rows in (
         ("ranges_of_motion", ranges),
         ("fingertip_paths", path_rows(tips, grid)),
-        ("fingertip_distances", distance_rows(tips)),
+        ("fingertip_distances", distance_rows(tips, grid)),
     ):
         tables[name].rows(part, [keys | row for row in rows])
     return used, curves

@@ -75,8 +75,11 @@ def path_rows(tips: Mapping[str, Fingertip], grid: Grid | None) -> Iterator[Row]
         yield row | _judged(row, "ok", "", grid)
 
 
-def distance_rows(tips: Mapping[str, Fingertip]) -> Iterator[Row]:
-    """Rows of fingertip_distances, of every two digits."""
+def distance_rows(tips: Mapping[str, Fingertip], grid: Grid | None) -> Iterator[Row]:
+    """Rows of fingertip_distances, of every two digits.
+
+    A contact goes on over a short gap: a lost frame is not a release, nor the next one another contact.
+    """
     for (digit, one), (other_digit, other) in combinations(tips.items(), 2):
         distance_mm = np.linalg.norm(one.place_mm - other.place_mm, axis=-1)
         known = np.isfinite(distance_mm)
@@ -93,9 +96,10 @@ def distance_rows(tips: Mapping[str, Fingertip]) -> Iterator[Row]:
         if not (one.skin and other.skin):
             yield row | {"status": "weak", "message": NO_SKIN}
             continue
-        touching = contacts(distance_mm)
+        touching = contacts(distance_mm if grid is None else _bridged_in(distance_mm, grid))
+        in_contact = touching if grid is None else touching[grid.place]
         row |= {
-            "contact_percent": 100.0 * float(touching[known].mean()),
+            "contact_percent": 100.0 * float(in_contact[known].mean()),
             "n_contacts": contact_count(touching),
         }
         yield row | {"status": "ok", "message": ""}
@@ -169,6 +173,11 @@ def _speeds_of_points(points: Array, grid: Grid) -> Array:
     """Speeds (n,) of points (T, 3)."""
     values = bridged(grid.spread(points), grid.step_s)
     return speed(velocity(values, grid.step_s), velocity_noise_sd(values, grid.step_s))
+
+
+def _bridged_in(values: Array, grid: Grid) -> Array:
+    """A series (T,) on the grid, its short gaps bridged."""
+    return bridged(grid.spread(values[:, None]), grid.step_s)[:, 0]
 
 
 def _path_sd_mm(tip: Fingertip, turn_rad_s: Array, grid: Grid) -> float:

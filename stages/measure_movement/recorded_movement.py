@@ -98,7 +98,7 @@ class RecordedMovement:
                 }
             none = np.empty((len(self.poses.frame), 0, 1 + len(ERRORS)))
             stacked = np.stack([*by_joint.values()], 1) if by_joint else none
-            yield AngleSeries(angle, tuple(by_joint), stacked[..., 0], stacked[..., 1:])
+            yield AngleSeries(angle, tuple(by_joint), running_on(stacked[..., 0]), stacked[..., 1:])
 
     def fingertips(self) -> dict[str, Fingertip]:
         """The ends of all digits that have one."""
@@ -188,6 +188,27 @@ class RecordedMovement:
     def _turn(self, segment: str) -> Array:
         index = self.poses.index(segment)
         return np.where(self.poses.valid[:, index, None], self.poses.quaternion[:, index], np.nan)
+
+
+def running_on(angle_deg: Array) -> Array:
+    """Angles (T, J) within (-180, 180] degrees, those that pass 180 as they run on beyond it.
+
+    The circle is cut where an angle is not: in the widest arc between its values. NaN stays.
+    """
+    out = angle_deg
+    if not len(angle_deg):
+        return out
+    spread_deg = np.fmax.reduce(angle_deg, 0) - np.fmin.reduce(angle_deg, 0)
+    for joint in np.flatnonzero(spread_deg > 180.0):
+        known = np.sort(angle_deg[~np.isnan(angle_deg[:, joint]), joint])
+        arcs = np.diff(known, append=known[0] + 360.0)
+        widest = int(np.argmax(arcs))
+        if widest + 1 < len(known):
+            below = 2 * (widest + 1) < len(known)  # turned are the fewer, so that the median stays
+            turned = angle_deg[:, joint] <= known[widest]
+            out = out.copy() if out is angle_deg else out
+            out[turned if below else ~turned, joint] += 360.0 if below else -360.0
+    return out
 
 
 def _joined(pieces: Sequence[Mapping[str, Array]]) -> dict[str, Array]:

@@ -10,10 +10,16 @@ import numpy.typing as npt
 from skeleton.rotations import Array
 
 MOST_GAP_S = 0.05
-"""Gaps up to this length are bridged by a straight line, for speeds and curves alone; longer ones stay."""
+"""Gaps up to this length are bridged by a straight line, but for ranges and distances; longer ones stay."""
 
 _LONGEST_PAUSE_S = 1.0
 """A longer pause takes no more room than this: no filter reaches across it."""
+
+_PARTS = (1, 2, 3)
+"""Of the median interval, what a step may be: where most frames are missing, intervals are several steps."""
+
+_UNSURE, _MOST_UNSURE = 0.35, 0.01
+"""How far an interval may be from a whole number of steps, in steps, and what share may be farther."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +45,26 @@ class Grid:
 
 
 def grid_of(time_s: Array) -> Grid | None:
-    """The grid of the frames' device times (T,), NaN where unknown; None where they tell no rate."""
+    """The grid of the frames' device times (T,), NaN where unknown; None where they tell no rate.
+
+    Stamps that are rounded, as to milliseconds, tell the rate by their mean. Where stamps scatter too much to
+    say which frames are missing, as those that a host gives, none is taken for missing but in pauses.
+    """
     apart = np.diff(time_s)
     known = apart[apart > 0]
-    if not len(known):
+    usual_s = float(np.median(known)) if len(known) else np.nan
+    pause = ~(np.abs(apart) <= usual_s + MOST_GAP_S)
+    if not apart[~pause].sum() > 0:
         return None
-    step_s = float(np.median(known))
-    with np.errstate(invalid="ignore"):
-        steps = np.where(apart > 0, np.round(apart / step_s), 1.0)
+    for part in _PARTS:
+        steps = np.where(apart > 0, np.maximum(np.round(apart * part / usual_s), 1.0), 1.0)
+        step_s = float(apart[~pause].sum() / steps[~pause].sum())
+        off = np.abs(apart / step_s - steps)[~pause]
+        if np.mean(off > _UNSURE) <= _MOST_UNSURE:
+            break
+    else:
+        step_s = float(apart[~pause].mean())
+        steps = np.where(pause & (apart > 0), np.round(apart / step_s), 1.0)
     steps = np.clip(steps, 1, max(1.0, round(_LONGEST_PAUSE_S / step_s))).astype(np.int64)
     place = np.concatenate([[0], np.cumsum(steps)])
     return Grid(place, int(place[-1]) + 1, step_s)

@@ -40,6 +40,36 @@ def test_an_unknown_time_is_a_frame_after_the_last() -> None:
     np.testing.assert_allclose(grid.times(time_s), np.arange(20) * STEP_S)
 
 
+def _stamped(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frames of twenty seconds that are there, and the times that they are stamped with."""
+    g, frame = np.random.default_rng(4), np.arange(4800)
+    if kind == "most lost":
+        frame = frame[g.random(4800) > 0.6]
+    elif kind == "some lost":
+        frame = frame[g.random(4800) > 0.2]
+    time_s = 7.0 + frame * STEP_S
+    stamped = {
+        "milliseconds": np.round(time_s, 3),
+        "some lost": np.round(time_s, 3),
+        "a host's ticks": np.floor(time_s / 0.015625) * 0.015625,
+        "jitter": time_s + g.normal(0.0, 0.3 * STEP_S, len(frame)),
+    }
+    return frame, stamped.get(kind, time_s)
+
+
+@pytest.mark.parametrize("kind", ["milliseconds", "some lost", "most lost", "a host's ticks", "jitter"])
+def test_the_rate_is_that_of_the_frames_whatever_their_stamps(kind: str) -> None:
+    frame, time_s = _stamped(kind)
+    grid = grid_of(time_s)
+    assert grid is not None
+    assert grid.step_s == pytest.approx(STEP_S, rel=1e-3)
+    assert grid.place.tolist() == (frame - frame[0]).tolist()
+
+
+def test_times_that_run_back_and_forth_have_no_grid() -> None:
+    assert grid_of(np.array([0.0, 1.0, 0.0, 1.0, 0.0])) is None
+
+
 def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:
     longest = int(MOST_GAP_S / STEP_S)
     values = np.column_stack([np.arange(100.0), 2 * np.arange(100.0)])
