@@ -107,14 +107,19 @@ def mean_squares(values: Array) -> tuple[float, float, float]:
 
 
 def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: float) -> Icc:
-    """ICC(2,1); degrees of freedom of its interval by F. E. Satterthwaite."""
+    """ICC(2,1); degrees of freedom of its interval by F. E. Satterthwaite.
+
+    Without a rest they are those of the sessions: a shift that all subjects share is no agreement.
+    """
     spread = of_subjects + (k - 1) * rest + k * (of_sessions - rest) / n
-    if spread <= 0 or rest <= 0:
+    if spread <= 0 or (rest <= 0 and of_sessions <= 0):
         return _undefined(of_subjects, rest)
     value = (of_subjects - rest) / spread
-    ratio = k * value * of_sessions / rest
-    others = n * (1 + (k - 1) * value) - k * value
-    freedom = (n - 1) * (k - 1) * (ratio + others) ** 2 / ((n - 1) * ratio**2 + others**2)
+    freedom = float(k - 1)
+    if rest > 0:
+        ratio = k * value * of_sessions / rest
+        others = n * (1 + (k - 1) * value) - k * value
+        freedom = (n - 1) * (k - 1) * (ratio + others) ** 2 / ((n - 1) * ratio**2 + others**2)
     share = 1 - LEVEL / 2
     upper, lower = _f(share, n - 1, freedom), _f(share, freedom, n - 1)
     whole = k * of_sessions + (k * n - k - n) * rest

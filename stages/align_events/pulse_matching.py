@@ -42,8 +42,8 @@ RUN_PULSES = 8
 """A stretch ends where fewer than half of so many successive pulses keep to its line."""
 
 MISS_COST = 0.25
-"""What a pulse that only one clock has takes from a stretch, of what one that both have gives it: a stretch is
-what pays most, so that a chance hit far from all others, beyond a step, is none of it."""
+"""What a pulse that only one clock has takes from a stretch, of what one that both have gives it. A stretch
+is what pays most: a chance hit far from all others, beyond a step, is none of it."""
 
 CHANCE = 0.01
 """Windows that coincide as well by chance, expected in all places together, above which none is believed."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 from schemas.errors import listed
-from stages.compare_movement.movement_values import Recorded
+from stages.compare_movement.movement_values import Recorded, in_order
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +24,8 @@ class LevelPair:
     """Two levels of a factor in one place (a hand and a task, less the factor itself).
 
     levels_of : each subject's levels among the two, recordings that count or not. in_part : subjects of whom
-    some recordings do not count, by the reason. wholly : those of whom none does.
+    some recordings do not count, by the reason. wholly : those of whom none does. without : subjects who were
+    recorded there and have no level.
     """
 
     factor: str
@@ -33,6 +34,7 @@ class LevelPair:
     levels_of: Mapping[str, frozenset[str]]
     in_part: Mapping[str, str]
     wholly: Mapping[str, str]
+    without: Sequence[str] = ()
 
     @property
     def design(self) -> str:
@@ -54,8 +56,10 @@ class LevelPair:
         for subject, reason in self.in_part.items():
             if subject in used:
                 reasons[f"{reason} in part"].append(subject)
+        if self.without:
+            reasons[f"no level of {self.factor}"] += self.without
         text = "; ".join(f"{reason}: {listed(subjects)}" for reason, subjects in reasons.items())
-        return len(missing), text
+        return len(missing) + len(self.without), text
 
     def _reason(self, subject: str) -> str:
         levels = self.levels_of[subject]
@@ -65,7 +69,7 @@ class LevelPair:
             return f"only at {next(iter(levels))}"
         if self.design == BETWEEN and len(levels) == 2:
             return "at both levels"
-        return "no value"
+        return f"{self.in_part[subject]} in part" if subject in self.in_part else "no value"
 
 
 def level_pairs(everything: Recorded, factor: str, place: Mapping[str, str]) -> Iterator[LevelPair]:
@@ -73,15 +77,18 @@ def level_pairs(everything: Recorded, factor: str, place: Mapping[str, str]) -> 
     rows = everything.rows
     for column, value in place.items():
         rows = rows[rows[column] == value]
+    recorded = rows["subject"]
     rows = rows[rows[factor] != ""]
-    levels = list(dict.fromkeys(rows[factor]))
+    having = set(rows["subject"])
+    without = [subject for subject in dict.fromkeys(recorded) if subject not in having]
+    levels = in_order(rows, factor)
     if len(levels) > MOST_LEVELS:
         return
     for level, other in combinations(levels, 2):
-        yield _pair(rows[rows[factor].isin([level, other])], factor, level, other)
+        yield _pair(rows[rows[factor].isin([level, other])], factor, level, other, without)
 
 
-def _pair(rows: pd.DataFrame, factor: str, level: str, other: str) -> LevelPair:
+def _pair(rows: pd.DataFrame, factor: str, level: str, other: str, without: Sequence[str]) -> LevelPair:
     levels_of = {str(subject): frozenset(own) for subject, own in rows.groupby("subject", sort=False)[factor]}
     in_part: dict[str, str] = {}
     wholly: dict[str, str] = {}
@@ -89,7 +96,7 @@ def _pair(rows: pd.DataFrame, factor: str, level: str, other: str) -> LevelPair:
         dropped = [reason for reason in reasons if reason]
         if dropped:
             (wholly if len(dropped) == len(reasons) else in_part)[str(subject)] = dropped[0]
-    return LevelPair(factor, level, other, levels_of, in_part, wholly)
+    return LevelPair(factor, level, other, levels_of, in_part, wholly, without)
 
 
 def places(everything: Recorded, factor: str) -> Iterator[dict[str, str]]:

@@ -112,7 +112,8 @@ def _with_categories(part: pa.Table) -> pa.Table:
 def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -> pd.DataFrame:
     """A quantity's numbers in the recordings that count: those' columns, model, of, value and sd.
 
-    whole : the quantity's table. Rows without a number are left out; sd is NaN where none is stated.
+    whole : the quantity's table. Rows without a number are left out; sd is NaN where none is stated. Sessions
+    come one after the other, see `in_order`, and so do the trials of each.
     """
     of = whole[quantity.of[0]].astype(str)
     for other in quantity.of[1:]:
@@ -123,7 +124,21 @@ def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -
         value=whole[quantity.name].astype(float),
         sd=whole[quantity.sd].astype(float) if quantity.sd else float("nan"),
     )
-    return numbers.dropna(subset="value").merge(counted, on=RECORDING)
+    found = numbers.dropna(subset="value").merge(counted, on=RECORDING)
+    for column in ("trial", "session"):
+        order = {name: place for place, name in enumerate(in_order(counted, column))}
+        found = found.sort_values(column, key=lambda names, order=order: names.map(order), kind="stable")
+    return found.reset_index(drop=True)
+
+
+def in_order(rows: pd.DataFrame, column: str) -> list[str]:
+    """What a column of recordings has, in the order of the sheet: of the subjects who have most of it first.
+
+    A subject whose second session is missing does not put the third before it.
+    """
+    own = rows.groupby("subject", sort=False)[column].unique()
+    most = own[own.map(len).sort_values(ascending=False, kind="stable").index]
+    return list(dict.fromkeys(str(name) for names in most for name in names))
 
 
 def subject_means(

@@ -96,3 +96,16 @@ def test_stated_sd_against_what_was_seen() -> None:
     assert found.stated == pytest.approx(math.sqrt(2))
     assert found.ratio == pytest.approx(math.sqrt(10 / 2))
     assert stated_against_seen(np.array([1.0]), np.array([np.nan])) is None
+
+
+def test_a_shift_that_all_share_is_consistent_and_no_agreement() -> None:
+    """Without any rest the ICC is the limit of that with a small one, its interval too."""
+    values = np.arange(6.0)[:, None] + np.array([0.0, 3.0])
+    found = reliability(values)
+    assert found.consistency.value == 1.0
+    noise = np.random.default_rng(1).normal(0.0, 1e-5, values.shape)
+    near = reliability(values + noise).agreement
+    assert found.agreement.value == pytest.approx(near.value, abs=1e-4)
+    assert found.agreement.interval == pytest.approx(near.interval, abs=1e-3)
+    assert found.agreement.value == pytest.approx(7.0 / (7.0 + 2 * 27.0 / 6))
+    assert reliability(np.ones((5, 1)) * [0.0, 1.0]).agreement.value == 0.0

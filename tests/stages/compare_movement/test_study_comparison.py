@@ -139,6 +139,47 @@ def test_trials_and_sessions_do_not_make_a_subject_count_twice(tmp_path: Path) -
     assert row.p == pytest.approx(row.p_holm)
 
 
+def test_sessions_are_in_the_order_of_the_sheet_though_its_first_subject_lacks_one(tmp_path: Path) -> None:
+    """Bias is of a session to the next: 10 each, and not 20 and -10."""
+    recordings = [row for row in drawn.recordings(8) if (row["subject"], row["session"]) != ("P00", "2")]
+    noise = np.random.default_rng(2).normal(0.0, 0.1, len(recordings))
+    ranges = [
+        drawn.range_row(row, "rigid", "index_pip", 10.0 * int(row["session"]) + own, None)
+        for row, own in zip(recordings, noise, strict=True)
+    ]
+    tables = compared(tmp_path, recordings, ranges, factors=["session"])
+    pairs = rows_of(tables["movement_differences"], quantity="range_deg")
+    assert list(zip(pairs["level"], pairs["other_level"], strict=True)) == [
+        ("1", "2"),
+        ("1", "3"),
+        ("2", "3"),
+    ]
+    row = rows_of(tables["movement_reliability"], quantity="range_deg").iloc[0]
+    assert (row.n, row.k, row.left_out) == (7, 3, 1)
+    assert row.left_out_reason == "not in every one of 1, 2, 3: P00"
+    assert row.bias == pytest.approx(10.0, abs=0.2)
+    assert row.loa_high - row.loa_low < 2.0
+
+
+def test_the_reason_is_that_of_the_recording_that_does_not_count(tmp_path: Path) -> None:
+    recordings = drawn.recordings(8, ("1", "2"))
+    suspect = [{"subject": "P01", "session": "2", "hand": "right", "task": "play"}]
+    tables = compared(tmp_path, recordings, drawn.ranges(recordings), factors=["session"], suspect=suspect)
+    row = rows_of(tables["movement_differences"], quantity="range_deg").iloc[0]
+    assert (row.n, row.left_out, row.left_out_reason) == (7, 1, "suspect in part: P01")
+
+
+def test_who_has_no_level_is_left_out_and_said(tmp_path: Path) -> None:
+    recordings = drawn.recordings(10, ("",))
+    recordings[4] |= {"group": ""}
+    table = compared(tmp_path, recordings, drawn.ranges(recordings), factors=["group"])[
+        "movement_differences"
+    ]
+    row = rows_of(table, quantity="range_deg").iloc[0]
+    assert (row.n, row.n_other, row.left_out) == (4, 5, 1)
+    assert row.left_out_reason == "no level of group: P04"
+
+
 def test_who_is_left_out_is_counted_with_the_reason(tmp_path: Path) -> None:
     recordings = drawn.recordings(14, ("",))
     ranges = [row for row in drawn.ranges(recordings) if row["subject"] != "P03"]
