@@ -187,6 +187,7 @@ def _apart(percent: int, n: int) -> Row:
         "t_threshold": 3.0,
         "significant": bool(difference > 4.5),
         "p": 0.01,
+        "p_holm": 0.03,
         "n": n,
         "n_other": n,
     }
@@ -203,4 +204,5 @@ def _depends(of: str, rank: int) -> Row:
         "agree": rank != 3,
         "widest_difference": 1.0,
         "which": "rigid;whole-hand",
+        "message": "more at A: whole-hand; no difference shown: rigid" if rank == 3 else "",
     }

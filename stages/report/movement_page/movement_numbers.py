@@ -89,7 +89,7 @@ def reliability_tables(movement: Movement) -> list[Folded]:
         _number(say("Bias"), "bias", 2),
         Column(say("Limits of agreement"), lambda r: _interval(r["loa_low"], r["loa_high"])),
         _number(say("Stated 1-sigma"), "stated_sd", 2),
-        Column(say("Held by it [%]"), lambda r: number(r["held_percent"], 0)),
+        Column(say("Within 1.96 of it [%]"), lambda r: number(r["held_percent"], 0)),
     )
     return list(_by_quantity(movement.reliability, say("Repeatability"), columns, "movement_reliability"))
 
@@ -107,6 +107,7 @@ def dependence_table(movement: Movement) -> DataTable:
         text_column(say("Task"), "task"),
         text_column(say("Models that part most"), "which"),
         _number(say("By"), "widest_difference", 2),
+        text_column(say("What they say"), "message"),
     )
     return _short(say("Answers that depend on the skeleton model"), columns, apart, "model_dependence")
 

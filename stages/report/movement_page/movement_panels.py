@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stages.report.comparison.comparison_text import p_text
 from stages.report.movement_page.movement_results import OF_ANGLE, PLACE, RANGE, Movement
 from stages.report.movement_page.movement_text import LEVEL, PAIR, angle_text, of_text
 from stages.report.palette import Look, digit_looks
@@ -149,12 +149,12 @@ def curve_difference_plots(movement: Movement) -> list[Drawn]:
     rows = movement.curve_differences
     key = [*PAIR, *PLACE, *OF_ANGLE, "event"]
     curves = [(values, own.sort_values("percent")) for values, own in rows.groupby(key, sort=False)]
-    curves.sort(key=lambda each: np.nan_to_num(_column(each[1], "p").min(initial=1.0), nan=1.0))
+    curves.sort(key=lambda each: float(np.fmin.reduce(_column(each[1], "p"), initial=1.0)))
     found = []
     for (_, level, other, hand, task, joint, angle, event), own in curves[:MOST_PANELS]:
         x = _column(own, "percent")
         words = say(
-            "{angle_text}, {level} less {other}, {place_text}, by {event}, n = {max} and {max_2}",
+            "{angle_text}, {level} less {other}, {place_text}, by {event}, n = {max} and {max_2}{corrected}",
             angle_text=angle_text(joint, angle),
             level=level,
             other=other,
@@ -162,6 +162,7 @@ def curve_difference_plots(movement: Movement) -> list[Drawn]:
             event=event,
             max=int(own["n"].max()),
             max_2=int(own["n_other"].max()),
+            corrected=_corrected_text(_column(own, "p_holm")[0]),
         )
         plot = XYPlot(
             say("Difference in course: {words}", words=words),
@@ -173,6 +174,11 @@ def curve_difference_plots(movement: Movement) -> list[Drawn]:
         )
         found.append(Drawn(words, plot))
     return found
+
+
+def _corrected_text(p: float) -> str:
+    """The p of a curve, corrected over joints and angles; NaN is no test."""
+    return say(", not tested") if np.isnan(p) else say(", {p_text} over all joint angles", p_text=p_text(p))
 
 
 def _stretches(x: Array, chosen: Array) -> tuple[tuple[float, float], ...]:
@@ -204,18 +210,21 @@ def agreement_plots(movement: Movement) -> list[Drawn]:
 
 
 def _consecutive(movement: Movement, joint: str, angle: str, hand: str, task: str) -> tuple[Array, Array]:
-    """Ranges of subjects in a session and in their next one, as the sheet has them."""
+    """Ranges of subjects in a session and in their next one: those that bias and limits are of.
+
+    Sessions are in the order of the subjects who have most of them; one counts that at least half of the
+    subjects have, and a subject who has them all.
+    """
     means = movement.session_means
     wanted = {"joint": joint, "angle": angle, "hand": hand, "task": task}
     for name, value in wanted.items():
         means = means[means[name] == value]
-    order = {session: place for place, session in enumerate(dict.fromkeys(movement.ranges["session"]))}
-    pairs = []
-    for _, own in means.groupby("subject", sort=False):
-        values = own.assign(place=own["session"].map(order)).sort_values("place")[RANGE].to_numpy(float)
-        pairs += list(pairwise(values))
-    first, second = np.array(pairs, float).reshape(-1, 2).T
-    return first, second
+    wide = means.pivot(index="subject", columns="session", values=RANGE)
+    own = sorted((list(rows) for _, rows in means.groupby("subject")["session"]), key=len, reverse=True)
+    order = list(dict.fromkeys(session for sessions in own for session in sessions))
+    shared = [session for session in order if 2 * wide[session].notna().sum() >= len(wide)]
+    values = wide[shared].dropna().to_numpy(float)
+    return values[:, :-1].ravel(), values[:, 1:].ravel()
 
 
 def _column(rows: pd.DataFrame, name: str) -> Array:

@@ -77,6 +77,11 @@ class Movement:
         found = own.groupby(OF_ANGLE, sort=False, observed=True).agg(["mean", "std", "count"])
         return found.sort_values("mean", ascending=False, kind="stable").reset_index()
 
+    def believable(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """Rows of comparisons less those of joints that are not to be believed."""
+        doubted = {joint for joint, belief in self.believed.items() if belief == NOT}
+        return rows[np.array([of.partition(" ")[0] not in doubted for of in rows["of"]], bool)]
+
     @cached_property
     def leading_angles(self) -> list[tuple[str, str]]:
         """Joints and angles that moved most, one angle a joint."""
@@ -130,9 +135,13 @@ def _judged(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
 
 
 def _mean_curves(results: StudyResults, model: str) -> pd.DataFrame:
-    """Mean and standard deviation over subjects of their mean curves, deg, and how many there are."""
+    """Mean and standard deviation over subjects of their mean curves, deg, and how many there are.
+
+    A subject's is the mean over trials, then over sessions.
+    """
     columns = [*SUBJECT, "task", "model", *OF_ANGLE, "event", "percent", "mean_deg"]
     rows = _judged(_frame(results, MOVEMENT_CURVES, model, columns), results)
     curve = [*PLACE, *OF_ANGLE, "event", "percent"]
-    own = rows.groupby([*curve, "subject"], sort=False, observed=True)["mean_deg"].mean()
+    sessions = rows.groupby([*curve, "subject", "session"], sort=False, observed=True)["mean_deg"].mean()
+    own = sessions.groupby([*curve, "subject"], sort=False, observed=True).mean()
     return own.groupby(curve, sort=False, observed=True).agg(["mean", "std", "count"]).reset_index()

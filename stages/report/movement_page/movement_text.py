@@ -61,7 +61,7 @@ def moved_most(movement: Movement) -> str:
 
 def groups_differ(movement: Movement) -> list[str]:
     """For each two levels of a factor, which ranges of motion differ."""
-    rows = movement.differences
+    rows = movement.believable(movement.differences)
     rows = rows[rows["quantity"] == RANGE]
     if rows.empty:
         return [
@@ -81,8 +81,9 @@ def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
     tested = rows[rows["p_max_t"].notna()]
     if tested.empty:
         messages = [message for message in rows["message"].unique() if message]
-        why = messages[0].rstrip(".") if messages else say("there are too few subjects")
-        return say("{start} not tested, {why}.", start=start, why=why)
+        if messages:
+            return say("{start} {message}.", start=start, message=messages[0].rstrip("."))
+        return say("{start} not tested, there are too few subjects.", start=start)
     shown = tested[tested["p_max_t"] <= LEVEL].sort_values("p_max_t", kind="stable")
     n, n_other = int(tested["n"].max()), int(tested["n_other"].max())
     paired = (tested["design"] == "within").all()
@@ -137,7 +138,7 @@ def interval_text(low: float, high: float, decimals: int = 1) -> str:
 
 def repeats(movement: Movement) -> str:
     """How well a range of motion repeats."""
-    rows = movement.reliability
+    rows = movement.believable(movement.reliability)
     rows = rows[(rows["quantity"] == RANGE) & rows["sem"].notna()]
     if rows.empty:
         return say(
@@ -146,20 +147,21 @@ def repeats(movement: Movement) -> str:
         )
     texts = []
     for across, own in rows.groupby("across", sort=False):
-        sem, mdc = own["sem"].median(), own["mdc"].median()
+        sem, mdc, most = own["sem"].median(), own["mdc"].median(), own["mdc"].max()
         n, k = int(own["n"].max()), int(own["k"].max())
         held = own["held_percent"].median()
         stated = (
             ""
             if held != held
-            else say("; the stated 1-sigma error holds {held} % of differences", held=number(held, 0))
+            else say("; 1.96 of the stated error hold {held} % of differences", held=number(held, 0))
         )
         texts.append(
             say(
                 (
                     "From {across} to {across} a range of motion repeats to {sem} deg (standard error of "
-                    "measurement, median of {joint_angles}; {k} {across}s of {subjects}), so a change of one "
-                    "person below {mdc} deg cannot be told from measurement error{stated}."
+                    "measurement, median of {joint_angles}; {k} {across}s of {subjects}), so a change of "
+                    "one person below {mdc} deg in half of the angles, and below {most} deg in the worst, "
+                    "cannot be told from measurement error{stated}."
                 ),
                 across=across,
                 sem=number(sem, 1),
@@ -167,6 +169,7 @@ def repeats(movement: Movement) -> str:
                 k=k,
                 subjects=counted(n, "subject"),
                 mdc=number(mdc, 1),
+                most=number(most, 1),
                 stated=stated,
             )
         )
@@ -175,34 +178,62 @@ def repeats(movement: Movement) -> str:
 
 def model_matters(movement: Movement) -> str:
     """Whether another skeleton model would give another answer."""
-    rows = movement.dependence
+    rows = movement.believable(movement.dependence)
     rows = rows[rows["agree"].notna()]
     if rows.empty:
         return say(
             "Whether another skeleton model would change an answer is not known: no question was "
             "answered under two models."
         )
-    agree = rows["agree"].astype(bool)
-    models = sorted({model for each in rows["models"] for model in each.split(";")})
-    if agree.all():
-        return say(
-            "Another skeleton model changes none of {n_rows} answers ({models}).",
-            n_rows=len(rows),
-            models=listed(models),
+    models = listed(sorted({model for each in rows["models"] for model in each.split(";")}))
+    ranges, others = rows[rows["quantity"] == RANGE], rows[rows["quantity"] != RANGE]
+    said = [_ranges_matter(ranges, models)] if len(ranges) else []
+    if len(others):
+        text = say(
+            "Of other numbers (postures, speeds, paths, distances) another model ({models}) changes "
+            "{n_apart} of {n_rows} answers.",
+            models=models,
+            n_apart=int((~others["agree"].astype(bool)).sum()),
+            n_rows=len(others),
         )
-    apart = rows[~agree]
-    ranges = apart[apart["quantity"] == RANGE]
-    named = dict.fromkeys(of_text(of) for of in (apart if ranges.empty else ranges)["of"])
-    first = list(named)[:MOST_NAMED]
+        said.append(text)
+    return " ".join(said)
+
+
+def _ranges_matter(rows: pd.DataFrame, models: str) -> str:
+    """Which answers about ranges of motion another model changes."""
+    apart = rows[~rows["agree"].astype(bool)]
+    if apart.empty:
+        return say(
+            "Another skeleton model ({models}) changes none of {n_rows} answers about ranges of motion.",
+            n_rows=len(rows),
+            models=models,
+        )
+    named = [_question_text(row) for _, row in apart.iterrows()]
     rest = say(" and {n_named} more", n_named=len(named) - MOST_NAMED) if len(named) > MOST_NAMED else ""
     return say(
         (
-            "Another skeleton model changes {n_apart} of {n_rows} answers ({models}), among them of "
-            "{first}{rest}: see below which models part."
+            "Another skeleton model ({models}) changes {n_apart} of {n_rows} answers about ranges of motion: "
+            "{first}{rest}; see below which models part."
         ),
         n_apart=len(apart),
         n_rows=len(rows),
-        models=listed(models),
-        first=", ".join(first),
+        models=models,
+        first=", ".join(named[:MOST_NAMED]),
         rest=rest,
     )
+
+
+def _question_text(row: Any) -> str:
+    """What was asked of whom: index PIP flexion (group: A less B)."""
+    question = (
+        say(
+            "{factor}: {level} less {other_level}",
+            factor=row["factor"],
+            level=row["level"],
+            other_level=row["other_level"],
+        )
+        if row["level"]
+        else say("repeatability")
+    )
+    return f"{of_text(row['of'])} ({question})"

@@ -144,8 +144,8 @@ def _curve_differences_text(count: int) -> str:
     return say(
         (
             "Last {count}: difference between two levels, shade its pointwise 95 % interval; bar at "
-            "the foot: where it is shown at 5 % for the whole curve, by permutation of the largest "
-            "|t|. "
+            "the foot: where it is shown at 5 % for this curve alone, by permutation of the largest "
+            "|t|; p: corrected over all joint angles (Holm). "
         ),
         count=count,
     )

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from report_samples.made_movement import JOINTS, write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.read_page import read_page, table_called
 
+from schemas.movement_tables import MOVEMENT_CURVES
 from schemas.study import read_study
+from schemas.tables import Provenance, read_table, write_table
 from stages.report.__main__ import main
 from stages.report.belief import NOT
 from stages.report.methods_text import methods_text
@@ -90,13 +94,18 @@ def test_the_page_answers_each_question(results: StudyResults, movement: Movemen
         assert sentence in text
     assert "Group, A against B: a difference is shown in 1 of 21 ranges of motion (3 and 3 subjects)" in text
     assert "12.1 deg more with A (95 % 8.1 to 16.1, p = 0.0021 corrected; right hand, opposition)" in text
-    assert "changes 1 of 21 answers" in text
+    assert (
+        "Another skeleton model (rigid and whole-hand) changes 1 of 21 answers about ranges of motion: "
+        "index MCP flexion (group: A less B); see below" in text
+    )
     table = table_called(page, "Differences in range_deg [deg].")
     row = next(row for row in table.rows if row[0] == "index_pip flexion")
     assert row[4:9] == ["3 and 3", "72.10", "60.00", "12.10", "8.10 to 16.10"]
     assert row[-1] == "1: P9: suspect"
     assert table_called(page, "Repeatability in range_deg [deg].").rows[1][8] == "1.00"
     assert table_called(page, "Answers that depend on the skeleton model.").rows[1][6] == "rigid;whole-hand"
+    said = table_called(page, "Answers that depend on the skeleton model.").rows[1][-1]
+    assert said == "more at A: whole-hand; no difference shown: rigid"
 
 
 def test_an_interval_is_told_on_the_side_of_its_difference(movement: Movement) -> None:
@@ -104,6 +113,74 @@ def test_an_interval_is_told_on_the_side_of_its_difference(movement: Movement) -
     turned = rows.assign(difference=-rows["difference"], low=-rows["high"], high=-rows["low"])
     (said,) = groups_differ(replace(movement, differences=turned))
     assert "12.1 deg less with A (95 % 8.1 to 16.1, " in said
+
+
+def test_joints_that_are_not_to_be_believed_are_in_no_answer(movement: Movement) -> None:
+    doubted = replace(movement, believed={"index_pip": NOT, "index_mcp": NOT})
+    said = answers(doubted)
+    assert not any("index" in sentence for sentence in said)
+    assert said[1].startswith("Group, A against B: no difference is shown in 15 ranges of motion")
+    assert "median of 15 joint angles" in said[2]
+    assert "changes none of 15 answers" in said[3]
+
+
+def test_what_was_not_tested_is_said_once(movement: Movement) -> None:
+    message = "not tested: groups of 3 and 3 subjects, a test needs 4 in each"
+    rows = movement.differences.assign(p_max_t=np.nan, message=message)
+    assert groups_differ(replace(movement, differences=rows)) == [f"Group, A against B: {message}."]
+
+
+def test_other_numbers_do_not_stand_for_ranges_of_motion(movement: Movement) -> None:
+    """Models part on a speed; what is said of the range of that joint stays."""
+    rows = movement.dependence
+    speeds = rows.assign(quantity="speed_p95_deg_s")
+    ranges = rows.assign(agree=True)
+    said = model_matters(replace(movement, dependence=pd.concat([ranges, speeds])))
+    assert said.startswith(
+        "Another skeleton model (rigid and whole-hand) changes none of 21 answers about ranges"
+    )
+    assert said.endswith("(rigid and whole-hand) changes 1 of 21 answers.")
+    assert "index" not in said
+
+
+def test_the_worst_angle_is_said_beside_the_median(movement: Movement) -> None:
+    said = repeats(movement)
+    assert "below 5.5 deg in half of the angles, and below 8.3 deg in the worst" in said
+    assert "1.96 of the stated error hold 95 % of differences" in said
+
+
+def test_curves_are_means_over_trials_then_sessions(moved: tuple[Path, Path], tmp_path: Path) -> None:
+    results = shutil.copytree(moved[1], tmp_path / "results")
+    rows = read_table(results / "movement_curves.parquet", MOVEMENT_CURVES).to_pandas()
+    again = [rows.assign(session="2", trial=trial, mean_deg=rows["mean_deg"] + 30.0) for trial in "12"]
+    columns = {name: pd.concat([rows, *again])[name].to_numpy() for name in rows.columns}
+    write_table(results / "movement_curves.parquet", MOVEMENT_CURVES, columns, Provenance())
+    before, after = (read_movement(read_results(read_study(moved[0]), own)) for own in (moved[1], results))
+    assert (after.curves["mean"] - before.curves["mean"]).to_numpy() == pytest.approx(15.0)
+
+
+def test_a_curve_with_an_untested_stretch_is_drawn_by_its_smallest_p(movement: Movement) -> None:
+    rows = movement.curve_differences
+    low = rows.assign(joint="ring_pip", p=rows["p"].where(rows["percent"] > 9) / 5, p_holm=0.04)
+    others = [rows.assign(joint=f"other{n}_pip", p=0.5, p_holm=1.0) for n in range(7)]
+    drawn = curve_difference_plots(replace(movement, curve_differences=pd.concat([*others, rows, low])))
+    assert drawn[0].heading.endswith("n = 3 and 3, p = 0.04 over all joint angles")
+    assert [each.heading.partition(",")[0] for each in drawn[:2]] == ["ring PIP flexion", "index PIP flexion"]
+
+
+def test_agreement_is_drawn_of_those_whom_the_limits_are_of(movement: Movement) -> None:
+    """P0 has the first session and the third, which is none of a session to the next."""
+    ranges = movement.ranges
+    third = ranges[ranges["session"] == "2"].assign(session="3")
+    first = ranges[(ranges["subject"] == "P0") & (ranges["session"] == "1")]
+    rest = ranges[ranges["subject"] != "P0"]
+    every = pd.concat([first, third[third["subject"] == "P0"], rest, third[third["subject"] != "P0"]])
+    plot = agreement_plots(replace(movement, ranges=every))[0].plot
+    own = rest[(rest["joint"] == "index_pip") & (rest["angle"] == "flexion")]
+    wide = own.pivot_table(index="subject", columns="session", values=RANGE)
+    expected = np.column_stack([wide["2"] - wide["1"], 0.0 * wide["2"]])
+    assert plot.points is not None
+    np.testing.assert_allclose(plot.points[1], expected.ravel(), atol=1e-9)
 
 
 def test_what_is_drawn_is_what_the_tables_say(movement: Movement) -> None:
