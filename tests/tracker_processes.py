@@ -33,8 +33,11 @@ class RunningEmulator:
 
 @contextmanager
 def emulator(*options: str, port: Sequence[str] = ("--pty",)) -> Iterator[RunningEmulator]:
-    """Run the emulator with the given options while the context lasts; it must end with exit code 0."""
-    command = [*CAPTURE, "emulate", *port, *options]
+    """Run the emulator with the given options while the context lasts; it must end with exit code 0.
+
+    It keeps what a busy computer reads late, unless the options say how much.
+    """
+    command = [*CAPTURE, "emulate", *port, "--fifo", "10000000", *options]
     process = subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None

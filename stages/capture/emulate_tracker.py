@@ -82,6 +82,7 @@ def _add_device(group: argparse._ArgumentGroup) -> None:
 def _add_line(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
     add("--line-rate", type=float, metavar="BYTES_PER_S", help="115200 baud carry 11520 (default: no limit)")
+    add("--fifo", type=int, metavar="BYTES", help="kept for a busy line, the rest is lost (default: 2300)")
     add("--baud", type=int, help="a pseudo-terminal's client at another speed reads garbage")
 
 
@@ -119,7 +120,7 @@ def _check(options: argparse.Namespace) -> None:
             raise InputError(f"--{name}: is {value}; expected one that a {options.device} has: {choices}")
     if options.baud is not None and options.pty is None:
         raise InputError("--baud: only a pseudo-terminal has a speed; give --pty")
-    for name in ("line_rate", "baud"):
+    for name in ("line_rate", "fifo", "baud"):
         value = getattr(options, name)
         if value is not None and not value > 0:
             raise InputError(f"--{name.replace('_', '-')}: is {value}; expected more than 0")
@@ -203,11 +204,13 @@ def _faults(options: argparse.Namespace) -> list[Plug | LineFault]:
 
 
 def _behaviour(options: argparse.Namespace) -> Behaviour:
-    from trackers.emulate.emulator import Behaviour
+    from trackers.emulate.emulator import FIFO_BYTES, Behaviour
 
     gone_at = None if options.gone_at is None else parse_time("gone-at", options.gone_at)
     faults = tuple(fault for fault in _faults(options) if isinstance(fault, LineFault))
-    return Behaviour(options.line_rate, options.silent, gone_at, faults, options.seed)
+    return Behaviour(
+        options.line_rate, options.fifo or FIFO_BYTES, options.silent, gone_at, faults, options.seed
+    )
 
 
 def _motion(options: argparse.Namespace) -> Motion:

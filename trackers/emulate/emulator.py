@@ -21,11 +21,12 @@ class Behaviour:
     """What the emulator does beside what the device would.
 
     line_bytes_per_s : what the line carries; None is without limit, so that only the reader is one.
-    silent : never answer. gone_at : break off in the middle of a record of that cycle. faults and seed :
-    of the line.
+    fifo_bytes : what the device keeps meanwhile. silent : never answer. gone_at : break off in the middle of
+    a record of that cycle. faults and seed : of the line.
     """
 
     line_bytes_per_s: float | None = None
+    fifo_bytes: int = FIFO_BYTES
     silent: bool = False
     gone_at: StreamTime | None = None
     faults: tuple[LineFault, ...] = ()
@@ -109,7 +110,7 @@ class Emulator:
         elif behaviour.gone_at is not None and cycle.since >= behaviour.gone_at.cycle(rate_hz):
             self._waiting += cycle.data[: [*cycle.starts, len(cycle.data)][1] // 2]
             self.gone = True
-        elif not self._waiting or len(self._waiting) + len(cycle.data) <= FIFO_BYTES:
+        elif not self._waiting or len(self._waiting) + len(cycle.data) <= behaviour.fifo_bytes:
             self._waiting += damaged(
                 cycle.data, cycle.starts, behaviour.faults, cycle.since, rate_hz, behaviour.seed
             )

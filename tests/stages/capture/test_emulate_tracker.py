@@ -22,6 +22,7 @@ from stages.capture.__main__ import main
         (["--tcp", "0.0.0.0:4001"], "--tcp: is '0.0.0.0:4001'; expected a port of this machine"),
         (["--tcp", "4001", "--baud", "9600"], "--baud: only a pseudo-terminal has a speed"),
         (["--pty", "--line-rate", "0"], "--line-rate: is 0.0; expected more than 0"),
+        (["--pty", "--fifo", "0"], "--fifo: is 0; expected more than 0"),
         (["--pty", "--reinit-delay", "-1"], "--reinit-delay: is -1; expected seconds below 3600"),
         (["--pty", "--unplug", "3"], "--unplug: is '3'; expected STATION@T"),
         (["--pty", "--ports", "4", "--plug", "5@1"], "--plug: is '5@1'; expected a station from 1 to 4"),

@@ -258,7 +258,8 @@ def test_another_line_rate_is_found_and_reported(recording) -> None:
 @pytest.mark.slow
 def test_a_line_that_is_too_slow(recording) -> None:
     """Refused with the arithmetic; with --allow-slower what comes through is recorded."""
-    state, how = ["--stations", "1-4", "--line-rate", "11520"], ["--line-rate", "115200", "--duration", "4"]
+    state = ["--stations", "1-4", "--line-rate", "11520", "--fifo", "2300"]
+    how = ["--line-rate", "115200", "--duration", "4"]
     _, out, refused = recording(state, *how, returncode=2)
     arithmetic = "4 receivers x 56 bytes x 240 Hz = 53760 bytes/s, and 115200 baud carries 11520"
     assert arithmetic in error_line(refused.stderr)
