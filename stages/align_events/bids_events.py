@@ -15,7 +15,7 @@ NOTHING = ("", "n/a")
 def read_bids_events(path: Path) -> Events:
     """Read onset, duration and, where they are there, trial_type (else value) as name, and value if a number.
 
-    Raises InputError where a column is missing or a cell is no number.
+    Raises InputError where a column is missing, a cell is no number or a duration is negative.
     """
     header, rows = read_rows(path)
     missing = [name for name in ("onset", "duration") if name not in header]
@@ -31,6 +31,8 @@ def read_bids_events(path: Path) -> Events:
         onset_s, duration_s = (_number(path, line, key, row[key]) for key in ("onset", "duration"))
         if math.isnan(onset_s):
             raise InputError(f"{path}: row {line}, column onset: is empty; expected seconds")
+        if duration_s < 0:
+            raise InputError(f"{path}: row {line}, column duration: is {duration_s:g}; expected 0 s or more")
         try:
             value = float(row.get("value", "nan"))
         except ValueError:  # a text, which is the name where nothing else is

@@ -37,6 +37,7 @@ def test_onset_and_duration_are_enough(tmp_path: Path) -> None:
         (("onset duration", "a 2"), "row 2, column onset: is 'a'; expected seconds"),
         (("onset duration", "1 2", "n/a 2"), "row 3, column onset: is empty"),
         (("onset duration", "1 inf"), "row 2, column duration: is 'inf'"),
+        (("onset duration", "1 0", "2 -1"), "row 3, column duration: is -1; expected 0 s or more"),
         (("onset duration", "1 2 3"), "line 2: has 3 cells; expected 2"),
         (("",), "is empty"),
     ],
