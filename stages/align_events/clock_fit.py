@@ -42,8 +42,14 @@ besides twice the logarithm of the places at which it may be: five sigma."""
 DECIDED = float(np.log(100))
 """Log odds above which one way to lay the pulses over each other counts as decided."""
 
+_MOST_ANCHORS = 5
+"""Shifts that all others are held against, each the best of the last round."""
+
 SHIFTS = 200
 """So many pulses to either side are tried for another way to lay them over each other."""
+
+_SHIFTED = 8
+"""Pulses from which shifts are tried, at least."""
 
 AHEAD_S = 1000.0
 FEWEST_GAINED = 3
@@ -180,8 +186,7 @@ def _best_shift(r: Array, o: Array, stretch: Stretch, within_s: float) -> tuple[
     beyond the other clock's first and last, each of which must be lost there.
     """
     expected_s = Line.through(o[stretch.other], r[stretch.reference])(o)
-    middle = int(stretch.reference[len(stretch.reference) // 2])
-    shifts = r[max(0, middle - SHIFTS) : middle + SHIFTS + 1] - r[middle]
+    shifts = _shifts_s(r, stretch, within_s)
     some = expected_s[stretch.other][:: max(1, len(stretch.other) // 64)]
     likely = [0.0] + [
         shift
@@ -190,19 +195,41 @@ def _best_shift(r: Array, o: Array, stretch: Stretch, within_s: float) -> tuple[
     ]
     hits = np.array([coincidences(r, expected_s + shift, within_s) for shift in likely])
     beyond = np.array([_beyond(r, expected_s + shift, within_s) for shift in likely])
-    lost = [max(0, len(times) - hits[0] - beyond[0] / 2) / len(times) for times in (r, o)]
-    scatter = 2 * max(len(r), len(o)) * lost[0] * lost[1] + 1
-    each = -np.log(max(np.mean(lost), 1 / (len(r) + len(o))))
-    score = np.sign(hits - hits[0]) * (hits - hits[0]) ** 2 / (2 * scatter) - each * (beyond - beyond[0])
-    best = int(np.argmax(score))
+    best, score = 0, np.zeros(len(likely))
+    for _ in range(_MOST_ANCHORS):
+        score = _shift_scores((len(r), len(o)), hits, beyond, best)
+        if score.argmax() == best:
+            break
+        best = int(score.argmax())
     odds = np.delete(score[best] - score, best)
     weight = np.exp(-odds)
     variance = float(weight @ (np.delete(likely, best) - likely[best]) ** 2 / (1 + weight.sum()))
     if best:
         i, j = nearest_pairs(r, expected_s + likely[best], within_s)
         stretch = Stretch(i, j, stretch.by_chance)
-    decided = float(odds.min(initial=np.inf))
+    decided = -float(np.logaddexp.reduce(-odds, initial=-np.inf))  # against all others together
     return stretch, variance if decided < DECIDED else 0.0, decided
+
+
+def _shifts_s(r: Array, stretch: Stretch, within_s: float) -> Array:
+    """Shifts (S,) that take a pulse of the reference to another; of several, as any may lack a neighbour."""
+    few = stretch.reference[:: max(1, len(stretch.reference) // _SHIFTED)]
+    apart = np.sort(np.concatenate([r[max(0, k - SHIFTS) : k + SHIFTS + 1] - r[k] for k in few]))
+    return np.asarray(apart[np.diff(apart, prepend=-np.inf) > within_s])
+
+
+def _shift_scores(counts: tuple[int, int], hits: Integers, beyond: Integers, anchor: int) -> Array:
+    """Log odds (S,) of shifts against one of them; counts : pulses of both clocks.
+
+    More hits count by what they are beyond the most that so many shifts have by chance: among few that are
+    alike, the largest says nothing.
+    """
+    lost = [max(0, n - hits[anchor] - beyond[anchor] / 2) / n for n in counts]
+    scatter = 2 * max(counts) * lost[0] * lost[1] + 1
+    each = -np.log(max(np.mean(lost), 1 / sum(counts)))
+    more = hits - hits[anchor]
+    by_hits = np.maximum(more**2 / (2 * scatter) - np.log(len(hits)), 0.0)
+    return np.asarray(np.sign(more) * by_hits - each * (beyond - beyond[anchor]))
 
 
 def _beyond(reference_s: Array, expected_s: Array, within_s: float) -> int:

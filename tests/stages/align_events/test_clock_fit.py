@@ -170,6 +170,23 @@ def test_a_step_among_few_pulses_is_found(step_s: float, lost: float) -> None:
     assert all("fewer than half of the pulses" in message for message in weak)
 
 
+@pytest.mark.parametrize(("n_pulses", "lost"), [(60, 0.05), (200, 0.2)])
+def test_regular_pulses_are_hardly_ever_a_period_off_and_called_ok(n_pulses: int, lost: float) -> None:
+    """What both ends have lost cannot be told; that a shift has some hits more by chance says nothing."""
+    right, wrong = 0, 0
+    for seed in range(150):
+        g = np.random.default_rng(seed)
+        true_s = np.arange(n_pulses) * 1.0
+        other_s = true_s / 1.00005 + 5000.0
+        keep, keep_other = g.random((2, n_pulses)) >= lost
+        fit = fit_clock(true_s[keep], np.sort((other_s + g.normal(0.0, 0.003, n_pulses))[keep_other]))
+        if isinstance(fit, ClockFit) and fit.status == "ok":
+            off_s = float(np.median(fit.mapped(other_s)[0] - true_s))
+            right, wrong = right + (abs(off_s) < 0.1), wrong + (abs(off_s) >= 0.1)
+    assert wrong <= right * 0.02
+    assert right > 90 or lost > 0.1
+
+
 def test_a_recorder_that_paused() -> None:
     """Its clock stood still meanwhile: pulses are missing, and what follows is later."""
     pulses = simulated(3, seconds=600)
