@@ -116,12 +116,11 @@ def posed_errors(
     if not reference_deg:
         share = np.bincount(nearest[posed.posed], minlength=len(chosen)) / max(1, posed.posed.sum())
         reference_deg = {joint: np.tensordot(share, own, 1) for joint, own in few.by_hand_deg.items()}
+    neutral_deg = _neutral_sd_deg(tips)
     changes_deg = {
-        joint: _change_errors_deg(few.angles_deg[joint], own, reference_deg[joint])
+        joint: _change_errors_deg(few.angles_deg[joint], neutral_deg[joint], own, reference_deg[joint])
         for joint, own in few.by_hand_deg.items()
     }
-    neutral_deg = _neutral_sd_deg(tips)
-    angles_deg = {joint: np.hypot(own, neutral_deg[joint]) for joint, own in few.angles_deg.items()}
     anew = _new_in_a_session(tips)
     session_deg = {joint: _norms(own @ anew) for joint, own in few.by_hand_deg.items()}
     session_changes_deg = {
@@ -139,7 +138,7 @@ def posed_errors(
     return PosedErrors(
         of_all(few.centre_mm),
         of_all(few.turn_deg),
-        by_joint(angles_deg),
+        by_joint(few.angles_deg),
         of_all(few.tips_mm),
         changes_deg=by_joint(changes_deg),
         reference_deg=reference_deg,
@@ -179,11 +178,13 @@ def _norms(maps: Array) -> Array:
     return np.asarray(np.sqrt((maps**2).sum(-1)))
 
 
-def _change_errors_deg(angles_deg: Array, by_hand_deg: Array, reference_deg: Array) -> Array:
+def _change_errors_deg(
+    angles_deg: Array, neutral_deg: Array, by_hand_deg: Array, reference_deg: Array
+) -> Array:
     """Errors (F, 3) of angles' changes from a reference: of the frame's own part, and of the hand's what
     differs.
     """
-    own = angles_deg**2 - (by_hand_deg**2).sum(-1)
+    own = angles_deg**2 - neutral_deg**2 - (by_hand_deg**2).sum(-1)
     return np.asarray(np.sqrt(np.maximum(own, 0.0) + ((by_hand_deg - reference_deg) ** 2).sum(-1)))
 
 
@@ -242,10 +243,11 @@ def _errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
     """Errors of every frame by a map of its own."""
     spread, n_hand = _spread_of(tips, posed, frames), len(tips.covariance)
     angles_deg = dict(_angle_errors_deg(tips, posed, spread))
+    neutral_deg = _neutral_sd_deg(tips)
     return PosedErrors(
         _norm(spread.shift_mm),
         np.degrees(_norm(spread.turn_rad)),
-        {joint: _norms(own) for joint, own in angles_deg.items()},
+        {joint: np.hypot(_norms(own), neutral_deg[joint]) for joint, own in angles_deg.items()},
         _tip_errors_mm(tips, posed, spread, frames),
         {joint: own[..., :n_hand] for joint, own in angles_deg.items()},
     )
