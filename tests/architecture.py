@@ -11,6 +11,8 @@ from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+_OF_WORKFLOW = ("stages", "subject_statistics", "checks", "trackers", "anatomy", "skeleton", "schemas")
+
 BELOW: Mapping[str, Sequence[str]] = {
     "schemas": (),
     "subject_statistics": (),
@@ -19,28 +21,10 @@ BELOW: Mapping[str, Sequence[str]] = {
     "checks": ("anatomy", "skeleton", "schemas"),
     "trackers": ("anatomy", "skeleton", "schemas"),
     "stages": ("subject_statistics", "checks", "trackers", "anatomy", "skeleton", "schemas"),
-    "workflow": ("stages", "subject_statistics", "checks", "trackers", "anatomy", "skeleton", "schemas"),
+    "workflow": _OF_WORKFLOW,
     "guide": ("stages", "anatomy", "skeleton", "schemas"),
-    "shukotsu": (
-        "workflow",
-        "stages",
-        "subject_statistics",
-        "checks",
-        "trackers",
-        "anatomy",
-        "skeleton",
-        "schemas",
-    ),
-    "benchmarks": (
-        "workflow",
-        "stages",
-        "subject_statistics",
-        "checks",
-        "trackers",
-        "anatomy",
-        "skeleton",
-        "schemas",
-    ),
+    "shukotsu": ("workflow", *_OF_WORKFLOW),
+    "benchmarks": ("workflow", *_OF_WORKFLOW),
 }
 """Each room with the rooms that it may import."""
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
+from anatomy.average_hand import DIGITS
+from anatomy.drawn_hands import SOURCES
 from schemas.layout import read_layout
 from schemas.poses import Poses
-from skeleton.joint_angles import angles_of_hand
-from skeleton.rotations import Array
+from skeleton.joint_angles import angles_of_hand, joint_angles
+from skeleton.rotations import Array, from_matrix, unit
 from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.fit_hand.facing import facing_nails
 from stages.fit_hand.fingertips import TIP, Fingertips, fingertips
@@ -214,3 +216,26 @@ def test_sessions_of_drawn_unknowns_differ_as_stated(new_share: float) -> None:
     np.testing.assert_allclose(
         np.cov((found[1] - found[0]).T), 2 * expected @ expected.T, atol=0.05 * np.trace(covariance)
     )
+
+
+def test_the_neutral_is_as_uncertain_as_published_hands_differ() -> None:
+    """Of each joint's angles between bones that face as their axes do, in every source's average hand."""
+    angles = []
+    for hand in SOURCES.values():
+        own = []
+        for digit, drawn_digit in hand.items():
+            rests = [np.eye(3), *replace(DIGITS[digit], faces_nail=digit == "thumb").frames()]
+            facing = [np.eye(3), *map(_facing, drawn_digit.directions, drawn_digit.flexion_axes)]
+            for place in range(1, len(facing)):
+                turn, rest = (from_matrix(of[place - 1].T @ of[place]) for of in (facing, rests))
+                own.append(joint_angles(np.array([1.0, 0, 0, 0]), turn, "right", rest))
+        angles.append(own)
+    spread = np.sqrt(np.var(angles, axis=0, ddof=1).mean(0))
+    np.testing.assert_allclose(spread, [1.6, 1.5, 2.8], atol=0.05)
+    np.testing.assert_allclose(NEUTRAL_SD_DEG, spread, atol=0.25)
+
+
+def _facing(direction: Array, axis: Array) -> Array:
+    x = unit(np.asarray(direction))
+    y = unit(np.asarray(axis) - (np.asarray(axis) @ x) * x)
+    return np.stack([x, y, np.cross(x, y)], -1)
