@@ -6,7 +6,7 @@ layout no more than that joints lie within some tens of centimetres of their rec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,9 @@ HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
 ON_HAND_SD_MM = 4.0
 """Of a knuckle in the hand's frame, what is shared apart."""
 
+FACINGS, PAST_DEG = 9, 25.0
+"""Of the receiver over a thumb's metacarpal: how many are tried, and how far past either side (ours)."""
+
 FLEXION_DEG = {"mcp": (-45.0, 100.0), "pip": (-25.0, 120.0), "dip": (-30.0, 100.0), "ip": (-35.0, 100.0)}
 THUMB_FLEXION_DEG = {"cmc": (-45.0, 70.0), "mcp": (-35.0, 80.0), "ip": (-40.0, 100.0)}
 """What joints reach, given that the receivers are turned against the bones by some degrees."""
@@ -45,9 +48,10 @@ class ExpectedBody:
 
     names : of the joints. ends : (J, 2) indices of the parent's and the child's receiver. centre_mm, sd_mm :
     (J, 2, 3) the joint in the parent's and the child's frame. gain : (J, 2, 3, 7) how much it changes with
-    what is SHARED, of sd 1 each. rest : (J, 3, 3) child to parent when the hand is flat. flexion_deg : (J, 2)
-    least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial rotation. known : (J,)
-    whether anatomy says all this. gap_mm : (J,) that skin explains.
+    what is SHARED, of sd 1 each. rest : (J, F, 3, 3) child to parent when the hand is flat, for each of F
+    facings of the thumb's metacarpal's receiver; faced : (J,) whether that matters to the joint. flexion_deg :
+    (J, 2) least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial rotation. known :
+    (J,) whether anatomy says all this. gap_mm : (J,) that skin explains.
     """
 
     names: tuple[str, ...]
@@ -56,6 +60,7 @@ class ExpectedBody:
     sd_mm: Array
     gain: Array
     rest: Array
+    faced: npt.NDArray[np.bool_]
     flexion_deg: Array
     sideways_sd_deg: Array
     swing_deg: Array
@@ -70,7 +75,8 @@ def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
     n = len(joints)
     body = ExpectedBody(
         tuple(joint.name for joint in joints), ends.reshape(n, 2), np.zeros((n, 2, 3)),
-        np.full((n, 2, 3), 250.0), np.zeros((n, 2, 3, SHARED)), np.tile(np.eye(3), (n, 1, 1)),
+        np.full((n, 2, 3), 250.0), np.zeros((n, 2, 3, SHARED)), np.tile(np.eye(3), (n, FACINGS, 1, 1)),
+        np.zeros(n, bool),
         np.tile([-180.0, 180.0], (n, 1)), np.full((n, 2), 90.0), np.full((n, 2), 180.0), np.zeros(n, bool),
         np.full(n, 3.0),
     )  # fmt: skip
@@ -91,9 +97,10 @@ def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: 
     bone = digit.segments.index(joint.child)
     thumb = digit.name == "thumb"
     on_root = joint.parent_receiver == digit.base
-    frames = anatomy.frames()
     body.known[place] = True
-    body.rest[place] = frames[bone] if on_root else frames[bone - 1].T @ frames[bone]
+    for facing, frames in enumerate(_frames(anatomy)):
+        body.rest[place, facing] = frames[bone] if on_root else frames[bone - 1].T @ frames[bone]
+    body.faced[place] = bool(np.ptp(body.rest[place], axis=0).max() > 0)
     body.sd_mm[place] = THUMB_SD_MM if thumb else PHALANX_SD_MM
     ends, mounts = anatomy.lengths_mm[:, None] * [1.0, 0.0, 0.0], anatomy.mounts_mm()
     if on_root:
@@ -111,6 +118,25 @@ def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: 
     body.sideways_sd_deg[place] = THUMB_SD_DEG if thumb else sideways
     body.swing_deg[place] = SWING_DEG.get(kind, HINGE_SWING_DEG)
     body.gap_mm[place] = 3.0 if thumb or layout.joints[joint.name].compound else 2.0
+
+
+def _frames(anatomy: average.DigitAnatomy) -> list[Array]:
+    """The digit's bones' frames (B, 3, 3) for every facing of its first bone.
+
+    Over a thumb's metacarpal a receiver sits anywhere from the back of the hand's side to the nail's, see
+    `skeleton.thumb_facing`, and somewhat past either.
+    """
+    frames = anatomy.frames()
+    if anatomy.second_axis is None:
+        return [frames] * FACINGS
+    at_nail = frames[0].T @ replace(anatomy, faces_nail=True).frames()[0]
+    nail_rad = np.arctan2(at_nail[2, 1], at_nail[1, 1])
+    past_rad = np.sign(nail_rad) * np.radians(PAST_DEG)
+    faced = []
+    for roll in np.linspace(-past_rad, nail_rad + past_rad, FACINGS):
+        about = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+        faced.append(np.concatenate([(frames[0] @ about)[None], frames[1:]]))
+    return faced
 
 
 def _hand_mount_mm(layout: Layout) -> Array:

@@ -33,8 +33,9 @@ class JointShares:
     """What P series of a joint's two receivers say.
 
     joint : (P,) which. normal : (P, 6, 6), slope : (P, 6), square : (P,) of the mean squared gap, a quadratic
-    form of the two centres. turning : (P,) log likelihood of how the joint turns. angles_deg :
-    (P, 3, 3), 10th, 50th and 90th percentile of flexion, abduction and axial rotation.
+    form of the two centres. turning : (P, F) log likelihood of how the joint turns, for each facing of the
+    thumb's metacarpal. angles_deg : (P, F, 3, 3), 10th, 50th and 90th percentile of flexion, abduction and
+    axial rotation.
     """
 
     joint: npt.NDArray[np.int64]
@@ -86,12 +87,27 @@ def joint_shares(body: ExpectedBody, series: Sequence[tuple[int, Motion]]) -> Jo
     turned = np.einsum("pkij,pki->pkj", turn, offset)
     slope = np.concatenate([mean_offset, -np.einsum("pk,pkj->pj", weight, turned)], -1)
     square = np.einsum("pk,pki,pki->p", weight, offset, offset)
-    angles = _angles_deg(np.swapaxes(body.rest[joint], 1, 2)[:, None] @ turn)
-    angles[weight == 0] = np.nan
-    with np.errstate(invalid="ignore"):
+    turning, angles_deg = _turned(body, joint, turn, weight > 0)
+    return JointShares(joint, normal, slope, square, turning, angles_deg)
+
+
+def _turned(
+    body: ExpectedBody, joint: npt.NDArray[np.int64], turn: Array, seen: npt.NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Log likelihood (P, F) of how the joints turn, and percentiles (P, F, 3, 3) of their angles, deg."""
+    facings = body.rest.shape[1]
+    angles_deg = np.zeros((len(joint), facings, 3, 3))
+    turning = np.zeros((len(joint), facings))
+    for facing in range(facings):
+        own = body.faced[joint] | (facing == 0)  # the others turn alike, whichever way a thumb's receiver faces
+        rest = np.swapaxes(body.rest[joint[own], facing], 1, 2)[:, None]
+        angles = np.where(seen[own][..., None], _angles_deg(rest @ turn[own]), np.nan)
         low, middle, high = _quantiles(angles)
-    turning = np.where(body.known[joint], _turning(body, joint, low, middle, high), 0.0)
-    return JointShares(joint, normal, slope, square, turning, np.stack([low, middle, high], 1))
+        angles_deg[own, facing] = np.stack([low, middle, high], 1)
+        turning[own, facing] = _turning(body, joint[own], low, middle, high)
+    alike = ~body.faced[joint]
+    angles_deg[alike], turning[alike] = angles_deg[alike, :1], turning[alike, :1]
+    return np.where(body.known[joint, None], turning, 0.0), angles_deg
 
 
 def _pair(motion: Motion, parent: int, child: int) -> tuple[Array, Array, Array]:
@@ -177,14 +193,15 @@ def explain(body: ExpectedBody, shares: JointShares, choice: npt.NDArray[np.int6
     strange = (off**2 / body.sd_mm**2).sum(-1) / size[..., None] ** 2
     placed = np.where(body.known, _tail(strange, PLACE_TAIL, 3).sum(-1), _reach(centres))
     closing = -1.5 * INDEPENDENT_FRAMES * np.log1p((gap / (size * body.gap_mm)) ** 2)
+    facing = np.argmax(shares.turning[choice].sum(1), axis=-1)[:, None]
     return Explanation(
         closing,
         placed,
-        shares.turning[choice],
+        shares.turning[choice, facing],
         -0.5 * (shared[:, 1:] ** 2).sum(-1) - 0.5 * (np.log(scale) / SCALE_SD) ** 2,
         gap,
         np.linalg.norm(centres - body.centre_mm, axis=-1).max(-1),
-        shares.angles_deg[choice],
+        shares.angles_deg[choice, facing],
         centres,
         scale,
     )
