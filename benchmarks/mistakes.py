@@ -17,6 +17,7 @@ from benchmarks.believed_joints import Believed, believed_joints, believed_table
 from benchmarks.benchmark_table import Cell, TextTable, write_tables
 from checks.checked_recording import check_recording
 from checks.compared_recordings import compared
+from checks.declared import TIDY, Declared
 from schemas.findings import NOTE, Finding
 from schemas.layout import read_layout
 from schemas.poses import Poses
@@ -39,16 +40,16 @@ Tally = tuple[str, bool, bool]
 
 @dataclass(frozen=True)
 class Planted:
-    """Poses after a mistake, the hand as declared, what the mapping says of orientations, the true joints."""
+    """Poses after a mistake, the hand as declared, what the mapping says of the numbers, the true joints."""
 
     poses: Poses
     hand: str
-    orientation: Mapping[str, str] = field(default_factory=dict)
+    declared: Declared = TIDY
     truth: Mapping[str, TrueJoint] = field(default_factory=dict)
 
     def findings(self) -> list[Finding]:
         """Give what is found, notes left out but those of receivers that hang."""
-        found = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.orientation).findings
+        found = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.declared).findings
         return [one for one in found if one.severity != NOTE or one.kind == "receiver-stuck"]
 
 
@@ -367,20 +368,20 @@ def _cut(planted: Planted, rng: np.random.Generator) -> Planted:
 def _angles_misread(planted: Planted, rng: np.random.Generator) -> Planted:
     true, read = rng.choice(["".join(order) for order in permutations("XYZ")], 2, replace=False)
     angles = _angles(planted.poses.quaternion, str(true))
-    orientation = {"kind": "euler", "axes": str(read), "unit": "deg"}
-    return replace(_with(planted, quaternion=_composed(angles, str(read))), orientation=orientation)
+    declared = Declared("csv", kind="euler", axes=str(read), angle_unit="deg")
+    return replace(_with(planted, quaternion=_composed(angles, str(read))), declared=declared)
 
 
 def _radians_as_degrees(planted: Planted, _: np.random.Generator) -> Planted:
     angles = np.radians(_angles(planted.poses.quaternion, "ZYX"))
-    orientation = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
-    return replace(_with(planted, quaternion=_composed(angles, "ZYX")), orientation=orientation)
+    declared = Declared("csv", kind="euler", axes="ZYX", angle_unit="deg")
+    return replace(_with(planted, quaternion=_composed(angles, "ZYX")), declared=declared)
 
 
 def _degrees_as_radians(planted: Planted, _: np.random.Generator) -> Planted:
     angles = np.degrees(_angles(planted.poses.quaternion, "ZYX"))
-    orientation = {"kind": "euler", "axes": "ZYX", "unit": "rad"}
-    return replace(_with(planted, quaternion=_composed(angles, "ZYX")), orientation=orientation)
+    declared = Declared("csv", kind="euler", axes="ZYX", angle_unit="rad")
+    return replace(_with(planted, quaternion=_composed(angles, "ZYX")), declared=declared)
 
 
 def _angles(quaternion: Array, axes: str) -> Array:

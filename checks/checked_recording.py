@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from checks.declared import TIDY, Declared
 from checks.expected_body import ExpectedBody, expected_body
 from checks.explaining import Explanation
 from checks.hypotheses import Recorded, hypotheses
@@ -54,16 +55,14 @@ def check_recording(
     poses: Poses,
     layout: Layout,
     hand: str,
-    orientation: Mapping[str, str] | None = None,
+    declared: Declared = TIDY,
     left_out: Mapping[str, Mapping[str, int]] | None = None,
 ) -> CheckedRecording:
     """Test what was declared about a recording against its poses.
 
-    orientation : that of the mapping that it was read with, its kind, axes and unit; None where it has none.
+    declared : of its numbers, by the mapping that it was read with.
     left_out : by flag, `hemisphere-flip` or `spike`, and segment: how many poses the import left out for it.
     """
-    declared = orientation or {}
-    euler = declared.get("axes", "") if declared.get("kind") == "euler" else ""
     seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
     worn = slice(None) if len(seen) == len(poses.segments) else seen  # a slice copies nothing
     line = Timeline(poses.time_s, poses.position_mm[:, worn], poses.quaternion[:, worn], poses.valid[:, worn])
@@ -75,7 +74,7 @@ def check_recording(
         return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
     if angles := _angles(line, declared):
         return CheckedRecording(tuple(angles), poses_digest(poses), None, None)
-    findings, search = _explained(line, body, layout, segments, hand, euler)
+    findings, search = _explained(line, body, layout, segments, hand, declared)
     late = [
         *_left_out(left_out or {}),
         *_frozen(poses),
@@ -100,7 +99,12 @@ def poses_digest(poses: Poses) -> str:
 
 
 def _explained(
-    line: Timeline, body: ExpectedBody, layout: Layout, segments: tuple[str, ...], hand: str, euler: str
+    line: Timeline,
+    body: ExpectedBody,
+    layout: Layout,
+    segments: tuple[str, ...],
+    hand: str,
+    declared: Declared,
 ) -> tuple[list[Finding], Search]:
     """Findings of flips, spikes and all that a hypothesis undoes."""
     jumping = jumping_share(line) > 0.5
@@ -111,7 +115,7 @@ def _explained(
     usable = line.valid & ~odd & ~stuck(line) & ~zeros(line)
     axes = receiver_axes(layout, segments)
     motion = motion_of(line.position_mm, line.quaternion, usable, axes, hand)
-    recorded = Recorded(layout, segments, axes, hand, bool(body.known.any()), euler)
+    recorded = Recorded(layout, segments, axes, hand, bool(body.known.any()), declared)
     search = find_mistakes(motion, body, [] if jumping else hypotheses(recorded, motion))
     if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
         return [_jumping()], search
@@ -292,9 +296,9 @@ def _clock(line: Timeline, clock: tuple[float, str] | None) -> list[Finding]:
     return [Finding("time-unit", SUSPECT, message)]
 
 
-def _angles(line: Timeline, declared: Mapping[str, str]) -> list[Finding]:
+def _angles(line: Timeline, declared: Declared) -> list[Finding]:
     """Degrees read as radians turn a receiver some 57 times too fast."""
-    if declared.get("unit") != "rad" or not turning_speed(line) > SPEED_LIMIT_RAD_S:
+    if declared.angle_unit != "rad" or not turning_speed(line) > SPEED_LIMIT_RAD_S:
         return []
     message = (
         f"The receivers turn at {turning_speed(line):.0f} rad/s: the angles seem to be degrees and are read "

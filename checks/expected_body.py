@@ -49,9 +49,9 @@ class ExpectedBody:
     names : of the joints. ends : (J, 2) indices of the parent's and the child's receiver. centre_mm, sd_mm :
     (J, 2, 3) the joint in the parent's and the child's frame. gain : (J, 2, 3, 7) how much it changes with
     what is SHARED, of sd 1 each. rest : (J, F, 3, 3) child to parent when the hand is flat, for each of F
-    facings of the thumb's metacarpal's receiver; faced : (J,) whether that matters to the joint. flexion_deg :
-    (J, 2) least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial rotation. known :
-    (J,) whether anatomy says all this. gap_mm : (J,) that skin explains.
+    facings of the receiver over the thumb's metacarpal; faced : (J,) whether a joint's depends on it.
+    flexion_deg : (J, 2) least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial
+    rotation. known : (J,) whether anatomy says all this. gap_mm : (J,) that skin explains.
     """
 
     names: tuple[str, ...]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations, product
 
 import numpy as np
 
+from checks.declared import TIDY, Declared
 from checks.sampled_motion import MIRROR, Motion
 from schemas.layout import Layout
 from skeleton.rotations import Array, from_matrix, matrix
@@ -30,17 +32,14 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Recorded:
-    """What the hypotheses are about. axes : (S, 3, 3), see `receiver_axes`. hand : as declared.
-
-    euler_axes : of the mapping that the recording was read with; empty where it has no angles.
-    """
+    """What the hypotheses are about. axes : (S, 3, 3), see `receiver_axes`. hand : as declared."""
 
     layout: Layout
     segments: tuple[str, ...]
     axes: Array
     hand: str
     is_hand: bool
-    euler_axes: str = ""
+    declared: Declared = TIDY
 
     @property
     def mirror(self) -> Array:
@@ -54,7 +53,26 @@ def hypotheses(recorded: Recorded, motion: Motion) -> list[Hypothesis]:
     found += [*_hemispheres(recorded, motion), *_swaps(recorded)]
     if recorded.is_hand:
         found += [_other_hand(recorded), *_digit_swaps(recorded), *_turns(recorded)]
-    return found
+    rivals = Counter((one.kind, one.places is None) for one in found)
+    return [
+        replace(one, penalty=float(np.log(rivals[one.kind, one.places is None] / SHARES[one.kind])))
+        for one in found
+    ]
+
+
+SHARES = {
+    "quaternion-order": 0.02,
+    "quaternion-inverse": 0.01,
+    "euler-order": 0.03,
+    "units": 0.02,
+    "axes-mirrored": 0.01,
+    "wrong-hand": 0.02,
+    "hemisphere": 0.02,
+    "receivers-swapped": 0.02,
+    "digits-swapped": 0.01,
+    "receiver-turned": 0.01,
+}
+"""Of a laboratory's recordings that have the mistake (ours): what they share, its hypotheses share alike."""
 
 
 def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Callable[[Motion], Motion]:
@@ -96,7 +114,7 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
 
 
 def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
-    declared = recorded.euler_axes
+    declared = recorded.declared.axes
     if not declared:
         return
     for true in map("".join, permutations("XYZ")):

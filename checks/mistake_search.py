@@ -17,8 +17,11 @@ from skeleton.rotations import Array
 DECISIVE = 4.0
 """Log of the odds, the mistake's own rareness taken off, from which on it is named."""
 MOST = 4
-CLOSER, CLOSED_MM = 0.5, 40.0
-"""Of joints that anatomy does not know: how much less their gap must be put right, and how small."""
+OPEN_MM, CLOSER, CLOSED_MM = 5.0, 0.33, 40.0
+"""Of joints that anatomy does not know: from which gap on a mistake is looked for, how much less it must be
+put right, and how small."""
+AWAY_MM, AWAY_LOG_SD = 600.0, 0.8
+"""From a tracker's transmitter to what is worn (ours)."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,9 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
     left = list(hypotheses)
     while True:
         explanation = _explain(motion, body, left)
-        gains = explanation.total[1:] - explanation.total[0] - [one.penalty for one in left]
+        gains = explanation.total[1:] - explanation.total[0] - np.array([one.penalty for one in left])
         if not body.known.any():
+            gains += _away(motion, left)
             gains[~_closes(explanation, left)] = -np.inf
         best = int(np.argmax(gains)) if len(gains) else 0
         if len(found) == MOST or not len(gains) or gains[best] < DECISIVE:
@@ -63,7 +67,21 @@ def _closes(explanation: Explanation, hypotheses: Sequence[Hypothesis]) -> npt.N
     """Whether joints that anatomy does not know close, and much better than as declared."""
     gap = np.sqrt((explanation.gap_mm**2).mean(-1))
     scaled = np.array([one.kind == "units" for one in hypotheses])
-    return np.asarray(scaled | ((gap[1:] < CLOSER * gap[0]) & (gap[1:] < CLOSED_MM)))
+    return np.asarray(scaled | ((gap[0] > OPEN_MM) & (gap[1:] < CLOSER * gap[0]) & (gap[1:] < CLOSED_MM)))
+
+
+def _away(motion: Motion, hypotheses: Sequence[Hypothesis]) -> Array:
+    """How much likelier (H,) each hypothesis makes the receivers' distance from the transmitter."""
+    logs = [
+        np.log(_distance_mm(own) / AWAY_MM) for own in (motion, *(one.undo(motion) for one in hypotheses))
+    ]
+    unlikely = 0.5 * (np.array(logs) / AWAY_LOG_SD) ** 2
+    return np.asarray(unlikely[0] - unlikely[1:])
+
+
+def _distance_mm(motion: Motion) -> float:
+    distance = np.linalg.norm(motion.position_mm, axis=-1)[motion.valid]
+    return max(float(np.median(distance)), 1e-3) if len(distance) else AWAY_MM
 
 
 def _same_matter(one: Hypothesis, chosen: Hypothesis) -> bool:

@@ -333,11 +333,12 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     import pyarrow.compute as pc
 
     from checks.checked_recording import check_recording
+    from checks.declared import Declared
     from schemas.catalogue import POSES
     from schemas.poses import read_poses, recording_name
     from schemas.tables import read_metadata, read_table
 
-    orientation = read_metadata(path)["parameters"].get("orientation")
+    declared = Declared.of(read_metadata(path)["parameters"].get("mapping"))
     flags = read_table(path, POSES, ["segment", "flags"])
     flagged = {
         flag: Counter(flags.filter(pc.match_substring(flags["flags"], flag))["segment"].to_pylist())
@@ -345,7 +346,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     }
     left_out = {flag: counts for flag, counts in flagged.items() if counts}
     poses, side = read_poses(path, layout.measured), hand or recording_name(path).hand
-    return check_recording(poses, layout, side, orientation, left_out)
+    return check_recording(poses, layout, side, declared, left_out)
 
 
 def config_files(arguments: argparse.Namespace) -> list[Path]:

@@ -101,7 +101,6 @@ def _write(
     from schemas.tables import Provenance, write_table_in_parts
 
     absent = _absent(layout, poses, mapping)
-    orientation = None if mapping is None else mapping.orientation
     notes = list(remarks.notes)
     if absent:
         notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
@@ -111,7 +110,7 @@ def _write(
     inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
     inputs += [] if arguments.mapping is None else [arguments.mapping]
     parameters = {**_parameters(arguments, layout.name, absent), "notes": remarks.notes}
-    parameters |= {} if orientation is None else {"orientation": dict(orientation)}
+    parameters |= {} if mapping is None else {"mapping": _declared(mapping)}
     parameters |= {"losses": remarks.losses, "missing_frames": remarks.missing_frames}
     write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
@@ -136,6 +135,14 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     provenance = Provenance.of([arguments.file], **_parameters(arguments, layout, []))
     message = message.replace(str(arguments.file), arguments.file.name)
     write_failure(arguments.out, POSES, message, provenance)
+
+
+def _declared(mapping: FileMapping) -> dict[str, Any]:
+    """What the mapping says of the numbers, for the checks."""
+    return {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
+
+
+_DECLARED = ("format", "position_unit", "orientation", "fixed")
 
 
 def _parameters(arguments: argparse.Namespace, layout: str, absent: list[str]) -> dict[str, Any]:

@@ -1,0 +1,48 @@
+"""What was declared of a recording's numbers: what its mapping says of units, orders and senses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What a mapping says; the defaults are what a tidy table says by its columns' names.
+
+    format : of the mapping; empty without one. kind, order, rotates, axes, angle_unit : of its orientation.
+    has_fixed : whether a segment stands still by declaration.
+    """
+
+    format: str = ""
+    position_unit: str = "mm"
+    kind: str = "quaternion"
+    order: str = "wxyz"
+    rotates: str = "receiver-to-transmitter"
+    axes: str = ""
+    angle_unit: str = ""
+    has_fixed: bool = False
+
+    @classmethod
+    def of(cls, mapping: Mapping[str, Any] | None) -> Declared:
+        """Take it from the mapping's own keys; None where there is no mapping."""
+        if mapping is None:
+            return cls()
+        orientation = mapping.get("orientation") or {}
+        usual = "quaternion" if mapping["format"] in ("csv", "xdf", "motion-bids") else "matrix"
+        kind = orientation.get("kind", usual)
+        return cls(
+            mapping["format"],
+            mapping.get("position_unit", cls.position_unit),
+            kind,
+            orientation.get("order", cls.order),
+            orientation.get("rotates", cls.rotates),
+            orientation.get("axes", "") if kind == "euler" else "",
+            orientation.get("unit", ""),
+            bool(mapping.get("fixed")),
+        )
+
+
+TIDY = Declared()
+"""Of a tidy table: millimetres, and quaternions w, x, y, z from the receiver to the transmitter."""
