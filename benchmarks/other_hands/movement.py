@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.other_hands.carriage import touching
 from benchmarks.other_hands.person import FINGERS, Array, Person
 
 Posture = dict[str, float]
@@ -27,7 +28,7 @@ class _Player:
     """Somebody who has been asked to move: knows their own range, rest and idea of a flat hand."""
 
     def __init__(self, person: Person, rng: np.random.Generator) -> None:
-        self.rng, self.habits = rng, person.habits
+        self.person, self.rng, self.habits = person, rng, person.habits
         self.reach = person.habits["reach"]
         self.names = tuple(angle for joint in person.joints for angle in joint.angles)
         curl = person.habits["curl"]
@@ -94,8 +95,8 @@ def _calibration(player: _Player, seconds: float) -> Score:
         ),
         "spread": player.to_and_fro(spread, straight | closed, times),
         "cup": player.to_and_fro(player.bent(35, 30) | cup, straight, times),
-        "thumb bend": player.to_and_fro({"thumb_mcp.bend": 52 * reach}, thumb_back, times)
-        + player.to_and_fro({"thumb_ip.bend": 66 * reach}, {"thumb_ip.bend": -8.0}, times),
+        "thumb bend": player.to_and_fro({"thumb_mcp.bend": 62 * reach}, thumb_back, times)
+        + player.to_and_fro({"thumb_ip.bend": 72 * reach}, {"thumb_ip.bend": -8.0}, times),
         "thumb circle": _circles(player, times),
         "opposition": _opposition(player, 1),
         "wrist": player.to_and_fro({"wrist.bend": 48 * reach}, {"wrist.bend": -45 * reach}, times)
@@ -104,7 +105,8 @@ def _calibration(player: _Player, seconds: float) -> Score:
     alone: Score = []
     tips: Score = []
     for finger in rng.permutation(FINGERS):
-        alone += player.to_and_fro(player.bent(70, 75, (finger,)), _only(straight, finger), 1)
+        pulled = player.bent(6, 8) | player.bent(70, 75, (finger,))
+        alone += player.to_and_fro(pulled, straight, 1)
         tips += player.to_and_fro(
             {f"{finger}_dip.bend": 58 * reach}, {f"{finger}_dip.bend": -4.0}, times, 1.2
         )
@@ -127,8 +129,8 @@ def _circles(player: _Player, times: int) -> Score:
             round_it = way * step * np.pi / 6
             far = 1.0 + 0.1 * player.rng.normal()
             posture = {
-                "thumb_cmc.bend": 6 + 22 * player.reach * far * np.cos(round_it),
-                "thumb_cmc.sway": 4 + 22 * player.reach * far * np.sin(round_it),
+                "thumb_cmc.bend": 6 + 26 * player.reach * far * np.cos(round_it),
+                "thumb_cmc.sway": 4 + 26 * player.reach * far * np.sin(round_it),
                 "thumb_mcp.sway": 5 * np.sin(round_it + 0.5),
             }
             score += [(posture, 0.35)]
@@ -138,17 +140,14 @@ def _circles(player: _Player, times: int) -> Score:
 def _opposition(player: _Player, times: int) -> Score:
     """The thumb's pad towards each finger's in turn."""
     score: Score = []
+    before = {"cmc.bend": 14.0, "cmc.sway": 30.0, "mcp.bend": 20.0, "ip.bend": 25.0}
     for _ in range(times):
         for number, finger in enumerate(FINGERS):
             meet = player.bent(48 + 3 * number, 42 + 4 * number, (finger,))
-            meet |= {
-                "thumb_cmc.bend": 12 + 5.0 * number,
-                "thumb_cmc.sway": 26 + 3.0 * number,
-                "thumb_mcp.bend": 22 + 8.0 * number,
-                "thumb_ip.bend": 24 + 4.0 * number,
-                "little_cmc.bend": 5.0 * number,
-                "ring_cmc.bend": 2.5 * number,
-            }
+            meet |= {f"thumb_{name}": deg for name, deg in before.items()}
+            meet |= {"little_cmc.bend": 5.0 * number, "ring_cmc.bend": 2.5 * number}
+            met = touching(player.person, player.rest | meet, finger)
+            meet = {name: met[name] for name in meet | _only(met, "thumb")}
             back = _only(player.rest, finger) | _only(player.rest, "thumb") | {"thumb_cmc.bend": 0.0}
             pace = player.rng.uniform(0.5, 1.0)
             score += [(meet, pace), ({}, player.rng.uniform(0.2, 0.6)), (back, pace)]
@@ -226,24 +225,16 @@ def move_joints(
         track, time_s, 0.1 if task in ("typing", "piano") else float(np.clip(0.35 * hurry, 0.12, 0.5))
     )
     track += wander(rng, time_s, len(names), (0.2, 1.5)) * rng.uniform(0.3, 1.0, len(names))
-    return _as_hands_move(dict(zip(names, track.T, strict=True)), person, stiff)
-
-
-def _as_hands_move(tracks: dict[str, Array], person: Person, stiff: tuple[str, ...]) -> dict[str, Array]:
-    """Let fingers pull their neighbours along, sway less when bent, and stiff joints hardly move."""
-    for kind, share in (("mcp.bend", 0.08), ("pip.bend", 0.05)):
-        own = np.array([tracks[f"{finger}_{kind}"] for finger in FINGERS])
-        pulled = np.eye(4) + share * (np.eye(4, k=1) + np.eye(4, k=-1) - np.diag([1, 2, 2, 1]))
-        tracks |= dict(zip([f"{finger}_{kind}" for finger in FINGERS], pulled @ own, strict=True))
-    for finger in FINGERS:
-        tracks[f"{finger}_mcp.sway"] = tracks[f"{finger}_mcp.sway"] * (
-            1 - 0.7 * np.clip(tracks[f"{finger}_mcp.bend"] / 80, 0, 1)
+    tracks = dict(zip(names, track.T, strict=True))
+    for name in tracks:
+        share = (
+            0.06
+            if name.split(".")[0] in stiff
+            else 0.3
+            if name.startswith(("index_cmc", "middle_cmc"))
+            else 1.0
         )
-    for fixed in ("index_cmc.bend", "middle_cmc.bend"):
-        tracks[fixed] = 0.3 * tracks[fixed]
-    for joint in stiff:
-        for name in (name for name in tracks if name.startswith(f"{joint}.")):
-            tracks[name] = tracks[name].mean() + 0.06 * (tracks[name] - tracks[name].mean())
+        tracks[name] = tracks[name].mean() + share * (tracks[name] - tracks[name].mean())
     return {joint.name: np.column_stack([tracks[name] for name in joint.angles]) for joint in person.joints}
 
 

@@ -136,7 +136,9 @@ def draw_person(
     nail_deg = float(rng.uniform(55, 90))
     for digit in DIGITS:
         _draw_digit(rng, digit, size, nail_deg, bones, joints)
-    bones["hand"] = Bone(np.zeros(3), bones["middle_metacarpal"].end, np.array([0.0, 0.0, 1.0]))
+    bones["hand"] = Bone(
+        bones["middle_metacarpal"].base, bones["middle_metacarpal"].end, np.array([0.0, 0.0, 1.0])
+    )
     bones["forearm"] = Bone(np.array([0.0, -240.0 * size, 4.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
     habits = {
         "reach": float(rng.uniform(0.85, 1.05)),  # how much of a usual range this person has
@@ -274,7 +276,7 @@ def _draw_finger(
 
 # Skin over the line of centres: height and half width, mm; by how many deg it falls outward; share of length.
 _SURFACE = {
-    "hand": (9.5, 32.0, -3.0, 0.42),
+    "hand": (9.5, 32.0, 1.0, 0.27),
     "forearm": (19.0, 28.0, 3.0, 0.70),
     "thumb_metacarpal": (9.5, 10.0, -2.0, 0.52),
     "thumb_proximal": (7.0, 10.0, 2.0, 0.5),

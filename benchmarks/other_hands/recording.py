@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.other_hands.carriage import Motion, carry, placed
 from benchmarks.other_hands.movement import move_arm, move_joints
-from benchmarks.other_hands.person import DIGITS, Array, Joint, Person, Worn
+from benchmarks.other_hands.person import DIGITS, Array, Person, Worn
 from benchmarks.other_hands.room import beside_steel, draw_field, lost_frames, measure, quaternions
-from benchmarks.other_hands.skin import Motion, carry_receiver, draw_straps, settle
+from benchmarks.other_hands.skin import carry_receiver, draw_straps, settle
 from schemas.poses import Poses
 
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -67,12 +68,12 @@ def record(
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     angles_deg = move_joints(person, task, moves, time_s, stiff)
     palm_mm, turned, on_table = move_arm(task, moves, time_s)
-    bones, centres = _carry(person, angles_deg)
+    bones, centres = carry(person, angles_deg)
     worn = [one for one in person.worn[side] if forearm or one.bone != "forearm"]
     extras = {one.bone: np.zeros((len(time_s), 6)) for one in worn}
     _give_way(extras, time_s, slide, loose, skins)
     place, turning = _receivers(person, worn, angles_deg, bones, on_table, time_s, skins, extras)
-    middle = bones["hand"][0] @ np.array([-2.0, 45.0, 0.0]) + bones["hand"][1]
+    middle = placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))
 
     def in_room(points: Array) -> Array:
         local = points - (middle[:, None] if points.ndim == 3 else middle)
@@ -97,10 +98,7 @@ def record(
         poses,
         true_pose,
         kept,
-        {
-            digit: in_room(bones[bone][0] @ person.bones[bone].end + bones[bone][1])
-            for digit, bone in tips.items()
-        },
+        {digit: in_room(placed(bones[bone], person.bones[bone].end)) for digit, bone in tips.items()},
         angles_deg,
         {
             name: float(np.linalg.norm(bone.end - bone.base))
@@ -117,33 +115,6 @@ def true_centres(recording: Recording, joint: str, segment: str) -> Array:
     from_it = recording.true_centre_mm[joint] - pose.position_mm[:, at]
     turning = Rotation.from_quat(pose.quaternion[:, at], scalar_first=True)
     return np.asarray(turning.inv().apply(from_it).mean(axis=0))
-
-
-def _carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motion], dict[str, Array]]:
-    """Give where each bone is carried, the forearm lying still, and each joint's centre (T, 3)."""
-    n_frames = len(next(iter(angles_deg.values())))
-    bones = {"forearm": (np.broadcast_to(np.eye(3), (n_frames, 3, 3)), np.zeros((n_frames, 3)))}
-    centres = {}
-    for joint in person.joints:
-        turning, shift, centre = _move(joint, np.deg2rad(angles_deg[joint.name]))
-        outer, at = bones[joint.parent]
-        bones[joint.child] = outer @ turning, np.einsum("tij,tj->ti", outer, shift) + at
-        centres[joint.name] = np.einsum("tij,tj->ti", outer, centre) + at
-    return bones, centres
-
-
-def _move(joint: Joint, angles: Array) -> tuple[Array, Array, Array]:
-    """Give turning, shift and centre of a joint: the middle between the lines about which it turns."""
-    bend = angles[:, 0]
-    shift = np.column_stack([np.sin(bend), 1 - np.cos(bend)]) @ joint.glide_mm.T
-    turning = np.broadcast_to(np.eye(3), (len(bend), 3, 3))
-    centre = np.zeros_like(shift)
-    for point, axes in joint.turns:
-        here = turning @ point + shift
-        turning = turning @ Rotation.from_rotvec(angles @ axes.T).as_matrix()
-        shift = here - turning @ point
-        centre += here / len(joint.turns)
-    return turning, shift, centre
 
 
 def _receivers(

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.other_hands.carriage import Motion, placed
 from benchmarks.other_hands.movement import wander
 from benchmarks.other_hands.person import SKIN_SHARE, Array, Joint, Person, Worn
-
-Motion = tuple[Array, Array]
-"""Where bones are carried: turnings (T, 3, 3) and shifts (T, 3), to be applied to places on the table."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ def _straps(person: Person, worn: Worn, rng: np.random.Generator) -> Straps:
             names.append(angle)
     pull = np.array(pulls).T
     if bone == "hand":  # the whole back of the hand gives way by about this much, whoever pulls
-        pull *= rng.uniform(0.5, 1.3) / np.linalg.norm(pull[:3].sum(axis=1))
+        pull *= rng.uniform(0.5, 1.3) / np.linalg.norm(pull[:3])
         pull[3:] *= np.deg2rad(1.0) / max(1e-9, np.abs(pull[3:]).sum(axis=1).max())
     thumb = bone == "thumb_metacarpal"
     pressed = share * rng.normal(0, [0.2] * 3 + [0.006] * 3) * (5.0 if thumb else 1.0)
@@ -117,7 +115,7 @@ def carry_receiver(
         turning, _ = _left_behind(bones[joint.parent], (turning, shift), joint, straps.behind_turn * left)
     place = worn.place + moved[:, :3] @ worn.skin_axes.T
     tilt = Rotation.from_rotvec(moved[:, 3:] @ worn.skin_axes.T).as_matrix() @ worn.axes
-    return np.einsum("tij,tj->ti", at[0], place) + at[1], turning @ tilt
+    return placed(at, place), turning @ tilt
 
 
 def _left_behind(parent: Motion, child: Motion, joint: Joint, left: Array) -> Motion:
@@ -126,4 +124,4 @@ def _left_behind(parent: Motion, child: Motion, joint: Joint, left: Array) -> Mo
     whole = Rotation.from_matrix(turning).as_rotvec()
     less = parent[0] @ Rotation.from_rotvec(whole - left).as_matrix()
     centre = joint.turns[-1][0]
-    return less, child[0] @ centre + child[1] - less @ centre
+    return less, placed(child, centre) - less @ centre
