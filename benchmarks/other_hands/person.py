@@ -314,7 +314,9 @@ def _tape(rng: np.random.Generator, segment: str, bone: Bone, up: Array, size: f
     long_mm = float(np.linalg.norm(bone.end - bone.base))
     nail = segment.endswith("distal")
     off_mm = np.clip(rng.normal(0, 1.2 if nail else 2.5), -0.2 * long_mm, 0.2 * long_mm)
-    round_deg = rng.uniform(-8, 8) if nail or segment in ("hand", "forearm") else rng.uniform(-18, 18)
+    round_deg = rng.uniform(-18, 18)
+    if nail or segment in ("hand", "forearm", "thumb_metacarpal"):
+        round_deg *= 0.2 if segment == "thumb_metacarpal" else 0.45
     sine, cosine = np.sin(np.deg2rad(round_deg)), np.cos(np.deg2rad(round_deg))
     foot = bone.base + (share * long_mm + off_mm) * along
     skin = foot + half_width * sine * side + height * cosine * up

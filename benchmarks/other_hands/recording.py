@@ -71,7 +71,7 @@ def record(
     bones, centres = carry(person, angles_deg)
     worn = [one for one in person.worn[side] if forearm or one.bone != "forearm"]
     extras = {one.bone: np.zeros((len(time_s), 6)) for one in worn}
-    _give_way(extras, time_s, slide, loose, skins)
+    _give_way(extras, time_s, slide, loose, np.random.default_rng([seed, 3]))
     place, turning = _receivers(person, worn, angles_deg, bones, on_table, time_s, skins, extras)
     middle = placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))
 
