@@ -1,0 +1,282 @@
+"""What the hand does: angles of all joints, in degrees from the flat drawing, and where the arm holds it.
+
+A score of postures is written down first, then played: straight lines from posture to posture, rounded off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from benchmarks.other_hands.carriage import touching
+from benchmarks.other_hands.person import FINGERS, Array, Person
+
+Posture = dict[str, float]
+Score = list[tuple[Posture, float]]
+"""Postures, and the seconds it takes to come to each from the one before."""
+
+TASKS = ("calibration", "grip", "typing", "piano", "opposition")
+
+
+def _all(joint: str, deg: float, fingers: tuple[str, ...] = FINGERS) -> Posture:
+    return {f"{finger}_{joint}": deg for finger in fingers}
+
+
+class _Player:
+    """Somebody who has been asked to move: knows their own range, rest and idea of a flat hand."""
+
+    def __init__(self, person: Person, rng: np.random.Generator) -> None:
+        self.person, self.rng, self.habits = person, rng, person.habits
+        self.reach = person.habits["reach"]
+        self.names = tuple(angle for joint in person.joints for angle in joint.angles)
+        curl = person.habits["curl"]
+        self.rest: Posture = {
+            **_all("mcp.bend", 18 * curl),
+            **_all("pip.bend", 24 * curl),
+            **_all("dip.bend", 10 * curl),
+            "thumb_mcp.bend": 8 * curl,
+            "thumb_ip.bend": 10 * curl,
+            "thumb_cmc.sway": person.habits["thumb_out"],
+            "wrist.bend": -8 * curl,
+        }
+        self.flat: Posture = {name: float(rng.normal(3, 3)) for name in self.names if ".bend" in name}
+        self.flat |= {name: 0.0 for name in self.names if "cmc" in name or "wrist" in name}
+        self.flat["thumb_cmc.bend"] = float(rng.normal(-6, 4))
+        self.flat |= {
+            f"{f}_mcp.sway": s * rng.uniform(0, 5) for f, s in zip(FINGERS, (1, 0, -1, -1.5), strict=True)
+        }
+
+    def bent(
+        self, mcp: float, pip: float, fingers: tuple[str, ...] = FINGERS, dip: float | None = None
+    ) -> Posture:
+        """Fingers bent at the knuckles and the middle joints; the tips follow these unless told."""
+        share = self.habits["tip_share"]
+        posture: Posture = {}
+        for finger in fingers:
+            more = self.rng.normal(1.0, 0.06)
+            posture[f"{finger}_mcp.bend"] = mcp * more * self.reach
+            posture[f"{finger}_pip.bend"] = pip * more * self.reach
+            posture[f"{finger}_dip.bend"] = (share * pip if dip is None else dip) * more * self.reach
+        return posture
+
+    def to_and_fro(self, there: Posture, back: Posture, times: int, seconds: float = 2.0) -> Score:
+        """Bend and come back, more or less as far and as fast each time."""
+        score: Score = []
+        for _ in range(times):
+            pace, amount = self.rng.uniform(0.7, 1.4), self.rng.uniform(0.9, 1.05)
+            score += [({name: amount * deg for name, deg in there.items()}, seconds * pace)]
+            score += [({}, self.rng.uniform(0.05, 0.4)), (back, seconds * self.rng.uniform(0.7, 1.4))]
+        return score
+
+
+def _calibration(player: _Player, seconds: float) -> Score:
+    """Every joint through its range, in an order and at a pace of one's own."""
+    times = int(np.clip(round(seconds / 32), 1, 3))
+    rng, reach = player.rng, player.reach
+    straight = dict(player.flat)
+    sway = dict(zip(FINGERS, (16, 4, -11, -20), strict=True))
+    spread = {f"{finger}_mcp.sway": deg * reach for finger, deg in sway.items()}
+    spread |= {"thumb_cmc.bend": -18 * reach, "thumb_cmc.sway": -8.0}
+    closed = {f"{finger}_mcp.sway": -0.25 * deg for finger, deg in sway.items()}
+    cup = {
+        "ring_cmc.bend": 13 * reach,
+        "little_cmc.bend": 24 * reach,
+        "thumb_cmc.bend": 22,
+        "thumb_cmc.sway": 15,
+    }
+    thumb_back = {name: deg for name, deg in straight.items() if name.startswith("thumb")}
+    movements = {
+        "knuckles": player.to_and_fro(player.bent(78, 6), straight | _all("mcp.bend", -14.0), times),
+        "hook": player.to_and_fro(player.bent(2, 92), straight, times),
+        "fist": player.to_and_fro(
+            player.bent(80, 90) | {"ring_cmc.bend": 8, "little_cmc.bend": 14}, straight, times
+        ),
+        "spread": player.to_and_fro(spread, straight | closed, times),
+        "cup": player.to_and_fro(player.bent(35, 30) | cup, straight, times),
+        "thumb bend": player.to_and_fro({"thumb_mcp.bend": 62 * reach}, thumb_back, times)
+        + player.to_and_fro({"thumb_ip.bend": 72 * reach}, {"thumb_ip.bend": -8.0}, times),
+        "thumb circle": _circles(player, times),
+        "opposition": _opposition(player, 1),
+        "wrist": player.to_and_fro({"wrist.bend": 48 * reach}, {"wrist.bend": -45 * reach}, times)
+        + player.to_and_fro({"wrist.sway": 16 * reach}, {"wrist.sway": -24 * reach}, times),
+    }
+    alone: Score = []
+    tips: Score = []
+    for finger in rng.permutation(FINGERS):
+        pulled = player.bent(6, 8) | player.bent(70, 75, (finger,))
+        alone += player.to_and_fro(pulled, straight, 1)
+        tips += player.to_and_fro(
+            {f"{finger}_dip.bend": 58 * reach}, {f"{finger}_dip.bend": -4.0}, times, 1.2
+        )
+    movements |= {"alone": alone, "fingertips": tips}
+    score: Score = [(straight, rng.uniform(2, 5))]
+    for name in rng.permutation(list(movements)):
+        score += [*movements[name], (straight if rng.random() < 0.6 else player.rest, rng.uniform(1, 2))]
+        score += [({}, rng.exponential(0.8))]
+    return [*score, (straight, 2.0), ({}, rng.uniform(1, 4))]
+
+
+def _only(posture: Posture, digit: str) -> Posture:
+    return {name: deg for name, deg in posture.items() if name.startswith(digit)}
+
+
+def _circles(player: _Player, times: int) -> Score:
+    score: Score = []
+    for way in (1, -1):
+        for step in range(12 * times + 1):
+            round_it = way * step * np.pi / 6
+            far = 1.0 + 0.1 * player.rng.normal()
+            posture = {
+                "thumb_cmc.bend": 6 + 26 * player.reach * far * np.cos(round_it),
+                "thumb_cmc.sway": 4 + 26 * player.reach * far * np.sin(round_it),
+                "thumb_mcp.sway": 5 * np.sin(round_it + 0.5),
+            }
+            score += [(posture, 0.35)]
+    return score
+
+
+def _opposition(player: _Player, times: int) -> Score:
+    """The thumb's pad towards each finger's in turn."""
+    score: Score = []
+    before = {"cmc.bend": 14.0, "cmc.sway": 30.0, "mcp.bend": 20.0, "ip.bend": 25.0}
+    for _ in range(times):
+        for number, finger in enumerate(FINGERS):
+            meet = player.bent(48 + 3 * number, 42 + 4 * number, (finger,))
+            meet |= {f"thumb_{name}": deg for name, deg in before.items()}
+            meet |= {"little_cmc.bend": 5.0 * number, "ring_cmc.bend": 2.5 * number}
+            met = touching(player.person, player.rest | meet, finger)
+            meet = {name: met[name] for name in meet | _only(met, "thumb")}
+            back = _only(player.rest, finger) | _only(player.rest, "thumb") | {"thumb_cmc.bend": 0.0}
+            pace = player.rng.uniform(0.5, 1.0)
+            score += [(meet, pace), ({}, player.rng.uniform(0.2, 0.6)), (back, pace)]
+    return score
+
+
+def _grip(player: _Player, seconds: float) -> Score:
+    """Reach for objects of several sizes, close round them, hold, let go."""
+    score: Score = [(player.rest, 1.0)]
+    while sum(took for _, took in score) < seconds:
+        width = player.rng.uniform(0, 1)  # a pencil to a jar
+        wide = player.bent(14 + 8 * width, 18, dip=8) | {
+            "thumb_cmc.sway": 20.0,
+            "thumb_cmc.bend": -14 * width,
+        }
+        close = player.bent(62 - 30 * width, 70 - 35 * width)
+        close |= {
+            "thumb_cmc.bend": 22 - 14 * width,
+            "thumb_cmc.sway": 24.0,
+            "thumb_mcp.bend": 30 - 18 * width,
+        }
+        close |= {"thumb_ip.bend": 36 - 20 * width, "little_cmc.bend": 12.0, "ring_cmc.bend": 6.0}
+        turn = {"wrist.bend": player.rng.normal(-15, 12), "wrist.sway": player.rng.normal(0, 8)}
+        score += [(wide | turn, player.rng.uniform(0.6, 1.2)), (close, player.rng.uniform(0.3, 0.8))]
+        score += [({}, player.rng.uniform(0.5, 2)), (player.rest, player.rng.uniform(0.5, 1))]
+    return score
+
+
+def _keys(player: _Player, seconds: float, *, deep: float, pace_s: float, spread: float) -> Score:
+    """Struck keys: one finger after another goes down from a bent hand."""
+    home = player.bent(28, 38) | {"thumb_cmc.sway": 8.0, "thumb_mcp.bend": 10.0, "wrist.bend": -14.0}
+    score: Score = [(home, 1.0)]
+    while sum(took for _, took in score) < seconds:
+        finger = str(player.rng.choice(["thumb", *FINGERS]))
+        far = player.rng.normal(1, 0.2)
+        if finger == "thumb":
+            down = {"thumb_cmc.sway": 8 + deep * far, "thumb_cmc.bend": player.rng.normal(6, 2 + spread)}
+        else:
+            down = {f"{finger}_mcp.bend": home[f"{finger}_mcp.bend"] + deep * far}
+            down |= {f"{finger}_pip.bend": home[f"{finger}_pip.bend"] + player.rng.normal(0, deep)}
+            down |= {f"{finger}_mcp.sway": player.rng.normal(0, spread)}
+        turn = {"wrist.sway": player.rng.normal(-4, 4), "wrist.bend": player.rng.normal(-14, 5)}
+        took = pace_s * player.rng.uniform(0.6, 1.5)
+        score += [(down | turn, took), (_only(home, finger), took), ({}, player.rng.exponential(pace_s / 2))]
+    return score
+
+
+_SCORES: dict[str, Callable[[_Player, float], Score]] = {
+    "calibration": _calibration,
+    "grip": _grip,
+    "typing": lambda player, seconds: _keys(player, seconds, deep=16.0, pace_s=0.13, spread=3.0),
+    "piano": lambda player, seconds: _keys(player, seconds, deep=22.0, pace_s=0.22, spread=7.0),
+    "opposition": lambda player, seconds: _opposition(player, 1 + int(seconds // 8)),
+}
+
+
+def move_joints(
+    person: Person, task: str, rng: np.random.Generator, time_s: Array, stiff: tuple[str, ...]
+) -> dict[str, Array]:
+    """Give each joint's angles, (T, D) degrees."""
+    player = _Player(person, rng)
+    score = _SCORES[task](player, float(time_s[-1]))
+    names = list(player.names)
+    knots = np.zeros((len(score), len(names)))
+    now = np.array([(player.flat if task == "calibration" else player.rest).get(name, 0.0) for name in names])
+    for row, (posture, _) in enumerate(score):
+        for name, deg in posture.items():
+            now[names.index(name)] = deg
+        knots[row] = now
+    at_s = np.cumsum([took for _, took in score])
+    hurry = time_s[-1] / at_s[-1]
+    at_s *= hurry
+    track = np.column_stack([np.interp(time_s, at_s, column) for column in knots.T])
+    track = rounded(
+        track, time_s, 0.1 if task in ("typing", "piano") else float(np.clip(0.35 * hurry, 0.12, 0.5))
+    )
+    track += wander(rng, time_s, len(names), (0.2, 1.5)) * rng.uniform(0.3, 1.0, len(names))
+    tracks = dict(zip(names, track.T, strict=True))
+    for name in tracks:
+        share = (
+            0.06
+            if name.split(".")[0] in stiff
+            else 0.3
+            if name.startswith(("index_cmc", "middle_cmc"))
+            else 1.0
+        )
+        tracks[name] = tracks[name].mean() + share * (tracks[name] - tracks[name].mean())
+    return {joint.name: np.column_stack([tracks[name] for name in joint.angles]) for joint in person.joints}
+
+
+def move_arm(task: str, rng: np.random.Generator, time_s: Array) -> tuple[Array, Rotation, Array]:
+    """Give where the palm is, (T, 3) mm from the transmitter, its turning from the table to the room, and
+    how much of the hand's weight lies on the table, (T,) 0 to 1.
+    """
+    roams_mm, tilts_deg, every_s = {
+        "calibration": (45.0, 22.0, 5.0),
+        "grip": (80.0, 28.0, 2.5),
+        "typing": (15.0, 4.0, 3.0),
+        "piano": (60.0, 6.0, 2.0),
+        "opposition": (40.0, 18.0, 4.0),
+    }[task]
+    middle = np.array([rng.uniform(270, 380), rng.uniform(-90, 90), rng.uniform(-70, 70)])
+    stands = Rotation.from_euler("zx", [rng.uniform(-180, 180), rng.choice([0.0, 180.0])], degrees=True)
+    knots = 2 + int(time_s[-1] // every_s) + 1
+    at_s = np.cumsum(rng.uniform(0.6, 1.4, knots)) * every_s
+    at_s -= at_s[0]
+    places = np.clip(rng.normal(0, roams_mm, (knots, 3)), -120, 120)
+    turns = np.deg2rad(rng.normal(0, tilts_deg, (knots, 3)))
+    lies_s = rng.uniform(1, 4) if task == "calibration" and rng.random() < 0.6 else 0.0
+    back_s = time_s[-1] - rng.uniform(1, 3) if lies_s and rng.random() < 0.5 else np.inf
+    on_table = rounded(((time_s < lies_s) | (time_s > back_s)).astype(float), time_s, 0.9)
+    path = np.column_stack([np.interp(time_s, at_s, column) for column in np.hstack([places, turns]).T])
+    path = rounded(path, time_s, 0.35 * every_s) * (1 - on_table)[:, None]
+    path += wander(rng, time_s, 6, (0.3, 4)) * ([0.6] * 3 + [0.006] * 3) * (1 - 0.95 * on_table)[:, None]
+    return middle + path[:, :3], stands * Rotation.from_rotvec(path[:, 3:]), on_table
+
+
+def rounded(track: Array, time_s: Array, width_s: float) -> Array:
+    """Give tracks (T,) or (T, K) with their corners rounded off over a time."""
+    half = max(1, round(width_s / (time_s[1] - time_s[0]) / 2))
+    weights = np.hanning(2 * half + 3)[1:-1]
+    columns = track.reshape(len(track), -1)
+    wide = np.pad(columns, ((half, half), (0, 0)), mode="edge")
+    smooth = [np.convolve(column, weights / weights.sum(), mode="valid") for column in wide.T]
+    return np.column_stack(smooth).reshape(track.shape)
+
+
+def wander(rng: np.random.Generator, time_s: Array, count: int, periods_s: tuple[float, float]) -> Array:
+    """Give (T, count) slow random motion of sd 1, the same at every rate of frames."""
+    turns = 2 * np.pi / rng.uniform(*periods_s, (8, 1, count))
+    phases = rng.uniform(0, 2 * np.pi, (8, 1, count))
+    return np.asarray(np.sin(turns * time_s[:, None] + phases).sum(axis=0) / 2)

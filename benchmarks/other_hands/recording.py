@@ -1,0 +1,193 @@
+"""A recording of somebody's hand, and what is true of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from benchmarks.other_hands.carriage import Motion, carry, placed
+from benchmarks.other_hands.movement import move_arm, move_joints
+from benchmarks.other_hands.person import DIGITS, Array, Person, Worn
+from benchmarks.other_hands.room import beside_steel, draw_field, lost_frames, measure, quaternions
+from benchmarks.other_hands.skin import carry_receiver, draw_straps, settle
+from schemas.poses import Poses
+
+MIRROR = np.array([1.0, -1.0, 1.0])
+"""A left hand is a right hand in a mirror that stands in the room's x-z plane."""
+
+Slide = tuple[str, float, float, float]
+"""A segment whose receiver slides evenly along its bone: by how many mm, from and to which second."""
+
+Loose = tuple[str, float, float, float]
+"""A segment whose receiver gives way at once: at which second, by how many mm and degrees."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What the tracker said, and what it should have said of whom. World: the transmitter's frame, mm.
+
+    poses : as measured; true_pose : the same receivers where they really were; true_centre_mm : by joint,
+    (T, 3); true_tip_mm : by digit, (T, 3) of the skin's tip; true_angles_deg : by joint, (T, D) from the flat
+    drawing, bending first; true_lengths_mm : by bone, from its joint to the next, the last to the skin's tip.
+    """
+
+    person: Person
+    side: str
+    task: str
+    poses: Poses
+    true_pose: Poses
+    true_centre_mm: dict[str, Array]
+    true_tip_mm: dict[str, Array]
+    true_angles_deg: dict[str, Array]
+    true_lengths_mm: dict[str, float]
+
+
+def record(
+    person: Person,
+    side: str,
+    task: str,
+    *,
+    seed: int,
+    duration_s: float = 25.0,
+    rate_hz: float = 240.0,
+    forearm: bool = False,
+    stiff: tuple[str, ...] = (),
+    metal_mm: float | None = None,
+    slide: Slide | None = None,
+    loose: Loose | None = None,
+    dropouts: bool = False,
+) -> Recording:
+    """Record a person's hand at a task (`movement.TASKS`), with the receivers as `person.worn` has them.
+
+    Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
+    stiff : joints of the layout that hardly move; metal_mm : what a steel plate adds where it is nearest.
+    """
+    moves, skins, tracker = (np.random.default_rng([seed, part]) for part in range(3))
+    time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
+    angles_deg = move_joints(person, task, moves, time_s, stiff)
+    palm_mm, turned, on_table = move_arm(task, moves, time_s)
+    bones, centres = carry(person, angles_deg)
+    worn = [one for one in person.worn[side] if forearm or one.bone != "forearm"]
+    extras = {one.bone: np.zeros((len(time_s), 6)) for one in worn}
+    _give_way(extras, time_s, slide, loose, np.random.default_rng([seed, 3]))
+    place, turning = _receivers(person, worn, angles_deg, bones, on_table, time_s, skins, extras)
+    middle = placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))
+
+    def in_room(points: Array) -> Array:
+        local = points - (middle[:, None] if points.ndim == 3 else middle)
+        carried = np.einsum("tij,t...j->t...i", turned.as_matrix(), local)
+        carried += palm_mm[:, None] if points.ndim == 3 else palm_mm
+        return np.asarray(carried * (MIRROR if side == "left" else 1.0))
+
+    place = in_room(place)
+    turning = turned.as_matrix()[:, None] @ turning
+    if side == "left":  # cable and skin as on the right hand: so y is the axis that changes its side
+        turning = MIRROR[:, None] * turning * MIRROR
+    names = tuple(one.bone for one in worn)
+    poses, true_pose = _track(person, names, time_s, place, turning, metal_mm, tracker)
+    if dropouts:
+        poses = _without(poses, rate_hz, tracker)
+    kept = {name: in_room(centre) for name, centre in centres.items() if forearm or name != "wrist"}
+    tips = {digit: f"{digit}_distal" for digit in DIGITS}
+    return Recording(
+        person,
+        side,
+        task,
+        poses,
+        true_pose,
+        kept,
+        {digit: in_room(placed(bones[bone], person.bones[bone].end)) for digit, bone in tips.items()},
+        angles_deg,
+        {
+            name: float(np.linalg.norm(bone.end - bone.base))
+            for name, bone in person.bones.items()
+            if "_" in name
+        },
+    )
+
+
+def true_centres(recording: Recording, joint: str, segment: str) -> Array:
+    """Give a joint's centre (3,) in a receiver's frame as it rode: the mean over all frames, mm."""
+    pose = recording.true_pose
+    at = pose.index(segment)
+    from_it = recording.true_centre_mm[joint] - pose.position_mm[:, at]
+    turning = Rotation.from_quat(pose.quaternion[:, at], scalar_first=True)
+    return np.asarray(turning.inv().apply(from_it).mean(axis=0))
+
+
+def _receivers(
+    person: Person,
+    worn: list[Worn],
+    angles_deg: dict[str, Array],
+    bones: dict[str, Motion],
+    on_table: Array,
+    time_s: Array,
+    rng: np.random.Generator,
+    extras: dict[str, Array],
+) -> tuple[Array, Array]:
+    """Give all receivers' places (T, S, 3) and turnings (T, S, 3, 3)."""
+    skin = draw_straps(person, np.random.default_rng([person.seed, 32]))
+    names = [angle for joint in person.joints for angle in joint.angles]
+    every = np.deg2rad(np.hstack([angles_deg[joint.name] for joint in person.joints]))
+    followed = dict(zip(names, settle(every, time_s, rng).T, strict=True))
+    inner = {joint.child: joint for joint in person.joints}
+    carried = [
+        carry_receiver(
+            one, skin[one.bone], bones, inner.get(one.bone), followed, on_table, time_s, rng, extras[one.bone]
+        )
+        for one in worn
+    ]
+    return np.stack([place for place, _ in carried], axis=1), np.stack([turn for _, turn in carried], axis=1)
+
+
+def _give_way(
+    extras: dict[str, Array],
+    time_s: Array,
+    slide: Slide | None,
+    loose: Loose | None,
+    rng: np.random.Generator,
+) -> None:
+    """Add to each receiver's (T, 6) what tape that slides or comes loose lets it move."""
+    if slide is not None:
+        segment, total_mm, first_s, last_s = slide
+        extras[segment][:, 0] += total_mm * np.clip((time_s - first_s) / (last_s - first_s), 0, 1)
+    if loose is not None:
+        segment, at_s, shift_mm, turn_deg = loose
+        way, about = rng.normal(size=2), rng.normal(size=3)
+        step = np.zeros(6)
+        step[:2] = shift_mm * way / np.linalg.norm(way)
+        step[3:] = np.deg2rad(turn_deg) * about / np.linalg.norm(about)
+        extras[segment] += (time_s >= at_s)[:, None] * step
+
+
+def _track(
+    person: Person,
+    names: tuple[str, ...],
+    time_s: Array,
+    place: Array,
+    turning: Array,
+    metal_mm: float | None,
+    rng: np.random.Generator,
+) -> tuple[Poses, Poses]:
+    """Give the poses as the tracker says them in this person's room, and as they are."""
+    shape = place.shape[:2]
+    facing = Rotation.from_matrix(turning.reshape(-1, 3, 3))
+    off = draw_field(np.random.default_rng([person.seed, 33])).at(place)
+    if metal_mm is not None:
+        off = off + beside_steel(place, metal_mm, np.random.default_rng([person.seed, 34]))
+    frame = np.arange(len(time_s), dtype=np.int64)
+    said, quaternion = measure(place, facing, off, rng)
+    return (
+        Poses(names, frame, time_s, said, quaternion, np.ones(shape, bool)),
+        Poses(names, frame, time_s, place, quaternions(facing, shape), np.ones(shape, bool)),
+    )
+
+
+def _without(poses: Poses, rate_hz: float, rng: np.random.Generator) -> Poses:
+    """Give the poses with gaps, in which numbers are NaN."""
+    lost = lost_frames(poses.valid.shape, rate_hz, rng)
+    position, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
+    position[lost] = quaternion[lost] = np.nan
+    return Poses(poses.segments, poses.frame, poses.time_s, position, quaternion, ~lost)

@@ -1,0 +1,79 @@
+"""What a magnetic tracker makes of a pose: a bent field, a steel plate, noise and lost frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from benchmarks.other_hands.person import Array, unit
+
+
+@dataclass(frozen=True)
+class Field:
+    """A smooth function of place: long waves (K, 3), and (K, 6) what each adds, mm and radians."""
+
+    waves: Array
+    phases: Array
+    adds: Array
+
+    def at(self, place_mm: Array) -> Array:
+        """Give (..., 6) what a receiver at a place (..., 3) is off by."""
+        return np.asarray(np.sin(place_mm @ self.waves.T + self.phases) @ self.adds)
+
+
+def draw_field(rng: np.random.Generator) -> Field:
+    """Draw a room: about 3 mm a metre for each component, 0.3 deg for 50 mm."""
+    directions = unit(rng.normal(size=(6, 3)))
+    per_mm = 2 * np.pi / rng.uniform(500, 1100, (6, 1))
+    slopes = rng.normal(0, [3e-3] * 3 + [np.deg2rad(0.3) / 50] * 3, (6, 6))
+    return Field(directions * per_mm, rng.uniform(0, 2 * np.pi, 6), slopes / per_mm / np.sqrt(3))
+
+
+def beside_steel(place_mm: Array, metal_mm: float, rng: np.random.Generator) -> Array:
+    """Give (T, S, 6) what a steel plate adds: the same for all receivers at one place in the room.
+
+    The plate stands beside the volume; where a receiver comes nearest it is off by `metal_mm`, and by half
+    as many degrees, and less by a factor e every 70 mm farther away.
+    """
+    out = unit(np.array([rng.normal(0, 0.4), rng.choice([-1.0, 1.0]), rng.normal(0, 0.4)]))
+    far_mm = (place_mm @ out).max() - place_mm @ out
+    across = unit(np.cross(out, [1.0, 0.0, 0.2]))
+    lean = 0.5 * np.sin(place_mm @ across / 120 + rng.uniform(0, 6))
+    pulls = out + lean[..., None] * across
+    turns = lean[..., None] * out + across
+    strength = metal_mm * np.exp(-far_mm / 70)[..., None]
+    both = np.concatenate([unit(pulls), np.deg2rad(0.5) * unit(turns)], axis=-1)
+    return np.asarray(strength * both)
+
+
+def measure(place_mm: Array, turning: Rotation, off: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Give positions (T, S, 3) and quaternions (T, S, 4) as the tracker says them; `off` is the field's."""
+    shape = place_mm.shape[:2]
+    noise_mm, noise_deg = rng.uniform(0.05, 0.15), rng.uniform(0.03, 0.10)
+    grows = np.clip((np.linalg.norm(place_mm, axis=-1, keepdims=True) / 330) ** 2, 0.3, 4)
+    said = place_mm + off[..., :3] + grows * rng.normal(0, noise_mm, (*shape, 3))
+    tilt = off[..., 3:] + grows * rng.normal(0, np.deg2rad(noise_deg), (*shape, 3))
+    seen = Rotation.from_rotvec(tilt.reshape(-1, 3)) * turning
+    return said, quaternions(seen, shape)
+
+
+def quaternions(turning: Rotation, shape: tuple[int, ...]) -> Array:
+    """Give (..., 4) w, x, y, z that run on without changing sign from frame to frame."""
+    said = turning.as_quat(scalar_first=True).reshape(*shape, 4)
+    steps = np.sign(np.einsum("tsi,tsi->ts", said[1:], said[:-1]))
+    said[1:] *= np.cumprod(steps, axis=0)[..., None]
+    return np.asarray(said)
+
+
+def lost_frames(shape: tuple[int, int], rate_hz: float, rng: np.random.Generator) -> npt.NDArray[np.bool_]:
+    """Give (T, S) where nothing was received: short gaps, now and then of all receivers at once."""
+    lost = np.zeros(shape, bool)
+    for _ in range(rng.integers(4, 12)):
+        first = int(rng.integers(0, shape[0]))
+        last = first + 1 + int(rng.exponential(0.08) * rate_hz)
+        which = slice(None) if rng.random() < 0.2 else int(rng.integers(0, shape[1]))
+        lost[first:last, which] = True
+    return lost
