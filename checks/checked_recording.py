@@ -26,6 +26,7 @@ from checks.timeline import (
     turning_speed,
     zeros,
 )
+from schemas.finding_sentences import Values
 from schemas.findings import NOTE, REFUSED, SUSPECT, Finding
 from schemas.layout import Layout
 from schemas.poses import Poses
@@ -118,7 +119,7 @@ def _explained(
     recorded = Recorded(layout, segments, axes, hand, bool(body.known.any()), declared)
     search = find_mistakes(motion, body, [] if jumping else hypotheses(recorded, motion))
     if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
-        return [_jumping()], search
+        return [Finding("spikes", REFUSED, "all")], search
     flips = _flips(line, sign, segments)
     mistakes = search.mistakes
     if mistakes and _unexplained(body, search.explanation):  # guesses on guesses: the likeliest alone
@@ -134,16 +135,13 @@ def _unexplained(body: ExpectedBody, explanation: Explanation) -> bool:
 
 def _finding(mistake: Mistake) -> Finding:
     one = mistake.hypothesis
-    return Finding(one.kind, SUSPECT, f"{_capital(one.what)}: {mistake.evidence}; {one.cure}.")
+    return Finding(one.kind, SUSPECT, one.variant, {**one.values, **mistake.evidence})
 
 
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]
-
-
-def _at(line: Timeline, row: int) -> str:
-    time_s = line.time_s[row]
-    return f"at {time_s:.2f} s" if np.isfinite(time_s) else f"in row {row + 1} of its rows"
+def _first(line: Timeline, row: int) -> Values:
+    """When something is first seen; of rows without a time, in which."""
+    time_s = float(line.time_s[row])
+    return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
 
 
 def _flips(line: Timeline, sign: Array, segments: Sequence[str]) -> list[Finding]:
@@ -152,21 +150,13 @@ def _flips(line: Timeline, sign: Array, segments: Sequence[str]) -> list[Finding
         return []
     most = int(np.argmax(changes))
     first = int(np.argmax(np.diff(sign[:, most]) != 0)) + 1
-    others = int((changes > 0).sum()) - 1
-    also = (
-        f", and so do {others} other receivers"
-        if others > 1
-        else ", and so does another receiver"
-        if others
-        else ""
-    )
-    message = (
-        f"The position of {segments[most]} jumps to the other side of the transmitter {changes[most]} "
-        f"time{'s' if changes[most] > 1 else ''}, first {_at(line, first)}{also}: the tracker took the wrong "
-        "hemisphere; write `repair` in the column hemisphere of the recordings sheet (or "
-        "--repair-hemisphere)."
-    )
-    return [Finding("hemisphere", SUSPECT, message)]
+    seen = {
+        "segment": segments[most],
+        "count": int(changes[most]),
+        "others": int((changes > 0).sum()) - 1,
+        **_first(line, first),
+    }
+    return [Finding("hemisphere", SUSPECT, "jumps", seen)]
 
 
 def _spikes(line: Timeline, odd: np.ndarray, segments: Sequence[str]) -> list[Finding]:
@@ -174,59 +164,33 @@ def _spikes(line: Timeline, odd: np.ndarray, segments: Sequence[str]) -> list[Fi
         return []
     place = int(np.argmax(odd.sum(0)))
     row = int(np.argmax(odd[:, place]))
-    count = int(odd.sum())
-    message = (
-        f"{_capital(f'{count} poses are' if count > 1 else 'one pose is')} where nothing can be, such as "
-        f"that of {segments[place]} {_at(line, row)}: probably the tracker's field was disturbed or a row is "
-        "damaged; leave the seven numbers of these rows empty."
-    )
-    return [Finding("spikes", SUSPECT, message)]
-
-
-def _jumping() -> Finding:
-    return Finding(
-        "spikes", REFUSED,
-        "The poses jump about from frame to frame as no body moves, and no joint closes: these are probably "
-        "not the columns of positions and orientations; name the right ones in the mapping.",
-    )  # fmt: skip
+    seen = {"segment": segments[place], "count": int(odd.sum()), **_first(line, row)}
+    return [Finding("spikes", SUSPECT, "some", seen)]
 
 
 def _stays(line: Timeline, segments: Sequence[str]) -> list[Finding]:
     repeated = repeated_share(line)
     if repeated > MANY_REPEATED:
-        message = (
-            f"In {100 * repeated:.0f} % of the frames every receiver stands as in the frame before: probably "
-            "the program repeats the last values; write `in_step: false` under `csv` and the tracker's "
-            "`rate_hz` in the mapping."
-        )
-        return [Finding("receiver-stuck", NOTE, message)]
+        return [Finding("receiver-stuck", NOTE, "repeated", {"percent": 100 * float(repeated)})]
     still = stuck(line)
     share = still.sum(0) / np.maximum(line.valid.sum(0), 1)
     if not still.any():
         return []
     place = int(np.argmax(share))
     row = int(np.argmax(still[:, place]))
-    message = (
-        f"The receiver {segments[place]} gives one and the same pose in {100 * share[place]:.0f} % of its "
-        f"frames, first {_at(line, row)}, while others move: probably its channel hung; leave the seven "
-        "numbers of these rows empty, or leave the recording out with `exclude` in the recordings sheet."
-    )
-    return [Finding("receiver-stuck", SUSPECT if share[place] > MANY_STUCK else NOTE, message)]
+    severity = SUSPECT if share[place] > MANY_STUCK else NOTE
+    seen = {"segment": segments[place], "percent": 100 * share[place], **_first(line, row)}
+    return [Finding("receiver-stuck", severity, "at-times", seen)]
 
 
 def _zeros(line: Timeline, segments: Sequence[str]) -> list[Finding]:
     empty = zeros(line)
     if not empty.any():
         return []
-    count, place = int(empty.sum()), int(np.argmax(empty.sum(0)))
+    place = int(np.argmax(empty.sum(0)))
     row = int(np.argmax(empty[:, place]))
-    poses = f"{count} poses, most of {segments[place]}," if count > 1 else f"One pose, of {segments[place]},"
-    message = (
-        f"{poses} first {_at(line, row)}, {'are' if count > 1 else 'is'} at 0, 0, 0 and not turned, to the "
-        "last bit: probably the program writes zeros where it has no value; leave the seven numbers of "
-        "these rows empty."
-    )
-    return [Finding("zeros", SUSPECT, message)]
+    seen = {"segment": segments[place], "count": int(empty.sum()), **_first(line, row)}
+    return [Finding("zeros", SUSPECT, "", seen)]
 
 
 def _alike(line: Timeline, segments: Sequence[str]) -> list[Finding]:
@@ -236,38 +200,21 @@ def _alike(line: Timeline, segments: Sequence[str]) -> list[Finding]:
         return []
     (first, second), rows = max(pairs.items(), key=lambda pair: len(pair[1]))
     share = len(rows) / max(1, int(line.valid[:, [first, second]].all(1).sum()))
-    message = (
-        f"The receivers {segments[first]} and {segments[second]} have one and the same pose in "
-        f"{100 * share:.0f} % of their frames, first {_at(line, int(rows[0]))}, which two receivers cannot: "
-        "probably one is read, or was exported, in place of the other; name each one's own columns or "
-        "station, or export the file again."
-    )
-    return [Finding("receivers-alike", SUSPECT, message)]
+    pair = {"segment": segments[first], "segment_2": segments[second]}
+    seen = {**pair, "percent": 100 * share, **_first(line, int(rows[0]))}
+    return [Finding("receivers-alike", SUSPECT, "", seen)]
 
 
-_LEFT_OUT = {
-    "hemisphere-flip": (
-        "hemisphere",
-        "on the other side of the transmitter",
-        "the tracker took the wrong hemisphere; write `repair` in the column hemisphere of the recordings "
-        "sheet (or --repair-hemisphere) to put them back",
-    ),
-    "spike": (
-        "spikes",
-        "where nothing can be",
-        "the tracker's field was probably disturbed; look for metal or a motor near the transmitter",
-    ),
-}
-"""By flag: the kind, what is seen, what it is and what to do."""
+_LEFT_OUT = {"hemisphere-flip": "hemisphere", "spike": "spikes"}
+"""The kind by flag."""
 
 
 def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
     found = []
     for flag, by_segment in left_out.items():
-        kind, seen, cure = _LEFT_OUT[flag]
-        count, most = sum(by_segment.values()), max(by_segment, key=lambda segment: by_segment[segment])
-        who = f"{count} poses, most of {most}, are" if count > 1 else f"One pose, of {most}, is"
-        found.append(Finding(kind, NOTE, f"{who} {seen} and left out: {cure}."))
+        most = max(by_segment, key=lambda segment: by_segment[segment])
+        seen = {"segment": most, "count": sum(by_segment.values())}
+        found.append(Finding(_LEFT_OUT[flag], NOTE, "left-out", seen))
     return found
 
 
@@ -276,11 +223,7 @@ def _frozen(poses: Poses) -> list[Finding]:
     numbers = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
     there = np.isfinite(numbers).all((0, 2)) & (numbers[0] == numbers[-1]).all(-1)
     names = [name for name, dead in zip(poses.segments, there & ~poses.valid.any(0), strict=True) if dead]
-    message = (
-        f"The receiver {names[0] if names else ''} gives one and the same pose all along while others move, "
-        "and is not used: probably its channel hung; check its plug, and record again."
-    )
-    return [Finding("receiver-stuck", NOTE, message)] if names else []
+    return [Finding("receiver-stuck", NOTE, "all-along", {"segment": name}) for name in names[:1]]
 
 
 def _clock(line: Timeline, clock: tuple[float, str] | None) -> list[Finding]:
@@ -288,23 +231,15 @@ def _clock(line: Timeline, clock: tuple[float, str] | None) -> list[Finding]:
         return []
     factor, unit = clock
     read = "seconds" if factor < 1 else ("milliseconds" if factor < 1e4 else "microseconds")
-    rate = 1 / line.interval_s
-    message = (
-        f"The times make {rate:.3g} frames a second: they seem to be in {unit} and are read as {read}; "
-        f"write `time_unit: {unit}` under `csv` in the mapping, or give time_s in seconds."
-    )
-    return [Finding("time-unit", SUSPECT, message)]
+    seen = {"rate_hz": 1 / line.interval_s, "unit": unit, "read": read}
+    return [Finding("time-unit", SUSPECT, "", seen)]
 
 
 def _angles(line: Timeline, declared: Declared) -> list[Finding]:
     """Degrees read as radians turn a receiver some 57 times too fast."""
     if declared.angle_unit != "rad" or not turning_speed(line) > SPEED_LIMIT_RAD_S:
         return []
-    message = (
-        f"The receivers turn at {turning_speed(line):.0f} rad/s: the angles seem to be degrees and are read "
-        "as radians; write `unit: deg` under `orientation` in the mapping."
-    )
-    return [Finding("units", SUSPECT, message)]
+    return [Finding("units", SUSPECT, "degrees", {"speed_rad_s": turning_speed(line)})]
 
 
 def _too_short(line: Timeline, *, timed: bool) -> Finding | None:
@@ -313,10 +248,5 @@ def _too_short(line: Timeline, *, timed: bool) -> Finding | None:
     duration = float(times.max() - times.min()) if len(times) and timed else np.inf
     if frames >= SHORT_FRAMES and duration >= SHORT_S:
         return None
-    length = f"{frames} frames" + (f" and {duration:.2g} s" if np.isfinite(duration) else "")
-    message = (
-        f"The recording has {length}, too short for a joint to show how it moves: probably it was stopped at "
-        "once or the file is cut off; record it again, or give a reason under `exclude` in the recordings "
-        "sheet."
-    )
-    return Finding("too-short", REFUSED if frames < NO_FRAMES else SUSPECT, message)
+    length = {"frames": frames} | ({"duration_s": duration} if np.isfinite(duration) else {})
+    return Finding("too-short", REFUSED if frames < NO_FRAMES else SUSPECT, "", length)

@@ -9,6 +9,7 @@ import numpy as np
 
 from anatomy import average_hand as average
 from checks.checked_recording import CheckedRecording
+from schemas.finding_sentences import Values
 from schemas.findings import NOTE, SUSPECT, Finding, same_file
 from skeleton.rotations import Array
 
@@ -36,12 +37,12 @@ class Measured:
 def compared(
     recordings: Sequence[tuple[str, str, CheckedRecording]],
 ) -> list[CheckedRecording]:
-    """Add to a subject's recordings what a comparison says: name, hand and findings each, as in the sheet."""
-    first_of: dict[str, str] = {}
+    """Add to a subject's recordings what a comparison says: task, hand and findings each, as in the sheet."""
+    first_of: dict[str, tuple[str, str]] = {}
     found = []
-    for name, _, own in recordings:
-        first = first_of.setdefault(own.digest, name) if own.digest else name
-        more = (same_file(first),) if first != name else ()
+    for task, hand, own in recordings:
+        first = first_of.setdefault(own.digest, (hand, task)) if own.digest else (hand, task)
+        more = (same_file(*first),) if first != (hand, task) else ()
         found.append(replace(own, findings=(*more, *own.findings)))
     for place, finding in _other_people(recordings).items():
         if not any(one.kind == "same-file" for one in found[place].findings):
@@ -66,7 +67,8 @@ def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> di
         usual = min(measured, key=lambda place: (differ[place], place))
         for place, own in measured.items():
             if _worn_elsewhere(own, measured[usual]):
-                found[place] = _worn_by_another(recordings[usual][0], measured[usual], own)
+                first = {"subject": "", "hand": hand, "task": recordings[usual][0]}
+                found[place] = _worn_by_another(first, measured[usual], own)
     return found
 
 
@@ -75,19 +77,12 @@ def _worn_elsewhere(one: Measured, other: Measured) -> bool:
     return bool(np.median(apart) > WORN_AGAIN_MM)
 
 
-def _worn_by_another(usual_name: str, usual: Measured, own: Measured) -> Finding:
+def _worn_by_another(first: Values, usual: Measured, own: Measured) -> Finding:
+    """Another person, or the same with receivers put on anew. first : names the usual recording."""
     if _log_odds(own, usual) > OTHER_PERSON:
-        message = (
-            f"The hand is {own.scale:.2f} times the average size and its bones are of other lengths than in "
-            f"{usual_name} ({usual.scale:.2f} times): probably this is another person; correct the column "
-            "subject or file of the recordings sheet."
-        )
-        return Finding("other-person", SUSPECT, message)
-    message = (
-        f"The receivers sit elsewhere on the bones than in {usual_name}, and the bones are about as long: "
-        "probably they were put on anew; name two sessions in the column session of the recordings sheet."
-    )
-    return Finding("other-person", NOTE, message)
+        scales = {"scale": own.scale, "usual": usual.scale}
+        return Finding("other-person", SUSPECT, "another", {**first, **scales})
+    return Finding("other-person", NOTE, "put-on-anew", first)
 
 
 def measure(checked: CheckedRecording) -> Measured | None:

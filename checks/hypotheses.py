@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations, product
+from typing import Any
 
 import numpy as np
 
 from checks.declared import TIDY, Declared
 from checks.sampled_motion import MIRROR, Motion
+from schemas.finding_sentences import Values
 from schemas.layout import Layout
 from skeleton.rotations import Array, from_matrix, matrix
 
@@ -18,15 +20,15 @@ from skeleton.rotations import Array, from_matrix, matrix
 @dataclass(frozen=True)
 class Hypothesis:
     """One mistake. undo : gives the motion without it. penalty : how much less likely than none it is before
-    any pose is seen, in log units. places : the receivers concerned; None: all. what, cure : halves of its
-    sentence.
+    any pose is seen, in log units. places : the receivers concerned; None: all. variant, values : of its
+    sentence, see `finding_sentences`.
     """
 
     kind: str
     penalty: float
     undo: Callable[[Motion], Motion]
-    what: str
-    cure: str
+    variant: str = ""
+    values: Values = field(default_factory=dict)
     places: frozenset[int] | None = None
 
 
@@ -86,31 +88,18 @@ def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Cal
 
 
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
-    orders = {
-        "quaternion-order": [
-            ("the quaternions are read as w, x, y, z and seem to be x, y, z, w",
-             "write `order: xyzw` under `orientation` in the mapping, or put qw, qx, qy, qz in that order",
-             lambda q: q[..., [3, 0, 1, 2]]),
-            ("the quaternions are read as x, y, z, w and seem to be w, x, y, z",
-             "write `order: wxyz` under `orientation` in the mapping, or put qw, qx, qy, qz in that order",
-             lambda q: q[..., [1, 2, 3, 0]]),
-        ],
-        "quaternion-inverse": [
-            ("the rotations seem to be the inverse of what is declared",
-             "write `rotates: transmitter-to-receiver` under `orientation` in the mapping, or "
-             "negate qx, qy and qz",
-             lambda q: q * [1, -1, -1, -1]),
-        ],
-    }  # fmt: skip
-    for kind, entries in orders.items():
-        for what, cure, change in entries:
-            yield Hypothesis(kind, 2.0, _requaternioned(recorded, change), what, cure)
-    both = lambda q: q[..., [3, 0, 1, 2]] * np.array([1, -1, -1, -1])  # noqa: E731
-    yield Hypothesis(
-        "quaternion-order", 5.0, _requaternioned(recorded, both),
-        "the quaternions seem to be x, y, z, w of the inverse rotation",
-        "write `order: xyzw` and `rotates: transmitter-to-receiver` under `orientation` in the mapping",
-    )  # fmt: skip
+    wxyz, xyzw = "w, x, y, z", "x, y, z, w"
+    inverse = np.array([1, -1, -1, -1])
+    orders: list[tuple[str, float, str, dict[str, str], Callable[[Array], Array]]] = [
+        ("quaternion-order", 2.0, "order", {"read": wxyz, "true": xyzw, "order": "xyzw"},
+         lambda q: q[..., [3, 0, 1, 2]]),
+        ("quaternion-order", 2.0, "order", {"read": xyzw, "true": wxyz, "order": "wxyz"},
+         lambda q: q[..., [1, 2, 3, 0]]),
+        ("quaternion-inverse", 2.0, "", {}, lambda q: q * inverse),
+        ("quaternion-order", 5.0, "inverse-too", {}, lambda q: q[..., [3, 0, 1, 2]] * inverse),
+    ]  # fmt: skip
+    for kind, penalty, variant, values, change in orders:
+        yield Hypothesis(kind, penalty, _requaternioned(recorded, change), variant, values)
 
 
 def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -121,18 +110,15 @@ def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
         if true != declared:
             yield Hypothesis(
                 "euler-order", 3.0, _requaternioned(recorded, _reordered(declared, true, 1.0)),
-                f"the angles are read as {declared} and seem to be {true}",
-                f"write `axes: {true}` under `orientation` in the mapping",
+                "axes", {"read": declared, "true": true},
             )  # fmt: skip
     yield Hypothesis(
         "euler-order", 3.0, _requaternioned(recorded, _reordered(declared, declared, 1.0, backwards=True)),
-        f"the angles are read as {declared} about turning axes and seem to be about fixed ones",
-        f"write `axes: {declared[::-1]}` under `orientation` in the mapping, the columns in that order",
+        "fixed", {"read": declared, "true": declared[::-1]},
     )  # fmt: skip
     yield Hypothesis(
         "units", 3.0, _requaternioned(recorded, _reordered(declared, declared, 180 / np.pi)),
-        "the angles are read as degrees and seem to be radians",
-        "write `unit: rad` under `orientation` in the mapping",
+        "radians",
     )  # fmt: skip
 
 
@@ -180,12 +166,9 @@ def _moved(factor: float | Array, order: Sequence[int] = (0, 1, 2)) -> Callable[
 
 def _units() -> Iterator[Hypothesis]:
     for factor, read, true in _FACTORS:
-        size = f"{factor:.4g} times too small" if factor > 1 else f"{1 / factor:.4g} times too large"
-        yield Hypothesis(
-            "units", 3.0, _moved(factor),
-            f"the positions are {size}, in {true} and read as {read}",
-            f"write `position_unit: {true}` in the mapping, or give positions in mm",
-        )  # fmt: skip
+        variant = "positions-small" if factor > 1 else "positions-large"
+        values = {"factor": max(factor, 1 / factor), "true": true, "read": read}
+        yield Hypothesis("units", 3.0, _moved(factor), variant, values)
 
 
 def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -196,28 +179,20 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
             if order == (0, 1, 2) and min(signs) > 0:
                 continue
             sign = np.array(signs) * recorded.mirror * recorded.mirror[list(order)]
-            axes = ", ".join(f"{'-' if s < 0 else ''}{names[i]}" for i, s in zip(order, signs, strict=True))
+            columns = [f"{'-' if s < 0 else ''}{names[i]}" for i, s in zip(order, signs, strict=True)]
+            values: dict[str, Any] = {"columns": ", ".join(columns)}
             mirrored = order == (0, 1, 2)
-            negated = " and ".join(n for n, s in zip(names, signs, strict=True) if s < 0)
-            if signs == (-1.0, -1.0, -1.0):
-                negated = "x, y and z"
-            what = f"the positions' axes x, y, z seem to be {axes} of the rotations' frame"
             if mirrored:
-                what = f"the positions' {negated} seem{'s' * (len(negated) == 1)} to be negated"
-            cure = f"write the positions' columns as {axes}, so that positions and rotations share a frame"
-            yield Hypothesis(
-                "axes-mirrored", 3.0 if mirrored else 5.0,
-                _moved(sign, order), what, cure,
-            )  # fmt: skip
+                values["negated"] = [n for n, s in zip(names, signs, strict=True) if s < 0]
+                values["count"] = len(values["negated"])
+            variant = "negated" if mirrored else "exchanged"
+            penalty = 3.0 if mirrored else 5.0
+            yield Hypothesis("axes-mirrored", penalty, _moved(sign, order), variant, values)
 
 
 def _other_hand(recorded: Recorded) -> Hypothesis:
     other = "left" if recorded.hand == "right" else "right"
-    return Hypothesis(
-        "wrong-hand", 2.0, Motion.mirrored, f"this seems to be a {other} hand",
-        f"write `{other}` in the column hand of the recordings sheet (or --hand {other}), or mirror the "
-        "positions and rotations back",
-    )  # fmt: skip
+    return Hypothesis("wrong-hand", 2.0, Motion.mirrored, "", {"hand": other})
 
 
 def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
@@ -226,14 +201,9 @@ def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
     for places in [*({place} for place in range(len(recorded.segments))), *([opposite] if opposite else [])]:
         sign = np.ones((len(recorded.segments), 1))
         sign[list(places)] = -1.0
-        names = ", ".join(recorded.segments[place] for place in sorted(places))
-        who = f"the receiver {names} seems" if len(places) == 1 else f"the receivers {names} seem"
-        yield Hypothesis(
-            "hemisphere", 4.0, _moved(sign),
-            f"{who} to be on the other side of the transmitter all along",
-            "write `repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere)",
-            frozenset(places),
-        )  # fmt: skip
+        names = [recorded.segments[place] for place in sorted(places)]
+        values = {"segments": names, "count": len(names)}
+        yield Hypothesis("hemisphere", 4.0, _moved(sign), "all-along", values, frozenset(places))
 
 
 def _opposite(motion: Motion) -> set[int]:
@@ -246,13 +216,11 @@ def _opposite(motion: Motion) -> set[int]:
 
 def _swaps(recorded: Recorded) -> Iterator[Hypothesis]:
     for first, second in combinations(range(len(recorded.segments)), 2):
-        pair = recorded.segments[first], recorded.segments[second]
+        pair = {"segment": recorded.segments[first], "segment_2": recorded.segments[second]}
         order = list(range(len(recorded.segments)))
         order[first], order[second] = second, first
         yield Hypothesis(
-            "receivers-swapped", 5.0, _permuted(recorded, order),
-            f"the receivers {pair[0]} and {pair[1]} seem to be swapped",
-            "exchange them in the layout or the mapping", frozenset({first, second}),
+            "receivers-swapped", 5.0, _permuted(recorded, order), "", pair, frozenset({first, second})
         )  # fmt: skip
 
 
@@ -269,8 +237,7 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
             order[one], order[other] = other, one
         yield Hypothesis(
             "digits-swapped", 4.0, _permuted(recorded, order),
-            f"the {first} and the {second} finger seem to be swapped".replace("thumb finger", "thumb"),
-            "exchange their receivers in the layout or the mapping", frozenset({*worn[first], *worn[second]}),
+            "two", _thumb_first(first, second), frozenset({*worn[first], *worn[second]}),
         )  # fmt: skip
     fingers = [own for name, own in worn.items() if name != "thumb"]
     if len(fingers) > 2 and len({len(own) for own in fingers}) == 1:
@@ -278,11 +245,13 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         for worn_on, stands_for in zip(fingers, fingers[::-1], strict=True):
             for one, two in zip(worn_on, stands_for, strict=True):
                 order[one] = two
-        yield Hypothesis(
-            "digits-swapped", 5.0, _permuted(recorded, order),
-            "the fingers seem to be named in the opposite order", "name them from index to little finger "
-            "in the layout or the mapping",
-        )  # fmt: skip
+        yield Hypothesis("digits-swapped", 5.0, _permuted(recorded, order), "reversed")
+
+
+def _thumb_first(first: str, second: str) -> dict[str, str]:
+    """Two digits as the sentence has them, in which the second is a finger."""
+    one, other = (second, first) if second == "thumb" else (first, second)
+    return {"digit": one, "digit_2": other}
 
 
 def _permuted(recorded: Recorded, order: Sequence[int]) -> Callable[[Motion], Motion]:
@@ -302,22 +271,14 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
     """A receiver, or every receiver alike, turned on its bone by quarter turns."""
     every = len(recorded.segments)
     for turn in _quarter_turns():
-        how = _turn_name(turn, recorded.mirror)
+        values: dict[str, Any] = _turn_values(turn, recorded.mirror)
         axes = (turn * recorded.mirror[:, None] * recorded.mirror).round().astype(int)
         # a column of `turn` is where the bone's axis points in the receiver's frame
-        text = ", ".join(
-            f"{n}: {axes[:, i].tolist()}" for i, n in ((0, "distal"), (1, "lateral"), (2, "dorsal"))
-        )
-        yield Hypothesis(
-            "receiver-turned", 4.0, _turned(np.tile(turn, (every, 1, 1))),
-            f"all receivers seem to be turned on their bones by {how}",
-            f"write `receiver_axes: {{{text}}}` in the layout",
-        )  # fmt: skip
+        values |= {n: axes[:, i].tolist() for i, n in enumerate(("distal", "lateral", "dorsal"))}
+        yield Hypothesis("receiver-turned", 4.0, _turned(np.tile(turn, (every, 1, 1))), "all", values)
         for place, segment in enumerate(recorded.segments):
             yield Hypothesis(
-                "receiver-turned", 6.0, _turned_at(place, turn),
-                f"the receiver {segment} seems to be turned on its bone by {how}",
-                f"write `receiver_axes: {{{text}}}` under the segment {segment} in the layout",
+                "receiver-turned", 6.0, _turned_at(place, turn), "one", values | {"segment": segment},
                 frozenset({place}),
             )  # fmt: skip
 
@@ -347,7 +308,8 @@ def _quarter_turns() -> list[Array]:
     return turns
 
 
-def _turn_name(turn: Array, mirror: Array) -> str:
+def _turn_values(turn: Array, mirror: Array) -> dict[str, Any]:
+    """By how much and about which of its axes it is turned; none: about a diagonal."""
     own = turn * mirror[:, None] * mirror
     degrees = round(float(np.degrees(np.arccos(np.clip((np.trace(own) - 1) / 2, -1, 1)))))
     if degrees == 180:
@@ -356,6 +318,6 @@ def _turn_name(turn: Array, mirror: Array) -> str:
         axis = np.array([own[2, 1] - own[1, 2], own[0, 2] - own[2, 0], own[1, 0] - own[0, 1]])
     along = np.flatnonzero(np.abs(axis) > 0.3)
     if len(along) == 1:
-        sign = "-" if axis[along[0]] < 0 and degrees != 180 else ""
-        return f"{sign}{degrees} deg about its {'xyz'[along[0]]} axis"
-    return f"{degrees} deg about a diagonal"
+        sign = -1 if axis[along[0]] < 0 and degrees != 180 else 1
+        return {"turn_deg": sign * degrees, "turn_axis": "xyz"[along[0]]}
+    return {"turn_deg": degrees, "turn_axis": ""}

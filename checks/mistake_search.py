@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from checks.expected_body import ExpectedBody
 from checks.explaining import Explanation, explain, joint_shares
 from checks.hypotheses import Hypothesis
 from checks.sampled_motion import Motion
+from schemas.finding_sentences import Values
 from skeleton.rotations import Array
 
 DECISIVE = 4.0
@@ -26,10 +28,12 @@ AWAY_MM, AWAY_LOG_SD = 600.0, 0.8
 
 @dataclass(frozen=True)
 class Mistake:
-    """A hypothesis that holds. evidence : what is seen of it. gain : in log likelihood, less penalty."""
+    """A hypothesis that holds. evidence : values of what is seen of it, see `finding_sentences.EVIDENCE`.
+    gain : in log likelihood, less penalty.
+    """
 
     hypothesis: Hypothesis
-    evidence: str
+    evidence: Values
     gain: float
 
 
@@ -104,14 +108,12 @@ def _explain(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis
     return explain(body, joint_shares(body, series), np.array(choice))
 
 
-def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: Hypothesis) -> str:
-    """Say what is seen, by the joint and the measure that gain most."""
-    if hypothesis.kind == "units" and hypothesis.what.startswith("the positions"):
+def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: Hypothesis) -> Values:
+    """Give what is seen, by the joint and the measure that gain most."""
+    if hypothesis.kind == "units" and hypothesis.variant.startswith("positions"):
         if body.known.any():
-            before, after = explained.scale[0], explained.scale[row]
-            return f"the hand comes out {before:.2g} times the average size, put right {after:.2g} times"
-        before, after = (np.median(np.linalg.norm(explained.centre_mm[i], axis=-1)) for i in (0, row))
-        return f"joints come out {before:.2g} mm from the receivers, put right {after:.0f} mm"
+            return _seen("scale", explained.scale, row)
+        return _seen("reach", np.median(np.linalg.norm(explained.centre_mm, axis=-1), axis=(1, 2)), row)
     gained = [part[row] - part[0] for part in (explained.closing, explained.placed, explained.turning)]
     closes = explained.gap_mm[row] < 0.8 * explained.gap_mm[0]
     if body.known.all():  # of a hand whose size was absurd a gap may close better and be as wide
@@ -119,16 +121,22 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
     measure, joint = np.unravel_index(int(np.argmax(gained)), np.shape(gained))
     name = body.names[joint]
     if measure == 0 or not body.known[joint]:
-        before, after = explained.gap_mm[0, joint], explained.gap_mm[row, joint]
-        return f"put right, the gap of {name} falls from {before:.1f} to {after:.1f} mm"
+        return _seen("gap", explained.gap_mm[:, joint], row) | {"joint": name}
     if measure == 1:
-        before, after = explained.off_mm[0, joint], explained.off_mm[row, joint]
-        return f"{name} is {before:.0f} mm from where an average hand has it, put right {after:.0f} mm"
+        return _seen("place", explained.off_mm[:, joint], row) | {"joint": name}
     before, after = explained.angles_deg[0, joint], explained.angles_deg[row, joint]
     part = int(np.argmax(np.abs(before - after).max(0)))
-    word = ("flexion", "abduction", "axial rotation")[part]
-    return f"the {word} of {name} is {_range(before[:, part])}, put right {_range(after[:, part])}"
+    return {
+        "seen": "turn",
+        "joint": name,
+        "angle": ("flexion", "abduction", "axial rotation")[part],
+        "least": before[0, part],
+        "most": before[2, part],
+        "least_after": after[0, part],
+        "most_after": after[2, part],
+    }
 
 
-def _range(angles_deg: Array) -> str:
-    return f"{angles_deg[0]:.0f} to {angles_deg[2]:.0f} deg"
+def _seen(what: str, of_rows: Array, row: int) -> dict[str, Any]:
+    """A measure as declared and with a hypothesis undone."""
+    return {"seen": what, "before": of_rows[0], "after": of_rows[row]}

@@ -85,15 +85,22 @@ CAPTURE_RECORDS = Table(
     ("host_ns", "offset"),
 )
 
+_VARIANT = Column("variant", TEXT, "", "which of the kind's sentences says it")
+_VALUES = Column("values", TEXT, "", "what the sentence is made of, as JSON; empty where there is none")
+_ACCEPTED = Column("accepted", TEXT, "", "the reason by which the study lets a suspect finding stand")
+
 FINDINGS = Table(
     "findings",
-    2,
+    3,
     "what was declared of a recording and its poses contradict, likeliest first",
     (
         *OF_RECORDING,
         Column("kind", TEXT, "", "what it is, a kind of docs/mistakes.md"),
         Column("severity", TEXT, "", "refused (not used), suspect (judges nothing) or note"),
-        Column("message", TEXT, "", "what is seen, what it probably is, what to write"),
+        _VARIANT,
+        _VALUES,
+        _ACCEPTED,
+        Column("message", TEXT, "", "in English: what is seen, what it probably is, what to write"),
     ),
     ("subject", "session", "hand", "task", "trial", "kind", "message"),
 )
@@ -534,7 +541,7 @@ RECORDINGS = Table(
 
 PROBLEMS = Table(
     "problems",
-    3,
+    4,
     "a finding: anything that did not go as the study asked",
     (
         Column("subject", TEXT, "", "whose; empty: of the whole study"),
@@ -547,6 +554,9 @@ PROBLEMS = Table(
             "kind", TEXT, "", "recording, hand, skeleton, receiver, correction or a kind of docs/mistakes.md"
         ),
         Column("severity", TEXT, "", "refused (no result), suspect or note"),
+        _VARIANT,
+        _VALUES,
+        _ACCEPTED,
         MESSAGE,
     ),
     (),

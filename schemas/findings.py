@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from schemas.finding_sentences import Values, sentence_of
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 STAGE = "check_recordings"
@@ -11,17 +15,78 @@ STAGE = "check_recordings"
 
 @dataclass(frozen=True)
 class Finding:
-    """One sentence on one recording. severity : refused (not used), suspect (judges nothing) or note."""
+    """What is found in one recording. severity : refused (not used), suspect (judges nothing) or note.
+
+    variant : which of its kind's sentences says it, see `finding_sentences`. values : that the sentence is
+    made of; numbers to six digits, as tables keep them. accepted : the reason of a study that lets it stand.
+    """
 
     kind: str
     severity: str
-    message: str
+    variant: str = ""
+    values: Values = field(default_factory=dict)
+    accepted: str = ""
 
-    def accepted(self, reason: str) -> Finding:
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", {name: _plain(value) for name, value in self.values.items()})
+
+    @property
+    def message(self) -> str:
+        """The English sentence."""
+        return sentence_of(self.kind, self.variant, self.values, self.accepted)
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """The finding as a table's row has it."""
+        return {
+            "kind": self.kind,
+            "severity": self.severity,
+            "variant": self.variant,
+            "values": values_text(self.values),
+            "accepted": self.accepted,
+            "message": self.message,
+        }
+
+    def accept(self, reason: str) -> Finding:
         """Give the finding as a study that gives a reason has it: a suspect one becomes a note."""
         if not reason or self.severity != SUSPECT:
             return self
-        return replace(self, severity=NOTE, message=f"{self.message} Accepted: {reason}")
+        return replace(self, severity=NOTE, accepted=reason)
+
+
+def worded(kind: str, severity: str, text: str) -> Finding:
+    """A finding of which nothing is known but its sentence, as of a reader's refusal."""
+    return Finding(kind, severity, values={"text": text})
+
+
+def problem_row(stage: str, finding: Finding, **where: str) -> dict[str, str]:
+    """A row of the problems table; where : what it is about, of its first columns."""
+    whole = dict.fromkeys(("subject", "session", "hand", "task", "model"), "")
+    return {**whole, **where, "stage": stage, **finding.columns}
+
+
+def problem_of(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row of the findings table as the problems table has it."""
+    kept = {name: value for name, value in row.items() if name != "trial"}
+    task = ", ".join(filter(None, (row["task"], row["trial"])))
+    return {**kept, "task": task, "model": "", "stage": STAGE}
+
+
+def values_text(values: Values) -> str:
+    """Values as a table's column has them: JSON, empty where there is none."""
+    return json.dumps(dict(values), ensure_ascii=False) if values else ""
+
+
+def values_of(text: str) -> Values:
+    """The values of a table's column."""
+    return dict(json.loads(text)) if text else {}
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON keeps it."""
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 @dataclass(frozen=True)
@@ -130,13 +195,10 @@ KINDS: Mapping[str, Kind] = {
 }  # fmt: skip
 
 
-def same_file(first: str) -> Finding:
-    """Say that the poses are those of another recording, `first`."""
-    message = (
-        f"All poses are, number by number, those of {first}: probably one file is named twice; correct the "
-        "column file of the recordings sheet, or give a reason under `exclude` for one of the two."
-    )
-    return Finding("same-file", SUSPECT, message)
+def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Finding:
+    """Say that the poses are those of another recording; subject : where it is another's, or session's."""
+    other = {"subject": subject, "session": session, "hand": hand, "task": task}
+    return Finding("same-file", SUSPECT, values=other)
 
 
 def mistakes_page() -> str:

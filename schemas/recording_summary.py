@@ -11,14 +11,15 @@ import pyarrow.compute as pc
 
 from schemas.catalogue import POSES
 from schemas.errors import InputError, TableError
+from schemas.findings import NOTE, REFUSED, Finding, worded
 from schemas.study import Recording
 from schemas.tables import read_metadata, read_table
 
 Row = dict[str, Any]
 
 
-def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
-    """Give the recording's row of the recordings table, and a sentence for each problem with it.
+def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]]:
+    """Give the recording's row of the recordings table, and the problems with it.
 
     poses : the recording's poses table; an excluded recording needs none.
     """
@@ -36,7 +37,8 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
     try:
         table = read_table(poses, POSES, ["segment", "time_s", "valid"])
     except InputError as error:
-        return row | {"status": "failed", "message": str(error)}, [str(error)]
+        failed = worded("recording", REFUSED, str(error))
+        return row | {"status": "failed", "message": failed.message}, [failed]
     parameters = read_metadata(poses)["parameters"]
     notes, absent, losses = (_texts(poses, parameters, name) for name in ("notes", "absent", "losses"))
     missing = parameters.get("missing_frames", 0)
@@ -47,9 +49,9 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[str]]:
     by_segment = table.group_by("segment", use_threads=False).aggregate([("valid", "sum")])
     n_valid = dict(zip(*(column.to_pylist() for column in by_segment.columns), strict=True))
     dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
-    problems = [f"no usable pose of {', '.join(dead)}; check that receiver"] if dead else []
-    problems += losses
-    row["message"] = "; ".join(dict.fromkeys([*problems, *notes]))
+    problems = [Finding("recording", NOTE, "no-pose", {"segments": [*dead]})] if dead else []
+    problems += [worded("recording", NOTE, loss) for loss in losses]
+    row["message"] = "; ".join(dict.fromkeys([*(one.message for one in problems), *notes]))
     n_frames = table.num_rows // max(len(n_valid), 1)
     expected = (n_frames + missing) * len({*n_valid, *absent})
     row["n_frames"] = n_frames

@@ -60,15 +60,15 @@ def check_subject(plan: SubjectPlan) -> list[tuple[Recording, CheckedRecording]]
     recordings = [own for own in plan.recordings if not own.exclude and usable_poses([plan.poses(own)])[0]]
     checked = [command_line.checked_poses(plan.poses(own), plan.layouts[own.hand.hand]) for own in recordings]
     named = [
-        (f"the {own.hand.hand} hand's {' '.join(filter(None, (own.task, own.trial)))}", own.hand.hand, one)
+        (" ".join(filter(None, (own.task, own.trial))), own.hand.hand, one)
         for own, one in zip(recordings, checked, strict=True)
     ]
     return list(zip(recordings, compared(named), strict=True))
 
 
 def _rows(recording: Recording, checked: CheckedRecording) -> list[dict[str, Any]]:
-    findings = [finding.accepted(recording.accept) for finding in checked.findings]
-    return [{**recording.key, **vars(finding)} for finding in findings]
+    findings = [finding.accept(recording.accept) for finding in checked.findings]
+    return [{**recording.key, **finding.columns} for finding in findings]
 
 
 def main(argv: list[str] | None = None) -> int:

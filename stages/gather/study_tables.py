@@ -14,7 +14,7 @@ from schemas import PROGRAM, VERSION
 from schemas.catalogue import FINDINGS, PROBLEMS, RECEIVERS, RECORDINGS, TABLES
 from schemas.config_files import read_config
 from schemas.files import write_text
-from schemas.findings import REFUSED, STAGE, same_file
+from schemas.findings import NOTE, REFUSED, STAGE, Finding, problem_of, problem_row, same_file, worded
 from schemas.layout import read_layout
 from schemas.movement_tables import CLOCKS
 from schemas.parts import part_metadata
@@ -22,7 +22,7 @@ from schemas.plan import SubjectPlan, read_plan
 from schemas.recording_summary import recording_row
 from schemas.results import GATHERED_TABLES, Results
 from schemas.sheets import CORRECTIONS, read_sheet
-from schemas.study import Study, SubjectSession, correction_problems, unmatched_rows
+from schemas.study import Recording, Study, SubjectSession, correction_problems, unmatched_rows
 from schemas.tables import (
     Provenance,
     Table,
@@ -41,14 +41,7 @@ def gather_study(study: Study, results: Results) -> None:
     plans = [read_plan(results.plan(*who), checked=False) for who in study.sessions]
     problems: list[Row] = []
     problems += [
-        _problem(
-            "plan",
-            "recording",
-            REFUSED,
-            row.message,
-            **vars(row.hand),
-            task=row.task,
-        )
+        problem_row("plan", worded("recording", REFUSED, row.message), **vars(row.hand), task=row.task)
         for row in study.unusable
     ]
     recordings = [row for plan in plans for row in _recording_rows(plan, problems)]
@@ -58,7 +51,7 @@ def gather_study(study: Study, results: Results) -> None:
         problems += _gather_table(results, name, plans)
     problems += [row for plan in plans for row in _uncalibrated(plan)]
     problems += _correction_rows(study)
-    problems += [_problem("plan", "sheet", REFUSED, message) for message in unmatched_rows(study)]
+    problems += [problem_row("plan", worded("sheet", REFUSED, text)) for text in unmatched_rows(study)]
     _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
     unique = list({tuple(row[key] for key in _UNIQUE): row for row in reversed(problems)}.values())[::-1]
@@ -69,19 +62,12 @@ def gather_study(study: Study, results: Results) -> None:
 _UNIQUE = ("subject", "session", "hand", "task", "model", "message")
 
 
-def _problem(stage: str, kind: str, severity: str, message: str, **where: str) -> Row:
-    whole = {"subject": "", "session": "", "hand": "", "task": "", "model": "", **where}
-    return {**whole, "stage": stage, "kind": kind, "severity": severity, "message": message}
-
-
 def _recording_rows(plan: SubjectPlan, problems: list[Row]) -> Iterator[Row]:
     """A subject's rows of the recordings table; what is wrong with a recording joins the problems."""
     for recording in plan.recordings:
-        row, sentences = recording_row(recording, plan.poses(recording))
-        severity = "refused" if row["status"] == "failed" else "note"
-        for sentence in sentences:
-            where = {**vars(recording.hand), "task": recording.title}
-            problems.append(_problem("capture", "recording", severity, sentence, **where))
+        row, own = recording_row(recording, plan.poses(recording))
+        where = {**vars(recording.hand), "task": recording.title}
+        problems += [problem_row("capture", one, **where) for one in own]
         yield row
 
 
@@ -92,26 +78,23 @@ def _finding_rows(plan: SubjectPlan, recordings: Sequence[Row]) -> Iterator[Row]
         recording = by_name[tuple(row[key] for key in RECORDINGS.key)]
         if row["severity"] == REFUSED and recording["status"] == "used":
             recording |= {"status": REFUSED, "message": row["message"]}
-        task = ", ".join(filter(None, (row["task"], row["trial"])))
-        where = {**{name: row[name] for name in ("subject", "session", "hand")}, "task": task}
-        yield _problem(STAGE, row["kind"], row["severity"], row["message"], **where)
+        yield problem_of(row)
 
 
 def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
     """Name recordings whose poses are, number by number, those of another subject's, or another session's."""
-    first_of: dict[str, tuple[SubjectSession, str]] = {}
+    first_of: dict[str, tuple[SubjectSession, Recording]] = {}
     for plan in plans:
         digests = read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"]
         for recording in plan.recordings:
             name = "/".join(recording.key.values())
             if not digests.get(name):
                 continue
-            own = (plan.who, f"{recording.hand}, {recording.title}")
-            who, first = first_of.setdefault(digests[name], own)
+            who, first = first_of.setdefault(digests[name], (plan.who, recording))
             if who != plan.who:
                 where = {**vars(recording.hand), "task": recording.title}
-                one = same_file(first).accepted(recording.accept)
-                yield _problem(STAGE, one.kind, one.severity, one.message, **where)
+                one = same_file(first.hand.hand, first.title, *first.hand.who)
+                yield problem_row(STAGE, one.accept(recording.accept), **where)
 
 
 def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> list[Row]:
@@ -142,9 +125,8 @@ def _failed_parts(plan: SubjectPlan, file: Path, table: Table, stage: str) -> It
     for part, parameters in part_metadata(file, table).items():
         if "failure" in parameters and not part.made_without:
             where = {**vars(plan.hand(part.hand)), "model": part.model}
-            yield _problem(
-                stage, "skeleton" if part.model else "hand", "refused", parameters["failure"], **where
-            )
+            kind = "skeleton" if part.model else "hand"
+            yield problem_row(stage, worded(kind, REFUSED, parameters["failure"]), **where)
 
 
 def _receiver_problems(receivers: pa.Table) -> list[Row]:
@@ -153,34 +135,36 @@ def _receiver_problems(receivers: pa.Table) -> list[Row]:
     A receiver without a valid pose is named with its recording.
     """
     return [
-        _problem(
-            "fit_hand", "receiver", "note", f"{row['segment']}: {row['message']}",
-            subject=row["subject"], session=row["session"], hand=row["hand"],
+        problem_row(
+            "fit_hand",
+            Finding("receiver", NOTE, "", {"segment": row["segment"], "message": row["message"]}),
+            **{name: row[name] for name in ("subject", "session", "hand")},
         )
         for row in rows_of(receivers)
         if row["message"] and row["status"] != "failed"
-    ]  # fmt: skip
+    ]
 
 
 def _clock_problems(clocks: pa.Table) -> list[Row]:
     """Recordings whose events were not read, or stand on a clock that is not sure to be theirs."""
     return [
-        _problem(
-            "align_events", "events", "note", row["message"], subject=row["subject"],
-            session=row["session"], hand=row["hand"],
+        problem_row(
+            "align_events",
+            worded("events", NOTE, row["message"]),
+            **{name: row[name] for name in ("subject", "session", "hand")},
             task=", ".join(filter(None, (row["task"], row["trial"]))),
         )
         for row in rows_of(clocks)
         if row["status"] in ("weak", "failed")
-    ]  # fmt: skip
+    ]
 
 
 def _uncalibrated(plan: SubjectPlan) -> Iterator[Row]:
     """Name the hands that no recording calibrates: nothing failed, and yet there is no skeleton."""
-    message = "no recording calibrates this hand, so none of its joints could be solved"
     for hand in plan.hands:
         if not plan.all_calibrating(hand):
-            yield _problem("solve_joints", "hand", "refused", message, **vars(plan.hand(hand)))
+            own = Finding("hand", REFUSED, "uncalibrated")
+            yield problem_row("solve_joints", own, **vars(plan.hand(hand)))
 
 
 def _correction_rows(study: Study) -> list[Row]:
@@ -189,7 +173,7 @@ def _correction_rows(study: Study) -> list[Row]:
         return []
     layout = read_layout(study.layout.absolute())
     messages = correction_problems(read_sheet(path, CORRECTIONS), path, study.hands, layout)
-    return [_problem("project_planes", "correction", "refused", message) for message in messages]
+    return [problem_row("project_planes", worded("correction", REFUSED, text)) for text in messages]
 
 
 def _write_resolved(study: Study, results: Results) -> None:

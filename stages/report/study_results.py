@@ -11,9 +11,9 @@ from typing import Any
 
 import pyarrow as pa
 
-from schemas.catalogue import FINDINGS, PROBLEMS, RECORDINGS, TABLES, TIP_ERRORS
+from schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
-from schemas.findings import NOTE, STAGE
+from schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.parts import part_metadata
@@ -276,8 +276,8 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
     for recording in plan.recordings:
         row, problems = recording_row(recording, plan.poses(recording))
         rows["recordings"].append(row)
-        where = {"hand": recording.hand.hand, "task": recording.title}
-        rows["problems"] += [_problem(plan.who, "capture", text, **where) for text in problems]
+        where = {**vars(recording.hand), "task": recording.title}
+        rows["problems"] += [problem_row("capture", one, **where) for one in problems]
     rows["problems"] += _findings(plan)
     for name, stage in GATHERED_TABLES.items():
         rows[name] = (
@@ -300,18 +300,7 @@ def _findings(plan: SubjectPlan) -> list[Row]:
         found = list(rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)))
     except InputError as error:
         return [_problem(plan.who, STAGE, str(error))]
-    return [
-        _problem(
-            plan.who,
-            STAGE,
-            row["message"],
-            hand=row["hand"],
-            task=", ".join(filter(None, (row["task"], row["trial"]))),
-            kind=row["kind"],
-            severity=row["severity"],
-        )
-        for row in found
-    ]
+    return [problem_of(row) for row in found]
 
 
 def whole_skeletons(rows: pa.Table) -> pa.Table:
@@ -363,9 +352,7 @@ def _failed_exports(study: Study, paths: Results) -> list[Row]:
 
 
 def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> Row:
-    empty = {column.name: "" for column in PROBLEMS.columns}
-    known = {"stage": stage, "severity": "refused", "message": message}
-    return empty | who._asdict() | known | where
+    return problem_row(stage, worded("", REFUSED, message), **who._asdict(), **where)
 
 
 def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:

@@ -21,7 +21,7 @@ def checked(planted: Planted) -> CheckedRecording:
 def own() -> list[tuple[str, str, CheckedRecording]]:
     """Two recordings of a right hand, one of the left."""
     tasks = (("right", "rom"), ("right", "opposition"), ("left", "rom"))
-    return [(f"the {hand} hand's {task}", hand, checked(hand_of(11, hand, task))) for hand, task in tasks]
+    return [(task, hand, checked(hand_of(11, hand, task))) for hand, task in tasks]
 
 
 def kinds(recordings: list[tuple[str, str, CheckedRecording]]) -> list[list[tuple[str, str]]]:
@@ -33,7 +33,7 @@ def test_one_person_is_one(own: list[tuple[str, str, CheckedRecording]]) -> None
 
 
 def test_another_person_is_the_one_that_differs(own: list[tuple[str, str, CheckedRecording]]) -> None:
-    other = ("the right hand's grip", "right", checked(hand_of(12, task="opposition")))
+    other = ("grip", "right", checked(hand_of(12, task="opposition")))
     assert kinds([*own, other])[3] == [("other-person", SUSPECT)]
     assert kinds([other, *own])[:3] == [[("other-person", SUSPECT)], [], []]
     sentence = compared([*own, other])[3].findings[0].message
@@ -43,13 +43,13 @@ def test_another_person_is_the_one_that_differs(own: list[tuple[str, str, Checke
 
 def test_receivers_put_on_anew_are_a_note(own: list[tuple[str, str, CheckedRecording]]) -> None:
     """The other hand of a person, mirrored, is as long and wears its receivers elsewhere."""
-    mirrored = ("the right hand's later", "right", own[2][2])
+    mirrored = ("later", "right", own[2][2])
     assert kinds([*own[:2], mirrored])[2] in ([("other-person", NOTE)], [("other-person", SUSPECT)])
     assert kinds([*own[:2], mirrored])[:2] == [[], []]
 
 
 def test_the_same_poses_again(own: list[tuple[str, str, CheckedRecording]]) -> None:
-    again = ("the right hand's copy", "right", own[0][2])
+    again = ("copy", "right", own[0][2])
     found = compared([*own, again])
     assert [(one.kind, one.severity) for one in found[3].findings] == [("same-file", SUSPECT)]
     assert "those of the right hand's rom" in found[3].findings[0].message

@@ -16,8 +16,9 @@ def test_kinds_are_those_of_the_contract() -> None:
 
 
 def test_accepting_makes_a_suspect_finding_a_note_with_the_reason() -> None:
-    accepted = Finding("units", SUSPECT, "Seen.").accepted("a child of two")
-    assert accepted == Finding("units", NOTE, "Seen. Accepted: a child of two")
+    accepted = Finding("units", SUSPECT, "radians").accept("a child of two")
+    assert accepted == Finding("units", NOTE, "radians", accepted="a child of two")
+    assert accepted.message == f"{Finding('units', SUSPECT, 'radians').message} Accepted: a child of two"
     for severity in (REFUSED, NOTE):
-        assert Finding("units", severity, "Seen.").accepted("why").severity == severity
-    assert Finding("units", SUSPECT, "Seen.").accepted("").severity == SUSPECT
+        assert Finding("units", severity, "radians").accept("why").severity == severity
+    assert Finding("units", SUSPECT, "radians").accept("").severity == SUSPECT

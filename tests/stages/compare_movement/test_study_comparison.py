@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from schemas.catalogue import PROBLEMS
+from schemas.findings import STAGE, SUSPECT, Finding, problem_row
 from schemas.movement_tables import (
     CURVE_DIFFERENCES,
     MODEL_DEPENDENCE,
@@ -38,8 +39,8 @@ def compared(
     """Compare a study of these recordings; give the four tables by name."""
     results = Results(folder)
     drawn.write_movement(results, ranges, curves)
-    same = {"model": "", "stage": "check_recordings", "kind": "units", "severity": "suspect", "message": "x"}
-    drawn.write(results, PROBLEMS, [same | row for row in suspect])
+    found = Finding("units", SUSPECT, "radians")
+    drawn.write(results, PROBLEMS, [problem_row(STAGE, found, **row) for row in suspect])
     compare_study(recordings, factors, results)
     return {table.name: read_table(results.study_table(table.name), table).to_pandas() for table in FOUR}
 

@@ -11,6 +11,7 @@ from small_study import write_plans, write_study
 
 from schemas.catalogue import FINDINGS, POSES, RECEIVERS, TABLES
 from schemas.errors import TableError
+from schemas.findings import REFUSED, Finding
 from schemas.parts import Part, parts_writer
 from schemas.plan import SubjectPlan, read_plan
 from schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
@@ -117,9 +118,10 @@ def whose(row: dict[str, Any]) -> tuple[str, str, str]:
 def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
     plans: list[SubjectPlan], tmp_path: Path
 ) -> None:
-    finding = {"hand": "right", "task": "pinch", "trial": "1", "kind": "spikes", "message": "It jumps."}
+    finding = Finding("spikes", REFUSED, "all")
+    row = {"hand": "right", "task": "pinch", "trial": "1", **finding.columns}
     digests = {"01//right/rom/": "a", "01//right/pinch/1": ""}
-    write_findings(plans[0], finding | {"severity": "refused"}, digests=digests)
+    write_findings(plans[0], row, digests=digests)
     write_findings(plans[1], digests={"02//right/pinch/": "a", "02//right/rom/": ""})
     found = gathered(tmp_path)
     rows = [row for row in found["problems"] if row["stage"] == "check_recordings"]
@@ -128,6 +130,7 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
         ("01", "right", "pinch, 1", "spikes", "refused"),
         ("02", "right", "pinch", "same-file", "suspect"),
     ]
+    assert rows[0]["message"] == finding.message
     assert "those of subject 01, right hand, rom:" in rows[1]["message"]
     statuses = {(row["subject"], row["task"], row["hand"]): row["status"] for row in found["recordings"]}
     assert statuses["01", "pinch", "right"] == "refused"

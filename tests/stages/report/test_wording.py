@@ -226,7 +226,7 @@ EXAMPLES = (
     "The receivers index_distal and middle_distal seem to be swapped: index_dip is 41 mm from where an "
     "average hand has it, put right 3 mm; exchange them in the layout or the mapping.",
     "no receiver on ring_middle or ring_distal: lengths of bones stand in for it",
-    same_file("subject 01, right hand, rom").message,
+    same_file("right", "rom", "01").message,
 )
 
 

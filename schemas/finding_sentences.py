@@ -1,0 +1,350 @@
+"""The sentences of findings, made where they are shown: of a kind, its variant and its values.
+
+`say` puts values into a template's placeholders; the report's does so in its language. Without one, English.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+Values = Mapping[str, Any]
+"""By name: numbers, words, or lists of them, as JSON has them."""
+Say = Callable[..., str]
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """Templates. what : is seen, and probably is. cure : what to do. one : `what` of a `count` of 1."""
+
+    what: str
+    cure: str
+    one: str = ""
+
+
+_POSITION_UNIT = "write `position_unit: {true}` in the mapping, or give positions in mm"
+_ORDER = "write `order: {order}` under `orientation` in the mapping, or put qw, qx, qy, qz in that order"
+_REPAIR = "write `repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere)"
+_EMPTY_ROWS = "leave the seven numbers of these rows empty"
+_AGAIN = "record it again, or give a reason under `exclude` in the recordings sheet"
+
+SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
+    "quaternion-order": {
+        "order": Sentence("the quaternions are read as {read} and seem to be {true}", _ORDER),
+        "inverse-too": Sentence(
+            "the quaternions seem to be x, y, z, w of the inverse rotation",
+            "write `order: xyzw` and `rotates: transmitter-to-receiver` under `orientation` in the mapping",
+        ),
+    },
+    "quaternion-inverse": {
+        "": Sentence(
+            "the rotations seem to be the inverse of what is declared",
+            "write `rotates: transmitter-to-receiver` under `orientation` in the mapping, or negate qx, qy "
+            "and qz",
+        ),
+    },
+    "euler-order": {
+        "axes": Sentence(
+            "the angles are read as {read} and seem to be {true}",
+            "write `axes: {true}` under `orientation` in the mapping",
+        ),
+        "fixed": Sentence(
+            "the angles are read as {read} about turning axes and seem to be about fixed ones",
+            "write `axes: {true}` under `orientation` in the mapping, the columns in that order",
+        ),
+    },
+    "units": {
+        "positions-small": Sentence(
+            "the positions are {factor:.4g} times too small, in {true} and read as {read}", _POSITION_UNIT
+        ),
+        "positions-large": Sentence(
+            "the positions are {factor:.4g} times too large, in {true} and read as {read}", _POSITION_UNIT
+        ),
+        "radians": Sentence(
+            "the angles are read as degrees and seem to be radians",
+            "write `unit: rad` under `orientation` in the mapping",
+        ),
+        "degrees": Sentence(
+            "the receivers turn at {speed_rad_s:.0f} rad/s: the angles seem to be degrees and are read as "
+            "radians",
+            "write `unit: deg` under `orientation` in the mapping",
+        ),
+    },
+    "time-unit": {
+        "": Sentence(
+            "the times make {rate_hz:.3g} frames a second: they seem to be in {unit} and are read as {read}",
+            "write `time_unit: {unit}` under `csv` in the mapping, or give time_s in seconds",
+        ),
+    },
+    "hemisphere": {
+        "jumps": Sentence(
+            "the position of {segment} jumps to the other side of the transmitter {count} times, first "
+            "{at}{also}: the tracker took the wrong hemisphere",
+            _REPAIR,
+            "the position of {segment} jumps to the other side of the transmitter 1 time, first {at}{also}: "
+            "the tracker took the wrong hemisphere",
+        ),
+        "all-along": Sentence(
+            "the receivers {segments} seem to be on the other side of the transmitter all along",
+            _REPAIR,
+            "the receiver {segments} seems to be on the other side of the transmitter all along",
+        ),
+        "left-out": Sentence(
+            "{count} poses, most of {segment}, are on the other side of the transmitter and left out: the "
+            "tracker took the wrong hemisphere",
+            f"{_REPAIR} to put them back",
+            "one pose, of {segment}, is on the other side of the transmitter and left out: the tracker took "
+            "the wrong hemisphere",
+        ),
+    },
+    "receiver-stuck": {
+        "repeated": Sentence(
+            "in {percent:.0f} % of the frames every receiver stands as in the frame before: probably the "
+            "program repeats the last values",
+            "write `in_step: false` under `csv` and the tracker's `rate_hz` in the mapping",
+        ),
+        "at-times": Sentence(
+            "the receiver {segment} gives one and the same pose in {percent:.0f} % of its frames, first "
+            "{at}, while others move: probably its channel hung",
+            f"{_EMPTY_ROWS}, or leave the recording out with `exclude` in the recordings sheet",
+        ),
+        "all-along": Sentence(
+            "the receiver {segment} gives one and the same pose all along while others move, and is not "
+            "used: probably its channel hung",
+            "check its plug, and record again",
+        ),
+    },
+    "spikes": {
+        "some": Sentence(
+            "{count} poses are where nothing can be, such as that of {segment} {at}: probably the tracker's "
+            "field was disturbed or a row is damaged",
+            _EMPTY_ROWS,
+            "one pose is where nothing can be, such as that of {segment} {at}: probably the tracker's field "
+            "was disturbed or a row is damaged",
+        ),
+        "left-out": Sentence(
+            "{count} poses, most of {segment}, are where nothing can be and left out: the tracker's field "
+            "was probably disturbed",
+            "look for metal or a motor near the transmitter",
+            "one pose, of {segment}, is where nothing can be and left out: the tracker's field was probably "
+            "disturbed",
+        ),
+        "all": Sentence(
+            "the poses jump about from frame to frame as no body moves, and no joint closes: these are "
+            "probably not the columns of positions and orientations",
+            "name the right ones in the mapping",
+        ),
+    },
+    "receivers-swapped": {
+        "": Sentence(
+            "the receivers {segment} and {segment_2} seem to be swapped",
+            "exchange them in the layout or the mapping",
+        ),
+    },
+    "digits-swapped": {
+        "two": Sentence(
+            "the {digit} and the {digit_2} finger seem to be swapped",
+            "exchange their receivers in the layout or the mapping",
+        ),
+        "reversed": Sentence(
+            "the fingers seem to be named in the opposite order",
+            "name them from index to little finger in the layout or the mapping",
+        ),
+    },
+    "wrong-hand": {
+        "": Sentence(
+            "this seems to be a {hand} hand",
+            "write `{code}` in the column hand of the recordings sheet (or --hand {code}), or mirror the "
+            "positions and rotations back",
+        ),
+    },
+    "axes-mirrored": {
+        "negated": Sentence(
+            "the positions' {negated} seem to be negated",
+            "write the positions' columns as {columns}, so that positions and rotations share a frame",
+            "the positions' {negated} seems to be negated",
+        ),
+        "exchanged": Sentence(
+            "the positions' axes x, y, z seem to be {columns} of the rotations' frame",
+            "write the positions' columns as {columns}, so that positions and rotations share a frame",
+        ),
+    },
+    "receiver-turned": {
+        "all": Sentence(
+            "all receivers seem to be turned on their bones by {how}",
+            "write `receiver_axes: {receiver_axes}` in the layout",
+        ),
+        "one": Sentence(
+            "the receiver {segment} seems to be turned on its bone by {how}",
+            "write `receiver_axes: {receiver_axes}` under the segment {code} in the layout",
+        ),
+    },
+    "other-person": {
+        "another": Sentence(
+            "the hand is {scale:.2f} times the average size and its bones are of other lengths than in "
+            "{other} ({usual:.2f} times): probably this is another person",
+            "correct the column subject or file of the recordings sheet",
+        ),
+        "put-on-anew": Sentence(
+            "the receivers sit elsewhere on the bones than in {other}, and the bones are about as long: "
+            "probably they were put on anew",
+            "name two sessions in the column session of the recordings sheet",
+        ),
+    },
+    "same-file": {
+        "": Sentence(
+            "all poses are, number by number, those of {other}: probably one file is named twice",
+            "correct the column file of the recordings sheet, or give a reason under `exclude` for one of "
+            "the two",
+        ),
+    },
+    "too-short": {
+        "": Sentence(
+            "the recording has {length}, too short for a joint to show how it moves: probably it was stopped "
+            "at once or the file is cut off",
+            _AGAIN,
+        ),
+    },
+    "zeros": {
+        "": Sentence(
+            "{count} poses, most of {segment}, first {at}, are at 0, 0, 0 and not turned, to the last bit: "
+            "probably the program writes zeros where it has no value",
+            _EMPTY_ROWS,
+            "one pose, of {segment}, first {at}, is at 0, 0, 0 and not turned, to the last bit: probably the "
+            "program writes zeros where it has no value",
+        ),
+    },
+    "receivers-alike": {
+        "": Sentence(
+            "the receivers {segment} and {segment_2} have one and the same pose in {percent:.0f} % of their "
+            "frames, first {at}, which two receivers cannot: probably one is read, or was exported, in place "
+            "of the other",
+            "name each one's own columns or station, or export the file again",
+        ),
+    },
+}
+"""By kind of docs/mistakes.md and variant."""
+
+EVIDENCE: Mapping[str, str] = {
+    "scale": "the hand comes out {before:.2g} times the average size, put right {after:.2g} times",
+    "reach": "joints come out {before:.2g} mm from the receivers, put right {after:.0f} mm",
+    "gap": "put right, the gap of {joint} falls from {before:.1f} to {after:.1f} mm",
+    "place": "{joint} is {before:.0f} mm from where an average hand has it, put right {after:.0f} mm",
+    "turn": "the {angle} of {joint} is {least:.0f} to {most:.0f} deg, put right {least_after:.0f} to "
+    "{most_after:.0f} deg",
+}
+"""By what is seen, `seen` among the values: what undoing a mistake changes most."""
+
+OTHER_PROBLEMS: Mapping[str, Mapping[str, str]] = {
+    "recording": {"no-pose": "no usable pose of {segments}; check that receiver"},
+    "hand": {"uncalibrated": "no recording calibrates this hand, so none of its joints could be solved"},
+    "receiver": {"": "{segment}: {message}"},
+}
+"""Whole sentences of problems that are no mistakes of a declaration, by kind and variant."""
+
+_WHOLE, _WITHOUT_EVIDENCE = "{what}: {evidence}; {cure}.", "{what}; {cure}."
+_ACCEPTED = "{finding} Accepted: {given}"
+_TIME, _ROW = "at {time_s:.2f} s", "in row {row} of its rows"
+_ONE_OTHER, _OTHERS = ", and so does another receiver", ", and so do {n} other receivers"
+_FRAMES, _FRAMES_AND_TIME = "{frames} frames", "{frames} frames and {duration_s:.2g} s"
+_ABOUT_AXIS, _ABOUT_DIAGONAL = "{deg} deg about its {axis} axis", "{deg} deg about a diagonal"
+_OWN_RECORDING, _RECORDING = "the {hand} hand's {task}", "subject {subject}, {hand} hand, {task}"
+_RECORDING_IN_SESSION = "subject {subject}, session {session}, {hand} hand, {task}"
+
+
+def templates() -> Iterator[str]:
+    """Give every template, for catalogues of other languages."""
+    for variants in SENTENCES.values():
+        for sentence in variants.values():
+            yield from filter(None, (sentence.what, sentence.cure, sentence.one))
+    for texts in OTHER_PROBLEMS.values():
+        yield from texts.values()
+    yield from EVIDENCE.values()
+    yield from (_WHOLE, _WITHOUT_EVIDENCE, _ACCEPTED, _TIME, _ROW, _ONE_OTHER, _OTHERS, _FRAMES)
+    yield from (_FRAMES_AND_TIME, _ABOUT_AXIS, _ABOUT_DIAGONAL, _OWN_RECORDING, _RECORDING)
+    yield _RECORDING_IN_SESSION
+
+
+def english(template: str, **values: Any) -> str:
+    """The template with values in its placeholders."""
+    return template.format(**values) if values else template
+
+
+def sentence_of(kind: str, variant: str, values: Values, accepted: str = "", say: Say = english) -> str:
+    """The whole finding: what is seen, what shows it, what to do; accepted : the reason to let it stand.
+
+    Of what has no template the `text` among its values.
+    """
+    if "text" in values:
+        return say("{message}", message=values["text"])
+    if kind in OTHER_PROBLEMS:
+        return say(OTHER_PROBLEMS[kind][variant], **_placeholders(values, say))
+    what, evidence = what_of(kind, variant, values, say), evidence_of(values, say)
+    cure = cure_of(kind, variant, values, say)
+    template = _WHOLE if evidence else _WITHOUT_EVIDENCE
+    text = say(template, what=what, evidence=evidence, cure=cure)
+    return say(_ACCEPTED, finding=text, given=accepted) if accepted else text
+
+
+def what_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
+    """What is seen and what it probably is, as a sentence begins."""
+    sentence = SENTENCES[kind][variant]
+    template = sentence.one if sentence.one and values["count"] == 1 else sentence.what
+    text = say(template, **_placeholders(values, say))
+    return text[0].upper() + text[1:]
+
+
+def cure_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
+    """What to do about it."""
+    return say(SENTENCES[kind][variant].cure, **_placeholders(values, say))
+
+
+def evidence_of(values: Values, say: Say = english) -> str:
+    """What undoing the mistake changes; empty where poses alone show it."""
+    return say(EVIDENCE[values["seen"]], **_placeholders(values, say)) if "seen" in values else ""
+
+
+def _placeholders(values: Values, say: Say) -> dict[str, Any]:
+    """The values, and the phrases that are made of several of them."""
+    given = dict(values)
+    if "first_s" in values:
+        given["at"] = say(_TIME, time_s=values["first_s"])
+    elif "first_row" in values:
+        given["at"] = say(_ROW, row=values["first_row"])
+    if "others" in values:
+        given["also"] = _also(values["others"], say)
+    if "segments" in values:
+        given["segments"] = ", ".join(say("{segment}", segment=name) for name in values["segments"])
+    if "negated" in values:
+        given["negated"] = _listed(values["negated"], say)
+    if "frames" in values:
+        given["length"] = say(_FRAMES_AND_TIME if "duration_s" in values else _FRAMES, **values)
+    if "turn_deg" in values:
+        template = _ABOUT_AXIS if values["turn_axis"] else _ABOUT_DIAGONAL
+        given["how"] = say(template, deg=values["turn_deg"], axis=values["turn_axis"])
+        axes = (f"{name}: {values[name]}" for name in ("distal", "lateral", "dorsal"))
+        given["receiver_axes"] = f"{{{', '.join(axes)}}}"
+    if "task" in values:
+        given["other"] = _recording(values, say)
+    # what is to be written into a file stays as it is, whatever the language
+    given["code"] = values.get("segment", values.get("hand", ""))
+    return given
+
+
+def _also(others: int, say: Say) -> str:
+    if others > 1:
+        return say(_OTHERS, n=others)
+    return say(_ONE_OTHER) if others else ""
+
+
+def _listed(words: Sequence[str], say: Say) -> str:
+    start, last = say(", ").join(words[:-1]), words[-1]
+    return say(" and ").join([start, last]) if start else last
+
+
+def _recording(values: Values, say: Say) -> str:
+    """Another recording: the subject's own by hand and task, else with its subject."""
+    if not values["subject"]:
+        return say(_OWN_RECORDING, **values)
+    return say(_RECORDING_IN_SESSION if values["session"] else _RECORDING, **values)

@@ -1,0 +1,86 @@
+"""One finding of every kind and variant, with values as the checks and the stages give them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from schemas.findings import SUSPECT, Finding
+
+AT = {"first_s": 3.25}
+PAIR = {"segment": "index_middle", "segment_2": "index_distal"}
+TURNED = {"turn_deg": -90, "turn_axis": "y", "distal": [0, 1, 0], "lateral": [-1, 0, 0], "dorsal": [0, 0, 1]}
+OTHER = {"subject": "", "session": "", "hand": "right", "task": "rom"}
+READ_AS = {"read": "mm", "true": "cm"}
+
+EVIDENCE: dict[str, dict[str, Any]] = {
+    "scale": {"before": 0.01, "after": 0.98},
+    "reach": {"before": 0.09, "after": 92.0},
+    "gap": {"joint": "index_pip", "before": 31.2, "after": 1.4},
+    "place": {"joint": "index_dip", "before": 41.0, "after": 3.0},
+    "turn": {"joint": "thumb_cmc", "angle": "axial rotation", "least": -125.0, "most": -100.0,
+             "least_after": -35.0, "most_after": -10.0},
+}  # fmt: skip
+
+EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
+    ("quaternion-order", "order"): [{"read": "w, x, y, z", "true": "x, y, z, w", "order": "xyzw"}],
+    ("quaternion-order", "inverse-too"): [{}],
+    ("quaternion-inverse", ""): [{}],
+    ("euler-order", "axes"): [{"read": "ZYX", "true": "XYZ"}],
+    ("euler-order", "fixed"): [{"read": "ZYX", "true": "XYZ"}],
+    ("units", "positions-small"): [{"factor": 10.0, **READ_AS}],
+    ("units", "positions-large"): [{"factor": 10.0, **READ_AS}],
+    ("units", "radians"): [{}],
+    ("units", "degrees"): [{"speed_rad_s": 171.0}],
+    ("time-unit", ""): [{"rate_hz": 0.24, "unit": "ms", "read": "seconds"}],
+    ("hemisphere", "jumps"): [
+        {"segment": "hand", "count": 2, "others": 3, **AT},
+        {"segment": "hand", "count": 1, "others": 1, "first_row": 12},
+        {"segment": "hand", "count": 1, "others": 0, **AT},
+    ],
+    ("hemisphere", "all-along"): [
+        {"segments": ["hand"], "count": 1},
+        {"segments": ["hand", "index_distal"], "count": 2},
+    ],
+    ("hemisphere", "left-out"): [{"segment": "hand", "count": 1}, {"segment": "hand", "count": 40}],
+    ("receiver-stuck", "repeated"): [{"percent": 50.0}],
+    ("receiver-stuck", "at-times"): [{"segment": "hand", "percent": 3.4, **AT}],
+    ("receiver-stuck", "all-along"): [{"segment": "hand"}],
+    ("spikes", "some"): [{"segment": "hand", "count": 1, **AT}, {"segment": "hand", "count": 9, **AT}],
+    ("spikes", "left-out"): [{"segment": "hand", "count": 1}, {"segment": "hand", "count": 9}],
+    ("spikes", "all"): [{}],
+    ("receivers-swapped", ""): [PAIR],
+    ("digits-swapped", "two"): [{"digit": "thumb", "digit_2": "index"}],
+    ("digits-swapped", "reversed"): [{}],
+    ("wrong-hand", ""): [{"hand": "left"}],
+    ("axes-mirrored", "negated"): [
+        {"negated": ["z"], "count": 1, "columns": "x, y, -z"},
+        {"negated": ["x", "y", "z"], "count": 3, "columns": "-x, -y, -z"},
+    ],
+    ("axes-mirrored", "exchanged"): [{"columns": "z, -y, -x"}],
+    ("receiver-turned", "all"): [TURNED, TURNED | {"turn_deg": 120, "turn_axis": ""}],
+    ("receiver-turned", "one"): [TURNED | {"segment": "hand"}],
+    ("other-person", "another"): [OTHER | {"scale": 0.92, "usual": 1.03}],
+    ("other-person", "put-on-anew"): [OTHER],
+    ("same-file", ""): [OTHER, OTHER | {"subject": "01"}, OTHER | {"subject": "01", "session": "late"}],
+    ("too-short", ""): [{"frames": 12}, {"frames": 12, "duration_s": 0.2}],
+    ("zeros", ""): [{"segment": "hand", "count": 1, **AT}, {"segment": "hand", "count": 200, **AT}],
+    ("receivers-alike", ""): [PAIR | {"percent": 100.0, **AT}],
+    ("recording", "no-pose"): [{"segments": ["index_distal", "hand"]}],
+    ("hand", "uncalibrated"): [{}],
+    ("receiver", ""): [{"segment": "hand", "message": "no valid pose of hand; check that receiver"}],
+}  # fmt: skip
+"""By kind and variant: values, where its sentence has several forms those of each."""
+
+
+def examples() -> list[Finding]:
+    """Every kind and variant in each of its forms, and one with each kind of evidence."""
+    every = [
+        Finding(kind, SUSPECT, variant, values)
+        for (kind, variant), several in EXAMPLES.items()
+        for values in several
+    ]
+    swapped = [
+        Finding("receivers-swapped", SUSPECT, values={**PAIR, "seen": seen, **values})
+        for seen, values in EVIDENCE.items()
+    ]
+    return [*every, *swapped]

@@ -1,0 +1,50 @@
+"""Every finding has a sentence in which all its values stand, and none is left open."""
+
+import re
+
+import pytest
+from finding_examples import EVIDENCE, EXAMPLES, examples
+
+from schemas import finding_sentences
+from schemas.finding_sentences import OTHER_PROBLEMS, SENTENCES, cure_of, what_of
+from schemas.findings import KINDS, SUSPECT, Finding, values_of
+
+
+def test_every_kind_and_variant_is_here() -> None:
+    every = {(kind, variant) for of in (SENTENCES, OTHER_PROBLEMS) for kind in of for variant in of[kind]}
+    assert every == {*EXAMPLES}
+    assert {*SENTENCES} == {*KINDS}
+    assert {*finding_sentences.EVIDENCE} == {*EVIDENCE}
+
+
+@pytest.mark.parametrize("finding", examples(), ids=lambda own: f"{own.kind}-{own.variant}")
+def test_a_sentence_is_whole(finding: Finding) -> None:
+    message = finding.message
+    assert not message[0].islower() or finding.kind in OTHER_PROBLEMS
+    assert not re.search(r"  |\{\w*\}|None|\[\]|: :|,,", message)
+    columns = finding.columns
+    again = Finding(columns["kind"], SUSPECT, columns["variant"], values_of(columns["values"]))
+    assert again == finding
+    assert again.message == columns["message"] == message
+
+
+def test_what_and_cure_make_the_sentence() -> None:
+    swapped = Finding("receivers-swapped", SUSPECT, values=EXAMPLES["receivers-swapped", ""][0])
+    what, cure = (part(swapped.kind, swapped.variant, swapped.values) for part in (what_of, cure_of))
+    assert swapped.message == f"{what}; {cure}."
+    assert what == "The receivers index_middle and index_distal seem to be swapped"
+
+
+def test_one_is_not_called_several() -> None:
+    one, many = (
+        Finding("hemisphere", SUSPECT, "left-out", own) for own in EXAMPLES["hemisphere", "left-out"]
+    )
+    assert one.message.startswith("One pose, of hand, is on the other side")
+    assert many.message.startswith("40 poses, most of hand, are on the other side")
+
+
+def test_what_is_to_be_written_is_what_files_have() -> None:
+    turned = Finding("receiver-turned", SUSPECT, "one", EXAMPLES["receiver-turned", "one"][0])
+    assert "by -90 deg about its y axis" in turned.message
+    written = "`receiver_axes: {distal: [0, 1, 0], lateral: [-1, 0, 0], dorsal: [0, 0, 1]}`"
+    assert f"write {written} under the segment hand in the layout" in turned.message
