@@ -16,7 +16,6 @@ from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.fit_hand.fit import fit_hand
 from stages.project_planes.place import place_joint
 from stages.project_planes.plane import centre_sd_mm
-from stages.simulate.simulated_truth import TrueJoint
 from stages.simulate.simulation import LAYOUT
 from stages.solve_joints.anatomical import HandSample, solve_hand
 from stages.solve_joints.closed import is_solvable, solve_closed
@@ -33,7 +32,9 @@ Believed = tuple[str, str, float, bool]
 """Hand, model, error in mm of the worse half of a joint called ok, whether it is within the 95 % radius."""
 
 
-def believed_joints(name: str, poses: Poses, hand: str, truth: Mapping[str, TrueJoint]) -> Iterator[Believed]:
+def believed_joints(
+    name: str, poses: Poses, hand: str, truth: Mapping[str, np.ndarray]
+) -> Iterator[Believed]:
     """Give the joints of one recorded hand that each model calls ok."""
     layout = read_layout(LAYOUT)
     for model, rows in (
@@ -42,9 +43,7 @@ def believed_joints(name: str, poses: Poses, hand: str, truth: Mapping[str, True
         (WHOLE, _whole(layout, poses, hand)),
     ):
         for joint, status, halves_mm, sd_mm in rows:
-            true = truth[joint]
-            off_mm = halves_mm - np.array([true.parent_mm, true.child_mm])
-            error_mm = float(np.linalg.norm(off_mm, axis=-1).max())
+            error_mm = float(np.linalg.norm(halves_mm - truth[joint], axis=-1).max())
             if status == "ok":
                 yield name, model, error_mm, error_mm <= RADIUS_SD * sd_mm
 

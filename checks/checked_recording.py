@@ -35,7 +35,8 @@ from skeleton.rotations import Array
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
 OPEN_GAP_MM = 15.0
 MANY_STUCK, MANY_REPEATED = 0.02, 0.4
-SPEED_LIMIT_RAD_S = 60.0
+SPEED_LIMIT_RAD_S = 25.0
+"""Of a hand's receivers from one frame to the next: fingers that play fast reach a third of it."""
 UNEXPLAINED = -25.0
 """Log likelihood a joint; of loose receivers it is about -8."""
 
@@ -125,7 +126,9 @@ def _explained(
     if mistakes and _unexplained(body, search.explanation):  # guesses on guesses: the likeliest alone
         mistakes = mistakes[:1]
     named = [_finding(one) for one in mistakes if not (flips and one.hypothesis.kind == "hemisphere")]
-    return [*flips, *named, *_spikes(line, odd, segments)], search
+    # angles taken about the wrong axes jump near their poles
+    jumps = [] if "euler-order" in {one.kind for one in named} else _spikes(line, odd, segments)
+    return [*flips, *named, *jumps], search
 
 
 def _unexplained(body: ExpectedBody, explanation: Explanation) -> bool:
@@ -237,9 +240,10 @@ def _clock(line: Timeline, clock: tuple[float, str] | None) -> list[Finding]:
 
 def _angles(line: Timeline, declared: Declared) -> list[Finding]:
     """Degrees read as radians turn a receiver some 57 times too fast."""
-    if declared.angle_unit != "rad" or not turning_speed(line) > SPEED_LIMIT_RAD_S:
+    speed_rad_s = turning_speed(line, most_frames=1)
+    if declared.angle_unit != "rad" or not speed_rad_s > SPEED_LIMIT_RAD_S:
         return []
-    return [Finding("units", SUSPECT, "degrees", {"speed_rad_s": turning_speed(line)})]
+    return [Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})]
 
 
 def _too_short(line: Timeline, *, timed: bool) -> Finding | None:

@@ -24,6 +24,17 @@ class Declared:
     angle_unit: str = ""
     has_fixed: bool = False
 
+    @property
+    def has_orientations(self) -> bool:
+        """Whether the file has orientations, which could be inverse: clusters of markers have none."""
+        return self.format != "c3d"
+
+    @property
+    def other_sense(self) -> str:
+        """The sense of the rotations that was not declared."""
+        senses = ("receiver-to-transmitter", "transmitter-to-receiver")
+        return senses[self.rotates == senses[0]]
+
     @classmethod
     def of(cls, mapping: Mapping[str, Any] | None) -> Declared:
         """Take it from the mapping's own keys; None where there is no mapping."""

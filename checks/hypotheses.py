@@ -14,22 +14,23 @@ from checks.declared import TIDY, Declared
 from checks.sampled_motion import MIRROR, Motion
 from schemas.finding_sentences import Values
 from schemas.layout import Layout
+from schemas.mapping import MM_PER_UNIT
 from skeleton.rotations import Array, from_matrix, matrix
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One mistake. undo : gives the motion without it. penalty : how much less likely than none it is before
-    any pose is seen, in log units. places : the receivers concerned; None: all. variant, values : of its
-    sentence, see `finding_sentences`.
+    """One mistake. undo : gives the motion without it. variant, values : of its sentence, see
+    `finding_sentences`. places : the receivers concerned; None: all. penalty : how much less likely than none
+    it is before any pose is seen, in log units.
     """
 
     kind: str
-    penalty: float
     undo: Callable[[Motion], Motion]
     variant: str = ""
     values: Values = field(default_factory=dict)
     places: frozenset[int] | None = None
+    penalty: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Recorded:
 
 def hypotheses(recorded: Recorded, motion: Motion) -> list[Hypothesis]:
     """Give every mistake that is looked for by explaining the poses of the motion otherwise."""
-    found = [*_orders(recorded), *_euler(recorded), *_units(), *_axes(recorded)]
+    found = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
     found += [*_hemispheres(recorded, motion), *_swaps(recorded)]
     if recorded.is_hand:
         found += [_other_hand(recorded), *_digit_swaps(recorded), *_turns(recorded)]
@@ -88,18 +89,24 @@ def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Cal
 
 
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
-    wxyz, xyzw = "w, x, y, z", "x, y, z, w"
-    inverse = np.array([1, -1, -1, -1])
-    orders: list[tuple[str, float, str, dict[str, str], Callable[[Array], Array]]] = [
-        ("quaternion-order", 2.0, "order", {"read": wxyz, "true": xyzw, "order": "xyzw"},
-         lambda q: q[..., [3, 0, 1, 2]]),
-        ("quaternion-order", 2.0, "order", {"read": xyzw, "true": wxyz, "order": "wxyz"},
-         lambda q: q[..., [1, 2, 3, 0]]),
-        ("quaternion-inverse", 2.0, "", {}, lambda q: q * inverse),
-        ("quaternion-order", 5.0, "inverse-too", {}, lambda q: q[..., [3, 0, 1, 2]] * inverse),
-    ]  # fmt: skip
-    for kind, penalty, variant, values, change in orders:
-        yield Hypothesis(kind, penalty, _requaternioned(recorded, change), variant, values)
+    """Quaternions in the other order, rotations the other way round; only where the file could have it so."""
+    declared, inverse = recorded.declared, np.array([1, -1, -1, -1])
+    rotates = declared.other_sense
+    if declared.kind == "quaternion":
+        order = {"wxyz": "xyzw", "xyzw": "wxyz"}[declared.order]
+        read, true = ", ".join(declared.order), ", ".join(order)
+        columns = [3, 0, 1, 2] if order == "xyzw" else [1, 2, 3, 0]
+        values = {"read": read, "true": true, "order": order, "rotates": rotates}
+        for variant, sign in (("order", np.ones(4)), ("inverse-too", inverse)):
+            change = _reordered_quaternion(columns, sign)
+            yield Hypothesis("quaternion-order", _requaternioned(recorded, change), variant, values)
+    if declared.has_orientations:
+        undo = _requaternioned(recorded, lambda q: q * inverse)
+        yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})
+
+
+def _reordered_quaternion(columns: list[int], sign: Array) -> Callable[[Array], Array]:
+    return lambda quaternion: quaternion[..., columns] * sign
 
 
 def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -109,15 +116,15 @@ def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
     for true in map("".join, permutations("XYZ")):
         if true != declared:
             yield Hypothesis(
-                "euler-order", 3.0, _requaternioned(recorded, _reordered(declared, true, 1.0)),
+                "euler-order", _requaternioned(recorded, _reordered(declared, true, 1.0)),
                 "axes", {"read": declared, "true": true},
             )  # fmt: skip
     yield Hypothesis(
-        "euler-order", 3.0, _requaternioned(recorded, _reordered(declared, declared, 1.0, backwards=True)),
+        "euler-order", _requaternioned(recorded, _reordered(declared, declared, 1.0, backwards=True)),
         "fixed", {"read": declared, "true": declared[::-1]},
     )  # fmt: skip
     yield Hypothesis(
-        "units", 3.0, _requaternioned(recorded, _reordered(declared, declared, 180 / np.pi)),
+        "units", _requaternioned(recorded, _reordered(declared, declared, 180 / np.pi)),
         "radians",
     )  # fmt: skip
 
@@ -151,24 +158,20 @@ def _about(axis: int, angle: Array) -> Array:
     return out
 
 
-_FACTORS = (
-    (1000.0, "mm", "m"), (0.001, "m", "mm"), (10.0, "mm", "cm"), (0.1, "cm", "mm"), (25.4, "mm", "inch"),
-    (1 / 25.4, "inch", "mm"), (2.54, "cm", "inch"), (1 / 2.54, "inch", "cm"), (100.0, "cm", "m"),
-    (0.01, "m", "cm"), (39.37, "inch", "m"), (1 / 39.37, "m", "inch"),
-)  # fmt: skip
-
-
 def _moved(factor: float | Array, order: Sequence[int] = (0, 1, 2)) -> Callable[[Motion], Motion]:
     """Take the positions' axes in another order and scale them."""
     columns = list(order)
     return lambda motion: replace(motion, position_mm=motion.position_mm[..., columns] * factor)
 
 
-def _units() -> Iterator[Hypothesis]:
-    for factor, read, true in _FACTORS:
-        variant = "positions-small" if factor > 1 else "positions-large"
-        values = {"factor": max(factor, 1 / factor), "true": true, "read": read}
-        yield Hypothesis("units", 3.0, _moved(factor), variant, values)
+def _units(declared: Declared) -> Iterator[Hypothesis]:
+    read = declared.position_unit
+    for true, mm in MM_PER_UNIT.items():
+        if true != read:
+            factor = mm / MM_PER_UNIT[read]
+            variant = "positions-small" if factor > 1 else "positions-large"
+            values = {"factor": max(factor, 1 / factor), "true": true, "read": read}
+            yield Hypothesis("units", _moved(factor), variant, values)
 
 
 def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -186,13 +189,12 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
                 values["negated"] = [n for n, s in zip(names, signs, strict=True) if s < 0]
                 values["count"] = len(values["negated"])
             variant = "negated" if mirrored else "exchanged"
-            penalty = 3.0 if mirrored else 5.0
-            yield Hypothesis("axes-mirrored", penalty, _moved(sign, order), variant, values)
+            yield Hypothesis("axes-mirrored", _moved(sign, order), variant, values)
 
 
 def _other_hand(recorded: Recorded) -> Hypothesis:
     other = "left" if recorded.hand == "right" else "right"
-    return Hypothesis("wrong-hand", 2.0, Motion.mirrored, "", {"hand": other})
+    return Hypothesis("wrong-hand", Motion.mirrored, "", {"hand": other})
 
 
 def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
@@ -203,7 +205,7 @@ def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
         sign[list(places)] = -1.0
         names = [recorded.segments[place] for place in sorted(places)]
         values = {"segments": names, "count": len(names)}
-        yield Hypothesis("hemisphere", 4.0, _moved(sign), "all-along", values, frozenset(places))
+        yield Hypothesis("hemisphere", _moved(sign), "all-along", values, frozenset(places))
 
 
 def _opposite(motion: Motion) -> set[int]:
@@ -220,7 +222,7 @@ def _swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         order = list(range(len(recorded.segments)))
         order[first], order[second] = second, first
         yield Hypothesis(
-            "receivers-swapped", 5.0, _permuted(recorded, order), "", pair, frozenset({first, second})
+            "receivers-swapped", _permuted(recorded, order), "", pair, frozenset({first, second})
         )  # fmt: skip
 
 
@@ -236,7 +238,7 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         for one, other in zip(worn[first], worn[second], strict=True):
             order[one], order[other] = other, one
         yield Hypothesis(
-            "digits-swapped", 4.0, _permuted(recorded, order),
+            "digits-swapped", _permuted(recorded, order),
             "two", _thumb_first(first, second), frozenset({*worn[first], *worn[second]}),
         )  # fmt: skip
     fingers = [own for name, own in worn.items() if name != "thumb"]
@@ -245,7 +247,7 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         for worn_on, stands_for in zip(fingers, fingers[::-1], strict=True):
             for one, two in zip(worn_on, stands_for, strict=True):
                 order[one] = two
-        yield Hypothesis("digits-swapped", 5.0, _permuted(recorded, order), "reversed")
+        yield Hypothesis("digits-swapped", _permuted(recorded, order), "reversed")
 
 
 def _thumb_first(first: str, second: str) -> dict[str, str]:
@@ -275,10 +277,10 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
         axes = (turn * recorded.mirror[:, None] * recorded.mirror).round().astype(int)
         # a column of `turn` is where the bone's axis points in the receiver's frame
         values |= {n: axes[:, i].tolist() for i, n in enumerate(("distal", "lateral", "dorsal"))}
-        yield Hypothesis("receiver-turned", 4.0, _turned(np.tile(turn, (every, 1, 1))), "all", values)
+        yield Hypothesis("receiver-turned", _turned(np.tile(turn, (every, 1, 1))), "all", values)
         for place, segment in enumerate(recorded.segments):
             yield Hypothesis(
-                "receiver-turned", 6.0, _turned_at(place, turn), "one", values | {"segment": segment},
+                "receiver-turned", _turned_at(place, turn), "one", values | {"segment": segment},
                 frozenset({place}),
             )  # fmt: skip
 

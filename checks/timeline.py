@@ -168,10 +168,13 @@ def true_clock(line: Timeline) -> tuple[float, str] | None:
     return best if log_likelihood(best[0]) - log_likelihood(1.0) > CLOCK_MARGIN else None
 
 
-def turning_speed(line: Timeline) -> float:
-    """How fast receivers turn when they are fast, rad/s: the 90th percentile, median over them."""
+def turning_speed(line: Timeline, most_frames: int = 12) -> float:
+    """How fast receivers turn when they are fast, rad/s: the 90th percentile, median over them.
+
+    most_frames : from one to the next, over which turns are measured; beyond half a turn they fold back.
+    """
     interval = line.interval_s
-    stride = max(1, min(12, len(line.valid) // 10))
+    stride = max(1, min(most_frames, len(line.valid) // 10))
     both = line.valid[stride:] & line.valid[:-stride]
     turned = np.radians(_between_deg(line.quaternion[stride:], line.quaternion[:-stride]))
     speeds = [np.quantile(turned[own, place], 0.9) for place, own in enumerate(both.T) if own.any()]

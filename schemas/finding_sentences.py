@@ -33,15 +33,14 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
     "quaternion-order": {
         "order": Sentence("the quaternions are read as {read} and seem to be {true}", _ORDER),
         "inverse-too": Sentence(
-            "the quaternions seem to be x, y, z, w of the inverse rotation",
-            "write `order: xyzw` and `rotates: transmitter-to-receiver` under `orientation` in the mapping",
+            "the quaternions seem to be {true} of the inverse rotation",
+            "write `order: {order}` and `rotates: {rotates}` under `orientation` in the mapping",
         ),
     },
     "quaternion-inverse": {
         "": Sentence(
             "the rotations seem to be the inverse of what is declared",
-            "write `rotates: transmitter-to-receiver` under `orientation` in the mapping, or negate qx, qy "
-            "and qz",
+            "write `rotates: {rotates}` under `orientation` in the mapping, or negate qx, qy and qz",
         ),
     },
     "euler-order": {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.mistakes import Planted
+from benchmarks.faultless_hands import Planted
 from schemas.catalogue import POSES
 from schemas.poses import Poses
 from schemas.tables import Provenance, write_table

@@ -23,8 +23,10 @@ EVIDENCE: dict[str, dict[str, Any]] = {
 
 EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("quaternion-order", "order"): [{"read": "w, x, y, z", "true": "x, y, z, w", "order": "xyzw"}],
-    ("quaternion-order", "inverse-too"): [{}],
-    ("quaternion-inverse", ""): [{}],
+    ("quaternion-order", "inverse-too"): [
+        {"true": "x, y, z, w", "order": "xyzw", "rotates": "transmitter-to-receiver"}
+    ],
+    ("quaternion-inverse", ""): [{"rotates": "receiver-to-transmitter"}],
     ("euler-order", "axes"): [{"read": "ZYX", "true": "XYZ"}],
     ("euler-order", "fixed"): [{"read": "ZYX", "true": "XYZ"}],
     ("units", "positions-small"): [{"factor": 10.0, **READ_AS}],

@@ -3,7 +3,7 @@
 import pytest
 from checked_hands import hand_of
 
-from benchmarks.mistakes import Planted
+from benchmarks.faultless_hands import Planted
 
 
 @pytest.fixture(scope="session")

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from checked_hands import hand_of
 
-from benchmarks.mistakes import MISTAKES, Planted, faultless
+from benchmarks.faultless_hands import Planted, changed, faultless, other_hand
+from benchmarks.mistakes import MISTAKES
 from checks.checked_recording import check_recording, poses_digest
+from checks.declared import Declared
 from schemas.config_files import config_path, read_config
 from schemas.findings import KINDS, NOTE, REFUSED, SUSPECT
 from schemas.layout import layout_from_config, read_layout
@@ -29,12 +31,41 @@ def test_a_planted_mistake_is_named_alone(planted: Planted, name: str) -> None:
     assert "; " in findings[0].message
 
 
+@pytest.mark.parametrize("hand", ["left", pytest.param("right", marks=pytest.mark.slow)])
+def test_odd_hands_are_no_mistakes(hand: str) -> None:
+    """Of either drawing, however the receiver over the thumb's metacarpal faces."""
+    for drawing, name, own in faultless(8, hand, np.random.default_rng(8)):
+        assert own.findings() == [], (drawing, name)
+
+
 @pytest.mark.parametrize(
-    ("hand", "task"), [("left", "rom"), pytest.param("right", "opposition", marks=pytest.mark.slow)]
+    "name", ["inverse rotations", "x, y, z, w read as w, x, y, z", "a receiver by 180 deg"]
 )
-def test_odd_hands_are_no_mistakes(hand: str, task: str) -> None:
-    for name, own in faultless(8, hand, task, np.random.default_rng(8)):
-        assert own.findings() == [], name
+def test_a_mistake_in_a_hand_drawn_otherwise_is_named(name: str) -> None:
+    kind, mistake = MISTAKES[name]
+    findings = mistake(other_hand(3, "left", "rom"), np.random.default_rng(3)).findings()
+    assert [finding.kind for finding in findings] == [kind]
+
+
+def test_a_cure_is_never_what_stands_there_already(planted: Planted) -> None:
+    """The other sense, the other order and another unit than the mapping's own."""
+    declared = Declared("csv", position_unit="cm", order="xyzw", rotates="transmitter-to-receiver")
+    plant = {
+        "write `rotates: receiver-to-transmitter`": MISTAKES["inverse rotations"][1],
+        "write `order: wxyz`": MISTAKES["w, x, y, z read as x, y, z, w"][1],
+        "write `position_unit: m`": lambda own, _: changed(own, position_mm=own.poses.position_mm / 100),
+    }
+    for cure, mistake in plant.items():
+        wrong = replace(mistake(planted, np.random.default_rng(1)), declared=declared)
+        (finding,) = wrong.findings()
+        assert cure in finding.message
+
+
+def test_matrices_and_markers_have_no_order_of_quaternions(planted: Planted) -> None:
+    wrong = MISTAKES["x, y, z, w read as w, x, y, z"][1](planted, np.random.default_rng(1))
+    for declared in (Declared("matrices", kind="matrix"), Declared("c3d", kind="matrix")):
+        kinds = {finding.kind for finding in replace(wrong, declared=declared).findings()}
+        assert "quaternion-order" not in kinds
 
 
 def exchanged(planted: Planted, one: str, other: str) -> Planted:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checked_hands import hand_of
 
-from benchmarks.mistakes import Planted
+from benchmarks.faultless_hands import Planted
 from checks.checked_recording import CheckedRecording, check_recording
 from checks.compared_recordings import compared
 from schemas.findings import NOTE, SUSPECT

@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from thumb_receiver import OWN, facing_the_nail, nail_turn
 
 from anatomy.average_hand import DIGITS, DigitAnatomy
 from anatomy.known_digits import rest_rotations
+from benchmarks.thumb_receiver import OWN, facing_the_nail, nail_turn
 from schemas.layout import read_layout
 from schemas.poses import RecordingName
 from skeleton.joint_angles import angles_of_hand

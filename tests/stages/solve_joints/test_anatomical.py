@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from chains import as_poses, chain_layout, random_chain
 from scipy.spatial.transform import Rotation
-from thumb_receiver import facing_the_nail
 
 from benchmarks.accuracy import estimators
 from benchmarks.accuracy.scenarios import STIFF, Scenario
 from benchmarks.accuracy.score import score
 from benchmarks.accuracy.trials import record
+from benchmarks.thumb_receiver import facing_the_nail
 from schemas.layout import Layout, read_layout
 from schemas.model import read_model
 from schemas.poses import Poses

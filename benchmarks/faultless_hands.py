@@ -1,0 +1,189 @@
+"""Hands without a fault, recorded: of the project's own drawing, and of one that shares nothing with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+from benchmarks import other_hands
+from benchmarks.other_hands.person import Facing
+from benchmarks.thumb_receiver import facing_the_nail
+from checks.checked_recording import check_recording
+from checks.declared import TIDY, Declared
+from schemas.findings import NOTE, Finding
+from schemas.layout import read_layout
+from schemas.poses import Poses
+from skeleton.rotations import Array, about_axis, multiply
+from stages.simulate import random_hand, task_motion
+from stages.simulate.random_hand import JOINTS, Hand
+from stages.simulate.realism import Realism
+from stages.simulate.simulation import LAYOUT, simulate
+
+FRAMES = {"rom": 1800, "opposition": 1200}
+FINGERS = ("index", "middle", "ring", "little")
+
+
+@dataclass(frozen=True)
+class Planted:
+    """Poses after a mistake, the hand as declared, what the mapping says of the numbers.
+
+    truth : by joint its centre (2, 3) in the parent's and the child's receiver, mm.
+    """
+
+    poses: Poses
+    hand: str
+    declared: Declared = TIDY
+    truth: Mapping[str, Array] = field(default_factory=dict)
+
+    def findings(self) -> list[Finding]:
+        """Give what is found, notes left out but those of receivers that hang."""
+        found = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.declared).findings
+        return [one for one in found if one.severity != NOTE or one.kind == "receiver-stuck"]
+
+
+def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, str, Planted]]:
+    """Give the drawing, what is odd, and the recording of hands that are odd and right."""
+    for task in FRAMES:
+        for name, own in _own_odd(seed, hand, task, rng):
+            yield "own", f"{name}, {task}", own
+    for name, other in _other_odd(seed, hand, rng):
+        yield "other", name, other
+
+
+def own_hand(seed: int, hand: str, task: str) -> Planted:
+    """Record a usual hand of the project's own drawing; task : rom or opposition."""
+    return _own(seed, hand, task)
+
+
+def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
+    """Record a usual hand of the other drawing; task : rom, opposition, grip, typing or piano.
+
+    The receiver over the thumb's metacarpal faces any way. recorded : options of `other_hands.record`.
+    """
+    facing = FACINGS[seed % len(FACINGS)]
+    return _other(other_hands.draw_person(seed, thumb_facing=facing), seed, hand, task, **recorded)
+
+
+FACINGS: tuple[Facing, ...] = ("nail", "between", "hand")
+
+
+def _other(person: other_hands.Person, seed: int, hand: str, task: str, **recorded: Any) -> Planted:
+    movement = "calibration" if task == "rom" else task
+    own = other_hands.record(person, hand, movement, seed=seed, **{"duration_s": 7.5, **recorded})
+    layout = read_layout(LAYOUT)
+    truth = {
+        joint.name: np.array([other_hands.true_centres(own, joint.name, end) for end in ends])
+        for joint in layout.solvable
+        if {*(ends := (joint.parent_receiver, joint.child))} <= {*own.poses.segments}
+    }
+    return Planted(own.poses, hand, truth=truth)
+
+
+def _other_odd(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, Planted]]:
+    people: dict[str, dict[str, Any]] = {
+        "thumb's receiver on the nail's side": {"thumb_facing": "nail"},
+        "thumb's receiver on the hand's side": {"thumb_facing": "hand"},
+        "thumb's receiver between": {"thumb_facing": "between"},
+        "thick skin": {"skin": "thick"},
+        "thin skin": {"skin": "thin"},
+        "a child": {"scale": 0.68},
+        "a large hand": {"scale": 1.2},
+    }
+    for name, options in people.items():
+        person = other_hands.draw_person(seed, **{"thumb_facing": FACINGS[seed % 3], **options})
+        yield f"{name}, rom", _other(person, seed, hand, "rom")
+        yield f"{name}, a task", _other(person, seed, hand, str(rng.choice(TASKS)))
+    yield "dropouts", other_hand(seed, hand, "rom", dropouts=True)
+    yield "with a receiver on the forearm", other_hand(seed, hand, "rom", forearm=True)
+    yield "stiff finger joints", other_hand(seed, hand, "rom", stiff=STIFF)
+    yield "60 Hz", other_hand(seed, hand, "rom", rate_hz=60.0)
+
+
+TASKS = ("grip", "typing", "piano", "opposition")
+STIFF = tuple(f"{finger}_{joint}" for finger in FINGERS for joint in ("pip", "dip"))
+
+
+def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Iterator[tuple[str, Planted]]:
+    plain = _own(seed, hand, task)
+    yield "usual hand", plain
+    yield "thumb's receiver on the nail's side", _own(seed, hand, task, at_nail=True)
+    yield "very small hand (0.68 times)", _scaled(plain, 0.68)
+    yield "very large hand (1.22 times)", _scaled(plain, 1.22)
+    yield "loose receivers (skin 3 times)", _own(seed, hand, task, artefact=3.0)
+    yield "dropouts, one receiver dead", _with_dropouts(plain, rng)
+    yield "with a receiver on the forearm", _own(seed, hand, task, forearm=True)
+    yield "stiff finger joints (a tenth)", _stiff(seed, hand, task, ("pip", "dip"))
+    yield "stiff thumb and index (a tenth)", _stiff(seed, hand, task, ("thumb", "index"))
+    yield "deformed (ulnar drift, a short bone)", _deformed(seed, hand, task, rng)
+
+
+def _own(
+    seed: int, hand: str, task: str, *, artefact: float = 1.0, forearm: bool = False, at_nail: bool = False
+) -> Planted:
+    made = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], forearm=forearm)
+    made = facing_the_nail(made) if at_nail else made
+    valid = np.ones(made.position_mm.shape[:2], bool)
+    poses = Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
+    truth = {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in made.truth.joints.items()}
+    return Planted(poses, hand, truth=truth)
+
+
+def _scaled(planted: Planted, factor: float) -> Planted:
+    truth = {name: factor * centre_mm for name, centre_mm in planted.truth.items()}
+    return replace(changed(planted, position_mm=planted.poses.position_mm * factor), truth=truth)
+
+
+def changed(planted: Planted, **arrays: Any) -> Planted:
+    """Give the recording with other arrays of its poses."""
+    return replace(planted, poses=replace(planted.poses, **arrays))
+
+
+def _with_dropouts(planted: Planted, rng: np.random.Generator) -> Planted:
+    valid = planted.poses.valid.copy()
+    for place in range(valid.shape[1]):
+        for start in rng.integers(0, len(valid), 4):
+            valid[start : start + rng.integers(5, 200), place] = False
+    valid[:, rng.integers(1, valid.shape[1])] = False
+    gone = ~valid[..., None]
+    poses = planted.poses
+    return changed(
+        planted,
+        valid=valid,
+        position_mm=np.where(gone, np.nan, poses.position_mm),
+        quaternion=np.where(gone, np.nan, poses.quaternion),
+    )
+
+
+def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
+    """Those joints move a tenth of what they would."""
+
+    def move(*args: Any) -> Any:
+        motion = task_motion.move(*args)
+        angles = motion.angles_rad.copy()
+        for place in (i for i, name in enumerate(JOINTS) if any(part in name for part in joints)):
+            angles[:, place] = angles[0, place] + 0.1 * (angles[:, place] - angles[0, place])
+        return replace(motion, angles_rad=angles)
+
+    with mock.patch("stages.simulate.simulation.move", move):
+        return _own(seed, hand, task)
+
+
+def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Planted:
+    """Fingers that drift to the ulna by 20 deg, and a phalanx a quarter shorter."""
+    short = int(rng.integers(7, 21))
+
+    def hand_of(*args: Any) -> Hand:
+        own = random_hand.hand_of(*args)
+        length, rest = own.length_mm.copy(), own.rest.copy()
+        length[short] *= 0.75
+        drift = about_axis(np.array([0.0, 0.0, -1.0 if own.side == "right" else 1.0]), np.radians(20.0))
+        for place in (JOINTS.index(f"{finger}_mcp") for finger in FINGERS):
+            rest[place] = multiply(rest[place], drift)
+        return replace(own, length_mm=length, rest=rest)
+
+    with mock.patch("stages.simulate.simulation.hand_of", hand_of):
+        return _own(seed, hand, task)
