@@ -32,6 +32,13 @@ def draw_field(rng: np.random.Generator) -> Field:
     return Field(directions * per_mm, rng.uniform(0, 2 * np.pi, 6), slopes / per_mm / np.sqrt(3))
 
 
+def table_stands(seed: int) -> Rotation:
+    """Give how the table stands to the transmitter: turned anyhow, which may be screwed on upside down."""
+    rng = np.random.default_rng([seed, 35])
+    turns_deg = [rng.uniform(-180, 180), rng.choice([0.0, 180.0])]
+    return Rotation.from_euler("zx", turns_deg, degrees=True)
+
+
 def beside_steel(place_mm: Array, metal_mm: float, rng: np.random.Generator) -> Array:
     """Give (T, S, 6) what a steel plate adds: the same for all receivers at one place in the room.
 

@@ -7,11 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.other_hands.carriage import Motion, carry, placed
-from benchmarks.other_hands.movement import move_arm, move_joints
-from benchmarks.other_hands.person import DIGITS, Array, Person, Worn
-from benchmarks.other_hands.room import beside_steel, draw_field, lost_frames, measure, quaternions
-from benchmarks.other_hands.skin import carry_receiver, draw_straps, settle
+from benchmarks.other_hands.carriage import carry, placed
+from benchmarks.other_hands.gestures import move_arm, move_joints, wander
+from benchmarks.other_hands.person import DIGITS, Array, Person
+from benchmarks.other_hands.room import (
+    beside_steel,
+    draw_field,
+    lost_frames,
+    measure,
+    quaternions,
+    table_stands,
+)
+from benchmarks.other_hands.taped_skin import carry_receiver, settle
 from schemas.poses import Poses
 
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -59,7 +66,7 @@ def record(
     loose: Loose | None = None,
     dropouts: bool = False,
 ) -> Recording:
-    """Record a person's hand at a task (`movement.TASKS`), with the receivers as `person.worn` has them.
+    """Record a person's hand at a task (`gestures.TASKS`), with the receivers as `person.worn` has them.
 
     Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
     stiff : joints of the layout that hardly move; metal_mm : what a steel plate adds where it is nearest.
@@ -67,12 +74,14 @@ def record(
     moves, skins, tracker = (np.random.default_rng([seed, part]) for part in range(3))
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     angles_deg = move_joints(person, task, moves, time_s, stiff)
-    palm_mm, turned, on_table = move_arm(task, moves, time_s)
+    palm_mm, turned, on_table = move_arm(task, table_stands(person.seed), moves, time_s)
     bones, centres = carry(person, angles_deg)
     worn = [one for one in person.worn[side] if forearm or one.bone != "forearm"]
-    extras = {one.bone: np.zeros((len(time_s), 6)) for one in worn}
+    extras = {one.bone: _wander_on_skin(one.bone, time_s, skins) for one in worn}
     _give_way(extras, time_s, slide, loose, np.random.default_rng([seed, 3]))
-    place, turning = _receivers(person, worn, angles_deg, bones, on_table, time_s, skins, extras)
+    followed = settle(angles_deg, person, time_s, skins)
+    rides = [carry_receiver(person, one, bones, followed, on_table, extras[one.bone]) for one in worn]
+    place, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
     middle = placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))
 
     def in_room(points: Array) -> Array:
@@ -117,29 +126,10 @@ def true_centres(recording: Recording, joint: str, segment: str) -> Array:
     return np.asarray(turning.inv().apply(from_it).mean(axis=0))
 
 
-def _receivers(
-    person: Person,
-    worn: list[Worn],
-    angles_deg: dict[str, Array],
-    bones: dict[str, Motion],
-    on_table: Array,
-    time_s: Array,
-    rng: np.random.Generator,
-    extras: dict[str, Array],
-) -> tuple[Array, Array]:
-    """Give all receivers' places (T, S, 3) and turnings (T, S, 3, 3)."""
-    skin = draw_straps(person, np.random.default_rng([person.seed, 32]))
-    names = [angle for joint in person.joints for angle in joint.angles]
-    every = np.deg2rad(np.hstack([angles_deg[joint.name] for joint in person.joints]))
-    followed = dict(zip(names, settle(every, time_s, rng).T, strict=True))
-    inner = {joint.child: joint for joint in person.joints}
-    carried = [
-        carry_receiver(
-            one, skin[one.bone], bones, inner.get(one.bone), followed, on_table, time_s, rng, extras[one.bone]
-        )
-        for one in worn
-    ]
-    return np.stack([place for place, _ in carried], axis=1), np.stack([turn for _, turn in carried], axis=1)
+def _wander_on_skin(bone: str, time_s: Array, rng: np.random.Generator) -> Array:
+    """Give (T, 6) mm and radians by which skin stirs without a cause: a nail less."""
+    slow = wander(rng, time_s, 6, (0.4, 3.0)) * ([0.12] * 3 + [0.0025] * 3)
+    return np.asarray(slow * (0.4 if bone.endswith("distal") else 1.0))
 
 
 def _give_way(
