@@ -82,38 +82,27 @@ def record(
     followed = settle(angles_deg, person, time_s, skins)
     rides = [carry_receiver(person, one, bones, followed, on_table, extras[one.bone]) for one in worn]
     place, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
-    middle = placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))
-
-    def in_room(points: Array) -> Array:
-        local = points - (middle[:, None] if points.ndim == 3 else middle)
-        carried = np.einsum("tij,t...j->t...i", turned.as_matrix(), local)
-        carried += palm_mm[:, None] if points.ndim == 3 else palm_mm
-        return np.asarray(carried * (MIRROR if side == "left" else 1.0))
-
-    place = in_room(place)
+    tips = {digit: placed(bones[f"{digit}_distal"], person.bones[f"{digit}_distal"].end) for digit in DIGITS}
+    marks = {name: centre for name, centre in centres.items() if forearm or name != "wrist"} | tips
+    points = np.concatenate([place, np.stack(list(marks.values()), axis=1)], axis=1)
+    points -= placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))[:, None]  # the palm, which the arm holds
+    points = np.einsum("tij,tkj->tki", turned.as_matrix(), points) + palm_mm[:, None]
     turning = turned.as_matrix()[:, None] @ turning
     if side == "left":  # cable and skin as on the right hand: so y is the axis that changes its side
-        turning = MIRROR[:, None] * turning * MIRROR
+        points, turning = points * MIRROR, MIRROR[:, None] * turning * MIRROR
     names = tuple(one.bone for one in worn)
-    poses, true_pose = _track(person, names, time_s, place, turning, metal_mm, tracker)
-    if dropouts:
-        poses = _without(poses, rate_hz, tracker)
-    kept = {name: in_room(centre) for name, centre in centres.items() if forearm or name != "wrist"}
-    tips = {digit: f"{digit}_distal" for digit in DIGITS}
+    poses, true_pose = _track(person, names, time_s, points[:, : len(names)], turning, metal_mm, tracker)
+    true_mm = {name: points[:, len(names) + column] for column, name in enumerate(marks)}
     return Recording(
-        person,
-        side,
-        task,
-        poses,
-        true_pose,
-        kept,
-        {digit: in_room(placed(bones[bone], person.bones[bone].end)) for digit, bone in tips.items()},
-        angles_deg,
-        {
-            name: float(np.linalg.norm(bone.end - bone.base))
-            for name, bone in person.bones.items()
-            if "_" in name
-        },
+        person=person,
+        side=side,
+        task=task,
+        poses=_without(poses, rate_hz, tracker) if dropouts else poses,
+        true_pose=true_pose,
+        true_centre_mm={name: at for name, at in true_mm.items() if name not in DIGITS},
+        true_tip_mm={name: at for name, at in true_mm.items() if name in DIGITS},
+        true_angles_deg=angles_deg,
+        true_lengths_mm={name: bone.length_mm for name, bone in person.bones.items() if "_" in name},
     )
 
 

@@ -88,10 +88,18 @@ class Bone:
         """Unit vector to its far end."""
         return unit(self.end - self.base)
 
+    @property
+    def length_mm(self) -> float:
+        """From its base to its far end."""
+        return float(np.linalg.norm(self.end - self.base))
+
 
 @dataclass(frozen=True)
 class Worn:
-    """A receiver where it was taped: place, turning (columns are its axes) and the skin's own axes there."""
+    """A receiver where it was taped: place, turning (columns are its axes) and the skin's own axes there.
+
+    All as on a right hand: a left hand is drawn in the mirror.
+    """
 
     bone: str
     place: Array
@@ -284,14 +292,13 @@ def _tape(rng: np.random.Generator, segment: str, bone: Bone, up: Array, size: f
     along = bone.along
     side = unit(np.cross(up, along))
     up = np.cross(along, side)
-    long_mm = float(np.linalg.norm(bone.end - bone.base))
     nail = segment.endswith("distal")
-    off_mm = np.clip(rng.normal(0, 1.2 if nail else 2.5), -0.2 * long_mm, 0.2 * long_mm)
+    off_mm = np.clip(rng.normal(0, 1.2 if nail else 2.5), -0.2 * bone.length_mm, 0.2 * bone.length_mm)
     round_deg = rng.uniform(-18, 18)
     if nail or segment in ("hand", "forearm", "thumb_metacarpal"):
         round_deg *= 0.2 if segment == "thumb_metacarpal" else 0.45
     sine, cosine = np.sin(np.deg2rad(round_deg)), np.cos(np.deg2rad(round_deg))
-    foot = bone.base + (share * long_mm + off_mm) * along
+    foot = bone.base + (share * bone.length_mm + off_mm) * along
     skin = foot + half_width * sine * side + height * cosine * up
     flat = unit(sine / half_width * side + cosine / height * up)
     z = unit(turned(flat, side, fall_deg))
