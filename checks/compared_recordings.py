@@ -36,11 +36,16 @@ class Measured:
 def compared(
     recordings: Sequence[tuple[str, str, CheckedRecording]],
 ) -> list[CheckedRecording]:
-    """Add to a subject's recordings what a comparison says: name, hand and findings each, as in the sheet."""
+    """Add to a subject's recordings what a comparison says: name, hand and findings each, as in the sheet.
+
+    Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.
+    """
     first_of: dict[str, str] = {}
+    for name, _, own in sorted(recordings, key=lambda one: any(f.severity != NOTE for f in one[2].findings)):
+        first_of.setdefault(own.digest, name)
     found = []
     for name, _, own in recordings:
-        first = first_of.setdefault(own.digest, name) if own.digest else name
+        first = first_of[own.digest] if own.digest else name
         more = (same_file(first),) if first != name else ()
         found.append(replace(own, findings=(*more, *own.findings)))
     for place, finding in _other_people(recordings).items():
