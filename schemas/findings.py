@@ -215,7 +215,8 @@ def mistakes_page() -> str:
         "",
         "A finding is `refused` (the recording is not used), `suspect` (solved and shown, in no headline and",
         "no statistic) or a `note`; a reason in the column `accept` of the recordings sheet makes suspect",
-        "findings notes. All are in `problems.parquet`. For layouts that are no hand, digits, the other",
+        "findings notes. A hand with a refused or suspect recording tells the person's other hand nothing.",
+        "All are in `problems.parquet`. For layouts that are no hand, digits, the other",
         "hand, turned receivers and small errors of the unit are not named.",
         "",
     ]

@@ -178,6 +178,11 @@ class SubjectPlan:
             },
         )
 
+    def doubted(self, hand: str) -> str:
+        """Title of the hand's first recording that a finding refuses or suspects; empty where none does."""
+        doubts = [*self.refused, *self.suspect]
+        return next((own.title for own in doubts if own.hand.hand == hand), "")
+
     def check_calibration_left(self, hand: str) -> None:
         """Raise InputError, with the finding, where a hand has only refused recordings to calibrate on."""
         sentences = [text for own, text in self.refused.items() if own.hand.hand == hand]

@@ -88,16 +88,19 @@ def _fit_part(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path], tables: Mapping[str, PartsWriter]
 ) -> None:
     from schemas.poses import usable_poses
-    from stages.fit_hand.calibration import calibrated_hand, read_thinned
+    from stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
     from stages.fit_hand.hand_tables import bone_rows, cost_rows, gain_rows, joint_rows, receiver_rows
     from stages.fit_hand.posed_tables import posed_blocks
     from stages.fit_hand.receiver_costs import FRAMES
 
     plan.check_calibration_left(part.hand)
-    tips, loose = calibrated_hand(plan, part, other_poses)
+    partner, alone = partner_poses(plan, part)
+    if alone:
+        print(f"note: {alone}", file=sys.stderr)
+    tips, loose = calibrated_hand(plan, part, other_poses or partner)
     tables["fitted_joints"].rows(part, joint_rows(tips.fit))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit))
-    tables["receivers"].rows(part, receiver_rows(tips, loose))
+    tables["receivers"].rows(part, receiver_rows(tips, loose), **({"note": alone} if alone else {}))
     tables["gains"].rows(part, gain_rows(tips))
     for name in ("joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])

@@ -49,17 +49,16 @@ def calibrated_hand(
 ) -> tuple[Fingertips, Sequence[tuple[RecordingName, LooseReceiver]]]:
     """Fit a part's hand, and the person's other one where they share lengths of bones.
 
-    other_poses : calibration of the other hand, of a plan that has one hand alone. Gives the hand with its
-    fingertips and the receivers that came loose. Raises InputError as `fit_calibration`; of the other hand it
-    is only a note on stderr.
+    other_poses : calibration of the other hand (see `partner_poses`). Gives the hand with its fingertips and
+    the receivers that came loose. Raises InputError as `fit_calibration`; of the other hand it is only a note
+    on stderr.
     """
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
     own = fit_calibration(plan, part, part.hand, poses)
-    others = other_poses or _other_poses(plan, part)
-    if others and _fitting(plan, part).share_lengths:
+    if other_poses and _fitting(plan, part).share_lengths:
         other_hand = "left" if part.hand == "right" else "right"
         try:
-            other = fit_calibration(plan, part, other_hand, others)
+            other = fit_calibration(plan, part, other_hand, other_poses)
             own = replace(own, fit=share_lengths(own.fit, other.fit)[0])
         except TableError:
             raise
@@ -68,14 +67,24 @@ def calibrated_hand(
     return _with_fingertips(plan, part, own), own.loose
 
 
-def _other_poses(plan: SubjectPlan, part: Part) -> list[Path]:
-    """Poses that calibrate the person's other hand under the part's model, where its layout is the same."""
-    return [
-        plan.poses(recording)
-        for hand in plan.hands
-        if hand != part.hand and plan.layouts[hand] == plan.layouts[part.hand]
-        for recording in plan.calibrating(hand, part.model, part.made_without)
-    ]
+def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
+    """Give poses that calibrate the person's other hand under the part's model, or say why none may be used.
+
+    Suspicion stays where it is: while a finding stands against a recording of either hand, or one of the
+    other cannot be read, they tell each other nothing, and each is as if the person had no other.
+    """
+    layout = plan.layouts[part.hand]
+    partner = next((hand for hand in plan.hands if hand != part.hand and plan.layouts[hand] == layout), "")
+    if not partner or not _fitting(plan, part).share_lengths:
+        return [], ""
+    alone = f"fitted without the {partner} hand's bone lengths"
+    for hand in (partner, part.hand):
+        if doubted := plan.doubted(hand):
+            return [], f"{alone}: there is a finding on the {hand} hand's {doubted}"
+    recorded = [plan.poses(own) for own in plan.recordings if own.hand.hand == partner and not own.exclude]
+    if reasons := usable_poses(recorded)[1]:
+        return [], f"{alone}: {reasons[0]}"
+    return [plan.poses(own) for own in plan.calibrating(partner, part.model, part.made_without)], ""
 
 
 def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:

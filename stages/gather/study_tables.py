@@ -105,7 +105,7 @@ def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> 
     problems: list[Row] = []
     for plan, file in files:
         tables.append(_whole_skeletons(file, table))
-        problems += _failed_parts(plan, file, table, stage)
+        problems += _part_problems(plan, file, table, stage)
     rows = pa.concat_tables([own.replace_schema_metadata() for own in tables])
     provenance = Provenance.of([file for _, file in files], results.folder)
     columns = {column.name: rows.column(column.name) for column in table.columns}
@@ -121,12 +121,14 @@ def _whole_skeletons(file: Path, table: Table) -> pa.Table:
     return rows.filter(pc.equal(rows.column("made_without"), ""))
 
 
-def _failed_parts(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
+def _part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
+    """Parts that failed, and what a stage notes of others."""
     for part, parameters in part_metadata(file, table).items():
-        if "failure" in parameters and not part.made_without:
-            where = {**vars(plan.hand(part.hand)), "model": part.model}
-            kind = "skeleton" if part.model else "hand"
-            yield problem_row(stage, worded(kind, REFUSED, parameters["failure"]), **where)
+        where = {**vars(plan.hand(part.hand)), "model": part.model}
+        kind = "skeleton" if part.model else "hand"
+        for name, severity in (("failure", REFUSED), ("note", NOTE)):
+            if name in parameters and not part.made_without:
+                yield problem_row(stage, worded(kind, severity, parameters[name]), **where)
 
 
 def _receiver_problems(receivers: pa.Table) -> list[Row]:

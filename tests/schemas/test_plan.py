@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from small_study import write_plans, write_study
 
-from schemas.catalogue import POSES
+from schemas.catalogue import FINDINGS, POSES
 from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.model import read_model
@@ -246,6 +246,17 @@ def test_sheets_and_sizes_of_a_hand_alone(tmp_path: Path) -> None:
     assert (read.hand_length_mm, read.hand_breadth_mm) == (180.0, None)
     assert read.sheets == {"corrections": sheet}
     assert (read.hands, read.parts("rigid")) == ((LEFT,), [Part(LEFT, "rigid", "", "1")])
+
+
+def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(tmp_path: Path) -> None:
+    rows = ("01 right rom both a.csv", "01 left rom both b.csv", "01 left grip evaluation c.csv")
+    plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
+    for severity, doubted in (("note", ""), ("suspect", "grip"), ("refused", "grip")):
+        row = {"subject": "01", "session": "", "hand": "left", "task": "grip", "trial": ""}
+        row |= {"kind": "units", "severity": severity, "message": "In inch."}
+        write_table(plan.table("findings"), FINDINGS, columns_from_rows(FINDINGS, [row]), Provenance())
+        found = plan.with_findings()
+        assert (found.doubted("left"), found.doubted("right")) == (doubted, "")
 
 
 def test_poses_of_two_hands_are_refused(tmp_path: Path) -> None:

@@ -305,7 +305,10 @@ def test_a_whole_hand_without_calibration_fails_and_the_other_hand_does_not(whol
     assert len(errors) == 10
     assert all(row["mean_mm"] is None and row["message"] for row in errors)
     stages = {row["stage"] for row in whole.rows("problems") if row["kind"] != "correction"}
-    assert stages - {STAGE} == {"capture"}, "each named once, where it went wrong"
+    assert stages - {STAGE} == {"capture", "fit_hand"}, "each named once, where it went wrong"
+    (alone,) = whole.rows_where("problems", stage="fit_hand")
+    assert (alone["subject"], alone["hand"], alone["severity"]) == (HOSTILE, "right", "note")
+    assert alone["message"].startswith("fitted without the left hand's bone lengths: gone & <b>.csv")
 
 
 def test_no_temporary_file_is_left(study: StudyRun) -> None:

@@ -237,6 +237,18 @@ def test_failed_parts_are_named_once_and_the_others_are_there(
     ]
 
 
+def test_what_a_stage_notes_of_a_part_is_a_note(plans: list[SubjectPlan], tmp_path: Path) -> None:
+    whole, without = (plans[0].part("right", "whole-hand", task) for task in ("", "pinch"))
+    path = plans[0].fit_table("right", "whole-hand", "receivers")
+    with parts_writer(path, RECEIVERS, Provenance()) as writer:
+        for part in (whole, without):
+            writer.rows(part, [], note="fitted alone" if part == whole else "without a task")
+    notes = [row for row in gathered(tmp_path)["problems"] if row["stage"] == "fit_hand"]
+    assert [(*whose(row), row["kind"], row["severity"], row["message"]) for row in notes] == [
+        ("01", "right", "whole-hand", "skeleton", "note", "fitted alone")
+    ]
+
+
 def test_what_a_fit_says_of_a_receiver_is_a_note(plans: list[SubjectPlan], tmp_path: Path) -> None:
     rows = [
         row_of(RECEIVERS, segment="index_distal", status="ok", message="came loose"),
