@@ -16,6 +16,7 @@ from checks.sampled_motion import motion_of, receiver_axes
 from checks.timeline import (
     Timeline,
     alike,
+    away,
     jumping_share,
     repeated_share,
     sides,
@@ -60,7 +61,7 @@ def check_recording(
     """Test what was declared about a recording against its poses.
 
     orientation : that of the mapping that it was read with, its kind, axes and unit; None where it has none.
-    left_out : by flag, `hemisphere-flip` or `spike`, and segment: how many poses the import left out for it.
+    left_out : by flag and segment, of those in LEFT_OUT: how many poses the import left out, or put back.
     """
     declared = orientation or {}
     euler = declared.get("axes", "") if declared.get("kind") == "euler" else ""
@@ -76,6 +77,8 @@ def check_recording(
     if angles := _angles(line, declared):
         return CheckedRecording(tuple(angles), poses_digest(poses), None, None)
     findings, search = _explained(line, body, layout, segments, hand, euler)
+    if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
+        findings = [finding for finding in findings if finding.kind != "hemisphere"]
     late = [
         *_left_out(left_out or {}),
         *_frozen(poses),
@@ -106,7 +109,7 @@ def _explained(
     jumping = jumping_share(line) > 0.5
     sign = np.ones(line.valid.shape) if jumping else sides(line)
     if (sign < 0).any():
-        line = replace(line, position_mm=line.position_mm * sign[..., None])
+        line = replace(line, position_mm=line.position_mm * sign[..., None], valid=line.valid & (sign != 0))
     odd = spikes(line)
     usable = line.valid & ~odd & ~stuck(line) & ~zeros(line)
     axes = receiver_axes(layout, segments)
@@ -143,11 +146,11 @@ def _at(line: Timeline, row: int) -> str:
 
 
 def _flips(line: Timeline, sign: Array, segments: Sequence[str]) -> list[Finding]:
-    changes = (np.diff(sign, axis=0) != 0).sum(0)
+    changes = away(sign)
     if not changes.any():
         return []
     most = int(np.argmax(changes))
-    first = int(np.argmax(np.diff(sign[:, most]) != 0)) + 1
+    first = int(np.argmax(sign[:, most] < 0))
     others = int((changes > 0).sum()) - 1
     also = (
         f", and so do {others} other receivers"
@@ -241,29 +244,49 @@ def _alike(line: Timeline, segments: Sequence[str]) -> list[Finding]:
     return [Finding("receivers-alike", SUSPECT, message)]
 
 
-_LEFT_OUT = {
+LEFT_OUT = {
     "hemisphere-flip": (
         "hemisphere",
-        "on the other side of the transmitter",
-        "the tracker took the wrong hemisphere; write `repair` in the column hemisphere of the recordings "
-        "sheet (or --repair-hemisphere) to put them back",
+        NOTE,
+        "on the other side of the transmitter and left out: the tracker took the wrong hemisphere; write "
+        "`repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere) to put them back",
+    ),
+    "hemisphere-transit": (
+        "hemisphere",
+        NOTE,
+        "between the two sides of the transmitter, where the tracker's filter smears a jump, and left out; "
+        "nothing has to be done",
+    ),
+    "hemisphere-repaired": (
+        "hemisphere",
+        NOTE,
+        "put back from the other side of the transmitter, as was asked for; nothing more has to be done",
+    ),
+    "hemisphere-undecided": (
+        "hemisphere",
+        SUSPECT,
+        "of a receiver that was on both sides of the transmitter, or on another than its neighbours, and "
+        "nothing tells which is right; kept as recorded: leave the rows on the wrong side empty, or give a "
+        "reason under `exclude` in the recordings sheet",
     ),
     "spike": (
         "spikes",
-        "where nothing can be",
-        "the tracker's field was probably disturbed; look for metal or a motor near the transmitter",
+        NOTE,
+        "where nothing can be and left out: the tracker's field was probably disturbed; look for metal or a "
+        "motor near the transmitter",
     ),
 }
-"""By flag: the kind, what is seen, what it is and what to do."""
+"""By flag: the kind, how grave it is, and what became of the poses, what it is and what to do."""
 
 
 def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
     found = []
     for flag, by_segment in left_out.items():
-        kind, seen, cure = _LEFT_OUT[flag]
-        count, most = sum(by_segment.values()), max(by_segment, key=lambda segment: by_segment[segment])
-        who = f"{count} poses, most of {most}, are" if count > 1 else f"One pose, of {most}, is"
-        found.append(Finding(kind, NOTE, f"{who} {seen} and left out: {cure}."))
+        kind, severity, what = LEFT_OUT[flag]
+        count, which = sum(by_segment.values()), by_segment
+        named = ", ".join(f"{which[name]} of {name}" for name in sorted(which, key=lambda one: -which[one]))
+        who = f"{count} poses ({named}) are" if len(which) > 1 else f"{named.replace(' of', ' poses of')} are"
+        found.append(Finding(kind, severity, f"{who} {what}."))
     return found
 
 
