@@ -90,11 +90,26 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "the receiver {segments} seems to be on the other side of the transmitter all along",
         ),
         "left-out": Sentence(
-            "{count} poses, most of {segment}, are on the other side of the transmitter and left out: the "
-            "tracker took the wrong hemisphere",
+            "{count} poses ({which}) are on the other side of the transmitter and left out: the tracker took "
+            "the wrong hemisphere",
             f"{_REPAIR} to put them back",
             "one pose, of {segment}, is on the other side of the transmitter and left out: the tracker took "
             "the wrong hemisphere",
+        ),
+        "between": Sentence(
+            "{count} poses ({which}) are between the two sides of the transmitter, where the tracker's filter "
+            "smears a jump, and left out",
+            "nothing has to be done",
+        ),
+        "put-back": Sentence(
+            "{count} poses ({which}) were put back from the other side of the transmitter, as was asked for",
+            "nothing more has to be done",
+        ),
+        "undecided": Sentence(
+            "{count} poses ({which}) are of a receiver that was on both sides of the transmitter, or on "
+            "another than its neighbours, and nothing tells which is right; they are kept as recorded",
+            f"{_EMPTY_ROWS} where they are on the wrong side, or give a reason under `exclude` in the "
+            "recordings sheet",
         ),
     },
     "receiver-stuck": {
@@ -123,8 +138,8 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "was disturbed or a row is damaged",
         ),
         "left-out": Sentence(
-            "{count} poses, most of {segment}, are where nothing can be and left out: the tracker's field "
-            "was probably disturbed",
+            "{count} poses ({which}) are where nothing can be and left out: the tracker's field was probably "
+            "disturbed",
             "look for metal or a motor near the transmitter",
             "one pose, of {segment}, is where nothing can be and left out: the tracker's field was probably "
             "disturbed",
@@ -247,6 +262,7 @@ _ACCEPTED = "{finding} Accepted: {given}"
 _TIME, _ROW = "at {time_s:.2f} s", "in row {row} of its rows"
 _ONE_OTHER, _OTHERS = ", and so does another receiver", ", and so do {n} other receivers"
 _FRAMES, _FRAMES_AND_TIME = "{frames} frames", "{frames} frames and {duration_s:.2g} s"
+_OF_SEGMENT = "{n} of {segment}"
 _ABOUT_AXIS, _ABOUT_DIAGONAL = "{deg} deg about its {axis} axis", "{deg} deg about a diagonal"
 _OWN_RECORDING, _RECORDING = "the {hand} hand's {task}", "subject {subject}, {hand} hand, {task}"
 _RECORDING_IN_SESSION = "subject {subject}, session {session}, {hand} hand, {task}"
@@ -261,7 +277,7 @@ def templates() -> Iterator[str]:
         yield from texts.values()
     yield from EVIDENCE.values()
     yield from (_WHOLE, _WITHOUT_EVIDENCE, _ACCEPTED, _TIME, _ROW, _ONE_OTHER, _OTHERS, _FRAMES)
-    yield from (_FRAMES_AND_TIME, _ABOUT_AXIS, _ABOUT_DIAGONAL, _OWN_RECORDING, _RECORDING)
+    yield from (_OF_SEGMENT, _FRAMES_AND_TIME, _ABOUT_AXIS, _ABOUT_DIAGONAL, _OWN_RECORDING, _RECORDING)
     yield _RECORDING_IN_SESSION
 
 
@@ -315,6 +331,10 @@ def _placeholders(values: Values, say: Say) -> dict[str, Any]:
         given["also"] = _also(values["others"], say)
     if "segments" in values:
         given["segments"] = ", ".join(say("{segment}", segment=name) for name in values["segments"])
+    if "counts" in values:
+        of = zip(values["counts"], values["of"], strict=True)
+        given["segment"] = values["of"][0]
+        given["which"] = ", ".join(say(_OF_SEGMENT, n=count, segment=name) for count, name in of)
     if "negated" in values:
         given["negated"] = _listed(values["negated"], say)
     if "frames" in values:

@@ -332,7 +332,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 
     import pyarrow.compute as pc
 
-    from checks.checked_recording import check_recording
+    from checks.checked_recording import LEFT_OUT, check_recording
     from checks.declared import Declared
     from schemas.catalogue import POSES
     from schemas.poses import read_poses, recording_name
@@ -342,7 +342,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     flags = read_table(path, POSES, ["segment", "flags"])
     flagged = {
         flag: Counter(flags.filter(pc.match_substring(flags["flags"], flag))["segment"].to_pylist())
-        for flag in ("hemisphere-flip", "spike")
+        for flag in LEFT_OUT
     }
     left_out = {flag: counts for flag, counts in flagged.items() if counts}
     poses, side = read_poses(path, layout.measured), hand or recording_name(path).hand

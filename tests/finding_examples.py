@@ -10,6 +10,8 @@ AT = {"first_s": 3.25}
 PAIR = {"segment": "index_middle", "segment_2": "index_distal"}
 TURNED = {"turn_deg": -90, "turn_axis": "y", "distal": [0, 1, 0], "lateral": [-1, 0, 0], "dorsal": [0, 0, 1]}
 OTHER = {"subject": "", "session": "", "hand": "right", "task": "rom"}
+COUNTED = {"count": 43, "of": ["hand", "index_distal"], "counts": [40, 3]}
+ONE = {"count": 1, "of": ["hand"], "counts": [1]}
 READ_AS = {"read": "mm", "true": "cm"}
 
 EVIDENCE: dict[str, dict[str, Any]] = {
@@ -43,12 +45,15 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
         {"segments": ["hand"], "count": 1},
         {"segments": ["hand", "index_distal"], "count": 2},
     ],
-    ("hemisphere", "left-out"): [{"segment": "hand", "count": 1}, {"segment": "hand", "count": 40}],
+    ("hemisphere", "left-out"): [ONE, COUNTED],
+    ("hemisphere", "between"): [COUNTED],
+    ("hemisphere", "put-back"): [COUNTED],
+    ("hemisphere", "undecided"): [COUNTED],
     ("receiver-stuck", "repeated"): [{"percent": 50.0}],
     ("receiver-stuck", "at-times"): [{"segment": "hand", "percent": 3.4, **AT}],
     ("receiver-stuck", "all-along"): [{"segment": "hand"}],
     ("spikes", "some"): [{"segment": "hand", "count": 1, **AT}, {"segment": "hand", "count": 9, **AT}],
-    ("spikes", "left-out"): [{"segment": "hand", "count": 1}, {"segment": "hand", "count": 9}],
+    ("spikes", "left-out"): [ONE, COUNTED],
     ("spikes", "all"): [{}],
     ("receivers-swapped", ""): [PAIR],
     ("digits-swapped", "two"): [{"digit": "thumb", "digit_2": "index"}],

@@ -66,6 +66,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from schemas.layout import read_layout
     from schemas.mapping import read_mapping
     from stages.capture.formats.readers import find_parts_reader
+    from stages.capture.hemispheres import expected_joints
     from stages.capture.poses_table import poses_table
 
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
@@ -82,7 +83,13 @@ def import_recording(arguments: argparse.Namespace) -> None:
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
-    table = poses_table(parts(), parents, folder, repair_hemisphere=arguments.repair_hemisphere)
+    table = poses_table(
+        parts(),
+        parents,
+        folder,
+        expected_mm=expected_joints(layout),
+        repair_hemisphere=arguments.repair_hemisphere,
+    )
     with closing(table) as poses:
         _write(arguments, layout, poses, remarks, mapping)
     if not arguments.record_failure:  # in a study, a stage of its own says so

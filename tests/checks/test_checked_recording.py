@@ -153,7 +153,7 @@ def test_severities(planted: Planted) -> None:
     left_out = {"hemisphere-flip": {"hand": 3}, "spike": {"ring_distal": 1}}
     flip, spike = check_recording(planted.poses, LAYOUT, "right", left_out=left_out).findings
     assert (flip.kind, flip.severity, spike.kind, spike.severity) == ("hemisphere", NOTE, "spikes", NOTE)
-    assert flip.message.startswith("3 poses, most of hand, are on the other side")
+    assert flip.message.startswith("3 poses (3 of hand) are on the other side")
     assert spike.message.startswith("One pose, of ring_distal, is where nothing can be")
 
 

@@ -40,7 +40,7 @@ def test_one_is_not_called_several() -> None:
         Finding("hemisphere", SUSPECT, "left-out", own) for own in EXAMPLES["hemisphere", "left-out"]
     )
     assert one.message.startswith("One pose, of hand, is on the other side")
-    assert many.message.startswith("40 poses, most of hand, are on the other side")
+    assert many.message.startswith("43 poses (40 of hand, 3 of index_distal) are on the other side")
 
 
 def test_what_is_to_be_written_is_what_files_have() -> None:

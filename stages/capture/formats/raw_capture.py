@@ -36,18 +36,13 @@ def read_capture(path: Path, layout: Layout, _mapping: FileMapping | None) -> It
     named = {number for s in layout.measured if (number := layout.segments[s].receiver) is not None}
     notes = (*_left_out(path, set(survey.records), named, layout), *losses)
     missing_frames = survey.missing_frames
-    vectors = survey.settings.hemisphere
-    index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
-    hemispheres = {index_of[station]: vectors[station] for station in vectors if station in index_of}
     any_known = False
     for part in flagged_records(archive, survey):
         known = np.isin(part.records.station, list(named)) & ~part.flagged(*UNUSABLE)
         if known.any():
             any_known = True
             samples = _samples(path, layout, part, np.flatnonzero(known))
-            yield replace(
-                samples, notes=notes, losses=losses, missing_frames=missing_frames, hemispheres=hemispheres
-            )
+            yield replace(samples, notes=notes, losses=losses, missing_frames=missing_frames)
             notes, losses, missing_frames = (), (), 0
     if not any_known:
         raise InputError(f"{path}: holds no pose that can be believed ({'; '.join(losses)}); record again")
