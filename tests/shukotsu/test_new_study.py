@@ -28,7 +28,8 @@ def test_a_new_study_reads_when_a_row_is_written(
     with Path("recordings.tsv").open("a") as file:
         file.write(ROW)
     assert check([]) == 0
-    first = capsys.readouterr().out.splitlines()[0]
+    first, last = capsys.readouterr().out.splitlines()
+    assert last == "P1 right rom: cannot be read: rom.csv: no such file; expected a recording"
     assert first == "study.yaml: study piano, 1 subjects, 1 recordings, 3 models"
 
 
