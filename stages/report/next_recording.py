@@ -25,7 +25,7 @@ _PLACES = {
 
 _HEADER = (
     mark("Joint"),
-    mark("Range of motion [deg]"),
+    mark("Receivers turned [deg]"),
     mark("SD now [mm]"),
     mark("SD if it moved so [mm]"),
     mark("What to do"),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from stages.solve_joints.calibration_advice import Advice
 
 ENDINGS = (".csv", ".parquet")
-_HEADINGS = ("joint", "range deg", "sd now mm", "sd with more motion mm", "advice")
+_HEADINGS = ("joint", "turned deg", "sd now mm", "sd with more motion mm", "advice")
 
 
 def build_parser() -> argparse.ArgumentParser:
