@@ -523,13 +523,14 @@ JOINT_ERRORS = Table(
 
 RECORDINGS = Table(
     "recordings",
-    2,
+    3,
     "recording of the study: what became of it",
     (
         *OF_RECORDING,
         Column("role", TEXT, "", "calibration, evaluation or both"),
         Column("file", TEXT, "", "the recording's file, as in the sheet"),
         Column("status", TEXT, "", "used, excluded (by the sheet), refused (by a finding) or failed"),
+        Column("tracker", TEXT, "", "what recorded it, where its file says so", nullable=True),
         Column("n_frames", WHOLE, "", "frames of the recording"),
         Column("n_receivers", WHOLE, "", "receivers of which a pose may be used"),
         _real("duration_s", "from the first device time to the last"),

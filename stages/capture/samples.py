@@ -31,6 +31,7 @@ class Samples:
     losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
     missing_frames : frames of which the recording should have something and has nothing.
     hemispheres : the half of space that a magnetic tracker was set to, a vector by index of the segment.
+    tracker : what recorded it, as the file says; empty where it does not.
     """
 
     segments: tuple[str, ...]
@@ -44,6 +45,7 @@ class Samples:
     losses: tuple[str, ...] = ()
     missing_frames: int = 0
     hemispheres: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    tracker: str = ""
 
 
 def joined(parts: Iterable[Samples]) -> Samples:
@@ -71,6 +73,7 @@ def joined(parts: Iterable[Samples]) -> Samples:
         tuple(loss for part in every for loss in part.losses),
         sum(part.missing_frames for part in every),
         {index: vector for part in every for index, vector in part.hemispheres.items()},
+        next((part.tracker for part in every if part.tracker), ""),
     )
 
 

@@ -17,6 +17,7 @@ from trackers.archive import open_archive
 from trackers.decode.findings import findings
 from trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
 from trackers.decode.survey import survey_archive
+from trackers.families import FAMILIES
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
@@ -39,6 +40,7 @@ def read_capture(path: Path, layout: Layout, _mapping: FileMapping | None) -> It
     vectors = survey.settings.hemisphere
     index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
     hemispheres = {index_of[station]: vectors[station] for station in vectors if station in index_of}
+    tracker = FAMILIES[survey.settings.family].title
     any_known = False
     for part in flagged_records(archive, survey):
         known = np.isin(part.records.station, list(named)) & ~part.flagged(*UNUSABLE)
@@ -46,7 +48,12 @@ def read_capture(path: Path, layout: Layout, _mapping: FileMapping | None) -> It
             any_known = True
             samples = _samples(path, layout, part, np.flatnonzero(known))
             yield replace(
-                samples, notes=notes, losses=losses, missing_frames=missing_frames, hemispheres=hemispheres
+                samples,
+                notes=notes,
+                losses=losses,
+                missing_frames=missing_frames,
+                hemispheres=hemispheres,
+                tracker=tracker,
             )
             notes, losses, missing_frames = (), (), 0
     if not any_known:
