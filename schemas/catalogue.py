@@ -291,7 +291,7 @@ BONE_LENGTHS = Table(
 
 CALIBRATION_ADVICE = Table(
     "calibration_advice",
-    2,
+    3,
     "whether the calibration moves the joint enough, and what more would gain",
     (
         SUBJECT,
@@ -301,7 +301,17 @@ CALIBRATION_ADVICE = Table(
         _real("range_deg", "range of motion that it has there"),
         _real("sd_now_mm", "1-sigma error of its centre, joint by joint with anatomy"),
         _real("sd_moved_mm", "the same if it moved as the advice says"),
-        Column("advice", TEXT, "", "in words, what to move"),
+        Column(
+            "kind",
+            TEXT,
+            "",
+            "enough or enough-on-skin; move-more; receivers-disagree, open-along-axis or uncertain: more of "
+            "the movement does not help; never-seen; finding-stands",
+        ),
+        Column(
+            "values", TEXT, "", "the numbers and names of the advice, as JSON; empty where there are none"
+        ),
+        Column("advice", TEXT, "", "the same in words"),
     ),
     ("subject", "session", "hand", "joint"),
 )
@@ -520,13 +530,14 @@ JOINT_ERRORS = Table(
 
 RECORDINGS = Table(
     "recordings",
-    2,
+    3,
     "recording of the study: what became of it",
     (
         *OF_RECORDING,
         Column("role", TEXT, "", "calibration, evaluation or both"),
         Column("file", TEXT, "", "the recording's file, as in the sheet"),
         Column("status", TEXT, "", "used, excluded (by the sheet), refused (by a finding) or failed"),
+        Column("tracker", TEXT, "", "what recorded it, where its file says so", nullable=True),
         Column("n_frames", WHOLE, "", "frames of the recording"),
         Column("n_receivers", WHOLE, "", "receivers of which a pose may be used"),
         _real("duration_s", "from the first device time to the last"),

@@ -11,7 +11,7 @@ from typing import Any
 
 from schemas.config_files import read_config
 from schemas.errors import InputError
-from schemas.plan import StudyPlans, plan_digest, plan_from_content, truth_folder
+from schemas.plan import StudyPlans, SubjectPlan, plan_digest, plan_from_content, truth_folder
 from schemas.results import (
     COMPARISON_TABLES,
     FIGURE_KINDS,
@@ -69,6 +69,11 @@ class StudyFiles:
             raise InputError(f"--config: a study is described by its file alone; write it into {path}")
         return cls(path)
 
+    @property
+    def subjects(self) -> list[SubjectPlan]:
+        """The plan of every subject in every session, in the sheet's order."""
+        return list(self._plans.values())
+
     # --- of one subject -----------------------------------------------------------------------------------
 
     def subject(self, wildcards: Wildcards) -> SubjectSession:
@@ -114,16 +119,7 @@ class StudyFiles:
 
     def import_options(self, wildcards: Wildcards) -> str:
         """Options that say what a recording is, for the command that imports it."""
-        recording = self._recording(wildcards)
-        values = {
-            "in": _relative(recording.file),
-            "layout": str(recording.layout),
-            "format": recording.format,
-            "mapping": None if recording.mapping is None else _relative(recording.mapping),
-            **recording.key,
-        }
-        repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
-        return shlex.join([f"--{name}={value}" for name, value in values.items() if value] + repair)
+        return shlex.join(import_options(self._recording(wildcards)))
 
     def layout_digest(self, wildcards: Wildcards) -> str:
         """Digest of what the layout of a hand says."""
@@ -327,6 +323,19 @@ class _Subject:
 
     def __init__(self, subject: str) -> None:
         self.subject = subject
+
+
+def import_options(recording: Recording) -> list[str]:
+    """Options that say what a recording of a plan is, for the command that imports it."""
+    values = {
+        "in": _relative(recording.file),
+        "layout": str(recording.layout),
+        "format": recording.format,
+        "mapping": None if recording.mapping is None else _relative(recording.mapping),
+        **recording.key,
+    }
+    repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
+    return [f"--{name}={value}" for name, value in values.items() if value] + repair
 
 
 def _files_of(recording: Recording, *, declared: bool = True) -> list[str]:

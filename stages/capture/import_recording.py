@@ -59,6 +59,7 @@ class _Remarks:
     notes: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)
     missing_frames: int = 0
+    tracker: str = ""
 
 
 def import_recording(arguments: argparse.Namespace) -> None:
@@ -79,6 +80,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
             remarks.notes.extend(part.notes)
             remarks.losses.extend(part.losses)
             remarks.missing_frames += part.missing_frames
+            remarks.tracker = remarks.tracker or part.tracker
             yield part
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
@@ -119,6 +121,7 @@ def _write(
     parameters = {**_parameters(arguments, layout.name, absent), "notes": remarks.notes}
     parameters |= {} if mapping is None else {"mapping": _declared(mapping)}
     parameters |= {"losses": remarks.losses, "missing_frames": remarks.missing_frames}
+    parameters |= {"tracker": remarks.tracker} if remarks.tracker else {}
     write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 

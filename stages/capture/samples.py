@@ -30,6 +30,7 @@ class Samples:
     notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
     losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
     missing_frames : frames of which the recording should have something and has nothing.
+    tracker : what recorded it, as the file says; empty where it does not.
     """
 
     segments: tuple[str, ...]
@@ -42,6 +43,7 @@ class Samples:
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
     missing_frames: int = 0
+    tracker: str = ""
 
 
 def joined(parts: Iterable[Samples]) -> Samples:
@@ -68,6 +70,7 @@ def joined(parts: Iterable[Samples]) -> Samples:
         tuple(note for part in every for note in part.notes),
         tuple(loss for part in every for loss in part.losses),
         sum(part.missing_frames for part in every),
+        next((part.tracker for part in every if part.tracker), ""),
     )
 
 

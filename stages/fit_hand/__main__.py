@@ -117,6 +117,12 @@ def _fit_part(
         for block in posed_blocks(tips, path):
             for name, columns in block.items():
                 tables[name].columns(part, columns)
+    if part.made_without:
+        return
+    of_calibration = [plan.poses(own) for own in plan.recordings_of(part.hand, "calibration")]
+    for path in usable_poses(of_calibration)[0]:  # their angles alone, which have a range of motion too
+        for block in posed_blocks(tips, path):
+            tables["joint_angles"].columns(part, block["joint_angles"])
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from anatomy import average_hand as prior
 from schemas.layout import Joint
+from skeleton.angle_range import angle_range, flattening
 from skeleton.rotations import Array
 from stages.fit_hand.building import KINDS, axis_frame, receiver
 from stages.fit_hand.posterior import Evidence, Place, centre_by_unknowns, places_of
@@ -152,7 +153,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         covariance[half, half] += bent_skin_mm2(segment, evidence)
     axis_sd = float(np.degrees(np.sqrt(np.trace(axis_by_x @ posterior.covariance @ axis_by_x.T))))
     flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
-    range_deg = float(np.degrees(np.ptp(flexion)))
+    range_deg = angle_range(np.degrees(flexion), flattening(flexion))
     gap = _gap_rms_mm(joint, evidence, points)
     reasons = _doubts(joint, evidence, covariance, axis_sd, range_deg, gap)
     sides = (joint.parent_receiver, joint.child)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from statistics import median
 
+from schemas.advice import MOVE
 from schemas.model import the_papers
 from schemas.study import Hand
 from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, joints_text
@@ -71,7 +72,7 @@ def _next(results: StudyResults) -> str:
     """What to do next, in a sentence."""
     if results.findings:
         return say("Next: settle what is found below in the recordings, before any number is used.")
-    lacking = Counter(row["joint"] for row in results.advice if not row["advice"].startswith("enough"))
+    lacking = Counter(row["joint"] for row in results.advice if row["kind"] == MOVE)
     hands = len({hand_of(row) for row in results.advice})
     if lacking:
         often = [joint for joint, count in lacking.most_common() if 2 * count >= lacking.most_common(1)[0][1]]

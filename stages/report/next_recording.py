@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.advice import MOVE, NOTHING_TO_DO
 from schemas.study import Hand
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import Block, DataTable, Folded, counted, number
@@ -24,7 +25,7 @@ _PLACES = {
 
 _HEADER = (
     mark("Joint"),
-    mark("Range of motion [deg]"),
+    mark("Receivers turned [deg]"),
     mark("SD now [mm]"),
     mark("SD if it moved so [mm]"),
     mark("What to do"),
@@ -65,7 +66,8 @@ class NextRecording:
 def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
     """What would make a hand's skeleton better."""
     rows = [row for row in results.advice if hand_of(row) == hand]
-    lacking = [row for row in rows if not row["advice"].startswith("enough")]
+    lacking = [row for row in rows if row["kind"] == MOVE]
+    stuck = [row for row in rows if row["kind"] not in (MOVE, *NOTHING_TO_DO)]
     whose = say("{hand}", hand=hand)
     if not rows:
         remark = say(
@@ -77,9 +79,17 @@ def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
             n_lacking=len(lacking),
             joints=counted(len(rows), "joint"),
         )
-    else:
+    elif not stuck:
         remark = say(
             "All {joints} move enough in the calibration recordings.", joints=counted(len(rows), "joint")
+        )
+    else:
+        remark = ""
+    if stuck:
+        remark += " " * bool(remark) + say(
+            "Of {n_stuck} of {joints} more movement says nothing; what to look at stands beside each.",
+            n_stuck=len(stuck),
+            joints=counted(len(rows), "joint"),
         )
     return NextRecording(
         say("{hand} hand", hand=hand.hand.capitalize()),

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 
+from schemas.advice import NOTHING_TO_DO
 from schemas.study import Hand, path_token
 from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, SMALL_SD_MM, belief, commonest, reason
 from stages.report.study_results import Row, StudyResults, hand_of
@@ -84,7 +85,7 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     found = verdicts(results, hand, model)
     columns = [c for c in _COLUMNS if any(v.row[c[1]] is not None for v in found)]
     advice = {
-        row["joint"]: "" if row["advice"].startswith("enough") else told(row["advice"])
+        row["joint"]: "" if row["kind"] in NOTHING_TO_DO else told(row["advice"])
         for row in results.advice
         if hand_of(row) == hand
     }

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from stages.solve_joints.calibration_advice import Advice
 
 ENDINGS = (".csv", ".parquet")
-_HEADINGS = ("joint", "range deg", "sd now mm", "sd with more motion mm", "advice")
+_HEADINGS = ("joint", "turned deg", "sd now mm", "sd with more motion mm", "advice")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -62,7 +62,7 @@ def _printed_rows(arguments: argparse.Namespace, plan: SubjectPlan, hand: str) -
     if len(plan.hands) > 1:
         print(f"{hand} hand")
     print(as_text(advice))
-    return [{**vars(plan.hand(hand)), **vars(row)} for row in advice]
+    return [{**vars(plan.hand(hand)), **row.columns} for row in advice]
 
 
 def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advice]:
@@ -72,6 +72,7 @@ def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advic
     """
     from dataclasses import replace
 
+    from schemas.advice import UNSETTLED
     from schemas.errors import InputError
     from schemas.poses import usable_poses
     from stages.solve_joints.calibration_advice import advise
@@ -86,8 +87,7 @@ def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advic
     recordings = stream_recordings(usable, layout, sample_frames=True)
     advice = advise(recordings.fit(HandDescription(hand, plan.hand_length_mm)), layout)
     stands = _suspicion(plan, hand, usable)
-    return [replace(row, advice=f"nothing can be said before this is settled: {stands}") if stands else row
-            for row in advice]  # fmt: skip
+    return [replace(row, kind=UNSETTLED, values={"finding": stands}) for row in advice] if stands else advice
 
 
 def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> str:
@@ -129,7 +129,7 @@ def _cells(row: Advice) -> tuple[str, ...]:
         "-" if value is None else format(value, form)
         for value, form in ((row.range_deg, ".0f"), (row.sd_now_mm, ".1f"), (row.sd_moved_mm, ".1f"))
     )
-    return (row.joint, *numbers, row.advice)
+    return (row.joint, *numbers, row.columns["advice"])
 
 
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:

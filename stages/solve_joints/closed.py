@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skeleton.angle_range import angle_range, flattening
 from skeleton.effective_samples import effective_samples
 from skeleton.rotations import Array
 from stages.solve_joints.moments import JointMoments
@@ -120,7 +121,7 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
         gap_rms_mm=gap,
         gap_rms_free_mm=normal.gap_rms_mm(*free),
         slide_to_free_mm=float((free[1] - q) @ V[:, 0]),
-        range_deg=float(np.ptp(angle_deg)),
+        range_deg=angle_range(angle_deg, flattening(np.radians(angle_deg))),
         spread_deg=float(np.std(angle_deg)),
         axis_sd_deg=_axis_sd_deg(one_minus_s2, off_axis),
         n_frames=n_frames,

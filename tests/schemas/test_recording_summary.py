@@ -47,12 +47,15 @@ def test_a_recording_without_problems(tmp_path: Path) -> None:
         "file": "data/a.csv",
         "status": "used",
         "message": "",
+        "tracker": "",
         "n_frames": N_FRAMES,
         "n_receivers": len(SEGMENTS),
         "duration_s": pytest.approx(39 / 240),
         "valid_percent": 100.0,
     }
     assert problems == []
+    named, _ = recording_row(RECORDING, poses(tmp_path / "q.parquet", {"tracker": "VIPER"}))
+    assert named["tracker"] == "VIPER"
 
 
 GAPS = np.arange(N_FRAMES * len(SEGMENTS)) % 7 != 0

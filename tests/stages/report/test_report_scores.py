@@ -13,15 +13,17 @@ from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.read_page import ReadTable, read_page, rows_where, table_called
 from report_samples.rendered import whole_report
 
+from schemas.advice import ENOUGH, GAP
 from schemas.catalogue import CALIBRATION_ADVICE, GAINS, JOINT_ERRORS, RECEIVERS, SKELETON_SCORES
 from schemas.findings import STAGE
 from schemas.model import read_model
-from schemas.study import Study, read_study
+from schemas.study import Hand, Study, read_study
 from schemas.tables import Provenance, write_failure
 from stages.report.belief import BELIEVED, belief
 from stages.report.headline import headline, opening
+from stages.report.next_recording import next_recording
 from stages.report.score_tables import LEFT_OUT, OF_A_DIGIT, score_table
-from stages.report.study_results import StudyResults, read_results
+from stages.report.study_results import StudyResults, hand_of, read_results
 from stages.report.terminal import WIDTH, terminal_tables
 from stages.report.trust import study_beliefs
 
@@ -166,13 +168,22 @@ def test_without_a_truth_nothing_is_said_of_it(page: str) -> None:
 def test_advice_names_what_should_move(fitted_page: str) -> None:
     """Only joints that lack motion stand open; all of them, also the nearly enough, are folded away."""
     lacking = table_called(fitted_page, "Joints that should move more: subject S01, left hand.")
-    advice = "bend the little finger's fingertip joint by 40 deg or more (now 8)"
+    advice = "move the little finger's fingertip joint alone through 40 deg"
     assert lacking.rows[1:] == [["little_dip", "8", "4.50", "2.00", advice]]
     every = table_called(fitted_page, "Motion of every joint: subject S01, left hand.")
     assert len(every.rows) == 16
     text = _text(fitted_page)
     assert "1 of 15 joints should move more." in text
     assert "All 15 joints move enough in the calibration recordings." in text
+
+
+def test_joints_that_more_movement_does_not_help_are_not_told_to_move(fitted: StudyResults) -> None:
+    hand = Hand("S01", "right")
+    rows = [row | {"kind": GAP} if row["joint"] == "index_mcp" else row for row in fitted.advice]
+    found = next_recording(replace(fitted, advice=rows), hand)
+    assert found.remark.startswith("Of 1 of 15 joints more movement says nothing")
+    assert found.to_move is None
+    assert "move more" not in opening(replace(fitted, advice=[row for row in rows if hand_of(row) == hand]))
 
 
 def test_the_best_gains_are_told_in_words(fitted_page: str) -> None:
@@ -275,7 +286,7 @@ def test_the_opening_says_which_how_good_and_what_next(fitted: StudyResults) -> 
     assert "Next: let DIP of little move more when calibrating (1 of 2 hands)." in text
     finding = {"subject": "S01", "session": "", "hand": "right", "stage": STAGE, "severity": "refused"}
     assert "Next: settle what is found below" in opening(replace(fitted, problems=[finding]))
-    enough = [row | {"advice": "enough"} for row in fitted.advice]
+    enough = [row | {"kind": ENOUGH, "advice": "enough"} for row in fitted.advice]
     assert "Next: nothing has to be recorded again" in opening(replace(fitted, advice=enough))
 
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_samples.read_page import ReadTable, read_page, rows_where, table_called
 
+from schemas.layout import read_layout
 from schemas.results import Results
 from schemas.study import Hand, Study, SubjectSession, read_study
 from stages.report.links import anchor, link, recording_links
@@ -161,6 +162,45 @@ def test_methods_say_what_the_study_is(fitted: StudyResults, results: StudyResul
     assert "simulator" not in plain
     assert "; 1 further recording could not be used." in plain
     assert "nothing was held out" in plain
+
+
+def test_methods_name_the_hands_left_out_the_tracker_and_mappings(
+    results: StudyResults, tmp_path: Path
+) -> None:
+    mapping = tmp_path / "lab.yaml"
+    mapping.write_text(
+        "format: csv\nposition_unit: inch\norientation: {kind: euler, axes: ZYX, unit: deg}\n"
+        "receivers: {hand: {position: [x, y, z], orientation: [a, e, r]}}\n"
+    )
+    problem = {**vars(Hand("S01", "left")), "severity": "suspect"}
+    first, *others = results.recordings
+    rows = [row | {"tracker": "LIBERTY", "status": "used"} for row in results.recording_rows]
+    named = replace(
+        results,
+        problems=[problem],
+        recordings=(replace(first, mapping=mapping), *(replace(own, mapping=None) for own in others)),
+        recording_rows=rows,
+    )
+    text = methods_text(named)[0]
+    assert (
+        "Left out of every statistic, for what was found in their recordings: subject S01, left hand." in text
+    )
+    assert " The tracker was: LIBERTY." in text
+    declared = "positions in inch, euler ZYX deg receiver-to-transmitter"
+    assert f" 1 recording of another program was read as lab.yaml declares: {declared}." in text
+    mapping.unlink()
+    unknown = replace(named, recording_rows=[row | {"tracker": None} for row in rows])
+    text = methods_text(unknown)[0]
+    assert "do not name the tracker" in text
+    assert "was read as lab.yaml declares." in text
+
+
+def test_methods_of_an_arm_speak_of_no_thumb(fitted: StudyResults) -> None:
+    arms = replace(fitted, layouts=dict.fromkeys(fitted.hands, read_layout("arm")))
+    assert "thumb" in " ".join(methods_text(fitted))
+    text = " ".join(methods_text(arms))
+    assert "thumb" not in text
+    assert "paper-fig4: each joint by the receivers on both sides of it." in text
 
 
 @pytest.mark.parametrize("number", range(1, len(REFERENCES) + 1))

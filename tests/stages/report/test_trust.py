@@ -90,7 +90,7 @@ def test_the_page_says_it_in_words(fitted: StudyResults) -> None:
     assert [row[0] for row in table.rows[1:]] == list(found)
     for row in table.rows[1:]:
         assert row[1] == found[row[0]].believed
-        assert row[-1].startswith("bend the little finger") == (row[0] == "little_dip")
+        assert row[-1].startswith("move the little finger") == (row[0] == "little_dip")
     whys = [verdict.why for verdict in found.values() if verdict.why]
     text = " ".join(read_page(page).text)
     assert whys

@@ -14,6 +14,7 @@ from report_samples.made_movement import write_movement
 from report_samples.many_subjects import many_subjects
 from report_samples.rendered import whole_report
 
+from schemas.advice import ADVICE, ENOUGH, MOVE, advice_text
 from schemas.config_files import json_schema
 from schemas.errors import InputError
 from schemas.findings import same_file
@@ -37,7 +38,6 @@ GRAMMAR = {"verb", "are"}
 """Placeholders of English grammar, which another language may leave out."""
 MESSAGE_MAKERS = (
     "stages/solve_joints/anatomical.py",
-    "stages/solve_joints/calibration_advice.py",
     "stages/solve_joints/solve.py",
     "stages/project_planes/place.py",
     "stages/fit_hand/posterior_summary.py",
@@ -210,9 +210,18 @@ def test_every_pattern_is_of_a_sentence_that_the_project_makes(catalogue: Catalo
         assert any(run.strip(",.;:") in made for run in runs), pattern.pattern
 
 
+ADVICE_VALUES = {
+    "wanted_deg": 30.0,
+    "gap_mm": 8.71,
+    "sd_mm": 353.6,
+    "enough_mm": 3.4,
+    "parent": "hand",
+    "child": "index_proximal",
+    "finding": same_file("subject 01, right hand, rom").message,
+}
 EXAMPLES = (
-    "enough: more motion would gain little",
-    "index MCP moved 4 deg; move the index finger's knuckle alone through 30 deg",
+    *(advice_text("index_mcp", kind, ADVICE_VALUES) for kind in ADVICE if kind != ENOUGH),
+    advice_text("elbow", MOVE, ADVICE_VALUES),
     "moved only 6.8 deg; skin motion alone can look like that; its frames scatter by 3.2 mm in the worst "
     "direction; axis uncertain by 6 deg",
     "solved against hand across ring_metacarpal, which moves and carries no receiver: the centre can be "
