@@ -14,7 +14,7 @@ import pyarrow as pa
 from schemas.catalogue import FINDINGS, PROBLEMS, RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
 from schemas.findings import NOTE, STAGE
-from schemas.layout import Layout, read_layout
+from schemas.layout import Layout
 from schemas.model import SkeletonModel, read_model
 from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan
@@ -261,7 +261,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
         simulated=study.simulation is not None,
         paths=paths,
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
-        layouts={hand: read_layout(study.layout_of(hand).absolute()) for hand in study.hands},
+        layouts={hand: study.judged_layout(hand) for hand in study.hands},
         **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
     )
 
