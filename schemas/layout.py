@@ -124,6 +124,11 @@ class Layout:
     wanted_mm: float = FINGER_MM
 
     @property
+    def is_hand(self) -> bool:
+        """Whether it is of a hand: it has a wrist, or digits that are named as a hand's."""
+        return self.wrist is not None or bool(FINGERS & {*self.digits})
+
+    @property
     def measured(self) -> tuple[str, ...]:
         """Segments that carry a receiver, optional ones among them, in the layout's order."""
         return tuple(s.name for s in self.segments.values() if s.measured)
@@ -183,8 +188,8 @@ def layout_from_config(config: dict[str, Any], where: str) -> Layout:
     wrist = _wrist(config["wrist"], joints, where) if "wrist" in config else None
     if wrist is None and any(not segments[d.segments[0]].measured for d in digits.values()):
         raise InputError(f"{where}: a digit starts with an unmeasured segment, so the layout needs a wrist")
-    wanted_mm = config["wanted_mm"] or (FINGER_MM if wrist or FINGERS & {*digits} else ARM_MM)
-    return Layout(config["layout"], config["description"], segments, joints, digits, wrist, wanted_mm)
+    layout = Layout(config["layout"], config["description"], segments, joints, digits, wrist)
+    return replace(layout, wanted_mm=config["wanted_mm"] or (FINGER_MM if layout.is_hand else ARM_MM))
 
 
 def _vector(values: list[float]) -> Vector:

@@ -164,6 +164,11 @@ class StudyResults:
         """Problems that poses show in what was declared of recordings, notes left out."""
         return [row for row in self.problems if row["stage"] == STAGE and row["severity"] != NOTE]
 
+    @property
+    def of_hands(self) -> bool:
+        """Whether all layouts are of hands; else what the tables call a hand is a side of a body."""
+        return all(layout.is_hand for layout in self.layouts.values())
+
     joints_of = _by_hand_and_model("joints")
     bones_of = _by_hand_and_model("bones")
     receivers_of = _by_hand_and_model("receivers")
