@@ -27,11 +27,11 @@ REASON_VALUES = Column(
     "reason_values",
     TEXT,
     "",
-    "every doubt with its numbers, JSON: an object by kind, what decides first; empty: none",
+    "every doubt with its numbers, JSON: an object by kind, the weightiest first; empty: none",
 )
 JUDGEMENT = (
     Column("verdict", TEXT, "", "believe, care or no (docs/reading-a-report.md); empty: not judged here"),
-    Column("reason", TEXT, "", "kind of the doubt that decides, such as uncertain; empty: believed"),
+    Column("reason", TEXT, "", "kind of the weightiest doubt, such as moved-too-little; empty: believed"),
     REASON_VALUES,
 )
 """Whether to believe a joint or a bone, see `schemas.verdict`."""

@@ -67,24 +67,26 @@ LIMITS: Mapping[str, str] = {
     SUSPECT: NO,
     NO_LENGTH: NO,
     FAR: NO,
-    HALVES: CARE,
-    UNCERTAIN: CARE,
-    ONE_WAY: CARE,
     END_IN_DOUBT: CARE,
-    BY_ANATOMY: CARE,
-    MOVED_LITTLE: CARE,
+    HALVES: CARE,
     NO_POSE: CARE,
     ONE_RECEIVER: CARE,
-    UNSETTLED: CARE,
+    MOVED_LITTLE: CARE,
+    BY_ANATOMY: CARE,
     ACROSS: CARE,
     AXIS_IN_PLANE: CARE,
+    UNSETTLED: CARE,
+    ONE_WAY: CARE,
+    UNCERTAIN: CARE,
     BY_HAND: CARE,
     FROM_DOUBTFUL: CARE,
     NOT_THE_BONE: CARE,
     NO_ERROR: CARE,
     AXIS: BELIEVE,
 }
-"""Every kind, by weight, with the best verdict that it allows; `_limit` says when it is worse."""
+"""Every kind with the best verdict that it allows; `_limit` says when it is worse. What may be the cause of a
+large error stands before that error.
+"""
 
 UNJUDGED: Mapping[str, str] = {"verdict": "", "reason": "", "reason_values": ""}
 """Columns of a row that is not judged, such as the truth's or one that is on its way to joint_centres."""
@@ -96,7 +98,7 @@ def noted(doubts: Doubts) -> dict[str, str]:
 
 
 def doubts_of(row: Mapping[str, Any]) -> dict[str, Values]:
-    """The doubts that a row's `reason_values` hold, by kind, the one that decides first."""
+    """The doubts that a row's `reason_values` hold, by kind, the weightiest first."""
     text = row["reason_values"]
     return dict(json.loads(text)) if text else {}
 
@@ -144,10 +146,7 @@ def verdict_of(doubts: Doubts, wanted_mm: float) -> str:
 
 
 def _judged(row: Mapping[str, Any], doubts: Doubts, wanted_mm: float) -> dict[str, Any]:
-    kinds = list(LIMITS)
-    ordered = sorted(
-        doubts, key=lambda kind: (-VERDICTS.index(_limit(kind, doubts[kind], wanted_mm)), kinds.index(kind))
-    )
+    ordered = sorted(doubts, key=list(LIMITS).index)
     verdict = verdict_of(doubts, wanted_mm)
     columns = {
         "verdict": verdict,

@@ -37,7 +37,7 @@ kinds = st.sampled_from([verdict.BY_ANATOMY, verdict.UNSETTLED, verdict.ACROSS, 
         ({"gap_rms_mm": 10.1}, NO, "halves-disagree"),
         ({"range_deg": 6.0}, CARE, "moved-too-little"),
         ({"axis_sd_deg": 9.0}, BELIEVE, ""),
-        ({"sd_mm": 9.0, "range_deg": 6.0}, NO, "uncertain"),
+        ({"sd_mm": 9.0, "range_deg": 6.0}, NO, "moved-too-little"),
         (noted({"placed-by-anatomy": {}}), CARE, "placed-by-anatomy"),
         (noted({"far-from-expected": {"what": "palm width", "sd": 7.0}}), NO, "far-from-expected"),
         ({"status": "failed", "sd_mm": None}, NO, "not-solved"),
@@ -53,8 +53,8 @@ def test_what_decides(change: dict[str, Any], expected: str, reason: str) -> Non
 def test_numbers_of_every_doubt_the_weightiest_first() -> None:
     row = judged_joint(ROW | {"sd_mm": 9.0, "range_deg": 6.25, "axis_sd_deg": 8.5}, FINGER_MM)
     assert [*json.loads(row["reason_values"]).items()] == [
-        ("uncertain", {"sd_mm": 9.0, "radius_95_mm": 14.526, "wanted_mm": 2.0}),
         ("moved-too-little", {"range_deg": 6.25}),
+        ("uncertain", {"sd_mm": 9.0, "radius_95_mm": 14.526, "wanted_mm": 2.0}),
         ("axis-uncertain", {"axis_sd_deg": 8.5}),
     ]
 

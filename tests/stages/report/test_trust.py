@@ -45,7 +45,7 @@ def _verdict(results: StudyResults, model: str, joint: str) -> tuple[str, str]:
         (
             {"range_deg": 3.2, "sd_mm": 7.0},
             NOT,
-            "known less well than to 2 mm (1 sigma, 3-D); moved only 3 deg; skin alone can look like that",
+            "moved only 3 deg; skin alone can look like that; known less well than to 2 mm (1 sigma, 3-D)",
         ),
         ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "has no place: no frames"),
     ],
