@@ -14,11 +14,14 @@ from schemas.table_columns import (
     FRAME,
     HAND,
     JOINT,
+    JOINT_STATUS,
+    JUDGEMENT,
     MESSAGE,
     OF_RECORDING,
     OF_SKELETON,
     OF_SKELETON_IN_RECORDING,
     REAL,
+    REASON_VALUES,
     SESSION,
     SINGLE,
     STATUS,
@@ -107,7 +110,7 @@ FINDINGS = Table(
 
 JOINT_SOLUTIONS = Table(
     "joint_solutions",
-    3,
+    4,
     "the joint as Eq. 1-7 give it, before the plane",
     (
         *OF_SKELETON,
@@ -147,6 +150,7 @@ JOINT_SOLUTIONS = Table(
         _real("axis_sd_deg", "1-sigma direction error of the axis"),
         Column("n_frames", WHOLE, "", "frames in which both receivers were valid"),
         _real("n_effective", "independent samples among them, from the gap's autocorrelation"),
+        REASON_VALUES,
         STATUS,
         MESSAGE,
     ),
@@ -155,7 +159,7 @@ JOINT_SOLUTIONS = Table(
 
 JOINT_CENTRES = Table(
     "joint_centres",
-    3,
+    4,
     "the skeleton's joints, the wrist point in use among them",
     (
         *OF_SKELETON,
@@ -192,7 +196,8 @@ JOINT_CENTRES = Table(
         Column("n_frames", WHOLE, "", "calibration frames in which both receivers were valid"),
         _real("n_effective", "independent samples among them"),
         Column("source", TEXT, "", "where the centre comes from (fit, configured point, estimated point)"),
-        STATUS,
+        *JUDGEMENT,
+        JOINT_STATUS,
         MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "joint"),
@@ -263,7 +268,7 @@ FINGERTIP, DISTAL_RECEIVER = "fingertip", "distal receiver"
 
 BONE_LENGTHS = Table(
     "bone_lengths",
-    3,
+    4,
     "a bone is named after its segment",
     (
         *OF_SKELETON,
@@ -284,6 +289,7 @@ BONE_LENGTHS = Table(
         *_xyz("", "mm", "the bone as the replay has it, to the next joint or receiver, in driven_by's frame"),
         Column("driven_by", TEXT, "", "the segment whose receiver turns the bone; empty where none does"),
         _real("sd_over_frames_mm", "metacarpals: SD of |v(k)|, which a true skeleton keeps at 0"),
+        *JUDGEMENT,
         MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "digit", "bone"),

@@ -217,9 +217,13 @@ class StudyPlans:
             for row in read_sheet(study.sheets.get(name), SHEETS[name]):
                 self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
 
-    def content(self, subject: str, session: str = "") -> dict[str, Any]:
-        """Give a subject's plan as JSON types."""
+    def content(self, subject: str, session: str = "", *, judges: bool = True) -> dict[str, Any]:
+        """Give a subject's plan as JSON types.
+
+        judges : whether its jobs say what to believe, so that what the study asks of a joint concerns them.
+        """
         study = self._study.of_session(subject, session)
+        asked = study.config["wanted_mm"] if judges else None
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
         return {
             "plan": VERSION,
@@ -230,7 +234,11 @@ class StudyPlans:
             **{name: sizes.get(name) for name in SIZES},
             "factors": {name: sizes[name] for name in study.factors if name in sizes},
             "recordings": [_recording(recording, study, self._results) for recording in study.recordings],
-            "layouts": {hand.hand: self._layouts[study.layout_of(hand)] for hand in study.hands},
+            "layouts": {
+                hand.hand: self._layouts[path := study.layout_of(hand)]
+                | {"wanted_mm": asked or self._layouts[path]["wanted_mm"]}
+                for hand in study.hands
+            },
             "models": self._models,
             **{
                 name: rows_of_session(self._rows[name].get(subject, []), SHEETS[name], session)
@@ -243,17 +251,16 @@ class StudyPlans:
         """Give the plan of a subject's recordings alone, without models, sizes and what was measured."""
         nothing: dict[str, Any] = {"models": [], "sheets": {}, **dict.fromkeys(SIZES)}
         nothing |= {name: [] for name in HAND_SHEETS if name != "events"}
-        return _without_factors(self.content(subject, session)) | nothing
+        return _without_factors(self.content(subject, session, judges=False)) | nothing
 
     def fit_content(self, subject: str, hand: str, model: str, session: str = "") -> dict[str, Any]:
         """Give the plan of a fit of a hand: with its model alone, and that hand unless lengths are shared."""
-        content = self.content(subject, session)
+        content = _without_factors(self.content(subject, session, judges=False))
         config = next(config for config in self._models if config["model"] == model)
         if not config["fit"]["share_lengths"]:
             for name in ("recordings", "measurements", "touches"):
                 content[name] = [row for row in content[name] if row["hand"] == hand]
             content["layouts"] = {hand: content["layouts"][hand]}
-        content = _without_factors(content)
         for entry in content["recordings"]:
             entry |= {"events": None, "pulses": ""}
         return content | {"models": [config], "corrections": [], "events": []}

@@ -189,6 +189,11 @@ class Study:
             return layouts[0]
         return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
 
+    def judged_layout(self, hand: Hand) -> Layout:
+        """The layout of the hand's recordings, with what the study asks of its joints."""
+        layout = read_layout(self.layout_of(hand).absolute())
+        return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
+
 
 def path_token(text: str) -> str:
     """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.

@@ -109,7 +109,7 @@ def _said_of_subject(plan: SubjectPlan) -> list[tuple[str, str]]:
     ]
     with command_line.recorded(record=True) as failures:
         for own, checked in check_subject(plan):
-            findings = (finding.accepted(own.accept) for finding in checked.findings)
+            findings = (finding.accept(own.accept) for finding in checked.findings)
             said += [(_name(own), f"{one.severity}: {one.kind}: {one.message}") for one in findings]
     return said + [(plan.who.label, f"could not be checked: {failure}") for failure in failures]
 

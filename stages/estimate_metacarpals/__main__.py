@@ -72,7 +72,8 @@ def _estimate_part(
     from schemas.parts import read_part
     from schemas.poses import poses_reader, usable_poses
     from schemas.tables import rows_of
-    from stages.estimate_metacarpals.hand import build_hand, doubted, failed_joints, merge_fitted
+    from schemas.verdict import SUSPECT
+    from stages.estimate_metacarpals.hand import build_hand, failed_joints, judged, merge_fitted
 
     joints, bones, metacarpals = tables
     layout, model = plan.layouts[part.hand], plan.models[part.model]
@@ -94,9 +95,9 @@ def _estimate_part(
         "calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration],
     }
     keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
-    suspicion = next((plan.suspect[own] for own in calibration if own in plan.suspect), "")
-    centres = doubted(hand.joints, suspicion) if suspicion else hand.joints
-    joints.rows(part, [{**row, **keys} for row in centres], **parameters)
+    suspects = [own.title for own in plan.suspect if own.hand.hand == part.hand]
+    hand = judged(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {})
+    joints.rows(part, [{**row, **keys} for row in hand.joints], **parameters)
     bones.rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     metacarpals.rows(part, [], **parameters)
     for recording in plan.evaluated(part.hand, part.made_without):

@@ -24,6 +24,7 @@ from schemas.catalogue import (
 from schemas.parts import PartsWriter, parts_writer
 from schemas.poses import Poses, RecordingName
 from schemas.tables import Provenance, Table, vector_columns
+from schemas.verdict import UNJUDGED, noted
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.gains import gains
@@ -88,7 +89,8 @@ def _joint_row(joint: FittedJoint) -> Row:
         "axis_sd_deg": joint.axis_sd_deg,
         "n_frames": 0,
         "source": SOURCE,
-        "status": joint.status,
+        **noted(joint.doubts),
+        "status": "failed" if joint.message else "ok",
         "message": joint.message,
         **vector_columns("parent_", joint.parent_mm, "_mm"),
         **vector_columns("child_", joint.child_mm, "_mm"),
@@ -111,6 +113,7 @@ def bone_rows(fit: HandFit) -> list[Row]:
             "length_mm": fit.bones[segment].length_mm,
             "sd_mm": fit.bones[segment].sd_mm,
             "driven_by": "",
+            **UNJUDGED,
             "message": "",
         }
         for digit in fit.evidence.layout.digits.values()

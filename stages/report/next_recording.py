@@ -177,21 +177,14 @@ def _gains(model: str, rows: list[Row]) -> ModelGains:
 
 def _sentence(row: Row) -> str:
     """One gain: what to measure, what that does to the joint that gains most and to all joints together."""
-    name, _, part = row["quantity"].partition(".")
-    if part == _TOUCH:
-        doing = say("Touching a known point with the tip of {digit_text}", digit_text=_digit_text(name))
-    else:
-        doing = say("Measuring ") + (
-            say(_PLACES[part]).format(_bone_text(name)) if part else _bone_text(name)
-        )
-    joint = _joint_text(row["joint"], name.partition("_")[0])
+    joint = _joint_text(row["joint"], row["quantity"].partition(".")[0].partition("_")[0])
     before, after = number(row["mean_sd_before_mm"]), number(row["mean_sd_after_mm"])
     return say(
         (
             "{doing} to {sd_mm:.1f} mm would take {joint} from {joint_sd_before_mm:.1f} to "
             "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm)."
         ),
-        doing=doing,
+        doing=doing_text(row),
         sd_mm=row["sd_mm"],
         joint=joint,
         joint_sd_before_mm=row["joint_sd_before_mm"],
@@ -199,6 +192,20 @@ def _sentence(row: Row) -> str:
         before=before,
         after=after,
     )
+
+
+def doing_text(row: Row, *, asked: bool = False) -> str:
+    """What a row of gains would have one do; asked : as something to do, not as something done."""
+    name, _, part = row["quantity"].partition(".")
+    if part == _TOUCH:
+        touch = (
+            mark("touch a known point with the tip of {digit_text}")
+            if asked
+            else mark("Touching a known point with the tip of {digit_text}")
+        )
+        return say(touch, digit_text=_digit_text(name))
+    what = say(_PLACES[part]).format(_bone_text(name)) if part else _bone_text(name)
+    return say("measure {what}", what=what) if asked else say("Measuring ") + what
 
 
 def _digit_text(digit: str) -> str:

@@ -14,7 +14,7 @@ import pyarrow as pa
 from schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
 from schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
-from schemas.layout import Layout, read_layout
+from schemas.layout import Layout
 from schemas.model import SkeletonModel, read_model
 from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan
@@ -164,6 +164,11 @@ class StudyResults:
         """Problems that poses show in what was declared of recordings, notes left out."""
         return [row for row in self.problems if row["stage"] == STAGE and row["severity"] != NOTE]
 
+    @property
+    def of_hands(self) -> bool:
+        """Whether all layouts are of hands; else what the tables call a hand is a side of a body."""
+        return all(layout.is_hand for layout in self.layouts.values())
+
     joints_of = _by_hand_and_model("joints")
     bones_of = _by_hand_and_model("bones")
     receivers_of = _by_hand_and_model("receivers")
@@ -261,7 +266,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
         simulated=study.simulation is not None,
         paths=paths,
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
-        layouts={hand: read_layout(study.layout_of(hand).absolute()) for hand in study.hands},
+        layouts={hand: study.judged_layout(hand) for hand in study.hands},
         **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
     )
 

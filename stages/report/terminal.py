@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-from stages.report.headline import used_text
+from stages.report.headline import opening, used_text
 from stages.report.paper_tables import own_table, table_title
 from stages.report.provenance import where
 from stages.report.score_tables import score_table
@@ -28,7 +28,7 @@ def terminal_tables(results: StudyResults) -> str:
         (model for model in results.models.values() if model.paper_table is not None),
         key=lambda model: model.paper_table or 0,
     )
-    parts = [f"Study {results.name}: {used_text(results)}", *_problems(results)]
+    parts = [_wrapped(f"Study {results.name}: {used_text(results)} {opening(results)}"), *_problems(results)]
     for who in results.sessions:
         for trial in _as_the_paper(results.trials(*who)):
             parts += [

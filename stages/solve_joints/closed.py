@@ -6,10 +6,11 @@ pose; `solve_closed` turns the results into the parent's and the child's receive
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from schemas.verdict import Doubts
 from skeleton.angle_range import angle_range, flattening
 from skeleton.effective_samples import effective_samples
 from skeleton.rotations import Array
@@ -30,7 +31,7 @@ class JointSolution:
     mean_rotation : (3, 3) mean of R_a^T R_b.
     singular_values : (6,) of the stack over sqrt(frames), largest first.
     covariance_mm2 : (6, 6) of (p, q), without the null direction when five singular values are inverted.
-    message : why the centre is weak, in words, where the solver can tell.
+    doubts : what the solver knows against the centre, by kind (schemas.verdict).
     """
 
     p_mm: Array
@@ -48,7 +49,7 @@ class JointSolution:
     axis_sd_deg: float
     n_frames: int
     n_effective: float
-    message: str = ""
+    doubts: Doubts = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -124,6 +124,23 @@ def test_a_plan_changes_with_its_own_subject_alone(
     assert (plan_digest(after) == plan_digest(before)) == same
 
 
+def test_what_the_study_asks_of_a_joint_concerns_those_who_judge_alone(tmp_path: Path) -> None:
+    """Neither a check of recordings nor a fit runs again for it."""
+    file = write_study(tmp_path, *ROWS, models=("rigid", "whole-hand"))
+
+    def plans() -> tuple[dict[str, Any], ...]:
+        made = StudyPlans(read_study(file), Path("results/test"))
+        return made.content("01"), made.recordings_content("01"), made.fit_content("01", RIGHT, "whole-hand")
+
+    before = plans()
+    assert plan_from_content(before[0], "plan.json").layouts[RIGHT].wanted_mm == 2.0
+    file.write_text(file.read_text() + "\nwanted_mm: 1.5\n")
+    after = plans()
+    assert plan_from_content(after[0], "plan.json").layouts[RIGHT].wanted_mm == 1.5
+    assert read_study(file).judged_layout(read_study(file).hands[0]).wanted_mm == 1.5
+    assert after[1:] == before[1:]
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
