@@ -296,9 +296,25 @@ def sentence_of(kind: str, variant: str, values: Values, accepted: str = "", say
         return say(OTHER_PROBLEMS[kind][variant], **_placeholders(values, say))
     what, evidence = what_of(kind, variant, values, say), evidence_of(values, say)
     cure = cure_of(kind, variant, values, say)
-    template = _WHOLE if "seen" in values else _WITH_EFFECT if evidence else _WITHOUT_EVIDENCE
-    text = say(template, what=what, evidence=evidence, cure=cure)
-    return say(_ACCEPTED, finding=text, given=accepted) if accepted else text
+    if not evidence:
+        return accepted_text(what_and_cure(what, cure, say), accepted, say)
+    template = _WHOLE if "seen" in values else _WITH_EFFECT
+    return accepted_text(say(template, what=what, evidence=evidence, cure=cure), accepted, say)
+
+
+def what_and_cure(what: str, cure: str, say: Say = english) -> str:
+    """What is wrong and what to do, without what shows it."""
+    return say(_WITHOUT_EVIDENCE, what=what, cure=cure)
+
+
+def accepted_text(finding: str, reason: str, say: Say = english) -> str:
+    """The finding with the reason, if there is any, to let it stand."""
+    return say(_ACCEPTED, finding=finding, given=reason) if reason else finding
+
+
+def in_quotes(text: str) -> str:
+    """Text for a terminal: what is to be written stands in quotes, not in backticks."""
+    return text.replace("`", '"')
 
 
 def what_of(kind: str, variant: str, values: Values, say: Say = english) -> str:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import metadata
 
 import yaml
 
 from schemas import VERSION
 from schemas.errors import InputError
+from schemas.finding_groups import Fault, faults
 from schemas.model import SkeletonModel
 from schemas.study import Recording, Study
 from schemas.tables import read_metadata
 from stages.report.study_results import Row, StudyResults, hand_of, recording_key
-from stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
+from stages.report.table_cells import Block, DataTable, counted, number_column, table_of, text_column
 from stages.report.wording import mark, say, told, word
 
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
@@ -62,9 +65,11 @@ def recordings_table(results: StudyResults, whose: str = mark("of the study's sh
 
 
 def problems_table(results: StudyResults, whose: str = mark("as the study asked")) -> DataTable | None:
-    """Everything that did not go as the study asked, but what the findings say; None where all did."""
-    rest = [row for row in results.problems if row not in results.findings]
-    rows = [(where(row), row["stage"], told(row["message"])) for row in rest]
+    """Everything that did not go as the study asked, but what the findings say; None where all did.
+
+    A row of what went wrong in the same way.
+    """
+    rows = [_problem_cells(fault) for fault in faults(results.other_problems, say)]
     messages = {row["message"] for row in results.problems}
     for recording in results.recordings:
         status, message = results.status_of(recording)
@@ -81,12 +86,37 @@ def problems_table(results: StudyResults, whose: str = mark("as the study asked"
     )
 
 
-def findings(results: StudyResults) -> list[dict[str, str]]:
-    """What is to be settled before any number is believed: where it is, what it is, and its severity."""
-    return [
-        {"where": where(row), "message": row["message"], "severity": row["severity"]}
-        for row in results.findings
-    ]
+def _problem_cells(fault: Fault) -> tuple[str, str, str]:
+    places = [where(row) for row, _ in fault.seen]
+    particular = [f"{place}: {seen}" for place, (_, seen) in zip(places, fault.seen, strict=True) if seen]
+    text = " ".join([fault.text, *(["; ".join(particular)] if particular else [])])
+    named = counted(len(places), "recording") if particular else "; ".join(dict.fromkeys(places))
+    return named, fault.seen[0][0]["stage"], text
+
+
+@dataclass(frozen=True)
+class Found:
+    """A fault as pages list it. where : its recording, or how many have it. seen : of several, each one's
+    place and what is particular to it.
+    """
+
+    where: str
+    severity: str
+    text: str
+    seen: tuple[str, ...]
+
+
+def found(rows: Sequence[Row]) -> list[Found]:
+    """Findings by fault, each with the recordings that have it."""
+    return [_found(fault) for fault in faults(rows, say)]
+
+
+def _found(fault: Fault) -> Found:
+    places = [where(row) for row, _ in fault.seen]
+    if len(places) == 1:
+        return Found(places[0], fault.severity, fault.text, ())
+    seen = (": ".join(filter(None, (place, own))) for place, (_, own) in zip(places, fault.seen, strict=True))
+    return Found(counted(len(places), "recording"), fault.severity, fault.text, tuple(seen))
 
 
 def where(problem: Row) -> str:

@@ -125,11 +125,13 @@ def as_text(advice: Sequence[Advice]) -> str:
 
 
 def _cells(row: Advice) -> tuple[str, ...]:
+    from schemas.finding_sentences import in_quotes
+
     numbers = (
         "-" if value is None else format(value, form)
         for value, form in ((row.range_deg, ".0f"), (row.sd_now_mm, ".1f"), (row.sd_moved_mm, ".1f"))
     )
-    return (row.joint, *numbers, row.advice)
+    return (row.joint, *numbers, in_quotes(row.advice))
 
 
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
