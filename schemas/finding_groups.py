@@ -24,15 +24,24 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Fault:
-    """One item. text : what is wrong and what to do, and where it is accepted why. seen : every row that has
-    it, with what is particular to it; empty where the text says it all.
+class Seen:
+    """A row that has a fault. what : what is wrong there, where that differs from row to row. evidence : what
+    shows it there. Both are empty where the fault's text says it all.
     """
+
+    row: Row
+    what: str = ""
+    evidence: str = ""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One item. text : what is wrong and what to do, and where it is accepted why."""
 
     severity: str
     accepted: str
     text: str
-    seen: tuple[tuple[Row, str], ...]
+    seen: tuple[Seen, ...]
 
 
 def is_declared(row: Row) -> bool:
@@ -62,15 +71,16 @@ def _fault(rows: list[Row], say: Say) -> Fault:
     first = rows[0]
     severity, accepted = first["severity"], first["accepted"]
     if len(rows) == 1 or not is_declared(first):
-        return Fault(severity, accepted, row_sentence(first, say), tuple((row, "") for row in rows))
+        return Fault(severity, accepted, row_sentence(first, say), tuple(Seen(row) for row in rows))
     whats = [_what(row, say) for row in rows]
     shown = [evidence_of(values_of(row["values"]), say) for row in rows]
     what = whats[0]
     if len(set(whats)) > 1:
-        shown = [": ".join(filter(None, each)) for each in zip(whats, shown, strict=True)]
         what = say(KINDS[first["kind"]].meaning).rstrip(".。")
+    else:
+        whats = [""] * len(rows)
     text = accepted_text(what_and_cure(what, _cure(first, say), say), accepted, say)
-    return Fault(severity, accepted, text, tuple(zip(rows, shown, strict=True)))
+    return Fault(severity, accepted, text, tuple(map(Seen, rows, whats, shown)))
 
 
 def _what(row: Row, say: Say) -> str:

@@ -87,23 +87,23 @@ def problems_table(results: StudyResults, whose: str = mark("as the study asked"
 
 
 def _problem_cells(fault: Fault) -> tuple[str, str, str]:
-    places = [where(row) for row, _ in fault.seen]
-    particular = [f"{place}: {seen}" for place, (_, seen) in zip(places, fault.seen, strict=True) if seen]
-    text = " ".join([fault.text, *(["; ".join(particular)] if particular else [])])
-    named = counted(len(places), "recording") if particular else "; ".join(dict.fromkeys(places))
-    return named, fault.seen[0][0]["stage"], text
+    stage, places = fault.seen[0].row["stage"], "; ".join(places_of(fault))
+    if any(seen.what for seen in fault.seen):
+        return counted(len(fault.seen), "recording"), stage, f"{fault.text} {places}"
+    return places, stage, fault.text
 
 
 @dataclass(frozen=True)
 class Found:
-    """A fault as pages list it. where : its recording, or how many have it. seen : of several, each one's
-    place and what is particular to it.
+    """A fault as pages list it. where : its recording, or how many have it. places : those of several.
+    evidence : what shows it in each of them.
     """
 
     where: str
     severity: str
     text: str
-    seen: tuple[str, ...]
+    places: str = ""
+    evidence: tuple[str, ...] = ()
 
 
 def found(rows: Sequence[Row]) -> list[Found]:
@@ -112,11 +112,16 @@ def found(rows: Sequence[Row]) -> list[Found]:
 
 
 def _found(fault: Fault) -> Found:
-    places = [where(row) for row, _ in fault.seen]
+    places = places_of(fault)
     if len(places) == 1:
-        return Found(places[0], fault.severity, fault.text, ())
-    seen = (": ".join(filter(None, (place, own))) for place, (_, own) in zip(places, fault.seen, strict=True))
-    return Found(counted(len(places), "recording"), fault.severity, fault.text, tuple(seen))
+        return Found(places[0], fault.severity, fault.text)
+    evidence = tuple(f"{where(seen.row)}: {seen.evidence}" for seen in fault.seen if seen.evidence)
+    return Found(counted(len(places), "recording"), fault.severity, fault.text, "; ".join(places), evidence)
+
+
+def places_of(fault: Fault) -> list[str]:
+    """Where a fault is, each place once; with what is wrong there where that differs."""
+    return list(dict.fromkeys(": ".join(filter(None, (where(own.row), own.what))) for own in fault.seen))
 
 
 def where(problem: Row) -> str:

@@ -9,10 +9,10 @@ from schemas.finding_groups import Fault, faults
 from schemas.finding_sentences import in_quotes
 from stages.report.headline import used_text
 from stages.report.paper_tables import own_table, table_title
-from stages.report.provenance import where
+from stages.report.provenance import places_of, where
 from stages.report.score_tables import score_table
 from stages.report.study_results import Row, StudyResults, Trial
-from stages.report.table_cells import DataTable
+from stages.report.table_cells import DataTable, counted
 
 WIDTH = 79
 MOST_PROBLEMS, MOST_PLACES = 10, 4
@@ -60,16 +60,21 @@ def _problems(results: StudyResults) -> list[str]:
 
 def _items(rows: list[Row]) -> list[str]:
     found = faults(rows)
-    items = [f"- {_places(fault)}: {in_quotes(fault.text)}" for fault in found[:MOST_PROBLEMS]]
     more = [f"- and {len(found) - MOST_PROBLEMS} more; see the report"] if len(found) > MOST_PROBLEMS else []
-    return [_wrapped(line) for line in [*items, *more]]
+    return [*(line for fault in found[:MOST_PROBLEMS] for line in _item(fault)), *more]
 
 
-def _places(fault: Fault) -> str:
-    """Where a fault is: the first places, and how many more."""
-    named = list(dict.fromkeys(where(row) for row, _ in fault.seen))
-    more = f"; and {len(named) - MOST_PLACES} more" if len(named) > MOST_PLACES else ""
-    return f"{'; '.join(named[:MOST_PLACES])}{more}, {fault.seen[0][0]['stage']}"
+def _item(fault: Fault) -> list[str]:
+    """A fault's lines: where it is and what it is; of several recordings what shows it in the first, too."""
+    places, stage = places_of(fault), fault.seen[0].row["stage"]
+    named = "; ".join(places[:MOST_PLACES])
+    named += f"; and {len(places) - MOST_PLACES} more" if len(places) > MOST_PLACES else ""
+    text, evidence = in_quotes(fault.text), fault.seen[0].evidence
+    if not evidence and not fault.seen[0].what:
+        return [_wrapped(f"- {named}, {stage}: {text}")]
+    below = [named, *([f"{where(fault.seen[0].row)}: {evidence}"] if evidence else [])]
+    head = f"- {counted(len(places), 'recording')}, {stage}: {text}"
+    return [_wrapped(head), *(_wrapped(line, indent="  ") for line in below)]
 
 
 def _as_the_paper(trials: Iterable[Trial]) -> list[Trial]:
@@ -96,5 +101,5 @@ def table_text(table: DataTable) -> str:
     return "\n".join(lines)
 
 
-def _wrapped(text: str) -> str:
-    return textwrap.fill(text, WIDTH, break_on_hyphens=False)
+def _wrapped(text: str, indent: str = "") -> str:
+    return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)

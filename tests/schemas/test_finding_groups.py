@@ -6,7 +6,7 @@ from typing import Any
 
 from finding_examples import EVIDENCE, EXAMPLES, examples
 
-from schemas.finding_groups import faults, row_sentence
+from schemas.finding_groups import Seen, faults, row_sentence
 from schemas.findings import NOTE, REFUSED, STAGE, SUSPECT, Finding, problem_row, worded
 
 
@@ -26,15 +26,16 @@ def test_one_fault_in_eleven_recordings_is_one_item() -> None:
         "The positions are 10 times too small, in cm and read as mm; write `position_unit: cm` in the "
         "mapping, or give positions in mm."
     )
-    assert [row["subject"] for row, _ in fault.seen] == [f"S{i}" for i in range(11)]
-    assert fault.seen[3][1] == "the hand comes out 0.13 times the average size, put right 1 times"
+    assert [seen.row["subject"] for seen in fault.seen] == [f"S{i}" for i in range(11)]
+    assert not any(seen.what for seen in fault.seen)
+    assert fault.seen[3].evidence == "the hand comes out 0.13 times the average size, put right 1 times"
 
 
 def test_a_fault_of_one_recording_is_its_sentence() -> None:
     for finding in examples():
         (fault,) = faults(rows(finding, 1))
         assert fault.text == finding.message == row_sentence(rows(finding, 1)[0])
-        assert fault.seen == ((rows(finding, 1)[0], ""),)
+        assert fault.seen == (Seen(rows(finding, 1)[0]),)
 
 
 def test_other_receivers_are_the_same_fault_and_named_for_each() -> None:
@@ -47,7 +48,7 @@ def test_other_receivers_are_the_same_fault_and_named_for_each() -> None:
     assert fault.text == (
         "Two receivers stand for each other's segments; exchange them in the layout or the mapping."
     )
-    assert [seen for _, seen in fault.seen] == [
+    assert [seen.what for seen in fault.seen] == [
         f"The receivers {a} and {b} seem to be swapped" for a, b in pairs
     ]
 
@@ -70,7 +71,7 @@ def test_an_accepted_fault_has_its_reason_once() -> None:
     (fault,) = faults(rows(units(0.1).accept("a doll"), 3))
     assert (fault.severity, fault.accepted) == (NOTE, "a doll")
     assert fault.text.endswith("or give positions in mm. Accepted: a doll")
-    assert all("doll" not in seen for _, seen in fault.seen)
+    assert all("doll" not in seen.evidence for seen in fault.seen)
 
 
 def test_problems_without_a_template_are_one_item_by_their_text() -> None:
@@ -87,4 +88,6 @@ def test_evidence_stands_where_it_is_seen() -> None:
     values = {**EXAMPLES["receivers-swapped", ""][0], "seen": "gap", **EVIDENCE["gap"]}
     (fault,) = faults(rows(Finding("receivers-swapped", SUSPECT, "", values), 2))
     assert "gap" not in fault.text
-    assert {seen for _, seen in fault.seen} == {"put right, the gap of index_pip falls from 31.2 to 1.4 mm"}
+    assert {seen.evidence for seen in fault.seen} == {
+        "put right, the gap of index_pip falls from 31.2 to 1.4 mm"
+    }

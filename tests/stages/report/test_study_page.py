@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
@@ -21,6 +22,7 @@ from stages.report.study_page import render_study
 from stages.report.study_results import StudyResults
 from stages.report.terminal import terminal_tables
 from stages.report.trust import believed_text
+from stages.report.wording import speaking
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 
@@ -208,8 +210,21 @@ def test_one_fault_in_eleven_recordings_is_one_item_of_the_page(fitted: StudyRes
     assert page.count("seem to be the inverse of what is declared") == 1
     assert page.count("write <code>rotates: transmitter-to-receiver</code> under") == 1
     assert "<strong>11 recordings</strong>" in page
+    assert "<p>subject S00, left hand, rom; subject S01, left hand, rom; " in page
     assert "<li>subject S10, left hand, rom: put right, the gap of index_pip falls" in page
     assert 'id="problems"' not in page
+
+
+def test_a_fault_is_an_item_of_a_japanese_page_too(fitted: StudyResults, file: Study) -> None:
+    results = _study_of_one_fault(fitted)
+    with speaking("ja", results.problems):
+        section = (
+            render_study(results, file).partition('<section class="findings"')[2].partition("</section>")[0]
+        )
+    assert section.count("回転が宣言の逆回転と考えられる") == 1
+    assert "<strong>11 件の記録</strong>" in section
+    assert "<code>rotates: transmitter-to-receiver</code>" in section
+    assert not re.search("lang=|&lt;|`", section)
 
 
 def test_an_accepted_fault_is_shown_once_as_accepted(fitted: StudyResults, file: Study) -> None:
@@ -223,11 +238,14 @@ def test_an_accepted_fault_is_shown_once_as_accepted(fitted: StudyResults, file:
     assert 'id="problems"' not in page
     assert "What went wrong" not in text
     assert "`" not in text
-    assert "and 7 more, check_recordings: The rotations" in " ".join(text.split())
+    assert "- 11 recordings, check_recordings: The rotations" in " ".join(text.split())
 
 
 def test_the_terminal_has_findings_first_each_once(fitted: StudyResults) -> None:
     text = " ".join(terminal_tables(_study_of_one_fault(fitted)).split())
     assert text.count("seem to be the inverse") == 1
     assert 'write "rotates: transmitter-to-receiver" under "orientation" in the mapping' in text
-    assert "Found in the recordings, to be settled first: - subject S00, left hand, rom;" in text
+    assert "Found in the recordings, to be settled first: - 11 recordings, check_recordings: The rot" in text
+    assert (
+        "subject S03, left hand, rom; and 7 more subject S00, left hand, rom: put right, the gap of" in text
+    )
