@@ -57,6 +57,11 @@ def row_sentence(row: Row, say: Say = english) -> str:
     return sentence_of(row["kind"], row["variant"], values, row["accepted"], say)
 
 
+def row_what(row: Row, say: Say = english) -> str:
+    """What is wrong by a row of a declared kind, without what shows it and what to do."""
+    return what_of(row["kind"], row["variant"], values_of(row["values"]), say)
+
+
 def faults(rows: Iterable[Row], say: Say = english) -> list[Fault]:
     """Put rows of one fault together: of the same kind, variant, severity, cure and reason to accept it."""
     groups: dict[tuple[str, ...], list[Row]] = {}
@@ -72,7 +77,7 @@ def _fault(rows: list[Row], say: Say) -> Fault:
     severity, accepted = first["severity"], first["accepted"]
     if len(rows) == 1 or not is_declared(first):
         return Fault(severity, accepted, row_sentence(first, say), tuple(Seen(row) for row in rows))
-    whats = [_what(row, say) for row in rows]
+    whats = [row_what(row, say) for row in rows]
     shown = [evidence_of(values_of(row["values"]), say) for row in rows]
     what = whats[0]
     if len(set(whats)) > 1:
@@ -81,10 +86,6 @@ def _fault(rows: list[Row], say: Say) -> Fault:
         whats = [""] * len(rows)
     text = accepted_text(what_and_cure(what, _cure(first, say), say), accepted, say)
     return Fault(severity, accepted, text, tuple(map(Seen, rows, whats, shown)))
-
-
-def _what(row: Row, say: Say) -> str:
-    return what_of(row["kind"], row["variant"], values_of(row["values"]), say)
 
 
 def _cure(row: Row, say: Say) -> str:

@@ -9,17 +9,17 @@ language.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from schemas.finding_groups import is_declared, row_sentence
+from schemas.finding_groups import is_declared, row_sentence, row_what
 from schemas.study import Hand, SubjectSession
 
 ENGLISH = "en"
@@ -105,19 +105,20 @@ def _pattern(sentence: str) -> re.Pattern[str]:
 
 
 _spoken: ContextVar[Catalogue | None] = ContextVar("spoken", default=None)
-_findings: ContextVar[Mapping[str, dict[str, Any]] | None] = ContextVar("findings", default=None)
+_findings: ContextVar[Mapping[str, Callable[..., str]] | None] = ContextVar("findings", default=None)
 
 
 @contextmanager
 def speaking(language: str, problems: Iterable[dict[str, Any]] = ()) -> Iterator[None]:
     """What is said inside is said in that language.
 
-    problems : rows of that table; their sentences, which messages of other tables quote, are said by their
-    values.
+    problems : rows of that table; their sentences, which messages of other tables quote whole or without the
+    cure, are said by their values.
     """
     token = _spoken.set(None if language == ENGLISH else catalogue_of(language))
-    declared = {row["message"].removesuffix("."): row for row in problems if is_declared(row)}
-    quoted = _findings.set(declared)
+    declared = [row for row in problems if is_declared(row)]
+    whole = {row["message"].removesuffix("."): partial(row_sentence, row) for row in declared}
+    quoted = _findings.set({row_what(row): partial(row_what, row) for row in declared} | whole)
     try:
         yield
     finally:
@@ -216,7 +217,7 @@ def _found(spoken: Catalogue, message: str) -> str | None:
     text = message.removesuffix(".")
     quoted = (_findings.get() or {}).get(text)
     if quoted is not None:
-        return row_sentence(quoted, say).removesuffix("。") + stop
+        return quoted(say).removesuffix("。") + stop
     for pattern, own in spoken.messages:
         found = pattern.fullmatch(text) or pattern.fullmatch(text[:1].lower() + text[1:])
         if found is not None:

@@ -385,9 +385,11 @@ def test_a_finding_that_a_message_quotes_is_said_by_its_values() -> None:
         assert FOREIGN in told(message)
     with speaking("ja", [finding.columns]):
         text = told(f"no calibration recording is left: {message}")
+        advice = told("nothing can be said before this is settled: This seems to be a right hand")
     assert FOREIGN not in text
     assert "右手と考えられる" in text
     assert "seen on video" in text
+    assert advice == "これが解決するまで何も判定できない: 右手と考えられる"
 
 
 def test_what_is_to_be_written_into_a_file_stays_as_files_have_it() -> None:
