@@ -12,7 +12,8 @@ from checks.declared import TIDY, Declared
 from checks.expected_body import ExpectedBody, expected_body
 from checks.explaining import Explanation
 from checks.hypotheses import Recorded, hypotheses
-from checks.mistake_search import Mistake, Search, find_mistakes
+from checks.mistake_effect import effect
+from checks.mistake_search import Mistake, Search, explained, find_mistakes
 from checks.sampled_motion import motion_of, receiver_axes
 from checks.timeline import (
     Timeline,
@@ -112,6 +113,7 @@ def _explained(
     declared: Declared,
 ) -> tuple[list[Finding], Search]:
     """Findings of flips, spikes and all that a hypothesis undoes."""
+    declared_mm = line.position_mm
     jumping = jumping_share(line) > 0.5
     sign = np.ones(line.valid.shape) if jumping else sides(line)
     if (sign < 0).any():
@@ -125,6 +127,11 @@ def _explained(
     if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
         return [Finding("spikes", REFUSED, "all")], search
     flips = _flips(line, sign, segments)
+    if flips:
+        as_read = motion_of(declared_mm, line.quaternion, usable, axes, hand)
+        flipped = np.flatnonzero((sign < 0).any(0)).tolist()
+        matters = effect(body, explained(as_read, body), explained(motion, body), flipped)
+        flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
     if mistakes and _unexplained(body, search.explanation):  # guesses on guesses: the likeliest alone
         mistakes = mistakes[:1]

@@ -97,8 +97,8 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "the wrong hemisphere",
         ),
         "between": Sentence(
-            "{count} poses ({which}) are between the two sides of the transmitter, where the tracker's filter "
-            "smears a jump, and left out",
+            "{count} poses ({which}) are between the two sides of the transmitter, where the tracker's "
+            "filter smears a jump, and left out",
             "nothing has to be done",
         ),
         "put-back": Sentence(
@@ -250,6 +250,17 @@ EVIDENCE: Mapping[str, str] = {
 }
 """By what is seen, `seen` among the values: what undoing a mistake changes most."""
 
+_SIZES = ("scale", "reach")
+
+EFFECTS: Mapping[str, str] = {
+    "closer": "the median gap of the joints concerned falls from {gap_before_mm:.1f} to {gap_after_mm:.1f} "
+    "mm, centres that move by more than 2 mm: {moved} of {joints}",
+    "no-closer": "the joints concerned close as they did, with a median gap of {gap_before_mm:.1f} and "
+    "{gap_after_mm:.1f} mm, centres that move by more than 2 mm: {moved} of {joints}",
+    "none": "no joint closes better and no centre moves by more than 2 mm, so nothing measurable is gained",
+}
+"""By `effect` among the values: how much it matters."""
+
 OTHER_PROBLEMS: Mapping[str, Mapping[str, str]] = {
     "recording": {"no-pose": "no usable pose of {segments}; check that receiver"},
     "hand": {"uncalibrated": "no recording calibrates this hand, so none of its joints could be solved"},
@@ -257,7 +268,9 @@ OTHER_PROBLEMS: Mapping[str, Mapping[str, str]] = {
 }
 """Whole sentences of problems that are no mistakes of a declaration, by kind and variant."""
 
+_EVIDENCE_AND_EFFECT, _EFFECT_ALONE = "{evidence} ({effect})", "put right, {effect}"
 _WHOLE, _WITHOUT_EVIDENCE = "{what}: {evidence}; {cure}.", "{what}; {cure}."
+_WITH_EFFECT = "{what} ({evidence}); {cure}."
 _ACCEPTED = "{finding} Accepted: {given}"
 _TIME, _ROW = "at {time_s:.2f} s", "in row {row} of its rows"
 _ONE_OTHER, _OTHERS = ", and so does another receiver", ", and so do {n} other receivers"
@@ -275,8 +288,9 @@ def templates() -> Iterator[str]:
             yield from filter(None, (sentence.what, sentence.cure, sentence.one))
     for texts in OTHER_PROBLEMS.values():
         yield from texts.values()
-    yield from EVIDENCE.values()
-    yield from (_WHOLE, _WITHOUT_EVIDENCE, _ACCEPTED, _TIME, _ROW, _ONE_OTHER, _OTHERS, _FRAMES)
+    yield from (*EVIDENCE.values(), *EFFECTS.values())
+    yield from (_EVIDENCE_AND_EFFECT, _EFFECT_ALONE)
+    yield from (_WHOLE, _WITH_EFFECT, _WITHOUT_EVIDENCE, _ACCEPTED, _TIME, _ROW, _ONE_OTHER, _OTHERS, _FRAMES)
     yield from (_OF_SEGMENT, _FRAMES_AND_TIME, _ABOUT_AXIS, _ABOUT_DIAGONAL, _OWN_RECORDING, _RECORDING)
     yield _RECORDING_IN_SESSION
 
@@ -297,9 +311,25 @@ def sentence_of(kind: str, variant: str, values: Values, accepted: str = "", say
         return say(OTHER_PROBLEMS[kind][variant], **_placeholders(values, say))
     what, evidence = what_of(kind, variant, values, say), evidence_of(values, say)
     cure = cure_of(kind, variant, values, say)
-    template = _WHOLE if evidence else _WITHOUT_EVIDENCE
-    text = say(template, what=what, evidence=evidence, cure=cure)
-    return say(_ACCEPTED, finding=text, given=accepted) if accepted else text
+    if not evidence:
+        return accepted_text(what_and_cure(what, cure, say), accepted, say)
+    template = _WHOLE if "seen" in values else _WITH_EFFECT
+    return accepted_text(say(template, what=what, evidence=evidence, cure=cure), accepted, say)
+
+
+def what_and_cure(what: str, cure: str, say: Say = english) -> str:
+    """What is wrong and what to do, without what shows it."""
+    return say(_WITHOUT_EVIDENCE, what=what, cure=cure)
+
+
+def accepted_text(finding: str, reason: str, say: Say = english) -> str:
+    """The finding with the reason, if there is any, to let it stand."""
+    return say(_ACCEPTED, finding=finding, given=reason) if reason else finding
+
+
+def in_quotes(text: str) -> str:
+    """Text for a terminal: what is to be written stands in quotes, not in backticks."""
+    return text.replace("`", '"')
 
 
 def what_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
@@ -316,8 +346,14 @@ def cure_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
 
 
 def evidence_of(values: Values, say: Say = english) -> str:
-    """What undoing the mistake changes; empty where poses alone show it."""
-    return say(EVIDENCE[values["seen"]], **_placeholders(values, say)) if "seen" in values else ""
+    """What undoing the mistake changes, and how much that matters; empty where poses alone show it."""
+    given, seen = _placeholders(values, say), values.get("seen", "")
+    evidence = say(EVIDENCE[seen], **given) if seen else ""
+    # where a size was absurd, a gap in millimetres and a centre's way say nothing
+    effect = say(EFFECTS[values["effect"]], **given) if "effect" in values and seen not in _SIZES else ""
+    if evidence and effect:
+        return say(_EVIDENCE_AND_EFFECT, evidence=evidence, effect=effect)
+    return evidence or (say(_EFFECT_ALONE, effect=effect) if effect else "")
 
 
 def _placeholders(values: Values, say: Say) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 from schemas.catalogue import FINDINGS
 from schemas.config_files import CONFIG_FOLDER, read_config
 from schemas.errors import InputError
+from schemas.finding_groups import row_sentence, row_what
 from schemas.findings import REFUSED, SUSPECT
 from schemas.layout import Layout, layout_from_config
 from schemas.model import SkeletonModel, model_from_config
@@ -43,7 +44,7 @@ class SubjectPlan:
     paths, for messages. poses_files : every recording's poses table. truth_folders : of simulated recordings,
     where the truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks
     are left out in turn; else every recording is used as a command line names it. refused : the sentence of
-    each recording that a finding refuses; such a one is excluded. suspect : that of each that one suspects.
+    each recording that a finding refuses; such a one is excluded. suspect : of each suspect one what is off.
     session : where the recordings sheet names any. factors : the subject's levels, by the participants sheet.
     """
 
@@ -153,11 +154,11 @@ class SubjectPlan:
         rows = list(rows_of(read_table(path, FINDINGS)))
         reasons, suspicions = (
             {
-                (row["hand"], row["task"], row["trial"]): row["message"]
+                (row["hand"], row["task"], row["trial"]): said(row)
                 for row in reversed(rows)
                 if row["severity"] == severity
             }
-            for severity in (REFUSED, SUSPECT)
+            for severity, said in ((REFUSED, row_sentence), (SUSPECT, row_what))
         )
         by_recording = {
             recording: replace(recording, exclude=reasons[key])

@@ -48,6 +48,7 @@ def check(arguments: argparse.Namespace) -> None:
 
 def check_recording(path: Path, hand: str | None, layout: str, mapping: Path | None) -> None:
     """Import a recording into a folder that is removed again; print its findings, or else joints' advice."""
+    from schemas.finding_sentences import in_quotes
     from schemas.findings import SUSPECT
     from schemas.layout import read_layout
     from stages.capture import import_recording
@@ -66,7 +67,7 @@ def check_recording(path: Path, hand: str | None, layout: str, mapping: Path | N
             raise _without_mapping(path, layout, error) if mapping is None else error from error
         findings = command_line.checked_poses(poses, read_layout(layout).of_hand(hand)).findings
         for finding in findings:
-            print(f"{finding.severity}: {finding.kind}: {finding.message}")
+            print(f"{finding.severity}: {finding.kind}: {in_quotes(finding.message)}")
         if any(finding.severity == SUSPECT for finding in findings):
             return  # before that is settled, nothing can be said of joints
         print("" if findings else "no finding\n", end="")

@@ -23,6 +23,9 @@ EVIDENCE: dict[str, dict[str, Any]] = {
              "least_after": -35.0, "most_after": -10.0},
 }  # fmt: skip
 
+GAPS = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16}
+EFFECTS = {name: {**GAPS, "effect": name} for name in ("closer", "no-closer", "none")}
+
 EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("quaternion-order", "order"): [{"read": "w, x, y, z", "true": "x, y, z, w", "order": "xyzw"}],
     ("quaternion-order", "inverse-too"): [
@@ -90,4 +93,11 @@ def examples() -> list[Finding]:
         Finding("receivers-swapped", SUSPECT, values={**PAIR, "seen": seen, **values})
         for seen, values in EVIDENCE.items()
     ]
-    return [*every, *swapped]
+    put_right = [
+        Finding("hemisphere", SUSPECT, "jumps", EXAMPLES["hemisphere", "jumps"][0] | values)
+        for values in EFFECTS.values()
+    ]
+    return [*every, *swapped, *put_right, Finding("receivers-swapped", SUSPECT, "", _SWAPPED)]
+
+
+_SWAPPED = {**PAIR, "seen": "gap", **EVIDENCE["gap"], **EFFECTS["closer"]}

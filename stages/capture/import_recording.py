@@ -127,13 +127,15 @@ def _write(
 
 def _print_findings(arguments: argparse.Namespace, layout: Layout) -> None:
     """Say what was declared and cannot be; an hour is left to the stage, which may hold it in memory."""
+    from schemas.finding_sentences import in_quotes
     from schemas.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
 
     if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
         print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)
         return
     for finding in command_line.checked_poses(arguments.out, layout).findings:
-        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {finding.message}", file=sys.stderr)
+        sentence = in_quotes(finding.message)
+        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {sentence}", file=sys.stderr)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

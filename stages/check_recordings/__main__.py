@@ -32,6 +32,7 @@ def build_parser() -> argparse.ArgumentParser:
 def check(arguments: argparse.Namespace) -> None:
     """Check every recording of the subject that holds poses; print the findings, write them if asked to."""
     from schemas.catalogue import FINDINGS
+    from schemas.finding_sentences import in_quotes
     from schemas.plan import read_plan
     from schemas.tables import Provenance, columns_from_rows, write_table
 
@@ -43,7 +44,7 @@ def check(arguments: argparse.Namespace) -> None:
     rows = [row for recording, own in checked for row in _rows(recording, own)]
     for row in rows:
         name = " ".join(filter(None, (row["hand"], row["task"], row["trial"])))
-        print(f"{name}: {row['severity']}: {row['kind']}: {row['message']}")
+        print(f"{name}: {row['severity']}: {row['kind']}: {in_quotes(row['message'])}")
     if not rows:
         print("no finding")
     if arguments.out is not None:

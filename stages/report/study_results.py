@@ -169,6 +169,17 @@ class StudyResults:
         """Whether all layouts are of hands; else what the tables call a hand is a side of a body."""
         return all(layout.is_hand for layout in self.layouts.values())
 
+    @cached_property
+    def accepted(self) -> list[Row]:
+        """Findings that the recordings sheet gives a reason for."""
+        return [row for row in self.problems if row["stage"] == STAGE and row["accepted"]]
+
+    @cached_property
+    def other_problems(self) -> list[Row]:
+        """Problems that are neither findings to be settled nor accepted ones."""
+        apart = {id(row) for row in (*self.findings, *self.accepted)}
+        return [row for row in self.problems if id(row) not in apart]
+
     joints_of = _by_hand_and_model("joints")
     bones_of = _by_hand_and_model("bones")
     receivers_of = _by_hand_and_model("receivers")

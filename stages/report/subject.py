@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,11 +47,12 @@ def write_pages(arguments: argparse.Namespace) -> None:
     from schemas.plan import read_plan
     from stages.report.study_results import read_subject
     from stages.report.subject_page import render_subject
+    from stages.report.wording import speaking
 
-    spoken = _language(arguments)
+    language = _language(arguments)
     results = read_subject(read_plan(arguments.plan))
     shown = results.shown
-    with spoken:
+    with speaking(language, results.problems):
         if arguments.recording:
             shown = [_named(results, *arguments.recording)]
         else:
@@ -62,13 +62,11 @@ def write_pages(arguments: argparse.Namespace) -> None:
             write_text(arguments.out / page, _recording_page(results, recording))
 
 
-def _language(arguments: argparse.Namespace) -> AbstractContextManager[None]:
+def _language(arguments: argparse.Namespace) -> str:
     """The language asked for; InputError where there is no such one."""
-    from stages.report.wording import speaking
-
     if arguments.language not in _languages():
         raise InputError(f"--language {arguments.language}: expected one of {', '.join(_languages())}")
-    return speaking(arguments.language)
+    return str(arguments.language)
 
 
 def _languages() -> list[str]:

@@ -58,15 +58,16 @@ def check(arguments: argparse.Namespace) -> None:
 
 def _printed_rows(arguments: argparse.Namespace, plan: SubjectPlan, hand: str) -> list[dict[str, Any]]:
     """Print the advice on a hand; give its rows."""
-    advice = hand_advice(plan, hand, allow_none=arguments.record_failure)
+    advice, stands = hand_advice(plan, hand, allow_none=arguments.record_failure)
     if len(plan.hands) > 1:
         print(f"{hand} hand")
-    print(as_text(advice))
+    print("\n".join(filter(None, (stands, as_text(advice)))))
     return [{**vars(plan.hand(hand)), **row.columns} for row in advice]
 
 
-def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advice]:
-    """Give the advice on a hand's joints from every recording that may calibrate it.
+def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> tuple[list[Advice], str]:
+    """Give the advice on a hand's joints from every recording that may calibrate it; then a line on the
+    finding that stands against them, empty where none does.
 
     Raises InputError where no recording holds poses, unless `allow_none`: then there is no advice.
     """
@@ -74,6 +75,8 @@ def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advic
 
     from schemas.advice import UNSETTLED
     from schemas.errors import InputError
+    from schemas.finding_groups import row_what
+    from schemas.finding_sentences import in_quotes
     from schemas.poses import usable_poses
     from stages.solve_joints.calibration_advice import advise
     from stages.solve_joints.solve import HandDescription, stream_recordings
@@ -81,17 +84,21 @@ def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advic
     layout = plan.layouts[hand]
     usable, reasons = usable_poses([plan.poses(recording) for recording in plan.all_calibrating(hand)])
     if not usable and allow_none:  # what became of the recordings stands with them
-        return []
+        return [], ""
     if not usable:
         raise InputError(f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
     recordings = stream_recordings(usable, layout, sample_frames=True)
     advice = advise(recordings.fit(HandDescription(hand, plan.hand_length_mm)), layout)
     stands = _suspicion(plan, hand, usable)
-    return [replace(row, kind=UNSETTLED, values={"finding": stands}) for row in advice] if stands else advice
+    if stands is None:
+        return advice, ""
+    line = f"{stands['severity']}: {stands['kind']}: {in_quotes(stands['message'])}"
+    values = {"finding": row_what(stands)}
+    return [replace(row, kind=UNSETTLED, values=values) for row in advice], line
 
 
-def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> str:
-    """Give the first finding that stands against a hand's calibration recordings; empty where none does.
+def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> dict[str, Any] | None:
+    """Give the first finding that stands against a hand's calibration recordings, as a row.
 
     It is that of the subject's findings table, or of a hand alone what its poses say now.
     """
@@ -102,14 +109,14 @@ def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> str:
     if not plan.is_study:
         layout = plan.layouts[hand]
         found = [one for path in usable for one in command_line.checked_poses(path, layout).findings]
-        return next((one.message for one in found if one.severity != NOTE), "")
+        return next((one.columns for one in found if one.severity != NOTE), None)
     if not plan.table(FINDINGS.name).is_file():
-        return ""
+        return None
     names = {(hand, own.task, own.trial) for own in plan.all_calibrating(hand)}
     rows = rows_of(read_table(plan.table(FINDINGS.name), FINDINGS))
-    standing = (row["message"] for row in rows
+    standing = (row for row in rows
                 if row["severity"] != NOTE and (row["hand"], row["task"], row["trial"]) in names)  # fmt: skip
-    return next(standing, "")
+    return next(standing, None)
 
 
 def as_text(advice: Sequence[Advice]) -> str:

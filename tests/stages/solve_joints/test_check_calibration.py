@@ -116,4 +116,6 @@ def test_nothing_is_enough_while_a_finding_stands(tmp_path: Path, capsys: pytest
     write_quaternions(tmp_path / "poses.parquet", wrong.poses, "right", "rom")
     printed = checked(capsys, "--poses", str(tmp_path / "poses.parquet"))
     assert "enough" not in printed
+    assert printed.startswith("suspect: quaternion-order: The quaternions are read as w")
     assert printed.count("nothing can be said before this is settled: The quaternions are read as w") == 15
+    assert printed.count("order: xyzw") == 1
