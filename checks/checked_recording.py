@@ -248,45 +248,46 @@ LEFT_OUT = {
     "hemisphere-flip": (
         "hemisphere",
         NOTE,
-        "on the other side of the transmitter and left out: the tracker took the wrong hemisphere; write "
-        "`repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere) to put them back",
+        "Poses on the other side of the transmitter were left out",
+        "the tracker took the wrong hemisphere; write `repair` in the column hemisphere of the recordings "
+        "sheet (or --repair-hemisphere) to put them back",
     ),
     "hemisphere-transit": (
         "hemisphere",
         NOTE,
-        "between the two sides of the transmitter, where the tracker's filter smears a jump, and left out; "
-        "nothing has to be done",
+        "Poses between the two sides of the transmitter were left out",
+        "the tracker's filter smears a jump over some frames; nothing has to be done",
     ),
     "hemisphere-repaired": (
         "hemisphere",
         NOTE,
-        "put back from the other side of the transmitter, as was asked for; nothing more has to be done",
+        "Poses on the other side of the transmitter were put back",
+        "the recordings sheet, or --repair-hemisphere, asks for it; nothing has to be done",
     ),
     "hemisphere-undecided": (
         "hemisphere",
         SUSPECT,
-        "of a receiver that was on both sides of the transmitter, or on another than its neighbours, and "
-        "nothing tells which is right; kept as recorded: leave the rows on the wrong side empty, or give a "
-        "reason under `exclude` in the recordings sheet",
+        "Poses are on either side of the transmitter and nothing tells which side is right",
+        "they were kept as recorded; leave those on the wrong side empty, or give a reason under `exclude` "
+        "in the recordings sheet",
     ),
     "spike": (
         "spikes",
         NOTE,
-        "where nothing can be and left out: the tracker's field was probably disturbed; look for metal or a "
-        "motor near the transmitter",
+        "Poses where nothing can be were left out",
+        "the tracker's field was probably disturbed; look for metal or a motor near the transmitter",
     ),
 }
-"""By flag: the kind, how grave it is, and what became of the poses, what it is and what to do."""
+"""By flag of poses: the kind, how grave it is, what became of them, and why and what to do."""
 
 
 def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
     found = []
     for flag, by_segment in left_out.items():
-        kind, severity, what = LEFT_OUT[flag]
-        count, which = sum(by_segment.values()), by_segment
-        named = ", ".join(f"{which[name]} of {name}" for name in sorted(which, key=lambda one: -which[one]))
-        who = f"{count} poses ({named}) are" if len(which) > 1 else f"{named.replace(' of', ' poses of')} are"
-        found.append(Finding(kind, severity, f"{who} {what}."))
+        kind, severity, what, cure = LEFT_OUT[flag]
+        counts = sorted(by_segment.items(), key=lambda one: -one[1])
+        which = ", ".join(f"{segment} {count}" for segment, count in counts)
+        found.append(Finding(kind, severity, f"{what} ({which}): {cure}."))
     return found
 
 
