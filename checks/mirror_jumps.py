@@ -17,9 +17,9 @@ Integers = npt.NDArray[np.int64]
 
 FASTEST_MM_S, UNTIMED_STEP_MM = 3000.0, 20.0
 """No hand is faster; in a frame of which the time is not known none goes farther."""
-LARGE_STEPS, MIRRORED = 3.0, 0.3
+LARGE_STEPS, MIRRORED, SMEARED = 3.0, 0.3, 0.6
 """So many times a recording's large steps, the 80th percentile, are none of them; and of a jump to the mirror
-image so much is left, that image taken."""
+image, at once or through a filter, less than so much is left when that image is taken."""
 SURE = 8.0
 """Log of the odds from which on two neighbouring poses are known to be on the same side, or on two."""
 SMEARED_FRAMES = 12
@@ -55,40 +55,46 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
     """
     sign, run = np.ones(len(frame), np.int64), np.zeros(len(frame), np.int64)
     if len(frame) > 1:
-        lasts = np.diff(frame)
-        step_mm, mirrored_mm = (
-            np.linalg.norm(position_mm[1:] - side * position_mm[:-1], axis=-1) for side in (1, -1)
-        )
+        lasts, frame_s = _lasts(np.diff(frame), np.diff(time_s))
+        step_mm, mirrored_mm = _apart_mm(position_mm[:-1], position_mm[1:])
         nearer_mm = np.minimum(step_mm, mirrored_mm)
         usual_mm = float(np.quantile(nearer_mm / lasts, 0.8))
-        fastest_mm = _fastest_mm(lasts, np.diff(time_s))
+        fastest_mm = UNTIMED_STEP_MM if np.isnan(frame_s) else FASTEST_MM_S * frame_s
         reach_mm = max(LARGE_STEPS * usual_mm, fastest_mm)
         within_mm = _within_mm(reach_mm, lasts)
         odds = 2 * np.einsum("ij,ij->i", position_mm[1:], position_mm[:-1]) / within_mm**2
-        turns = np.where(
-            (step_mm > _within_mm(fastest_mm, lasts)) & (mirrored_mm < MIRRORED * step_mm), -1, 1
-        )
+        jumps = (step_mm > _within_mm(fastest_mm, lasts)) & (mirrored_mm < MIRRORED * step_mm)
         breaks, way = np.abs(odds) < SURE, np.zeros(len(frame), bool)
         for before, after in _leaps(nearer_mm > within_mm, position_mm, usual_mm):
-            product = position_mm[before : after + 1] @ position_mm[before]
-            odd = 2 * product[-1] / float(_within_mm(reach_mm, frame[after] - frame[before])) ** 2
-            breaks[before:after], turns[before:after] = False, 1
-            breaks[after - 1] = abs(odd) < SURE
-            turns[after - 1] = 1 if odd >= 0 else -1
-            way[before + 1 : after] = odd < 0 or product[1:-1] < 0
-        sign[1:], run[1:] = np.cumprod(turns), np.cumsum(breaks)
+            ends_mm = position_mm[[before]], position_mm[before + 1 : after + 1]
+            stay_mm, image_mm = _apart_mm(*ends_mm)
+            away = image_mm < SMEARED * stay_mm
+            odd = 2 * float(ends_mm[0][0] @ ends_mm[1][-1])
+            odd /= float(_within_mm(reach_mm, lasts[before:after].sum())) ** 2
+            breaks[before:after], jumps[before:after] = False, False
+            breaks[after - 1], jumps[after - 1] = abs(odd) < SURE, away[-1]
+            way[before + 1 : after] = away[-1] | away[:-1]
+        sign[1:], run[1:] = np.cumprod(np.where(jumps, -1, 1)), np.cumsum(breaks)
         sign[way] = 0
     new = np.flatnonzero((np.diff(sign, prepend=2) != 0) | (np.diff(run, prepend=0) != 0))
     return OwnSides(frame[new], sign[new], run[new])
 
 
-def _fastest_mm(lasts: Integers, seconds: Array) -> float:
-    """How far the fastest hand goes in a frame."""
+def _lasts(frames: Integers, seconds: Array) -> tuple[Array, float]:
+    """How many frames each step takes, by frames and times, and how long a frame is; NaN where unknown."""
     timed = seconds > 0  # False for NaN
-    return FASTEST_MM_S * float(np.median(seconds[timed] / lasts[timed])) if timed.any() else UNTIMED_STEP_MM
+    if not timed.any():
+        return frames.astype(float), np.nan
+    frame_s = float(np.median(seconds[timed] / frames[timed]))
+    return np.maximum(frames, np.where(timed, seconds, 0.0) / frame_s), frame_s
 
 
-def _within_mm(reach_mm: float, lasts: Integers) -> Array:
+def _apart_mm(one: Array, other: Array) -> tuple[Array, Array]:
+    """How far positions are from each other, and from each other's mirror image."""
+    return np.linalg.norm(other - one, axis=-1), np.linalg.norm(other + one, axis=-1)
+
+
+def _within_mm(reach_mm: float, lasts: Array) -> Array:
     """How far a receiver goes in so many frames: it does not keep its greatest speed."""
     return np.asarray(reach_mm * np.minimum(lasts, 2 * np.sqrt(lasts)))
 

@@ -35,14 +35,14 @@ SAMPLED, TRIED, FRAMES_A_TRIAL = 300, 80, 4
 LARGEST_GAP_MM, SKIN_MM = 30.0, 8.0
 """Of a joint's receivers about its centre in most frames, at the most, and that tells nothing."""
 
-CLOSING, NEARNESS, ANATOMY, SHARE, START = 12.0, 3.0, 1.5, 4.0, 0.6
-"""Weights in log odds: a joint that closes, its centre's distance, its place by anatomy, the share of poses that
-are right, and that the first is. Anatomy never outweighs receivers that stay on a side all along."""
+CLOSING, NEARNESS, ANATOMY, SHARE, START = 12.0, 4.0, 1.5, 4.0, 0.6
+"""Weights in log odds: a joint that closes, its centre's distance, its place by anatomy, the share of poses
+that are right, and that the first is. Anatomy never outweighs receivers that stay on a side all along."""
 
 DECIDED = 1.0
 """Log of the odds from which on a receiver's side is known."""
 
-CERTAIN = 3.0
+CERTAIN = 5.0
 """Log of the odds from which on a joint overrules what a receiver's own positions let guess."""
 
 Poses = tuple[Integers, Array]
@@ -101,7 +101,7 @@ def sides(
 
 
 def _share(own: OwnSides, frame: Integers) -> Array:
-    """Log likelihood (2,) of the signs as they are and of their opposites, by the poses that are right then."""
+    """Log likelihood (2,) of the signs as they are and of their opposites, by what poses are right then."""
     sign = own.sign[own.piece_at(frame)]
     right = SHARE * sign.sum() / max(1, np.abs(sign).sum()) + START * sign[0]
     return np.array([right, -right])
@@ -217,7 +217,7 @@ def _odds(pair: _Pair, expected_mm: Array | None) -> Array:
     for other, (centre, gap_mm) in enumerate(fits):
         levers_mm = np.linalg.norm(centre.reshape(2, 3), axis=-1)
         likely = -CLOSING * np.log1p((gap_mm / SKIN_MM) ** 2)
-        likely -= NEARNESS * float(np.log1p((levers_mm / LONGEST_LEVER_MM) ** 4).sum())
+        likely -= NEARNESS * float((1 / (1 + (LONGEST_LEVER_MM / levers_mm.clip(1.0)) ** 4)).sum())
         place = 0.0
         if expected_mm is not None:
             place = ANATOMY * float(np.clip(centre[3:] @ expected_mm / (expected_mm @ expected_mm), -1, 1))

@@ -157,6 +157,28 @@ def test_severities(planted: Planted) -> None:
     assert spike.message.startswith("One pose, of ring_distal, is where nothing can be")
 
 
+def test_after_a_repair_the_notes_count_it_and_ask_for_none(planted: Planted) -> None:
+    left_out = {"hemisphere-transit": {"hand": 3}, "hemisphere-repaired": {"hand": 3, "ring_distal": 70}}
+    found = check_recording(planted.poses, LAYOUT, "right", left_out=left_out).findings
+    assert [finding.severity for finding in found] == [NOTE, NOTE]
+    assert "73 poses (70 of ring_distal, 3 of hand) were put back" in found[1].message
+    assert not any("`repair`" in finding.message for finding in found)
+
+
+def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted: Planted) -> None:
+    position = planted.poses.position_mm.copy()
+    position[400:, planted.poses.index("ring_distal")] *= -1
+    flipped = replace(planted.poses, position_mm=position)
+    (asked,) = check_recording(flipped, LAYOUT, "right").findings
+    assert (asked.kind, asked.severity) == ("hemisphere", SUSPECT)
+    assert "`repair`" in asked.message
+    left_out = {"hemisphere-undecided": {"ring_distal": 900}}
+    (said,) = check_recording(flipped, LAYOUT, "right", left_out=left_out).findings
+    assert (said.kind, said.severity) == ("hemisphere", SUSPECT)
+    assert "900 poses (900 of ring_distal) are of a receiver that was on both sides" in said.message
+    assert "`repair`" not in said.message
+
+
 def test_a_digest_is_of_the_numbers_alone(planted: Planted) -> None:
     poses = planted.poses
     assert poses_digest(replace(poses, frame=poses.frame + 7, time_s=poses.time_s * 2)) == poses_digest(poses)
