@@ -94,10 +94,10 @@ def _fit_part(
     from stages.fit_hand.receiver_costs import FRAMES
 
     plan.check_calibration_left(part.hand)
-    tips, loose = calibrated_hand(plan, part, other_poses)
+    tips, unsteady = calibrated_hand(plan, part, other_poses)
     tables["fitted_joints"].rows(part, joint_rows(tips.fit))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit))
-    tables["receivers"].rows(part, receiver_rows(tips, loose))
+    tables["receivers"].rows(part, receiver_rows(tips, unsteady))
     tables["gains"].rows(part, gain_rows(tips))
     for name in ("joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])

@@ -147,19 +147,54 @@ def _failed_parts(plan: SubjectPlan, file: Path, table: Table, stage: str) -> It
             )
 
 
+RECEIVER_KINDS = {
+    "": "receiver",
+    "step": "receiver-loose",
+    "slide": "receiver-slid",
+    "field": "field-disturbed",
+}
+"""Kinds of problems by what displaced a receiver."""
+
+OF_A_MODEL = ("subject", "session", "hand", "model")
+
+
 def _receiver_problems(receivers: pa.Table) -> list[Row]:
-    """Receivers that came loose, and touches that were refused, once however many models say so.
+    """Receivers that came loose or slid, and touches that were refused, once however many models say so; a
+    disturbed field once for all receivers that are in it.
 
     A receiver without a valid pose is named with its recording.
     """
-    return [
-        _problem(
-            "fit_hand", "receiver", "note", f"{row['segment']}: {row['message']}",
-            subject=row["subject"], session=row["session"], hand=row["hand"],
-        )
-        for row in rows_of(receivers)
-        if row["message"] and row["status"] != "failed"
-    ]  # fmt: skip
+    problems, in_field = [], dict[tuple[str, ...], list[Row]]()
+    for row in rows_of(receivers):
+        if not row["message"] or row["status"] == "failed":
+            continue
+        if row["loose_kind"] == "field":
+            in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
+            continue
+        kind, message = RECEIVER_KINDS[row["loose_kind"]], f"{row['segment']}: {row['message']}"
+        problems.append(_problem("fit_hand", kind, "note", message, **_hand_of(row)))
+    for rows in in_field.values():
+        message = _field_message(rows)
+        problems.append(_problem("fit_hand", RECEIVER_KINDS["field"], "note", message, **_hand_of(rows[0])))
+    return problems
+
+
+def _hand_of(row: Row) -> dict[str, str]:
+    return {key: row[key] for key in ("subject", "session", "hand")}
+
+
+def _field_message(rows: Sequence[Row]) -> str:
+    """What a disturbed field did to the receivers in it, from their rows."""
+    first = rows[0]
+    place = ", ".join(f"{first[f'field_{axis}_mm']:.0f}" for axis in "xyz")
+    mm, deg, share = (
+        max(row[name] for row in rows) for name in ("loose_shift_mm", "loose_turn_deg", "left_out_share")
+    )
+    return (
+        f"the field is disturbed near ({place}) mm, as by metal: {len(rows)} receivers are off by up to "
+        f"{mm:.1f} mm and {deg:.0f} deg there ({', '.join(row['segment'] for row in rows)}); "
+        f"{100 * share:.0f} % of a receiver's frames, at the most, were left out"
+    )
 
 
 def _clock_problems(clocks: pa.Table) -> list[Row]:
