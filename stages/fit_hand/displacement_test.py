@@ -275,13 +275,14 @@ def _by_interval(
     blocks = np.add.reduceat(branch.curvature.reshape(n_frames, n, 6, n, 6), cuts)
     pulls = np.add.reduceat(branch.by_x.reshape(n_frames, n, 6, -1), cuts)
     slopes, every = np.add.reduceat(slope, cuts), np.arange(len(cuts))
+    own = [at_cuts[:, i].reshape(-1, n_skin) for i in range(n)]
+    taken = np.linalg.solve(inner, np.concatenate([*own, rhs[None]]).T)
     found = {}
     for i, s in enumerate(branch.receivers):
-        with_skin, with_x = at_cuts[:, i].reshape(-1, n_skin), pulls[:, i].reshape(6 * len(cuts), -1)
-        taken = np.linalg.solve(inner, np.concatenate([with_skin, rhs[None]]).T)
-        curvature = -with_x @ np.linalg.solve(left.matrix, with_x.T) - with_skin @ taken[:, :-1]
+        with_x, by_s = pulls[:, i].reshape(6 * len(cuts), -1), taken[:, :-1].reshape(n_skin, n, -1)[:, i]
+        curvature = -with_x @ np.linalg.solve(left.matrix, with_x.T) - own[i] @ by_s
         curvature.reshape(len(cuts), 6, len(cuts), 6)[every, :, every] += blocks[:, i, :, i]
-        found[s] = slopes[:, i] - (with_skin @ taken[:, -1]).reshape(-1, 6), curvature
+        found[s] = slopes[:, i] - (own[i] @ taken[:, -1]).reshape(-1, 6), curvature
     return found
 
 

@@ -120,7 +120,7 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
     problem, point = _posed(fit, fit.evidence.convention.frames(poses.take(rows)))
     tested = Tested.of(fit.evidence)
     field, gain = likeliest_field(problem, point)
-    if gain > max(LEAST_FIELD_GAIN, tested.scored(problem, point).most_abnormal()):
+    if gain > LEAST_FIELD_GAIN and gain > tested.scored(problem, point).most_abnormal():
         return Displaced(field=field)
     found = _searched(fit.evidence.model, problem, point, tested)
     return Displaced(_loose(fit, recordings, poses, rows, *found))

@@ -1,7 +1,6 @@
 """Receivers displaced on simulated hands: that came loose, that slid, that are near metal, and skin."""
 
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -11,8 +10,8 @@ from schemas.layout import Layout
 from schemas.poses import Poses
 from skeleton.rotations import Array, about_axis, multiply, rotate, unit
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.left_out import is_elsewhere, share_left_out, without_displaced
-from stages.fit_hand.loose_receivers import Displaced, LooseReceiver, Moment, displaced_in
+from stages.fit_hand.left_out import is_elsewhere, without_displaced
+from stages.fit_hand.loose_receivers import Displaced, LooseReceiver, displaced_in
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import Simulated, simulate
 
@@ -165,61 +164,6 @@ def test_metal_is_named_once_by_its_place(layout: Layout) -> None:
     assert np.linalg.norm(found.field.nearest - steel) < 150.0
     assert 5.0 < np.linalg.norm(found.field.error[:3]) < 25.0
     assert not found_in(layout, "right", beside_metal(hand()[1], 0.0)[0])
-
-
-def made_loose(segment: str, recording: int, frame: int) -> LooseReceiver:
-    moment = Moment(recording, frame, float("nan"))
-    return LooseReceiver(segment, moment, moment, np.array([5.0, 0.0, 0.0, 0.0, 0.1, 0.0]))
-
-
-def never_used() -> HandFit:
-    """Only a disturbed field needs the fit."""
-    return cast("HandFit", None)
-
-
-def test_the_longer_part_is_kept() -> None:
-    """Before, after, or between two moments; over all recordings, of which one may lack the receiver."""
-    poses = hand()[1].take(slice(0, 600))
-    valid = poses.valid.copy()
-    valid[:450, poses.index("hand")] = False
-    first, second = replace(poses, valid=valid), poses
-    found = [
-        made_loose("index_distal", 0, 401),
-        made_loose("ring_middle", 0, 101),
-        made_loose("ring_middle", 1, 501),
-        made_loose("hand", 1, 201),
-    ]
-    kept = without_displaced(never_used(), [first, second], Displaced(found))
-    expected = np.array(
-        [
-            [np.arange(600) < 0, np.ones(600, bool)],
-            [np.arange(600) >= 100, np.arange(600) < 500],
-            [np.arange(600) < 0, np.arange(600) >= 200],
-        ]
-    )
-    expected[0, 0, 400:] = True
-    for segment, parts in zip(("index_distal", "ring_middle", "hand"), expected, strict=True):
-        for own, part in zip(kept, parts, strict=True):
-            np.testing.assert_array_equal(own.valid[:, own.index(segment)], part)
-    for before, after in zip((first, second), kept, strict=True):
-        others = [i for i, name in enumerate(before.segments) if name not in {one.segment for one in found}]
-        np.testing.assert_array_equal(after.valid[:, others], before.valid[:, others])
-        assert after.position_mm is before.position_mm
-    assert share_left_out([first, second], kept) == {
-        "index_distal": pytest.approx(400 / 1200),
-        "ring_middle": pytest.approx(200 / 1200),
-        "hand": pytest.approx(350 / 750),
-    }
-
-
-def test_a_slide_leaves_out_only_what_is_elsewhere() -> None:
-    """Of a slide of 5 mm over all of the recording, 3 mm are one place; where it slid 1 mm, all is."""
-    poses = hand()[1].take(slice(0, 600))
-    start, end = Moment(0, int(poses.frame[0]), 0.0), Moment(0, int(poses.frame[-1]), 0.0)
-    for shift_mm, share in ((5.0, 0.4), (1.0, 0.0)):
-        slid = LooseReceiver("hand", start, end, np.array([shift_mm, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        kept = without_displaced(never_used(), [poses], Displaced([slid]))
-        assert share_left_out([poses], kept).get("hand", 0.0) == pytest.approx(share, abs=0.03)
 
 
 def error_mm(fit: HandFit, made: Simulated) -> float:
