@@ -347,10 +347,16 @@ RECEIVERS = Table(
         _real("soft_tip_sd_mm", "1-sigma error of that in 3-D"),
         _real("residual_mm", "rms per component of its position about the fitted hand"),
         _real("residual_deg", "rms per component of its rotation about the fitted hand"),
+        Column(
+            "loose_kind", TEXT, "", "what displaced it: step, slide or field (as by metal); empty: nothing"
+        ),
         Column("loose_from_frame", WHOLE, "", "frame from which it sits elsewhere; null: it stayed", True),
+        Column("loose_until_frame", WHOLE, "", "frame until which it slid; of a step, the same", True),
         Column("loose_task", TEXT, "", "task and trial in which that happened; empty: it stayed"),
-        _real("loose_shift_mm", "how far it moved then"),
-        _real("loose_turn_deg", "how far it turned then"),
+        _real("loose_shift_mm", "how far it moved then, or is off in the field"),
+        _real("loose_turn_deg", "how far it turned then, or is off in the field"),
+        *_xyz("field_", "mm", "where it came nearest to what disturbs the field, in the transmitter frame"),
+        _real("left_out_share", "share of its calibration frames that was left out for that"),
         STATUS,
         MESSAGE,
     ),
@@ -568,7 +574,11 @@ PROBLEMS = Table(
         Column("model", TEXT, "", "the skeleton model; empty: of no single one"),
         Column("stage", TEXT, "", "the stage that met it"),
         Column(
-            "kind", TEXT, "", "recording, hand, skeleton, receiver, correction or a kind of docs/mistakes.md"
+            "kind",
+            TEXT,
+            "",
+            "recording, hand, skeleton, receiver, receiver-loose, receiver-slid, field-disturbed, correction "
+            "or a kind of docs/mistakes.md",
         ),
         Column("severity", TEXT, "", "refused (no result), suspect or note"),
         _VARIANT,

@@ -264,7 +264,12 @@ EFFECTS: Mapping[str, str] = {
 OTHER_PROBLEMS: Mapping[str, Mapping[str, str]] = {
     "recording": {"no-pose": "no usable pose of {segments}; check that receiver"},
     "hand": {"uncalibrated": "no recording calibrates this hand, so none of its joints could be solved"},
-    "receiver": {"": "{segment}: {message}"},
+    **dict.fromkeys(("receiver", "receiver-loose", "receiver-slid"), {"": "{segment}: {message}"}),
+    "field-disturbed": {
+        "": "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: {count} receivers are off "
+        "by up to {mm:.1f} mm and {deg:.0f} deg there ({segments}); {percent:.0f} % of a receiver's frames, at "
+        "the most, were left out"
+    },
 }
 """Whole sentences of problems that are no mistakes of a declaration, by kind and variant."""
 

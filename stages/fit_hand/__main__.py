@@ -97,10 +97,10 @@ def _fit_part(
     partner, alone = partner_poses(plan, part)
     if alone:
         print(f"note: {alone}", file=sys.stderr)
-    tips, loose = calibrated_hand(plan, part, other_poses or partner)
+    tips, unsteady = calibrated_hand(plan, part, other_poses or partner)
     tables["fitted_joints"].rows(part, joint_rows(tips.fit))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit))
-    tables["receivers"].rows(part, receiver_rows(tips, loose), **({"note": alone} if alone else {}))
+    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
     tables["gains"].rows(part, gain_rows(tips))
     for name in ("joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])

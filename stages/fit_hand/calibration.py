@@ -21,7 +21,14 @@ from schemas.sheets import Row
 from stages.fit_hand.contacts import find_contacts
 from stages.fit_hand.fingertips import Fingertips, fingertips
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.loose_receivers import LooseReceiver, loose_receivers, without_loose
+from stages.fit_hand.left_out import (
+    Unsteady,
+    field_errors,
+    is_elsewhere,
+    share_left_out,
+    without_displaced,
+)
+from stages.fit_hand.loose_receivers import Displaced, displaced_in
 from stages.fit_hand.measurements import Measurement, measurable
 from stages.fit_hand.sharing import share_lengths
 from stages.fit_hand.touching import Touch, touch_in, with_touches
@@ -35,23 +42,23 @@ NO_CALIBRATION = "no calibration recording"
 
 @dataclass(frozen=True)
 class Calibration:
-    """A fitted hand, the recordings that it was fitted to, thinned and without what was loose, and receivers
-    that came loose, each with the recording it came loose in.
+    """A fitted hand, the recordings that it was fitted to, thinned and without what made it worse, and what
+    was displaced in them.
     """
 
     fit: HandFit
     recordings: Mapping[RecordingName, Poses]
-    loose: Sequence[tuple[RecordingName, LooseReceiver]]
+    unsteady: Unsteady
 
 
 def calibrated_hand(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = ()
-) -> tuple[Fingertips, Sequence[tuple[RecordingName, LooseReceiver]]]:
+) -> tuple[Fingertips, Unsteady]:
     """Fit a part's hand, and the person's other one where they share lengths of bones.
 
     other_poses : calibration of the other hand (see `partner_poses`). Gives the hand with its fingertips and
-    the receivers that came loose. Raises InputError as `fit_calibration`; of the other hand it is only a note
-    on stderr.
+    what was displaced in its recordings. Raises InputError as `fit_calibration`; of the other hand it is only
+    a note on stderr.
     """
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
     own = fit_calibration(plan, part, part.hand, poses)
@@ -64,7 +71,7 @@ def calibrated_hand(
             raise
         except InputError as error:
             print(f"note: the other hand's lengths are not shared: {error}", file=sys.stderr)
-    return _with_fingertips(plan, part, own), own.loose
+    return _with_fingertips(plan, part, own), own.unsteady
 
 
 def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
@@ -99,9 +106,9 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
 def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]) -> Calibration:
     """Fit a hand to its calibration recordings and to what a calliper measured on it.
 
-    hand : the part's own, or the person's other one, fitted with the part's layout and model. A receiver that
-    came loose counts only while it sat in one place. Raises InputError where no recording can be read or the
-    sheet names what is not there, and as `fit_hand` does.
+    hand : the part's own, or the person's other one, fitted with the part's layout and model. Frames in which
+    a receiver was displaced are left out where they make centres worse. Raises InputError where no recording
+    can be read or the sheet names what is not there, and as `fit_hand` does.
     """
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
     usable, reasons = usable_poses(poses)
@@ -121,13 +128,18 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
         settings=Settings(fitting.frames, fitting.steps, Settings.rounds if fitting.steps else 0),
     )
     fit = fit_to(recordings)
-    known_skin = known_digits(layout)  # what is usual of an arm's skin, nobody says
-    loose = loose_receivers(fit, recordings) if fitting.steps and known_skin else []
-    if loose:
-        recordings = without_loose(recordings, loose)
-        fit = fit_to(recordings)
+    displaced, left_out = Displaced(), dict[str, float]()
+    if fitting.steps and known_digits(layout):  # what is usual of an arm's skin, nobody says
+        displaced = displaced_in(fit, recordings)
+        kept = without_displaced(fit, recordings, displaced)
+        if share_left_out(recordings, kept):
+            without = fit_to(kept)
+            if is_elsewhere(fit, without):
+                left_out = share_left_out(recordings, kept)
+                fit, recordings = without, kept
     by_name = dict(zip(names, recordings, strict=True))
-    return Calibration(fit, by_name, [(names[receiver.recording], receiver) for receiver in loose])
+    errors = field_errors(fit, recordings, displaced.field)
+    return Calibration(fit, by_name, Unsteady(names, displaced, errors, left_out))
 
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:

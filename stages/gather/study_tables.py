@@ -131,20 +131,55 @@ def _part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> I
                 yield problem_row(stage, worded(kind, severity, parameters[name]), **where)
 
 
+RECEIVER_KINDS = {
+    "": "receiver",
+    "step": "receiver-loose",
+    "slide": "receiver-slid",
+}
+"""Kinds of problems by what displaced a receiver."""
+
+OF_A_MODEL = ("subject", "session", "hand", "model")
+
+
 def _receiver_problems(receivers: pa.Table) -> list[Row]:
-    """Receivers that came loose, and touches that were refused, once however many models say so.
+    """Receivers that came loose or slid, and touches that were refused, once however many models say so; a
+    disturbed field once for all receivers that are in it.
 
     A receiver without a valid pose is named with its recording.
     """
-    return [
-        problem_row(
-            "fit_hand",
-            Finding("receiver", NOTE, "", {"segment": row["segment"], "message": row["message"]}),
-            **{name: row[name] for name in ("subject", "session", "hand")},
-        )
-        for row in rows_of(receivers)
-        if row["message"] and row["status"] != "failed"
-    ]
+    problems, in_field = [], dict[tuple[str, ...], list[Row]]()
+    for row in rows_of(receivers):
+        if not row["message"] or row["status"] == "failed":
+            continue
+        if row["loose_kind"] == "field":
+            in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
+            continue
+        values = {"segment": row["segment"], "message": row["message"]}
+        found = Finding(RECEIVER_KINDS[row["loose_kind"]], NOTE, "", values)
+        problems.append(problem_row("fit_hand", found, **_hand_of(row)))
+    for rows in in_field.values():
+        found = Finding("field-disturbed", NOTE, "", _field_values(rows))
+        problems.append(problem_row("fit_hand", found, **_hand_of(rows[0])))
+    return problems
+
+
+def _hand_of(row: Row) -> dict[str, str]:
+    return {key: row[key] for key in ("subject", "session", "hand")}
+
+
+def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
+    """What a disturbed field did to the receivers in it, from their rows."""
+    mm, deg, share = (
+        max(row[name] for row in rows) for name in ("loose_shift_mm", "loose_turn_deg", "left_out_share")
+    )
+    return {
+        **{axis: rows[0][f"field_{axis}_mm"] for axis in "xyz"},
+        "count": len(rows),
+        "mm": mm,
+        "deg": deg,
+        "percent": 100 * share,
+        "segments": [row["segment"] for row in rows],
+    }
 
 
 def _clock_problems(clocks: pa.Table) -> list[Row]:

@@ -103,10 +103,15 @@ def receiver_rows(key: dict[str, str], layout: Layout, model: str) -> Rows:
         row = {**_hand(key), "model": model, "segment": segment, "status": "ok", "message": ""}
         row |= {f"{name}_mm": 12.34 for name in ("along", "lateral", "height")}
         row |= {f"{name}_sd_mm": 0.56 for name in ("along", "lateral", "height")}
-        row |= {"residual_mm": 0.3, "residual_deg": 0.4, "loose_task": ""}
+        row |= {"residual_mm": 0.3, "residual_deg": 0.4, "loose_task": "", "loose_kind": ""}
         if spoiled(key) and segment == "ring_middle":
             row |= {"loose_from_frame": 123, "loose_task": "opposition", "loose_shift_mm": 3.21}
-            row |= {"loose_turn_deg": 4.32, "status": "weak", "message": "it came loose"}
+            row |= {
+                "loose_kind": "step",
+                "loose_turn_deg": 4.32,
+                "status": "weak",
+                "message": "it came loose",
+            }
         rows.append(row)
     return rows
 

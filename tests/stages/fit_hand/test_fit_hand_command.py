@@ -196,6 +196,8 @@ def test_a_loose_receiver_is_named(hand: HandAlone, tmp_path: Path) -> None:
     assert row["loose_shift_mm"] == pytest.approx(6.0, abs=2.0)
     assert row["loose_turn_deg"] == pytest.approx(12.0, abs=4.0)
     assert row["message"].startswith("came loose in rom at ")
+    assert (row["loose_kind"], row["loose_until_frame"]) == ("step", row["loose_from_frame"])
+    assert row["left_out_share"] == pytest.approx(900 / 2400, abs=0.03)
 
 
 def test_long_recordings_are_thinned_evenly(hand: HandAlone) -> None:
