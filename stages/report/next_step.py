@@ -18,7 +18,7 @@ from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import counted, listed, number
 from stages.report.wording import say
 
-WORTH = 0.05
+WORTH = 0.025
 """By this share of what the study asks of a centre a thing must lower the mean error to be worth doing."""
 
 FEW_HANDS = 3

@@ -53,10 +53,12 @@ def test_the_mistake_is_named_with_what_to_write(study: StudyRun) -> None:
     assert finding["message"] == problem["message"]
 
 
-def test_none_of_its_joints_is_ok(study: StudyRun) -> None:
-    statuses = {row["status"] for row in study.rows_where("joint_centres", subject="02")}
-    assert "ok" not in statuses
-    assert "ok" in {row["status"] for row in study.rows_where("joint_centres", subject="01")}
+def test_none_of_its_joints_is_believed(study: StudyRun) -> None:
+    for table in ("joint_centres", "bone_lengths"):
+        assert {row["verdict"] for row in study.rows_where(table, subject="02")} == {"no"}
+        assert {row["verdict"] for row in study.rows_where(table, subject="01")} > {"no"}
+    reasons = {row["reason"] for row in study.rows_where("joint_centres", subject="02")}
+    assert "suspect-recording" in reasons
 
 
 def test_it_judges_nothing_and_that_is_said(study: StudyRun) -> None:

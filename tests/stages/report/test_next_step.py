@@ -35,7 +35,7 @@ def test_a_tenth_of_a_millimetre_in_one_joint_is_worth_nothing(fitted: StudyResu
     ]
     text = next_step(replace(fitted, advice=advice))
     assert text.startswith("Next: nothing is worth recording or measuring again; ")
-    assert "by less than 0.1 mm" in text
+    assert "by less than 0.05 mm" in text
 
 
 def test_the_measurement_that_gains_most_over_all_hands(fitted: StudyResults) -> None:
