@@ -127,6 +127,11 @@ KINDS: Mapping[str, Kind] = {
         "Columns or a station named twice in the mapping or the layout; an export that repeats a receiver.",
         "Each receiver's own columns or `value` in the mapping; or export the file again.",
     ),
+    "unchecked": Kind(
+        "The recording was not tested against what was declared of it, so nothing is said of it here.",
+        "A fault of this program, not of the recording.",
+        "Look at its picture and its joints' gaps yourself; please report the sentence with the log.",
+    ),
 }  # fmt: skip
 
 
@@ -137,6 +142,11 @@ def same_file(first: str) -> Finding:
         "column file of the recordings sheet, or give a reason under `exclude` for one of the two."
     )
     return Finding("same-file", SUSPECT, message)
+
+
+def unchecked(message: str) -> Finding:
+    """Say that a recording could not be checked: of what is not known nobody is suspected."""
+    return Finding("unchecked", NOTE, f"The recording could not be checked: {message}.")
 
 
 def mistakes_page() -> str:
