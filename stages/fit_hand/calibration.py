@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anatomy.known_digits import known_digits
+from anatomy.known_digits import no_whole_hand
 from schemas.errors import InputError, TableError, guess
 from schemas.layout import Layout
 from schemas.model import HandFitting
@@ -93,6 +93,8 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
         raise InputError(
             f"model {part.model} fits no whole hand; expected fit: {{whole_hand: true}} in its file"
         )
+    if reason := no_whole_hand(plan.layouts[part.hand], part.model):
+        raise InputError(reason)
     return fitting
 
 
@@ -121,8 +123,7 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
         settings=Settings(fitting.frames, fitting.steps, Settings.rounds if fitting.steps else 0),
     )
     fit = fit_to(recordings)
-    known_skin = known_digits(layout)  # what is usual of an arm's skin, nobody says
-    loose = loose_receivers(fit, recordings) if fitting.steps and known_skin else []
+    loose = loose_receivers(fit, recordings) if fitting.steps else []
     if loose:
         recordings = without_loose(recordings, loose)
         fit = fit_to(recordings)

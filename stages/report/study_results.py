@@ -11,6 +11,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from anatomy.known_digits import known_digits
 from schemas.catalogue import FINDINGS, PROBLEMS, RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
 from schemas.findings import NOTE, STAGE
@@ -179,10 +180,12 @@ class StudyResults:
     def leading(self) -> str:
         """The model that pages show first: one that fits the whole hand, else the last that nobody corrected.
 
-        A study of corrected models alone has its last.
+        A study of corrected models alone has its last, and one without a hand none that fits a whole one.
         """
+        fitted = self.fitted[:1] if any(map(known_digits, self.layouts.values())) else []
         uncorrected = [name for name, model in self.models.items() if not model.corrections]
-        return [*self.models, *uncorrected, *self.fitted[:1]][-1]
+        possible = [name for name in uncorrected if fitted or name not in self.fitted]
+        return [*self.models, *uncorrected, *possible, *fitted][-1]
 
     @cached_property
     def tip_error_of(self) -> dict[tuple[str, ...], Row]:
