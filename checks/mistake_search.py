@@ -75,7 +75,7 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
 def _closes(explanation: Explanation, hypotheses: Sequence[Hypothesis]) -> npt.NDArray[np.bool_]:
     """Whether joints that anatomy does not know close, and much better than as declared."""
     gap = np.sqrt((explanation.gap_mm**2).mean(-1))
-    scaled = np.array([one.kind == "units" for one in hypotheses])
+    scaled = np.array([one.kind == "units" for one in hypotheses], bool)
     return np.asarray(scaled | ((gap[0] > OPEN_MM) & (gap[1:] < CLOSER * gap[0]) & (gap[1:] < CLOSED_MM)))
 
 

@@ -229,6 +229,11 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "program writes zeros where it has no value",
         ),
     },
+    "unchecked": {
+        "": Sentence(
+            "the recording could not be checked: {reason}", "whatever is shown of it rests on no check"
+        ),
+    },
     "receivers-alike": {
         "": Sentence(
             "the receivers {segment} and {segment_2} have one and the same pose in {percent:.0f} % of their "
@@ -266,9 +271,9 @@ OTHER_PROBLEMS: Mapping[str, Mapping[str, str]] = {
     "hand": {"uncalibrated": "no recording calibrates this hand, so none of its joints could be solved"},
     **dict.fromkeys(("receiver", "receiver-loose", "receiver-slid"), {"": "{segment}: {message}"}),
     "field-disturbed": {
-        "": "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: {count} receivers are off "
-        "by up to {mm:.1f} mm and {deg:.0f} deg there ({segments}); {percent:.0f} % of a receiver's frames, at "
-        "the most, were left out"
+        "": "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: {count} receivers are "
+        "off by up to {mm:.1f} mm and {deg:.0f} deg there ({segments}); {percent:.0f} % of a receiver's "
+        "frames, at the most, were left out"
     },
 }
 """Whole sentences of problems that are no mistakes of a declaration, by kind and variant."""

@@ -192,6 +192,11 @@ KINDS: Mapping[str, Kind] = {
         "Columns or a station named twice in the mapping or the layout; an export that repeats a receiver.",
         "Each receiver's own columns or `value` in the mapping; or export the file again.",
     ),
+    "unchecked": Kind(
+        "The recording was not tested against what was declared of it, so nothing is said of it here.",
+        "A fault of this program, not of the recording.",
+        "Look at its picture and its joints' gaps yourself; please report the sentence with the log.",
+    ),
 }  # fmt: skip
 
 
@@ -199,6 +204,11 @@ def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Fin
     """Say that the poses are those of another recording; subject : where it is another's, or session's."""
     other = {"subject": subject, "session": session, "hand": hand, "task": task}
     return Finding("same-file", SUSPECT, values=other)
+
+
+def unchecked(message: str) -> Finding:
+    """Say that a recording could not be checked: of what is not known nobody is suspected."""
+    return Finding("unchecked", NOTE, "", {"reason": message})
 
 
 def mistakes_page() -> str:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from schemas.errors import InputError, listed
 from shukotsu.progress import progress
 from shukotsu.study_file import read_files
-from stages import command_line
 
 if TYPE_CHECKING:
     from schemas.plan import SubjectPlan
@@ -100,18 +99,17 @@ def _import(recording: Recording, poses: Path) -> None:
 def _said_of_subject(plan: SubjectPlan) -> list[tuple[str, str]]:
     """What is wrong with a subject's recordings: why one cannot be read, else what its poses contradict."""
     from schemas.poses import usable_poses
-    from stages.check_recordings.__main__ import check_subject
+    from stages.check_recordings.__main__ import build_parser, check_subject
 
     said = [
         (_name(own), f"cannot be read: {reason}")
         for own in plan.recordings
         for reason in usable_poses([plan.poses(own)])[1]
     ]
-    with command_line.recorded(record=True) as failures:
-        for own, checked in check_subject(plan):
-            findings = (finding.accept(own.accept) for finding in checked.findings)
-            said += [(_name(own), f"{one.severity}: {one.kind}: {one.message}") for one in findings]
-    return said + [(plan.who.label, f"could not be checked: {failure}") for failure in failures]
+    for own, checked in check_subject(plan, build_parser().parse_args(["--record-failure"])):
+        findings = (finding.accept(own.accept) for finding in checked.findings)
+        said += [(_name(own), f"{one.severity}: {one.kind}: {one.message}") for one in findings]
+    return said
 
 
 def _name(recording: Recording) -> str:

@@ -58,6 +58,7 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("spikes", "some"): [{"segment": "hand", "count": 1, **AT}, {"segment": "hand", "count": 9, **AT}],
     ("spikes", "left-out"): [ONE, COUNTED],
     ("spikes", "all"): [{}],
+    ("unchecked", ""): [{"reason": "internal error in check_recordings (KeyError: 1)"}],
     ("receivers-swapped", ""): [PAIR],
     ("digits-swapped", "two"): [{"digit": "thumb", "digit_2": "index"}],
     ("digits-swapped", "reversed"): [{}],

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from anatomy.known_digits import no_whole_hand
 from schemas.config_files import read_config
 from schemas.errors import InputError
 from schemas.plan import StudyPlans, SubjectPlan, plan_digest, plan_from_content, truth_folder
@@ -42,6 +43,7 @@ class StudyFiles:
         self._plans = {
             subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
         }
+        self._check_models()
         self._models = {path_token(name): name for name in self.study.models}
         if self.study.language != "en":  # at once, not after hours of computing
             from stages.report.print_figures.style import check_font
@@ -54,6 +56,20 @@ class StudyFiles:
                     f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
                     "it, or run from a folder from which its path does not"
                 )
+
+    def _check_models(self) -> None:
+        """Raise InputError where no model of the study can be taken for any hand of it.
+
+        With another model or layout, a hand that a model cannot be taken for is a problem of the study.
+        """
+        reasons = [
+            no_whole_hand(layout, name) if model.fitting is not None else ""
+            for plan in self._plans.values()
+            for layout in plan.layouts.values()
+            for name, model in plan.models.items()
+        ]
+        if reasons and all(reasons):
+            raise InputError(f"{self.file}: models: {reasons[0]}")
 
     @classmethod
     def of(cls, study_files: Sequence[Path], config: Mapping[str, Any], default: Path) -> StudyFiles:

@@ -172,9 +172,22 @@ def _by(key: str, rows: Any) -> dict[str, dict[str, Any]]:
     return {row[key]: row for row in rows}
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no skeleton was built, of every part."""
+    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
+
+    tables = {
+        arguments.out_joints: JOINT_CENTRES,
+        arguments.out_bones: BONE_LENGTHS,
+        arguments.out: METACARPALS,
+    }
+    parts = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES)).parts()
+    command_line.record_failed_parts(message, tables, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), estimate)
+    return command_line.run(build_parser().parse_args(argv), estimate, record_bug=record_bug)
 
 
 if __name__ == "__main__":

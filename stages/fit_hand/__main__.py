@@ -125,9 +125,18 @@ def _fit_part(
             tables["joint_angles"].columns(part, block["joint_angles"])
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why the hand was not fitted, of every part."""
+    from stages.fit_hand.hand_tables import FIT
+
+    tables = {arguments.out / f"{name}.parquet": table for name, table in FIT.items()}
+    parts = _parts(arguments, command_line.plan_of(arguments))
+    command_line.record_failed_parts(message, tables, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), fit)
+    return command_line.run(build_parser().parse_args(argv), fit, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anatomy.known_digits import known_digits
+from anatomy.known_digits import no_whole_hand
 from schemas.errors import InputError, TableError, guess
 from schemas.layout import Layout
 from schemas.model import HandFitting
@@ -100,6 +100,8 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
         raise InputError(
             f"model {part.model} fits no whole hand; expected fit: {{whole_hand: true}} in its file"
         )
+    if reason := no_whole_hand(plan.layouts[part.hand], part.model):
+        raise InputError(reason)
     return fitting
 
 
@@ -129,7 +131,7 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
     )
     fit = fit_to(recordings)
     displaced, left_out = Displaced(), dict[str, float]()
-    if fitting.steps and known_digits(layout):  # what is usual of an arm's skin, nobody says
+    if fitting.steps:
         displaced = displaced_in(fit, recordings)
         kept = without_displaced(fit, recordings, displaced)
         if share_left_out(recordings, kept):

@@ -11,8 +11,17 @@ import pyarrow.compute as pc
 import yaml
 
 from schemas import PROGRAM, VERSION
-from schemas.catalogue import FINDINGS, PROBLEMS, RECEIVERS, RECORDINGS, TABLES
+from schemas.catalogue import (
+    FINDINGS,
+    JOINT_CENTRES,
+    JOINT_SOLUTIONS,
+    PROBLEMS,
+    RECEIVERS,
+    RECORDINGS,
+    TABLES,
+)
 from schemas.config_files import read_config
+from schemas.errors import INTERNAL
 from schemas.files import write_text
 from schemas.findings import NOTE, REFUSED, STAGE, Finding, problem_of, problem_row, same_file, worded
 from schemas.layout import read_layout
@@ -47,6 +56,7 @@ def gather_study(study: Study, results: Results) -> None:
     recordings = [row for plan in plans for row in _recording_rows(plan, problems)]
     problems += [row for plan in plans for row in _finding_rows(plan, recordings)]
     problems += _same_files(plans)
+    problems += [row for plan in plans for row in _bugs(plan)]
     for name in GATHERED_TABLES:
         problems += _gather_table(results, name, plans)
     problems += [row for plan in plans for row in _uncalibrated(plan)]
@@ -119,6 +129,23 @@ def _whole_skeletons(file: Path, table: Table) -> pa.Table:
     if "made_without" not in table.key:
         return rows
     return rows.filter(pc.equal(rows.column("made_without"), ""))
+
+
+_WRITTEN_BEFORE = (
+    (JOINT_SOLUTIONS, "joint_solutions", "solve_joints"),
+    (JOINT_CENTRES, "projected_joints", "project_planes"),
+    (JOINT_CENTRES, "prior_joints", "fit_prior"),
+    (RECEIVERS, RECEIVERS.name, "fit_hand"),
+)
+"""Tables of stages whose failures others pass on, by form and file, and the rule that writes each."""
+
+
+def _bugs(plan: SubjectPlan) -> Iterator[Row]:
+    """Name bugs with the stage that they are in, before others pass them on as their own failures."""
+    for table, name, stage in _WRITTEN_BEFORE:
+        for file in filter(Path.is_file, plan.files_of(name)):
+            problems = _part_problems(plan, file, table, stage)
+            yield from (row for row in problems if row["message"].startswith(INTERNAL))
 
 
 def _part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:

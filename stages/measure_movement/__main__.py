@@ -59,7 +59,9 @@ def measure(arguments: argparse.Namespace) -> None:
             for name in MEASURED_TABLES
         }
         for hand in plan.hands:
-            cycles = cycles_of(plan, hand, arguments.events)
+            cycles: Cycles = {}
+            with command_line.recording_failure(arguments, plan.part(hand), tables["movement_cycles"]):
+                cycles = cycles_of(plan, hand, arguments.events)
             used: set[tuple[Recording, str, int]] = set()
             for part in plan.parts():
                 if part.hand == hand and not part.made_without:
@@ -94,7 +96,7 @@ def _measure_part(
             raise
         except InputError:
             continue  # its import failed: the recordings table says why
-        whole, own_curves = _measure_recording(plan, part, recording, cycles[recording], tables)
+        whole, own_curves = _measure_recording(plan, part, recording, cycles.get(recording, ()), tables)
         used |= whole
         curves += own_curves
     for recording in _calibrations(plan, part):
@@ -191,9 +193,23 @@ def _write_cycles(
     table.rows(plan.part(hand), rows)
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why nothing was measured, of every part."""
+    from schemas.catalogue import TABLES as CATALOGUE
+    from schemas.plan import read_plan
+    from schemas.results import MEASURED_TABLES
+
+    plan = read_plan(arguments.plan)
+    whole = [part for part in plan.parts() if not part.made_without]
+    for name in MEASURED_TABLES:
+        parts = map(plan.part, plan.hands) if name == "movement_cycles" else whole
+        tables = {arguments.out / f"{name}.parquet": CATALOGUE[name]}
+        command_line.record_failed_parts(message, tables, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), measure)
+    return command_line.run(build_parser().parse_args(argv), measure, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from anatomy.known_digits import known_digits
 from schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
 from schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
@@ -19,7 +20,7 @@ from schemas.model import SkeletonModel, read_model
 from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan
 from schemas.recording_summary import recording_row
-from schemas.results import GATHERED_TABLES, Results
+from schemas.results import FAILED_PAGES, GATHERED_TABLES, Results
 from schemas.study import Hand, Recording, Study, SubjectSession, path_token
 from schemas.tables import Table, open_table, read_metadata, read_table, rows_of
 from stages.report.wording import say
@@ -195,10 +196,12 @@ class StudyResults:
     def leading(self) -> str:
         """The model that pages show first: one that fits the whole hand, else the last that nobody corrected.
 
-        A study of corrected models alone has its last.
+        A study of corrected models alone has its last, and one without a hand none that fits a whole one.
         """
+        fitted = self.fitted[:1] if any(map(known_digits, self.layouts.values())) else []
         uncorrected = [name for name, model in self.models.items() if not model.corrections]
-        return [*self.models, *uncorrected, *self.fitted[:1]][-1]
+        possible = [name for name in uncorrected if fitted or name not in self.fitted]
+        return [*self.models, *uncorrected, *possible, *fitted][-1]
 
     @cached_property
     def tip_error_of(self) -> dict[tuple[str, ...], Row]:
@@ -270,7 +273,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     paths = Results(folder)
     failures: list[Row] = []
     rows = {name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF}
-    rows["problems"] += [*failures, *_failed_exports(study, paths)]
+    rows["problems"] += [*failures, *_failed_exports(study, paths), *_failed_pages(study, paths)]
     return StudyResults(
         name=study.name,
         recordings=study.recordings,
@@ -365,6 +368,15 @@ def _failed_exports(study: Study, paths: Results) -> list[Row]:
         for file in files
         for message in file.read_text("utf-8").splitlines()
     ]
+
+
+def _failed_pages(study: Study, paths: Results) -> Iterator[Row]:
+    """Pages of subjects that could not be made, and why."""
+    for who in study.sessions:
+        file = paths.subject_pages(*who) / FAILED_PAGES
+        for line in file.read_text("utf-8").splitlines() if file.is_file() else ():
+            page, _, message = line.partition(": ")
+            yield _problem(who, "subject_pages", message, task=page)
 
 
 def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> Row:

@@ -151,9 +151,21 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
         pa.csv.write_csv(pa.table(columns_from_rows(CALIBRATION_ADVICE, rows)), temporary)
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why there is no advice, of every hand."""
+    from schemas.catalogue import CALIBRATION_ADVICE
+    from schemas.errors import InputError
+
+    if arguments.out is None or arguments.out.suffix == ".csv":
+        raise InputError(message)
+    plan = command_line.plan_of(arguments)
+    tables = {arguments.out: CALIBRATION_ADVICE}
+    command_line.record_failed_parts(message, tables, map(plan.part, plan.hands))
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), check)
+    return command_line.run(build_parser().parse_args(argv), check, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -227,8 +227,19 @@ def test_a_real_arm(real_data: Path, side: str) -> None:
         assert [(one.kind, one.severity) for one in findings] == [(kind, SUSPECT)], name
 
 
+def test_receivers_of_an_arm_that_rest_in_a_noisy_field_are_looked_at() -> None:
+    """Most of them jump about, so nothing is undone, and there is no hypothesis to choose."""
+    layout, rng, n_frames = read_layout("arm"), np.random.default_rng(1), 600
+    position_mm = rng.normal([[0, 0, 0], [300, 0, 0], [550, 0, 0], [650, 0, 0]], 4.0, (n_frames, 4, 3))
+    turns = rng.normal([1.0, 0.0, 0.0, 0.0], 0.05, (n_frames, 4, 4))
+    quaternion = turns / np.linalg.norm(turns, axis=-1, keepdims=True)
+    frame, valid = np.arange(n_frames), np.ones((n_frames, 4), bool)
+    poses = Poses(layout.measured, frame, frame / 120.0, position_mm, quaternion, valid)
+    assert {one.kind for one in check_recording(poses, layout, "right").findings} <= {"spikes"}
+
+
 def test_every_kind_is_planted_somewhere() -> None:
-    elsewhere = {"other-person", "same-file", "zeros", "receivers-alike"}
+    elsewhere = {"other-person", "same-file", "zeros", "receivers-alike", "unchecked"}
     assert {kind for kind, _ in MISTAKES.values()} | elsewhere == {*KINDS}
 
 

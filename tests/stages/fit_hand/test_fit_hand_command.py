@@ -116,6 +116,14 @@ def test_the_other_hand_sharpens_the_lengths(hand: HandAlone, fitted: Path) -> N
     assert all(both[name]["sd_mm"] < alone[name]["sd_mm"] for name in alone)
 
 
+def test_a_layout_that_is_no_hand_is_refused(
+    hand: HandAlone, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--layout=arm", f"--model={hand.model}", f"--poses={hand.poses()}", f"--out={tmp_path}"]
+    assert main(options) == 2
+    assert "model quick fits a whole hand, and layout arm is none" in capsys.readouterr().err
+
+
 def sheet(hand: HandAlone, kind: str, *lines: str) -> str:
     path = hand.folder / f"{kind}.tsv"
     path.write_text("\n".join([SHEETS[kind], *lines]) + "\n")
