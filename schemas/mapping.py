@@ -38,6 +38,11 @@ class FileMapping:
     config: Mapping[str, Any]
 
     @property
+    def position_axes(self) -> tuple[str, ...]:
+        """What of the file's positions is x, y and z: each a letter, with a minus where it is negated."""
+        return tuple(self.config.get("position_axes", "xyz"))
+
+    @property
     def details(self) -> Mapping[str, Any]:
         """The group of keys that belongs to the format, defaults filled in; empty where there is none."""
         group: Mapping[str, Any] = self.config.get(self.format, {})
@@ -60,6 +65,7 @@ def mapping_from_config(loaded: Any, where: str) -> FileMapping:
     if odd:
         raise InputError(f"{where}: {odd[0]}: is for another format; format is {config['format']}")
     _check_orientation(config, where)
+    _check_position_axes(config, where)
     _check_receivers(config, where)
     if config["format"] in _CHECKS:
         _CHECKS[config["format"]](config, where)
@@ -146,6 +152,16 @@ def _check_orientation(config: Mapping[str, Any], where: str) -> None:
     axes = orientation.get("axes", "XYZ")
     if axes[0] == axes[1] or axes[1] == axes[2]:
         raise InputError(f"{where}: orientation.axes: {axes} turns twice in a row about one axis")
+
+
+def _check_position_axes(config: Mapping[str, Any], where: str) -> None:
+    axes = config["position_axes"]
+    if sorted(axis[-1] for axis in axes) != ["x", "y", "z"]:
+        raise InputError(f"{where}: position_axes: is {', '.join(axes)}; expected each of x, y and z once")
+    if config["format"] == "c3d" and axes != ["x", "y", "z"]:
+        raise InputError(
+            f"{where}: position_axes: a C3D file has positions and rotations in one frame; leave it out"
+        )
 
 
 def _check_receivers(config: Mapping[str, Any], where: str) -> None:

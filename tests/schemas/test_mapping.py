@@ -115,6 +115,14 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
             "receivers: 'Right-Hand' is no segment's name; names are lower case letters, digits and "
             "underscores; did you mean 'right_hand'?",
         ),
+        (
+            put(WIDE, "position_axes", ["x", "-x", "z"]),
+            "position_axes: is x, -x, z; expected each of x, y and z once",
+        ),
+        (
+            put(C3D, "position_axes", ["x", "z", "-y"]),
+            "position_axes: a C3D file has positions and rotations in one frame; leave it out",
+        ),
         (put(WIDE, "position_unit", None), "the key 'position_unit' is missing"),
         (
             put(WIDE, "orientation", None),

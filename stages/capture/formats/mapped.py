@@ -106,6 +106,8 @@ def samples_of_tracks(
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
     segments = mapped_segments(mapping, layout)
+    if mapping.position_axes != ("x", "y", "z"):
+        tracks = [replace(track, numbers=_along(track.numbers, mapping.position_axes)) for track in tracks]
     every = [*tracks, *(still for _ in mapping.fixed)]
     rows = np.concatenate([track.row for track in every])
     parts = [
@@ -121,3 +123,10 @@ def samples_of_tracks(
         for segment, track in zip(segments.tolist(), every, strict=True)
     ]
     return replace(joined(parts), place=lambda sample: place(int(rows[sample])), notes=tuple(notes))
+
+
+def _along(numbers: Array, position_axes: Sequence[str]) -> Array:
+    """Poses (N, 7) whose positions are in the rotations' frame; position_axes : see `FileMapping`."""
+    columns = ["xyz".index(axis[-1]) for axis in position_axes]
+    signs = [-1.0 if axis.startswith("-") else 1.0 for axis in position_axes]
+    return np.concatenate([numbers[:, columns] * signs, numbers[:, 3:]], -1)

@@ -68,6 +68,17 @@ def check_wide(samples: Samples) -> None:
         np.testing.assert_allclose(samples.time_s[segment], [0, 0.0045])
 
 
+def test_positions_of_another_frame_than_the_rotations(tmp_path: Path) -> None:
+    """The axes as `position_axes` takes them from the file; a segment that stands still stays where it is."""
+    samples = read(tmp_path, HEADER + ROWS, changed(WIDE, position_axes=["z", "-x", "y"]))
+    np.testing.assert_allclose(samples.numbers[of(samples, "forearm"), :3], [[30, -10, 20], [30, -15, 20]])
+    np.testing.assert_allclose(samples.numbers[of(samples, "hand"), 3:], [[1, 0, 0, 0], [HALF, HALF, 0, 0]])
+    long = changed(LONG, position_axes=["y", "x", "-z"], fixed=["upper_arm"])
+    samples = read(tmp_path, LONG_TEXT, long)
+    np.testing.assert_allclose(samples.numbers[of(samples, "forearm"), :3], [[5000, 4000, -6000]])
+    np.testing.assert_allclose(samples.numbers[of(samples, "upper_arm"), :3], 0)
+
+
 TIMES = (
     "t,x1,y1,z1,az1,el1,ro1,x2,y2,z2,az2,el2,ro2\n{},1,2,3,0,0,0,4,5,6,0,0,0\n{},1,2,3,0,0,0,4,5,6,0,0,0\n"
 )
