@@ -18,6 +18,7 @@ from schemas.parts import Part
 from schemas.plan import SubjectPlan
 from schemas.poses import Poses, RecordingName, read_poses, recording_name, usable_poses
 from schemas.sheets import Row
+from skeleton.rotations import Array
 from stages.fit_hand.contacts import find_contacts
 from stages.fit_hand.fingertips import Fingertips, fingertips
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
@@ -130,9 +131,10 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
         settings=Settings(fitting.frames, fitting.steps, Settings.rounds if fitting.steps else 0),
     )
     fit = fit_to(recordings)
-    displaced, left_out = Displaced(), dict[str, float]()
+    displaced, errors, left_out = Displaced(), dict[str, Array](), dict[str, float]()
     if fitting.steps:
         displaced = displaced_in(fit, recordings)
+        errors = field_errors(fit, recordings, displaced.field)
         kept = without_displaced(fit, recordings, displaced)
         if share_left_out(recordings, kept):
             without = fit_to(kept)
@@ -140,7 +142,6 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
                 left_out = share_left_out(recordings, kept)
                 fit, recordings = without, kept
     by_name = dict(zip(names, recordings, strict=True))
-    errors = field_errors(fit, recordings, displaced.field)
     return Calibration(fit, by_name, Unsteady(names, displaced, errors, left_out))
 
 

@@ -168,8 +168,10 @@ class ScoreTest:
     def likeliest(self, receiver: int | None = None) -> Displacement | None:
         """The displacement (of one receiver, where given) that is most abnormal; None where none is."""
         best, odds = self._odds(receiver)
+        if not odds.any():
+            return None
         p = int(np.argmax(odds))
-        if not odds[p] or self.abnormal[best[p], p] <= LEAST_GAIN:
+        if self.abnormal[best[p], p] <= LEAST_GAIN:
             return None
         return self._displacement(int(best[p]), p)
 

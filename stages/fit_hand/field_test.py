@@ -28,6 +28,9 @@ ROOM_REACH_MM, ROOM_SD = 200.0, (0.9, float(np.radians(1.8)))
 """Any room's own field changes over so much, and by so many mm and rad per component: half as much again as
 the 3 mm a metre and 0.3 deg for 50 mm of an ordinary laboratory."""
 
+MOST_SITES = 30
+"""Half of that reach apart, at which it may differ: more are no place where a hand moves."""
+
 USUAL = (1.0, float(np.radians(1.5)))
 """mm and rad beside a source that are none of anybody's business."""
 
@@ -99,7 +102,7 @@ def _room(frames: Frames) -> Array:
     places = frames.position_mm[frames.valid]
     sites = [places[np.argmax(((places - places.mean(0)) ** 2).sum(1))]]
     distance = ((places - sites[0]) ** 2).sum(1)
-    while distance.max() > (ROOM_REACH_MM / 2) ** 2:
+    while distance.max() > (ROOM_REACH_MM / 2) ** 2 and len(sites) < MOST_SITES:
         sites.append(places[np.argmax(distance)])
         distance = np.minimum(distance, ((places - sites[-1]) ** 2).sum(1))
     near = [

@@ -15,6 +15,7 @@ def test_courses() -> None:
     assert (ways.end - ways.start)[slides].min() == 8
     assert (np.diff(ways.share[slides], axis=1) >= 0.0).all()
     assert (ways.share[ways.returns][:, [0, -1]] == 0.0).all()
+    assert not len(courses(2).start)
 
 
 def test_share_of_the_way() -> None:
