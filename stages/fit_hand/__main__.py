@@ -117,7 +117,7 @@ def _fit_part(
         for block in posed_blocks(tips, path):
             for name, columns in block.items():
                 tables[name].columns(part, columns)
-    if part.made_without:
+    if part.made_without or not plan.is_study:
         return
     of_calibration = [plan.poses(own) for own in plan.recordings_of(part.hand, "calibration")]
     for path in usable_poses(of_calibration)[0]:  # their angles alone, which have a range of motion too
