@@ -269,7 +269,7 @@ EFFECTS: Mapping[str, str] = {
 OTHER_PROBLEMS: Mapping[str, Mapping[str, str]] = {
     "recording": {"no-pose": "no usable pose of {segments}; check that receiver"},
     "hand": {"uncalibrated": "no recording calibrates this hand, so none of its joints could be solved"},
-    **dict.fromkeys(("receiver", "receiver-loose", "receiver-slid"), {"": "{segment}: {message}"}),
+    **{kind: {"": "{segment}: {message}"} for kind in ("receiver", "receiver-loose", "receiver-slid")},
     "field-disturbed": {
         "": "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: {count} receivers are "
         "off by up to {mm:.1f} mm and {deg:.0f} deg there ({segments}); {percent:.0f} % of a receiver's "
