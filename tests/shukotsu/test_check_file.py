@@ -27,7 +27,7 @@ def test_a_good_recording_has_a_line_a_joint(rom: Path, capsys: pytest.CaptureFi
     assert check([str(rom), "--hand", "right"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "no finding"
-    assert lines[1].split()[:2] == ["joint", "range"]
+    assert lines[1].split()[:2] == ["joint", "turned"]
     assert [line.split()[0] for line in lines[2:]][:4] == ["thumb_cmc", "thumb_mcp", "thumb_ip", "index_mcp"]
     assert list(rom.parent.iterdir()) == [rom]  # nothing is left beside it
 

@@ -30,7 +30,7 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
     assert shukotsu(tmp_path, "new", "piano", "--recordings", "captures").returncode == 0
     folder = tmp_path / "piano"
     sheet = folder / "recordings.tsv"
-    sheet.write_text(sheet.read_text().replace("\t\t\t\t", "01\tright\trom\tboth\t"))
+    sheet.write_text(sheet.read_text().replace("\t\trom\tcalibration\t", "01\tright\trom\tboth\t"))
     study = folder / "study.yaml"
     study.write_text(study.read_text().replace("[rigid, paper-fig4, whole-hand]", "[rigid]"))
 
