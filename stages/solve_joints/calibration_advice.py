@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from schemas.advice import ENOUGH, GAP, MOVE, ON_SKIN, OPEN_AXIS, UNCERTAIN, UNSEEN, Values, advice_text
-from schemas.layout import Joint, Layout
+from schemas.layout import FINGER_MM, Joint, Layout
+from schemas.verdict import WIDE_GAP_TIMES
 from skeleton.rotations import Array, about_axis, from_matrix, matrix, multiply
 from stages.solve_joints.anatomical import MAX_EFFECTIVE, HandFit, centre_sd_mm
 from stages.solve_joints.evidence import JointEvidence, joint_evidence, weigh
@@ -22,16 +23,8 @@ WANTED_DEG = {"thumb_mcp": 40.0, "cmc": 30.0, "mcp": 50.0, "pip": 60.0, "dip": 4
 WANTED_ELSEWHERE_DEG = 40.0
 SMALL_GAIN_MM = 0.15
 
-FINGER_MM, ARM_MM = 2.0, 10.0
-"""How well a centre is wanted, 1 sigma in 3-D: of a hand, and of any other chain of bodies."""
-
-FINGERS = frozenset({"thumb", "index", "middle", "ring", "little"})
 JOINTWISE = 1.7
 """So many times its error in a fit of the whole hand is a centre's at most, joint by joint."""
-
-WIDE_GAP_TIMES = 2.5
-"""On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. A gap of so many
-times what is wanted is none that skin makes."""
 
 _FRAMES = 120
 
@@ -95,9 +88,8 @@ def _standing(
     fit: HandFit, row: int, evidence: JointEvidence, layout: Layout, gap_mm: float
 ) -> tuple[str, Values]:
     """The advice on a joint where more motion gains nothing. gap_mm : rms, that no centre closes."""
-    is_hand = bool(layout.wrist or FINGERS & {*layout.digits})
-    wanted_mm = FINGER_MM if is_hand else ARM_MM
-    enough_mm = JOINTWISE * wanted_mm if is_hand else wanted_mm
+    wanted_mm = layout.wanted_mm
+    enough_mm = JOINTWISE * wanted_mm if layout.is_hand else wanted_mm
     receivers = _receivers(evidence.joint)
     if gap_mm > WIDE_GAP_TIMES * wanted_mm:
         return GAP, {"gap_mm": gap_mm, **receivers}
