@@ -16,7 +16,7 @@ import numpy as np
 from skeleton.rotations import Array
 from stages.fit_hand.displacement_test import most_within
 from stages.fit_hand.elimination import Eliminated
-from stages.fit_hand.normal_equations import Frames, Point, Problem
+from stages.fit_hand.normal_equations import Frames, Point, Problem, residuals
 
 DISTANCES_MM = (60.0, 180.0)
 """From the nearest place where a receiver was to a source: a thing beside the hand, or a plate."""
@@ -36,6 +36,9 @@ USUAL = (1.0, float(np.radians(1.5)))
 
 DISTURBED_SD = (4.0, float(np.radians(4.0)))
 """The same per component beside steel."""
+
+GROSS = (15.0, float(np.radians(15.0)))
+"""mm and rad that no receiver is off beside metal, once the hand is posed to others that are off too."""
 
 LEAST_FIELD_GAIN = 12.0
 """Log likelihood that metal must explain beyond what any room has: on simulated hands 6 is the most without
@@ -79,6 +82,7 @@ def fields(places: Array) -> list[Field]:
 
 def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
     """The likeliest field, and the log likelihood that it explains beyond what any room has."""
+    problem = _without_gross(problem, point)
     frames = problem.frames
     tried = fields(frames.position_mm[frames.valid])
     share = np.stack([field.share(frames.position_mm) for field in tried], -1)
@@ -95,6 +99,16 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
     abnormal = gain - most_within(np.tile(np.repeat(USUAL, 3), (n, 1)), slopes, curvatures)
     best = int(np.argmax(abnormal))
     return replace(tried[best], error=error[best]), float(abnormal[best])
+
+
+def _without_gross(problem: Problem, point: Point) -> Problem:
+    """The problem without poses that are off by more than metal's doing: from the wrong side, or spikes."""
+    valid = problem.frames.valid.copy()
+    for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
+        for i, (_, s) in enumerate(receivers):
+            off = np.linalg.norm(r[i].reshape(-1, 2, 3), axis=-1) * problem.sd[s]
+            valid[:, s] &= (off <= GROSS).all(1)
+    return replace(problem, frames=replace(problem.frames, valid=valid))
 
 
 def _room(frames: Frames) -> Array:

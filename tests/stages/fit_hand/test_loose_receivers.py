@@ -156,14 +156,19 @@ def beside_metal(poses: Poses, mm: float) -> tuple[Poses, Array]:
 
 
 def test_metal_is_named_once_by_its_place(layout: Layout) -> None:
-    """No receiver is called loose; the hand that only goes there and back says nothing."""
+    """No receiver is called loose; a hand that only goes there and back, with poses from the wrong side now
+    and then, says nothing.
+    """
     poses, steel = beside_metal(hand()[1], 10.0)
     found = displaced_in(fit_hand([poses], layout, "right", settings=QUICK), [poses])
     assert found.field is not None
     assert not found.loose
     assert np.linalg.norm(found.field.nearest - steel) < 150.0
     assert 5.0 < np.linalg.norm(found.field.error[:3]) < 25.0
-    assert not found_in(layout, "right", beside_metal(hand()[1], 0.0)[0])
+    clean = beside_metal(hand()[1], 0.0)[0]
+    flipped = clean.position_mm.copy()
+    flipped[1500:1530, 4] *= -1.0
+    assert not found_in(layout, "right", replace(clean, position_mm=flipped))
 
 
 def error_mm(fit: HandFit, made: Simulated) -> float:
