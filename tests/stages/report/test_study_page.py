@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_samples.read_page import ReadTable, read_page, rows_where, table_called
 
+from schemas.layout import read_layout
 from schemas.results import Results
 from schemas.study import Hand, Study, SubjectSession, read_study
 from stages.report.links import anchor, link, recording_links
@@ -36,6 +37,12 @@ def _hands(results: StudyResults, study: Study) -> dict[tuple[str, str], list[st
         if t.caption.startswith("Every hand of the study")
     ]
     return {(row[0], row[1]): row[2:] for row in table.rows[1:]}
+
+
+def test_a_model_of_whole_hands_leads_where_any_layout_is_a_hand(fitted: StudyResults) -> None:
+    arms = replace(fitted, layouts=dict.fromkeys(fitted.layouts, read_layout("arm")))
+    assert (fitted.leading, arms.leading) == ("whole-hand", "paper-fig4")
+    assert replace(arms, models={"whole-hand": fitted.models["whole-hand"]}).leading == "whole-hand"
 
 
 @given(NAMES)
