@@ -44,6 +44,12 @@ def _hands(results: StudyResults, study: Study) -> dict[tuple[str, str], list[st
     return {(row[0], row[1]): row[2:] for row in table.rows[1:]}
 
 
+def test_a_model_of_whole_hands_leads_where_any_layout_is_a_hand(fitted: StudyResults) -> None:
+    arms = replace(fitted, layouts=dict.fromkeys(fitted.layouts, read_layout("arm")))
+    assert (fitted.leading, arms.leading) == ("whole-hand", "paper-fig4")
+    assert replace(arms, models={"whole-hand": fitted.models["whole-hand"]}).leading == "whole-hand"
+
+
 @given(NAMES)
 def test_links_survive_any_name(name: str) -> None:
     """A link leads to the file of that name, and shows the name as it is."""
