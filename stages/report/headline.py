@@ -71,7 +71,8 @@ def _nothing_judged(results: StudyResults, model: str) -> str:
     total = hands_counted(results, len(results.hands))
     if results.suspect >= {*results.hands}:
         return say(
-            "Nothing is judged: all of {total} left out for what was found in their recordings.", total=total
+            "Nothing is judged: what was found in the recordings leaves everything out ({total}).",
+            total=total,
         )
     text = say("No joint was solved under {model}: {total}.", model=model, total=total)
     return text + _left_out_text(results)

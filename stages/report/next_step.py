@@ -18,7 +18,7 @@ from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import counted, listed, number
 from stages.report.wording import say
 
-WORTH = 0.025
+WORTH = 0.03
 """By this share of what the study asks of a centre a thing must lower the mean error to be worth doing."""
 
 FEW_HANDS = 3
@@ -47,7 +47,7 @@ def next_step(results: StudyResults) -> str:
             "before any of their numbers is used.",
             whose=hands_text(dict.fromkeys(map(hand_of, results.findings))),
         )
-    steps = [*_moving(results), *_measuring(results)]
+    steps = [*_modelling(results), *_moving(results), *_measuring(results)]
     if not steps:
         return say("Next: see “What went wrong”.")
     best = max(steps, key=lambda step: step.gain_mm)
@@ -69,9 +69,9 @@ def next_step(results: StudyResults) -> str:
 
 
 def hands_text(hands: Iterable[Hand]) -> str:
-    """Hands by name, those of one subject together; of many the first ones."""
+    """Hands by name, of many the first ones."""
     hands = list(hands)
-    names = [say("{hand}", hand=hand) for hand in hands[:FEW_HANDS]]
+    names = [say("{who}'s {hand} hand", who=own.who, hand=own.hand) for own in hands[:FEW_HANDS]]
     more = len(hands) - len(names)
     return listed([*names, *([say("{more} more", more=more)] if more else [])])
 
@@ -79,6 +79,28 @@ def hands_text(hands: Iterable[Hand]) -> str:
 def hands_counted(results: StudyResults, n: int) -> str:
     """So many hands, or sides of a body where a layout is of no hand."""
     return counted(n, "hand") if results.of_hands else counted(n, "side")
+
+
+def _modelling(results: StudyResults) -> Iterator[Step]:
+    """To let a model solve it that knows anatomy, where the leading one does not: what the recordings that
+    are there then say stands in the advice, which is made so.
+    """
+    if results.fitted:
+        return
+    now = {
+        (hand_of(row), row["joint"]): row["sd_mm"]
+        for row in results.counted(results.joints)
+        if row["model"] == results.leading and row["sd_mm"] is not None
+    }
+    pairs = [
+        (now[key], row["sd_now_mm"])
+        for row in results.counted(results.advice)
+        if (key := (hand_of(row), row["joint"])) in now and row["sd_now_mm"] is not None
+    ]
+    if pairs:
+        model = "whole-hand" if results.of_hands else "anatomical"
+        before, after = zip(*pairs, strict=True)
+        yield Step(say("add {model} to the models of the study", model=model), mean(before), mean(after))
 
 
 def _moving(results: StudyResults) -> Iterator[Step]:
@@ -125,7 +147,7 @@ def _measuring(results: StudyResults) -> Iterator[Step]:
         after = [own[hand]["mean_sd_after_mm"] if hand in own else before[hand] for hand in of_hand]
         row = next(iter(own.values()))
         doing = say(
-            "{doing} to {sd_mm:.1f} mm{where}",
+            "{doing}, to {sd_mm:.1f} mm{where}",
             doing=doing_text(row, asked=True),
             sd_mm=row["sd_mm"],
             where=_where(results, len(own), len(of_hand)),

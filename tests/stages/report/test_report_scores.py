@@ -298,17 +298,17 @@ def test_a_hand_that_is_left_out_is_counted_out_aloud(fitted: StudyResults) -> N
     text = opening(replace(fitted, problems=_suspect("left")))
     assert text.startswith("Judged: 1 of 2 hands. Left out for what was found in their recordings: 1. ")
     assert "can be believed, as whole-hand places them" in text
-    assert "Next: settle what was found in the recordings of subject S01, left hand" in text
+    assert "Next: settle what was found in the recordings of subject S01's left hand" in text
 
 
 def test_with_every_hand_left_out_nothing_false_is_said(fitted: StudyResults) -> None:
     every = replace(fitted, problems=_suspect("left", "right"))
     assert opening(every).startswith(
-        "Nothing is judged: all of 2 hands left out for what was found in their recordings. Next: settle "
+        "Nothing is judged: what was found in the recordings leaves everything out (2 hands). Next: settle "
     )
     assert "tip error" not in headline(every)
     assert headline(every).endswith(
-        "in their recordings: subject S01, right hand and subject S01, left hand."
+        "in their recordings: subject S01's right hand and subject S01's left hand."
     )
 
 
