@@ -30,6 +30,9 @@ def build_parser() -> argparse.ArgumentParser:
     recording.add_argument("--hand", choices=("right", "left"), help="which hand it is of")
     recording.add_argument("--layout", default="liberty16", help="a layout that ships, or a path (liberty16)")
     recording.add_argument("--mapping", type=Path, help="how the file is to be read, where it needs that")
+    recording.add_argument(
+        "--repair-hemisphere", action="store_true", help="put back what is on the transmitter's other side"
+    )
     return parser
 
 
@@ -38,7 +41,13 @@ def check(arguments: argparse.Namespace) -> None:
     if arguments.file.suffix.lower() in STUDY_ENDINGS:
         check_study(arguments.file)
     else:
-        check_recording(arguments.file, arguments.hand, arguments.layout, arguments.mapping)
+        check_recording(
+            arguments.file,
+            arguments.hand,
+            arguments.layout,
+            arguments.mapping,
+            repair_hemisphere=arguments.repair_hemisphere,
+        )
 
 
 def check_study(path: Path) -> None:
@@ -65,7 +74,9 @@ def check_study(path: Path) -> None:
             print(f"note: reads {each}, outside the study's folder")
 
 
-def check_recording(path: Path, hand: str | None, layout: str, mapping: Path | None) -> None:
+def check_recording(
+    path: Path, hand: str | None, layout: str, mapping: Path | None, *, repair_hemisphere: bool = False
+) -> None:
     """Import a recording into a folder that is removed again; print its findings, or else joints' advice."""
     from schemas.findings import SUSPECT
     from schemas.layout import read_layout
@@ -78,6 +89,7 @@ def check_recording(path: Path, hand: str | None, layout: str, mapping: Path | N
         poses = Path(folder, "poses.parquet")
         who = [f"--in={path}", f"--layout={layout}", f"--hand={hand}", "--subject=-", "--task=-"]
         who += [] if mapping is None else [f"--mapping={mapping}"]
+        who += ["--repair-hemisphere"] if repair_hemisphere else []
         silent = ["--record-failure", f"--out={poses}"]  # leaves findings to the lines below
         import_recording.import_recording(import_recording.build_parser().parse_args([*who, *silent]))
         findings = command_line.checked_poses(poses, read_layout(layout).of_hand(hand)).findings

@@ -221,10 +221,10 @@ EXAMPLES = (
     "the point that keeps its distance from 4 MCP joints, uncertain by 16 mm: the palm hardly moves, so the "
     "average hand decides",
     "The quaternions are read as w, x, y, z and seem to be x, y, z, w: put right, the gap of index_mcp falls "
-    "from 31.2 to 1.4 mm; write `order: xyzw` under `orientation` in the mapping, or put qw, qx, qy, qz in "
-    "that order.",
+    "from 31.2 to 1.4 mm; write `order: xyzw` under `orientation` in the mapping.",
     "The receivers index_distal and middle_distal seem to be swapped: index_dip is 41 mm from where an "
-    "average hand has it, put right 3 mm; exchange them in the layout or the mapping.",
+    "average hand has it, put right 3 mm; exchange the names index_distal and middle_distal in `receivers` "
+    "of the mapping.",
     "no receiver on ring_middle or ring_distal: lengths of bones stand in for it",
     same_file("right", "rom", "01").message,
 )
@@ -375,8 +375,8 @@ def test_a_failure_is_told_in_the_language_of_the_study() -> None:
 
 def test_what_is_to_be_written_into_a_file_stays_as_files_have_it() -> None:
     message = (
-        "write `right` in the column hand of the recordings sheet (or --hand right), or mirror the positions "
-        "and rotations back"
+        "write `right` in the column hand of the recordings sheet (or --hand right); if it is a left hand, "
+        "the file is mirrored: export it from a right-handed frame"
     )
     with speaking("ja"):
         text = told(message)
