@@ -18,6 +18,7 @@ BENCHMARKS = {
     "fewer_receivers": "a task, and a calibration, with 16, 11, 7 and 6 receivers: centres, angles, their sd",
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
+    "cures": "mistakes planted in a laboratory's own files, and cured as the sentences say: joints' errors",
     "null_studies": "studies in which nothing differs: false positives, coverage of intervals, power",
     "pianists": "12 pianists, 2 groups, 3 sessions: a known effect, sem of re-donning, the stated sd",
     "bit_flips": "one flipped bit in every kind of file: how often it goes unnoticed",

@@ -71,6 +71,9 @@ def test_matrices_and_markers_have_no_order_of_quaternions(planted: Planted) -> 
     for declared in (Declared("matrices", kind="matrix"), Declared("c3d", kind="matrix")):
         kinds = {finding.kind for finding in replace(wrong, declared=declared).findings()}
         assert "quaternion-order" not in kinds
+    negated = MISTAKES["positions negated"][1](planted, np.random.default_rng(1))
+    markers = replace(negated, declared=Declared("c3d", kind="matrix")).findings()
+    assert "axes-mirrored" not in {finding.kind for finding in markers}
 
 
 def exchanged(planted: Planted, one: str, other: str) -> Planted:
