@@ -185,7 +185,8 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
     message:
         "check_recordings: subject {wildcards.subject}"
     shell:
-        f"{run} stages.check_recordings --plan {{input.plan:q}} --out {{output:q}} > /dev/null 2> {{log:q}}"
+        f"{run} stages.check_recordings --record-failure --plan {{input.plan:q}} --out {{output:q}}"
+        " > /dev/null 2> {log:q}"
 
 
 rule align_events:  # not in the paper: notes, markers and pulses, on each recording's own clock
@@ -513,9 +514,10 @@ rule collect_exports:  # of all subjects in one flat folder, by links: they take
         f"{run} stages.export.collect --folders {{input:q}} --out {{output:q}} 2> {{log:q}}"
 
 
-rule report:
+rule report:  # it names the pages that could not be made
     input:
         study.exports,
+        study.subject_pages,
         study.study_tables,
         study.comparison_tables,
         configuration=study.configuration,

@@ -28,6 +28,20 @@ def known_digits(layout: Layout) -> list[Digit]:
     ]
 
 
+def no_whole_hand(layout: Layout, model: str) -> str:
+    """Say why a model that fits the whole hand cannot be taken for a layout; empty where it can.
+
+    Without a digit of known anatomy nothing tells it where receivers sit on bones: on a real arm it stated
+    1 mm at a wrist whose receivers disagree by 5, and two lengths of one person's upper arms, 15 mm apart.
+    """
+    if known_digits(layout):
+        return ""
+    return (
+        f"model {model} fits a whole hand, and layout {layout.name} is none, as no digit in it is a thumb or "
+        "a finger whose anatomy is known; take model anatomical, which solves each joint by itself"
+    )
+
+
 def rest_rotations(
     layout: Layout, hand: str, anatomy: Mapping[str, DigitAnatomy] = DIGITS
 ) -> dict[str, Array]:

@@ -201,10 +201,6 @@ def _reversed_columns(receivers: dict[str, Any]) -> dict[str, Any]:
     return {name: {**own, "orientation": own["orientation"][::-1]} for name, own in receivers.items()}
 
 
-def _turns_for_places(receivers: dict[str, Any]) -> dict[str, Any]:
-    return {name: {**own, "position": own["orientation"][:3]} for name, own in receivers.items()}
-
-
 def _named_twice(receivers: dict[str, Any]) -> dict[str, Any]:
     return {**receivers, "index_middle": receivers["index_distal"]}
 
@@ -240,6 +236,17 @@ def _some_off(planted: Planted, door: Door, rng: np.random.Generator) -> Brought
     for row in rng.choice(np.arange(10, len(position) - 10, 10), 4, replace=False):
         position[row, rng.integers(position.shape[1])] += 85 * unit(rng.normal(size=3))
     return door(changed(planted, position_mm=position))
+
+
+def _other_columns(planted: Planted, door: Door, rng: np.random.Generator) -> Brought:
+    """The mapping names columns that hold something else."""
+    own = door(planted)
+    table, receivers = dict(own.table), {}
+    for name in (own.mapping or {})["receivers"]:
+        titles = [f"{name} channel {number}" for number in range(7)]
+        table |= dict(zip(titles, rng.normal(size=(7, len(own.table["t"]))), strict=True))
+        receivers[name] = {"position": titles[:3], "orientation": titles[3:]}
+    return replace(own, table=table, mapping={**(own.mapping or {}), "receivers": receivers})
 
 
 def _zeros(planted: Planted, door: Door, rng: np.random.Generator) -> Brought:
@@ -337,7 +344,7 @@ CASES: Sequence[Case] = (
     Case("spikes", "four poses off", tidy, _some_off, cut=True),
     Case("spikes", "four poses off", wide, _some_off, cut=True),
     Case("spikes", "random numbers", tidy, _recorded("random poses")),
-    Case("spikes", "other columns", wide, _columns(_turns_for_places)),
+    Case("spikes", "other columns", wide, _other_columns),
     Case("receivers-swapped", "on a finger", tidy, _recorded("neighbours on a finger")),
     Case("receivers-swapped", "on two fingers", with_stations, _recorded("on two fingers")),
     Case("receivers-swapped", "names", wide, _names(("index_proximal", "index_middle"))),

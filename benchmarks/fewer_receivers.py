@@ -12,9 +12,9 @@ from benchmarks.accuracy import add_people
 from benchmarks.benchmark_table import TextTable
 from schemas.layout import Layout, read_layout
 from schemas.poses import Poses
+from schemas.verdict import RADIUS_SD
 from skeleton.joint_angles import angles_of_hand
 from skeleton.rotations import Array
-from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.fit_hand.facing import facing_nails
 from stages.fit_hand.fingertips import Fingertips, fingertips
 from stages.fit_hand.fit import HandFit, fit_hand

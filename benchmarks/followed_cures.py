@@ -226,7 +226,7 @@ RULES: Sequence[tuple[str, Follow]] = (
     (r"write (`in_step: false`) under `csv` and the tracker's `rate_hz` in the mapping", _not_in_step),
     (r"write ((?:`[^`]+`(?: and )?)+) under `(\w+)` in the mapping", _key_under),
     (r"write (`[^`]+`) in the mapping", _key),
-    (r"exchange the names (?P<pairs>.+) in `receivers` of the mapping", _names),
+    (r"receivers (?P<pairs>.+) seem to be swapped.*exchange their names in `receivers` of the map", _names),
     (r"exchange these names in `receivers` of the mapping: (?P<pairs>.+)\.", _names),
     (
         r"receivers (?P<pairs>.+) seem to be swapped.*exchange their names in the file's column",
@@ -246,8 +246,8 @@ RULES: Sequence[tuple[str, Follow]] = (
     (r"write (`[^`]+`) in the layout", _in_layout),
     (r"write `repair` in the column hemisphere of the recordings sheet", _in_sheet("hemisphere", "repair")),
     (
-        r"write `(\w+)` in the column hand of the recordings sheet .*; if it is a (\w+) hand, the file is "
-        r"mirrored: (.+)\.",
+        r"write `(\w+)` in the column hand of the recordings sheet .*, or, if it is a (\w+) hand and the "
+        r"file mirrored, (.+)\.",
         _other_hand,
     ),
     (r"give a reason under `exclude` in the recordings sheet", _in_sheet("exclude", "too short")),

@@ -17,6 +17,7 @@ from benchmarks.benchmark_table import Cell, TextTable
 from schemas.layout import read_layout
 from schemas.parts import numbers_by_name
 from schemas.poses import Poses, read_poses
+from skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
 from skeleton.joint_angles import angles_of_hand
 from skeleton.rotations import Array, conjugate, rotate
 from stages.capture import import_recording
@@ -25,7 +26,6 @@ from stages.fit_hand.fingertips import Fingertips, fingertips
 from stages.fit_hand.fit import fit_hand
 from stages.fit_hand.posed_tables import posed_blocks
 from stages.fit_hand.replaying import pose_hand
-from stages.measure_movement.angle_ranges import HIGH_PERCENT, LOW_PERCENT
 from stages.measure_movement.movement_rows import distance_rows, path_rows, range_rows
 from stages.measure_movement.recorded_movement import ANGLES, ERRORS, AngleSeries, Fingertip
 from stages.measure_movement.sampling import grid_of

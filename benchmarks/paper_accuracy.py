@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.accuracy.score import JOINT_TYPES
 from benchmarks.benchmark_table import Cell, TextTable
 from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS
+from schemas.layout import FINGER_MM
 from schemas.parts import Part, parts_writer
 from schemas.tables import Provenance, read_table, rows_of
-from stages.evaluate_skeletons.truth_errors import RADIUS_SD, centre_errors
+from schemas.verdict import RADIUS_SD, VERDICTS, judged_joint
+from stages.evaluate_skeletons.truth_errors import centre_errors
 from stages.simulate.realism import Realism
 from stages.simulate.recording import write_recording
 from stages.simulate.simulation import LAYOUT, Simulated, simulate
@@ -53,7 +55,7 @@ def run(seeds: int = 20, n_frames: int | None = None, processes: int = 2) -> Ite
     of = f"{len(hands)} simulated hands ({seeds} seeds, right and left), full realism, {MODEL}"
     for task in TASKS:
         yield centre_table(joints[joints["calibration"] == task], f"{task}, {of}")
-    yield status_table(joints, of)
+    yield verdict_table(joints, of)
     yield tip_table(tips, of)
 
 
@@ -79,7 +81,9 @@ def paper_hand(seed: int, hand: str, n_frames: int | None = None) -> tuple[list[
                 tips += [{**row, "calibration": task, "skeleton": skeleton} for row in rows]
             for row in rows_of(read_table(folders[ESTIMATED] / "projected_joints.parquet", JOINT_CENTRES)):
                 off = {} if row["status"] == "failed" else centre_errors(row, true[row["joint"]])
-                joints.append({"calibration": task, "joint": row["joint"], "status": row["status"], **off})
+                verdict = judged_joint(row, FINGER_MM)["verdict"]
+                own = {"joint": row["joint"], "status": row["status"], "verdict": verdict}
+                joints.append({"calibration": task, **own, **off})
     return joints, tips
 
 
@@ -157,25 +161,24 @@ def _centre_row(kind: str, joints: pd.DataFrame) -> tuple[Cell, ...]:
     return (*counts, *map(float, (*numbers, *shares, worse.median(), median["sd_mm"], covered)))
 
 
-def status_table(joints: pd.DataFrame, of: str) -> TextTable:
-    """Errors of the joint centres by the status that the pipeline gave them, compound joints apart."""
+def verdict_table(joints: pd.DataFrame, of: str) -> TextTable:
+    """Errors of the joint centres by the verdict on them, compound joints apart."""
     compound = joints["joint"].isin(JOINT_TYPES[COMPOUND])
     rows: list[tuple[Cell, ...]] = []
     for task in TASKS:
         for kind, apart in ((f"all but {COMPOUND}", ~compound), (COMPOUND, compound)):
-            for status in ("ok", "weak"):
-                some = joints[(joints["calibration"] == task) & apart & (joints["status"] == status)]
+            for verdict in VERDICTS:
+                some = joints[(joints["calibration"] == task) & apart & (joints["verdict"] == verdict)]
                 child = some["error_mm"]
                 numbers = (child.quantile(0.5), child.quantile(0.9), 100 * (child > 5).mean(), child.max())
                 known: list[Cell] = [float(number) for number in numbers] if len(child) else [None] * 4
-                rows.append((task, kind, status, len(child), *known))
+                rows.append((task, kind, verdict, len(child), *known))
     return TextTable(
-        f"paper_accuracy: what the status of a joint is worth, {of}",
-        ("solved from", "joints", "status", "n:d", *SPREAD),
+        f"paper_accuracy: what the verdict on a joint is worth, {of}",
+        ("solved from", "joints", "verdict", "n:d", *SPREAD),
         rows,
-        "Distance to the true centre in the child's receiver frame. ok says that the data fix the fit, not "
-        f"that the joint is a hinge: {COMPOUND}, seen from the hand, have a palm that moves between, which "
-        "residuals hardly show.",
+        "Distance to the true centre in the child's receiver frame. The verdict goes by the stated error: "
+        f"{COMPOUND}, seen from the hand, have a palm that moves between, which residuals hardly show.",
     )
 
 

@@ -12,11 +12,13 @@ from checks.declared import TIDY, Declared
 from checks.expected_body import ExpectedBody, expected_body
 from checks.explaining import Explanation
 from checks.hypotheses import Recorded, hypotheses
-from checks.mistake_search import Mistake, Search, find_mistakes
+from checks.mistake_effect import effect
+from checks.mistake_search import Mistake, Search, explained, find_mistakes
 from checks.sampled_motion import motion_of, receiver_axes
 from checks.timeline import (
     Timeline,
     alike,
+    away,
     jumping_share,
     repeated_share,
     sides,
@@ -65,7 +67,7 @@ def check_recording(
     """Test what was declared about a recording against its poses.
 
     declared : of its numbers, by the mapping that it was read with.
-    left_out : by flag, `hemisphere-flip` or `spike`, and segment: how many poses the import left out for it.
+    left_out : by flag and segment, of those in LEFT_OUT: how many poses the import left out, or put back.
     """
     seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
     worn = slice(None) if len(seen) == len(poses.segments) else seen  # a slice copies nothing
@@ -79,6 +81,8 @@ def check_recording(
     if angles := _angles(line, declared):
         return CheckedRecording(tuple(angles), poses_digest(poses), None, None)
     findings, search = _explained(line, poses.frame, body, layout, segments, hand, declared)
+    if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
+        findings = [finding for finding in findings if finding.kind != "hemisphere"]
     late = [
         *_left_out(left_out or {}),
         *_frozen(poses),
@@ -112,10 +116,11 @@ def _explained(
     declared: Declared,
 ) -> tuple[list[Finding], Search]:
     """Findings of flips, spikes and all that a hypothesis undoes."""
+    declared_mm = line.position_mm
     jumping = jumping_share(line) > 0.5
     sign = np.ones(line.valid.shape) if jumping else sides(line)
     if (sign < 0).any():
-        line = replace(line, position_mm=line.position_mm * sign[..., None])
+        line = replace(line, position_mm=line.position_mm * sign[..., None], valid=line.valid & (sign != 0))
     odd = spikes(line)
     usable = line.valid & ~odd & ~stuck(line) & ~zeros(line)
     axes = receiver_axes(layout, segments)
@@ -125,6 +130,11 @@ def _explained(
     if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
         return [Finding("spikes", REFUSED, "all", declared.unmapped)], search
     flips = _flips(line, sign, segments)
+    if flips:
+        as_read = motion_of(declared_mm, line.quaternion, usable, axes, hand)
+        flipped = np.flatnonzero((sign < 0).any(0)).tolist()
+        matters = effect(body, explained(as_read, body), explained(motion, body), flipped)
+        flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
     if mistakes and _unexplained(body, search.explanation):  # guesses on guesses: the likeliest alone
         mistakes = mistakes[:1]
@@ -151,11 +161,11 @@ def _first(line: Timeline, row: int) -> Values:
 
 
 def _flips(line: Timeline, sign: Array, segments: Sequence[str]) -> list[Finding]:
-    changes = (np.diff(sign, axis=0) != 0).sum(0)
+    changes = away(sign)
     if not changes.any():
         return []
     most = int(np.argmax(changes))
-    first = int(np.argmax(np.diff(sign[:, most]) != 0)) + 1
+    first = int(np.argmax(sign[:, most] < 0))
     seen = {
         "segment": segments[most],
         "count": int(changes[most]),
@@ -221,16 +231,24 @@ def _alike(line: Timeline, segments: Sequence[str], declared: Declared) -> list[
     return [Finding("receivers-alike", SUSPECT, "", seen)]
 
 
-_LEFT_OUT = {"hemisphere-flip": "hemisphere", "spike": "spikes"}
-"""The kind by flag."""
+LEFT_OUT = {
+    "hemisphere-flip": ("hemisphere", NOTE, "left-out"),
+    "hemisphere-transit": ("hemisphere", NOTE, "between"),
+    "hemisphere-repaired": ("hemisphere", NOTE, "put-back"),
+    "hemisphere-undecided": ("hemisphere", SUSPECT, "undecided"),
+    "spike": ("spikes", NOTE, "left-out"),
+}
+"""By flag of what the import left out or put back: the kind, how grave it is, and which of its sentences."""
 
 
 def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
     found = []
     for flag, by_segment in left_out.items():
-        most = max(by_segment, key=lambda segment: by_segment[segment])
-        seen = {"segment": most, "count": sum(by_segment.values())}
-        found.append(Finding(_LEFT_OUT[flag], NOTE, "left-out", seen))
+        kind, severity, variant = LEFT_OUT[flag]
+        named = sorted(by_segment, key=lambda name: -by_segment[name])
+        counts = [by_segment[name] for name in named]
+        seen = {"count": sum(counts), "of": named, "counts": counts}
+        found.append(Finding(kind, severity, variant, seen))
     return found
 
 

@@ -37,17 +37,26 @@ class Measured:
 def compared(
     recordings: Sequence[tuple[str, str, CheckedRecording]],
 ) -> list[CheckedRecording]:
-    """Add to a subject's recordings what a comparison says: task, hand and findings each, as in the sheet."""
+    """Add to a subject's recordings what a comparison says: task, hand and findings each, as in the sheet.
+
+    Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.
+    """
     first_of: dict[str, tuple[str, str]] = {}
+    for task, hand, own in sorted(recordings, key=lambda one: _accused(one[2])):
+        first_of.setdefault(own.digest, (hand, task))
     found = []
     for task, hand, own in recordings:
-        first = first_of.setdefault(own.digest, (hand, task)) if own.digest else (hand, task)
+        first = first_of[own.digest] if own.digest else (hand, task)
         more = (same_file(*first),) if first != (hand, task) else ()
         found.append(replace(own, findings=(*more, *own.findings)))
     for place, finding in _other_people(recordings).items():
         if not any(one.kind == "same-file" for one in found[place].findings):
             found[place] = replace(found[place], findings=(*found[place].findings, finding))
     return found
+
+
+def _accused(checked: CheckedRecording) -> bool:
+    return any(finding.severity != NOTE for finding in checked.findings)
 
 
 def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from checks.expected_body import ExpectedBody
 from checks.explaining import Explanation, explain, joint_shares
 from checks.hypotheses import Hypothesis
+from checks.mistake_effect import Joints, effect
 from checks.sampled_motion import Motion
 from schemas.finding_sentences import Values
 from skeleton.rotations import Array
@@ -28,8 +29,8 @@ AWAY_MM, AWAY_LOG_SD = 600.0, 0.8
 
 @dataclass(frozen=True)
 class Mistake:
-    """A hypothesis that holds. evidence : values of what is seen of it, see `finding_sentences.EVIDENCE`.
-    gain : in log likelihood, less penalty.
+    """A hypothesis that holds. evidence : values of what is seen of it and how much it matters, see
+    `finding_sentences`. gain : in log likelihood, less penalty.
     """
 
     hypothesis: Hypothesis
@@ -60,9 +61,13 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
         if len(found) == MOST or not len(gains) or gains[best] < DECISIVE:
             break
         chosen = left[best]
-        evidence = _evidence(body, explanation, best + 1, chosen)
+        undone = chosen.undo(motion)
+        before, after = Joints.of(motion, explanation), Joints.of(undone, explanation, best + 1)
+        mirrors = chosen.kind == "wrong-hand"
+        matters = effect(body, before, after, chosen.places, other_hand=mirrors)
+        evidence = {**_evidence(body, explanation, best + 1, chosen), **matters}
         found.append(Mistake(chosen, evidence, float(gains[best])))
-        motion = chosen.undo(motion)
+        motion = undone
         left = [one for one in left if not _same_matter(one, chosen)]
     return Search(tuple(found), motion, explanation)
 
@@ -70,7 +75,7 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
 def _closes(explanation: Explanation, hypotheses: Sequence[Hypothesis]) -> npt.NDArray[np.bool_]:
     """Whether joints that anatomy does not know close, and much better than as declared."""
     gap = np.sqrt((explanation.gap_mm**2).mean(-1))
-    scaled = np.array([one.kind == "units" for one in hypotheses])
+    scaled = np.array([one.kind == "units" for one in hypotheses], bool)
     return np.asarray(scaled | ((gap[0] > OPEN_MM) & (gap[1:] < CLOSER * gap[0]) & (gap[1:] < CLOSED_MM)))
 
 
@@ -91,6 +96,11 @@ def _distance_mm(motion: Motion) -> float:
 def _same_matter(one: Hypothesis, chosen: Hypothesis) -> bool:
     """Whether a hypothesis has nothing to say once the chosen one is undone."""
     return one.kind == chosen.kind and one.places == chosen.places and chosen.kind != "digits-swapped"
+
+
+def explained(motion: Motion, body: ExpectedBody) -> Joints:
+    """Give the joints of a motion as it is."""
+    return Joints.of(motion, _explain(motion, body, []))
 
 
 def _explain(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Explanation:

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from checks.mirror_jumps import own_sides
 from skeleton.rotations import Array
 
 Bools = npt.NDArray[np.bool_]
 
-FLIP_MM = 80.0
-"""Least jump that is a flip; nearer to the transmitter nobody can tell."""
 SPIKE_MM, SPIKE_DEG, SPIKE_TIMES = 60.0, 60.0, 8.0
 STUCK_S, STUCK_FRAMES = 0.25, 20
 MOVED_MM, ALL_ALONG = 5.0, 0.99
@@ -43,18 +42,24 @@ class Timeline:
 
 
 def sides(line: Timeline) -> Array:
-    """Give +1 or -1 (T, S): on which side of the transmitter each position is, by its jumps through it."""
+    """Give the side of the transmitter on which each pose (T, S) is, by its receiver's jumps.
+
+    1 where it mostly is, -1 on the other, 0 on the way; where a pose is not valid, the side of those before.
+    """
     sign = np.ones(line.valid.shape)
     for place in range(line.valid.shape[1]):
         rows = np.flatnonzero(line.valid[:, place])
-        here = line.position_mm[rows, place]
-        jump = np.linalg.norm(np.diff(here, axis=0), axis=-1)
-        back = np.linalg.norm(here[1:] + here[:-1], axis=-1)
-        flips = (jump > FLIP_MM) & (back < 0.3 * jump)
-        if flips.any():
-            own = np.cumprod(np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]))
-            sign[rows, place] = own if own.sum() >= 0 else -own  # most of it on the right side
+        found = own_sides(rows, line.time_s[rows], line.position_mm[rows, place])
+        if found.changes:
+            own = found.sign[found.piece_at(np.arange(len(sign)))]
+            sign[:, place] = own if own[rows].sum() >= 0 else -own
     return sign
+
+
+def away(sign: Array) -> npt.NDArray[np.int64]:
+    """How often each receiver (S,) is on the other side, of sides (T, S): there and back is once."""
+    other = np.concatenate([np.zeros((1, sign.shape[1])), sign]) < 0
+    return np.asarray((np.diff(other.astype(int), axis=0) > 0).sum(0))
 
 
 def spikes(line: Timeline) -> Bools:

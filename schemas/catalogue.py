@@ -14,11 +14,14 @@ from schemas.table_columns import (
     FRAME,
     HAND,
     JOINT,
+    JOINT_STATUS,
+    JUDGEMENT,
     MESSAGE,
     OF_RECORDING,
     OF_SKELETON,
     OF_SKELETON_IN_RECORDING,
     REAL,
+    REASON_VALUES,
     SESSION,
     SINGLE,
     STATUS,
@@ -107,7 +110,7 @@ FINDINGS = Table(
 
 JOINT_SOLUTIONS = Table(
     "joint_solutions",
-    3,
+    4,
     "the joint as Eq. 1-7 give it, before the plane",
     (
         *OF_SKELETON,
@@ -147,6 +150,7 @@ JOINT_SOLUTIONS = Table(
         _real("axis_sd_deg", "1-sigma direction error of the axis"),
         Column("n_frames", WHOLE, "", "frames in which both receivers were valid"),
         _real("n_effective", "independent samples among them, from the gap's autocorrelation"),
+        REASON_VALUES,
         STATUS,
         MESSAGE,
     ),
@@ -155,7 +159,7 @@ JOINT_SOLUTIONS = Table(
 
 JOINT_CENTRES = Table(
     "joint_centres",
-    3,
+    4,
     "the skeleton's joints, the wrist point in use among them",
     (
         *OF_SKELETON,
@@ -192,7 +196,8 @@ JOINT_CENTRES = Table(
         Column("n_frames", WHOLE, "", "calibration frames in which both receivers were valid"),
         _real("n_effective", "independent samples among them"),
         Column("source", TEXT, "", "where the centre comes from (fit, configured point, estimated point)"),
-        STATUS,
+        *JUDGEMENT,
+        JOINT_STATUS,
         MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "joint"),
@@ -263,7 +268,7 @@ FINGERTIP, DISTAL_RECEIVER = "fingertip", "distal receiver"
 
 BONE_LENGTHS = Table(
     "bone_lengths",
-    3,
+    4,
     "a bone is named after its segment",
     (
         *OF_SKELETON,
@@ -284,6 +289,7 @@ BONE_LENGTHS = Table(
         *_xyz("", "mm", "the bone as the replay has it, to the next joint or receiver, in driven_by's frame"),
         Column("driven_by", TEXT, "", "the segment whose receiver turns the bone; empty where none does"),
         _real("sd_over_frames_mm", "metacarpals: SD of |v(k)|, which a true skeleton keeps at 0"),
+        *JUDGEMENT,
         MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "digit", "bone"),
@@ -291,7 +297,7 @@ BONE_LENGTHS = Table(
 
 CALIBRATION_ADVICE = Table(
     "calibration_advice",
-    2,
+    3,
     "whether the calibration moves the joint enough, and what more would gain",
     (
         SUBJECT,
@@ -301,7 +307,17 @@ CALIBRATION_ADVICE = Table(
         _real("range_deg", "range of motion that it has there"),
         _real("sd_now_mm", "1-sigma error of its centre, joint by joint with anatomy"),
         _real("sd_moved_mm", "the same if it moved as the advice says"),
-        Column("advice", TEXT, "", "in words, what to move"),
+        Column(
+            "kind",
+            TEXT,
+            "",
+            "enough or enough-on-skin; move-more; receivers-disagree, open-along-axis or uncertain: more of "
+            "the movement does not help; never-seen; finding-stands",
+        ),
+        Column(
+            "values", TEXT, "", "the numbers and names of the advice, as JSON; empty where there are none"
+        ),
+        Column("advice", TEXT, "", "the same in words"),
     ),
     ("subject", "session", "hand", "joint"),
 )
@@ -331,10 +347,16 @@ RECEIVERS = Table(
         _real("soft_tip_sd_mm", "1-sigma error of that in 3-D"),
         _real("residual_mm", "rms per component of its position about the fitted hand"),
         _real("residual_deg", "rms per component of its rotation about the fitted hand"),
+        Column(
+            "loose_kind", TEXT, "", "what displaced it: step, slide or field (as by metal); empty: nothing"
+        ),
         Column("loose_from_frame", WHOLE, "", "frame from which it sits elsewhere; null: it stayed", True),
+        Column("loose_until_frame", WHOLE, "", "frame until which it slid; of a step, the same", True),
         Column("loose_task", TEXT, "", "task and trial in which that happened; empty: it stayed"),
-        _real("loose_shift_mm", "how far it moved then"),
-        _real("loose_turn_deg", "how far it turned then"),
+        _real("loose_shift_mm", "how far it moved then, or is off in the field"),
+        _real("loose_turn_deg", "how far it turned then, or is off in the field"),
+        *_xyz("field_", "mm", "where it came nearest to what disturbs the field, in the transmitter frame"),
+        _real("left_out_share", "share of its calibration frames that was left out for that"),
         STATUS,
         MESSAGE,
     ),
@@ -520,13 +542,14 @@ JOINT_ERRORS = Table(
 
 RECORDINGS = Table(
     "recordings",
-    2,
+    3,
     "recording of the study: what became of it",
     (
         *OF_RECORDING,
         Column("role", TEXT, "", "calibration, evaluation or both"),
         Column("file", TEXT, "", "the recording's file, as in the sheet"),
         Column("status", TEXT, "", "used, excluded (by the sheet), refused (by a finding) or failed"),
+        Column("tracker", TEXT, "", "what recorded it, where its file says so", nullable=True),
         Column("n_frames", WHOLE, "", "frames of the recording"),
         Column("n_receivers", WHOLE, "", "receivers of which a pose may be used"),
         _real("duration_s", "from the first device time to the last"),
@@ -551,7 +574,11 @@ PROBLEMS = Table(
         Column("model", TEXT, "", "the skeleton model; empty: of no single one"),
         Column("stage", TEXT, "", "the stage that met it"),
         Column(
-            "kind", TEXT, "", "recording, hand, skeleton, receiver, correction or a kind of docs/mistakes.md"
+            "kind",
+            TEXT,
+            "",
+            "recording, hand, skeleton, receiver, receiver-loose, receiver-slid, field-disturbed, correction "
+            "or a kind of docs/mistakes.md",
         ),
         Column("severity", TEXT, "", "refused (no result), suspect or note"),
         _VARIANT,

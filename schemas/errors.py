@@ -8,6 +8,9 @@ from collections.abc import Sequence
 MOST_LETTERS = 400
 """Of a message. What it names stands at its start and what to do at its end, so the middle is left out."""
 
+INTERNAL = "internal error in"
+"""How the reason begins why a part cannot be had that a bug ended; the stage follows."""
+
 
 class InputError(Exception):
     """Bad input or configuration, told in one sentence that names the place and says what to do.

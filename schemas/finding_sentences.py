@@ -32,7 +32,7 @@ _RENAMED = "name the file's columns qw, qx, qy, qz anew: qx, qy, qz, qw"
 _POSITION_AXES = "write `position_axes: [{columns}]` in the mapping"
 _IN_PLACE = "put {millimetres} in place of x_mm, y_mm, z_mm in the file"
 _OTHER_HAND = "write `{code}` in the column hand of the recordings sheet (or --hand {code})"
-_MIRRORED = "; if it is a {hand_2} hand, the file is mirrored: "
+_MIRRORED = ", or, if it is a {hand_2} hand and the file mirrored, "
 _REPAIR = "write `repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere)"
 _EMPTY = "leave the numbers of these poses empty in the file"
 _NAMES = "exchange these names in `receivers` of the mapping: {exchanged}"
@@ -126,11 +126,26 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "the receiver {segments} seems to be on the other side of the transmitter all along",
         ),
         "left-out": Sentence(
-            "{count} poses, most of {segment}, are on the other side of the transmitter and left out: the "
-            "tracker took the wrong hemisphere",
+            "{count} poses ({which}) are on the other side of the transmitter and left out: the tracker took "
+            "the wrong hemisphere",
             f"{_REPAIR} to put them back",
             "one pose, of {segment}, is on the other side of the transmitter and left out: the tracker took "
             "the wrong hemisphere",
+        ),
+        "between": Sentence(
+            "{count} poses ({which}) are between the two sides of the transmitter, where the tracker's "
+            "filter smears a jump, and left out",
+            "nothing has to be done",
+        ),
+        "put-back": Sentence(
+            "{count} poses ({which}) were put back from the other side of the transmitter, as was asked for",
+            "nothing more has to be done",
+        ),
+        "undecided": Sentence(
+            "{count} poses ({which}) are of a receiver that was on both sides of the transmitter, or on "
+            "another than its neighbours, and nothing tells which is right; they are kept as recorded",
+            f"{_EMPTY} where they are on the wrong side, or give a reason under `exclude` in the "
+            "recordings sheet",
         ),
     },
     "receiver-stuck": {
@@ -161,8 +176,8 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "is damaged",
         ),
         "left-out": Sentence(
-            "{count} poses, most of {segment}, are where nothing can be and left out: the tracker's field "
-            "was probably disturbed",
+            "{count} poses ({which}) are where nothing can be and left out: the tracker's field was probably "
+            "disturbed",
             "look for metal or a motor near the transmitter",
             "one pose, of {segment}, is where nothing can be and left out: the tracker's field was probably "
             "disturbed",
@@ -177,7 +192,7 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
     "receivers-swapped": {
         "": Sentence(
             "the receivers {segment} and {segment_2} seem to be swapped",
-            "exchange the names {code} and {code_2} in `receivers` of the mapping",
+            "exchange their names in `receivers` of the mapping",
             table="exchange their names in the file's column segment or, where the file has stations, their "
             "station numbers in the layout",
         ),
@@ -259,6 +274,11 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "program writes zeros where it has no value",
         ),
     },
+    "unchecked": {
+        "": Sentence(
+            "the recording could not be checked: {reason}", "whatever is shown of it rests on no check"
+        ),
+    },
     "receivers-alike": {
         "": Sentence(
             "the receivers {segment} and {segment_2} have one and the same pose in {percent:.0f} % of their "
@@ -281,20 +301,39 @@ EVIDENCE: Mapping[str, str] = {
 }
 """By what is seen, `seen` among the values: what undoing a mistake changes most."""
 
+_SIZES = ("scale", "reach")
+
+EFFECTS: Mapping[str, str] = {
+    "closer": "the median gap of the joints concerned falls from {gap_before_mm:.1f} to {gap_after_mm:.1f} "
+    "mm, centres that move by more than 2 mm: {moved} of {joints}",
+    "no-closer": "the joints concerned close as they did, with a median gap of {gap_before_mm:.1f} and "
+    "{gap_after_mm:.1f} mm, centres that move by more than 2 mm: {moved} of {joints}",
+    "none": "no joint closes better and no centre moves by more than 2 mm, so nothing measurable is gained",
+}
+"""By `effect` among the values: how much it matters."""
+
 OTHER_PROBLEMS: Mapping[str, Mapping[str, str]] = {
     "recording": {"no-pose": "no usable pose of {segments}; check that receiver"},
     "hand": {"uncalibrated": "no recording calibrates this hand, so none of its joints could be solved"},
-    "receiver": {"": "{segment}: {message}"},
+    **{kind: {"": "{segment}: {message}"} for kind in ("receiver", "receiver-loose", "receiver-slid")},
+    "field-disturbed": {
+        "": "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: {count} receivers are "
+        "off by up to {mm:.1f} mm and {deg:.0f} deg there ({segments}); {percent:.0f} % of a receiver's "
+        "frames, at the most, were left out"
+    },
 }
 """Whole sentences of problems that are no mistakes of a declaration, by kind and variant."""
 
+_EVIDENCE_AND_EFFECT, _EFFECT_ALONE = "{evidence} ({effect})", "put right, {effect}"
 _WHOLE, _WITHOUT_EVIDENCE = "{what}: {evidence}; {cure}.", "{what}; {cure}."
+_WITH_EFFECT = "{what} ({evidence}); {cure}."
 _ACCEPTED = "{finding} Accepted: {given}"
 _POSE, _POSE_AND_TIME = "{segment} in frame {n}", "{segment} in frame {n} ({time_s:.2f} s)"
 _PAIR = "{code} with {code_2}"
 _TIME, _ROW = "at {time_s:.2f} s", "in row {row} of its rows"
 _ONE_OTHER, _OTHERS = ", and so does another receiver", ", and so do {n} other receivers"
 _FRAMES, _FRAMES_AND_TIME = "{frames} frames", "{frames} frames and {duration_s:.2g} s"
+_OF_SEGMENT = "{n} of {segment}"
 _ABOUT_AXIS, _ABOUT_DIAGONAL = "{deg} deg about its {axis} axis", "{deg} deg about a diagonal"
 _OWN_RECORDING, _RECORDING = "the {hand} hand's {task}", "subject {subject}, {hand} hand, {task}"
 _RECORDING_IN_SESSION = "subject {subject}, session {session}, {hand} hand, {task}"
@@ -307,9 +346,10 @@ def templates() -> Iterator[str]:
             yield from filter(None, (sentence.what, sentence.cure, sentence.one, sentence.table))
     for texts in OTHER_PROBLEMS.values():
         yield from texts.values()
-    yield from EVIDENCE.values()
-    yield from (_WHOLE, _WITHOUT_EVIDENCE, _ACCEPTED, _TIME, _ROW, _ONE_OTHER, _OTHERS, _FRAMES)
-    yield from (_POSE, _POSE_AND_TIME, _PAIR, _FRAMES_AND_TIME, _ABOUT_AXIS, _ABOUT_DIAGONAL)
+    yield from (*EVIDENCE.values(), *EFFECTS.values())
+    yield from (_EVIDENCE_AND_EFFECT, _EFFECT_ALONE)
+    yield from (_WHOLE, _WITH_EFFECT, _WITHOUT_EVIDENCE, _ACCEPTED, _TIME, _ROW, _ONE_OTHER, _OTHERS, _FRAMES)
+    yield from (_OF_SEGMENT, _POSE, _POSE_AND_TIME, _PAIR, _FRAMES_AND_TIME, _ABOUT_AXIS, _ABOUT_DIAGONAL)
     yield from (_OWN_RECORDING, _RECORDING, _RECORDING_IN_SESSION)
 
 
@@ -329,9 +369,25 @@ def sentence_of(kind: str, variant: str, values: Values, accepted: str = "", say
         return say(OTHER_PROBLEMS[kind][variant], **_placeholders(values, say))
     what, evidence = what_of(kind, variant, values, say), evidence_of(values, say)
     cure = cure_of(kind, variant, values, say)
-    template = _WHOLE if evidence else _WITHOUT_EVIDENCE
-    text = say(template, what=what, evidence=evidence, cure=cure)
-    return say(_ACCEPTED, finding=text, given=accepted) if accepted else text
+    if not evidence:
+        return accepted_text(what_and_cure(what, cure, say), accepted, say)
+    template = _WHOLE if "seen" in values else _WITH_EFFECT
+    return accepted_text(say(template, what=what, evidence=evidence, cure=cure), accepted, say)
+
+
+def what_and_cure(what: str, cure: str, say: Say = english) -> str:
+    """What is wrong and what to do, without what shows it."""
+    return say(_WITHOUT_EVIDENCE, what=what, cure=cure)
+
+
+def accepted_text(finding: str, reason: str, say: Say = english) -> str:
+    """The finding with the reason, if there is any, to let it stand."""
+    return say(_ACCEPTED, finding=finding, given=reason) if reason else finding
+
+
+def in_quotes(text: str) -> str:
+    """Text for a terminal: what is to be written stands in quotes, not in backticks."""
+    return text.replace("`", '"')
 
 
 def what_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
@@ -350,8 +406,14 @@ def cure_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
 
 
 def evidence_of(values: Values, say: Say = english) -> str:
-    """What undoing the mistake changes; empty where poses alone show it."""
-    return say(EVIDENCE[values["seen"]], **_placeholders(values, say)) if "seen" in values else ""
+    """What undoing the mistake changes, and how much that matters; empty where poses alone show it."""
+    given, seen = _placeholders(values, say), values.get("seen", "")
+    evidence = say(EVIDENCE[seen], **given) if seen else ""
+    # where a size was absurd, a gap in millimetres and a centre's way say nothing
+    effect = say(EFFECTS[values["effect"]], **given) if "effect" in values and seen not in _SIZES else ""
+    if evidence and effect:
+        return say(_EVIDENCE_AND_EFFECT, evidence=evidence, effect=effect)
+    return evidence or (say(_EFFECT_ALONE, effect=effect) if effect else "")
 
 
 def _placeholders(values: Values, say: Say) -> dict[str, Any]:
@@ -365,6 +427,10 @@ def _placeholders(values: Values, say: Say) -> dict[str, Any]:
         given["also"] = _also(values["others"], say)
     if "segments" in values:
         given["segments"] = ", ".join(say("{segment}", segment=name) for name in values["segments"])
+    if "counts" in values:
+        of = zip(values["counts"], values["of"], strict=True)
+        given["segment"] = values["of"][0]
+        given["which"] = ", ".join(say(_OF_SEGMENT, n=count, segment=name) for count, name in of)
     if "negated" in values:
         given["negated"] = _listed(values["negated"], say)
     if "spiked" in values:
@@ -384,7 +450,6 @@ def _placeholders(values: Values, say: Say) -> dict[str, Any]:
         given["other"] = _recording(values, say)
     # what is to be written into a file stays as it is, whatever the language
     given["code"] = values.get("segment", values.get("hand", ""))
-    given["code_2"] = values.get("segment_2", "")
     return given
 
 

@@ -194,6 +194,11 @@ KINDS: Mapping[str, Kind] = {
         "Columns or a station named twice in the mapping or the layout; an export that repeats a receiver.",
         "Each receiver's own columns or `value` in the mapping; or export the file again.",
     ),
+    "unchecked": Kind(
+        "The recording was not tested against what was declared of it, so nothing is said of it here.",
+        "A fault of this program, not of the recording.",
+        "Look at its picture and its joints' gaps yourself; please report the sentence with the log.",
+    ),
 }  # fmt: skip
 
 
@@ -201,6 +206,11 @@ def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Fin
     """Say that the poses are those of another recording; subject : where it is another's, or session's."""
     other = {"subject": subject, "session": session, "hand": hand, "task": task}
     return Finding("same-file", SUSPECT, values=other)
+
+
+def unchecked(message: str) -> Finding:
+    """Say that a recording could not be checked: of what is not known nobody is suspected."""
+    return Finding("unchecked", NOTE, "", {"reason": message})
 
 
 def mistakes_page() -> str:
@@ -215,9 +225,18 @@ def mistakes_page() -> str:
         "([how often they are right](mistakes-benchmark.md)). You see a symptom and not a name? Begin at",
         "[what went wrong](what-went-wrong.md).",
         "",
+        "A finding says how much it matters: the median gap of the joints concerned (how far apart the two",
+        "receivers of a joint have its centre) as declared and put right, and how many centres move by more",
+        "than 2 mm on their bones. Where no joint closes better and none moves, it says that nothing",
+        "measurable is gained. What is wrong in the same way, and has the same cure, is one item of the",
+        "report and of the terminal, with the recordings that have it.",
+        "",
         "A finding is `refused` (the recording is not used), `suspect` (solved and shown, in no headline and",
         "no statistic) or a `note`; a reason in the column `accept` of the recordings sheet makes suspect",
-        "findings notes. All are in `problems.parquet`. For layouts that are no hand, digits, the other",
+        "findings notes. A hand with a refused or suspect recording tells the person's other hand nothing.",
+        "All are in `problems.parquet`: `kind`, `variant` (which of the kind's sentences)",
+        "and `values` (its numbers, receivers and joints as JSON), so that nobody has to take a sentence",
+        "apart. For layouts that are no hand, digits, the other",
         "hand, turned receivers and small errors of the unit are not named.",
         "",
     ]

@@ -21,6 +21,12 @@ from schemas.files import file_state
 
 Vector = tuple[float, float, float]
 
+FINGER_MM, ARM_MM = 2.0, 10.0
+"""What is asked of a joint's centre where nobody says: of a hand a fifth of a finger's thickness; of thicker
+limbs, whose skin moves by centimetres, as much of an arm's.
+"""
+FINGERS = frozenset({"thumb", "index", "middle", "ring", "little"})
+
 _AXES: dict[str, Vector] = {"distal": (1.0, 0.0, 0.0), "lateral": (0.0, 1.0, 0.0), "dorsal": (0.0, 0.0, 1.0)}
 
 
@@ -105,7 +111,9 @@ class Wrist:
 
 @dataclass(frozen=True)
 class Layout:
-    """One layout file, read and checked."""
+    """One layout file, read and checked. wanted_mm : the largest 1-sigma error, in 3-D, of a joint's centre
+    that is to be believed.
+    """
 
     name: str
     description: str
@@ -113,6 +121,12 @@ class Layout:
     joints: Mapping[str, Joint]
     digits: Mapping[str, Digit]
     wrist: Wrist | None
+    wanted_mm: float = FINGER_MM
+
+    @property
+    def is_hand(self) -> bool:
+        """Whether it is of a hand: it has a wrist, or digits that are named as a hand's."""
+        return self.wrist is not None or bool(FINGERS & {*self.digits})
 
     @property
     def measured(self) -> tuple[str, ...]:
@@ -174,7 +188,8 @@ def layout_from_config(config: dict[str, Any], where: str) -> Layout:
     wrist = _wrist(config["wrist"], joints, where) if "wrist" in config else None
     if wrist is None and any(not segments[d.segments[0]].measured for d in digits.values()):
         raise InputError(f"{where}: a digit starts with an unmeasured segment, so the layout needs a wrist")
-    return Layout(config["layout"], config["description"], segments, joints, digits, wrist)
+    layout = Layout(config["layout"], config["description"], segments, joints, digits, wrist)
+    return replace(layout, wanted_mm=config["wanted_mm"] or (FINGER_MM if layout.is_hand else ARM_MM))
 
 
 def _vector(values: list[float]) -> Vector:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from schemas.config_files import check_config, read_yaml
-from schemas.errors import InputError
+from schemas.errors import InputError, listed
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """Millimetres of every unit that a position may come in."""
@@ -92,7 +92,7 @@ def _check_edited(loaded: Mapping[str, Any], where: str) -> None:
     left = list(dict.fromkeys(_unedited(loaded, "")))
     if left:
         verb = "says" if len(left) == 1 else "say"
-        raise InputError(f"{where}: {', '.join(left)} still {verb} CHECK: put the truth there")
+        raise InputError(f"{where}: {listed(left, 4)} still {verb} CHECK: put the truth there")
 
 
 def _unedited(value: object, place: str) -> Iterator[str]:

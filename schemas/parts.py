@@ -357,7 +357,8 @@ def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
     try:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
         parts = {Part(*(one.pop(field.name) for field in fields(Part))): one for one in listed}
-        texts = [text for part, one in parts.items() for text in (*astuple(part), one.get("failure", ""))]
+        texts = [text for part in parts for text in astuple(part)]
+        texts += [one.get(name, "") for one in parts.values() for name in ("failure", "note")]
         if not all(isinstance(text, str) for text in texts):
             raise TypeError("a name or a reason is no text")
         return parts

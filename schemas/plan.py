@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 from schemas.catalogue import FINDINGS
 from schemas.config_files import CONFIG_FOLDER, read_config
 from schemas.errors import InputError
+from schemas.finding_groups import row_sentence, row_what
 from schemas.findings import REFUSED, SUSPECT
 from schemas.layout import Layout, layout_from_config
 from schemas.model import SkeletonModel, model_from_config
@@ -43,7 +44,7 @@ class SubjectPlan:
     paths, for messages. poses_files : every recording's poses table. truth_folders : of simulated recordings,
     where the truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks
     are left out in turn; else every recording is used as a command line names it. refused : the sentence of
-    each recording that a finding refuses; such a one is excluded. suspect : that of each that one suspects.
+    each recording that a finding refuses; such a one is excluded. suspect : of each suspect one what is off.
     session : where the recordings sheet names any. factors : the subject's levels, by the participants sheet.
     """
 
@@ -153,11 +154,11 @@ class SubjectPlan:
         rows = list(rows_of(read_table(path, FINDINGS)))
         reasons, suspicions = (
             {
-                (row["hand"], row["task"], row["trial"]): row["message"]
+                (row["hand"], row["task"], row["trial"]): said(row)
                 for row in reversed(rows)
                 if row["severity"] == severity
             }
-            for severity in (REFUSED, SUSPECT)
+            for severity, said in ((REFUSED, row_sentence), (SUSPECT, row_what))
         )
         by_recording = {
             recording: replace(recording, exclude=reasons[key])
@@ -177,6 +178,11 @@ class SubjectPlan:
                 if (key := (own.hand.hand, own.task, own.trial)) in suspicions
             },
         )
+
+    def doubted(self, hand: str) -> str:
+        """Title of the hand's first recording that a finding refuses or suspects; empty where none does."""
+        doubts = [*self.refused, *self.suspect]
+        return next((own.title for own in doubts if own.hand.hand == hand), "")
 
     def check_calibration_left(self, hand: str) -> None:
         """Raise InputError, with the finding, where a hand has only refused recordings to calibrate on."""
@@ -212,9 +218,13 @@ class StudyPlans:
             for row in read_sheet(study.sheets.get(name), SHEETS[name]):
                 self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
 
-    def content(self, subject: str, session: str = "") -> dict[str, Any]:
-        """Give a subject's plan as JSON types."""
+    def content(self, subject: str, session: str = "", *, judges: bool = True) -> dict[str, Any]:
+        """Give a subject's plan as JSON types.
+
+        judges : whether its jobs say what to believe, so that what the study asks of a joint concerns them.
+        """
         study = self._study.of_session(subject, session)
+        asked = study.config["wanted_mm"] if judges else None
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
         return {
             "plan": VERSION,
@@ -225,7 +235,11 @@ class StudyPlans:
             **{name: sizes.get(name) for name in SIZES},
             "factors": {name: sizes[name] for name in study.factors if name in sizes},
             "recordings": [_recording(recording, study, self._results) for recording in study.recordings],
-            "layouts": {hand.hand: self._layouts[study.layout_of(hand)] for hand in study.hands},
+            "layouts": {
+                hand.hand: self._layouts[path := study.layout_of(hand)]
+                | {"wanted_mm": asked or self._layouts[path]["wanted_mm"]}
+                for hand in study.hands
+            },
             "models": self._models,
             **{
                 name: rows_of_session(self._rows[name].get(subject, []), SHEETS[name], session)
@@ -238,17 +252,16 @@ class StudyPlans:
         """Give the plan of a subject's recordings alone, without models, sizes and what was measured."""
         nothing: dict[str, Any] = {"models": [], "sheets": {}, **dict.fromkeys(SIZES)}
         nothing |= {name: [] for name in HAND_SHEETS if name != "events"}
-        return _without_factors(self.content(subject, session)) | nothing
+        return _without_factors(self.content(subject, session, judges=False)) | nothing
 
     def fit_content(self, subject: str, hand: str, model: str, session: str = "") -> dict[str, Any]:
         """Give the plan of a fit of a hand: with its model alone, and that hand unless lengths are shared."""
-        content = self.content(subject, session)
+        content = _without_factors(self.content(subject, session, judges=False))
         config = next(config for config in self._models if config["model"] == model)
         if not config["fit"]["share_lengths"]:
             for name in ("recordings", "measurements", "touches"):
                 content[name] = [row for row in content[name] if row["hand"] == hand]
             content["layouts"] = {hand: content["layouts"][hand]}
-        content = _without_factors(content)
         for entry in content["recordings"]:
             entry |= {"events": None, "pulses": ""}
         return content | {"models": [config], "corrections": [], "events": []}

@@ -54,6 +54,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
     row["message"] = "; ".join(dict.fromkeys([*(one.message for one in problems), *notes]))
     n_frames = table.num_rows // max(len(n_valid), 1)
     expected = (n_frames + missing) * len({*n_valid, *absent})
+    row["tracker"] = str(parameters.get("tracker", ""))
     row["n_frames"] = n_frames
     row["n_receivers"] = sum(1 for count in n_valid.values() if count)
     row["duration_s"] = _duration_s(table)

@@ -91,6 +91,10 @@ FIGURE_KINDS = ("svg", "pdf", "txt")
 """A figure's files: two of the drawing, and its caption."""
 
 
+FAILED_PAGES = "failed.txt"
+"""Of a subject's pages in the report: those that could not be made, a line each, and why."""
+
+
 @dataclass(frozen=True)
 class Results:
     """The results folder of one study."""

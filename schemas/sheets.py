@@ -134,7 +134,13 @@ RECORDINGS = Sheet(
             False,
             "auto",
         ),
-        Cell("mapping", _text, "how to read the file, where it is not this project's own", False, ""),
+        Cell(
+            "mapping",
+            _text,
+            "how to read the file, where it is not this project's own and not as the study's `mapping` says",
+            False,
+            "",
+        ),
         Cell(
             "hemisphere",
             _one_of("keep", "repair"),

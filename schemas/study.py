@@ -189,6 +189,11 @@ class Study:
             return layouts[0]
         return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
 
+    def judged_layout(self, hand: Hand) -> Layout:
+        """The layout of the hand's recordings, with what the study asks of its joints."""
+        layout = read_layout(self.layout_of(hand).absolute())
+        return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
+
 
 def path_token(text: str) -> str:
     """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.
@@ -219,7 +224,8 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     layout = config_path(config["layout"], "layout", folder)
     models = _models(config["models"], folder, where)
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
-    recordings, unusable = _recordings(sheets["recordings"], folder, layout, config["factors"])
+    mapping = folder / config["mapping"] if "mapping" in config else None
+    recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, config["factors"])
     for path in {r.layout for r in recordings} | {layout}:
         read_layout(path.absolute())
     read = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
@@ -378,10 +384,26 @@ def _why_unusable(recording: Recording) -> str:
     return ""
 
 
+OWN_ENDINGS = (".arrows", ".parquet", ".pq")
+"""Of files that say themselves what their numbers are, so that no mapping of the study's is for them."""
+
+
+def _mapping(row: Row, folder: Path, mapping: Path | None) -> Path | None:
+    """The mapping of a row: its own, or else the study's where its file may need one."""
+    own: str = row["mapping"]
+    if own:
+        return folder / own
+    needs_none = row["format"] != "auto" or row["file"].lower().endswith(OWN_ENDINGS)
+    return None if needs_none else mapping
+
+
 def _recordings(
-    sheet: Path, folder: Path, layout: Path, factors: Sequence[str]
+    sheet: Path, folder: Path, layout: Path, mapping: Path | None, factors: Sequence[str]
 ) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
-    """Give the recordings of the sheet, and the rows that can be none."""
+    """Give the recordings of the sheet, and the rows that can be none.
+
+    layout, mapping : of rows that name none.
+    """
     recordings, unusable = [], []
     layouts: dict[Hand, tuple[Path, int]] = {}
     paths: dict[tuple[str, str], int] = {}
@@ -397,7 +419,7 @@ def _recordings(
             row["file"],
             own,
             row["format"],
-            folder / row["mapping"] if row["mapping"] else None,
+            _mapping(row, folder, mapping),
             row["hemisphere"],
             row["exclude"],
             row["accept"],

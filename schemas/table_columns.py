@@ -23,6 +23,19 @@ JOINT = Column("joint", TEXT, "", "the joint, as the layout names it")
 FRAME = Column("frame", WHOLE, "", "the tracker's own frame number, kept as it came")
 MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing")
 STATUS = Column("status", TEXT, "", "ok, weak (read the message) or failed (no usable number)")
+REASON_VALUES = Column(
+    "reason_values",
+    TEXT,
+    "",
+    "every doubt with its numbers, JSON: an object by kind, the weightiest first; empty: none",
+)
+JUDGEMENT = (
+    Column("verdict", TEXT, "", "believe, care or no (docs/reading-a-report.md); empty: not judged here"),
+    Column("reason", TEXT, "", "kind of the weightiest doubt, such as moved-too-little; empty: believed"),
+    REASON_VALUES,
+)
+"""Whether to believe a joint or a bone, see `schemas.verdict`."""
+JOINT_STATUS = Column("status", TEXT, "", "ok, weak (verdict no) or failed (no usable number)")
 
 
 OF_RECORDING = (SUBJECT, SESSION, HAND, TASK, TRIAL)

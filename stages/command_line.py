@@ -9,12 +9,12 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from schemas.errors import InputError, TableError
+from schemas.errors import INTERNAL, InputError, TableError
 from schemas.limits import FILE_NAME_BYTES, HAND_SIZES_MM
 
 if TYPE_CHECKING:
@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from schemas.tables import Provenance, Table
 
 EXIT_BAD_INPUT = 2
-OF_THE_MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENOMEM}
+OF_THE_MACHINE = {
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE,
+    errno.EAGAIN, errno.ESTALE, errno.ETIMEDOUT,
+}  # fmt: skip
 """Errors of the system that come and go with the machine: nothing that a table should say of a subject."""
 
 
@@ -117,6 +120,7 @@ def parser(
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    built.set_defaults(stage=program.removeprefix("shukotsu stage "))
     if records_failure:
         built.add_argument(
             "--record-failure",
@@ -130,23 +134,25 @@ def run(
     arguments: argparse.Namespace,
     work: Callable[[argparse.Namespace], None],
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
+    record_bug: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> int:
     """Do the stage's work; turn bad input into one sentence on stderr and exit code 2.
 
     record_failure : of a stage whose outputs have no parts; with --record-failure called with the message in
-    place of ending with 2, also for a bug, which must not cost a study its other subjects.
+    place of ending with 2, also for a bug, which must not cost a study its other subjects. record_bug : of a
+    stage whose outputs have parts, called so for a bug that is in none of them.
     """
-    message = ""
+    record = record_failure or record_bug
     if isinstance(sys.stdout, io.TextIOWrapper):  # a name that the terminal's encoding lacks must not end it
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
-        with recorded(record_failure is not None and arguments.record_failure) as messages:
+        asked = record is not None and arguments.record_failure
+        with recorded(arguments, asked, only_bugs=record_failure is None) as messages:
             work(arguments)
-        if messages and record_failure is not None:
-            message = messages[0]
-            record_failure(arguments, message)
+        if messages and record is not None:
+            record(arguments, messages[0])
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -232,19 +238,31 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
     That holds for a bug too: it must not cost a study its other hands and models, and its traceback stays in
     the log. A TableError is no result of the subject's data, and is raised.
     """
-    with recorded(arguments.record_failure) as messages:
+    with recorded(arguments, arguments.record_failure) as messages:
         yield
     for message in messages:
         for table in tables:
             table.failure(part, message)
 
 
+def record_failed_parts(message: str, tables: Mapping[Path, Table], parts: Iterable[Part]) -> None:
+    """Write tables of which no part can be had, and why: of a stage that a bug ended outside of its parts."""
+    from schemas.parts import parts_writer
+    from schemas.tables import Provenance
+
+    failed = list(parts)
+    for path, table in tables.items():
+        with parts_writer(path, table, Provenance()) as writer:
+            for part in failed:
+                writer.failure(part, message)
+
+
 @contextmanager
-def recorded(record: bool) -> Iterator[list[str]]:
+def recorded(arguments: argparse.Namespace, record: bool, *, only_bugs: bool = False) -> Iterator[list[str]]:
     """Keep and print the message of what is raised inside; raise it without `record`.
 
     A TableError is raised, and that memory or the disk's room ran out or a package is not installed: no
-    results of a subject's.
+    results of a subject's. only_bugs : raise bad input too.
     """
     messages: list[str] = []
     try:
@@ -252,7 +270,7 @@ def recorded(record: bool) -> Iterator[list[str]]:
     except (TableError, MemoryError, ModuleNotFoundError):
         raise
     except InputError as error:
-        if not record:
+        if not record or only_bugs:
             raise
         messages.append(str(error))
         print(f"error: {error}", file=sys.stderr)
@@ -260,7 +278,8 @@ def recorded(record: bool) -> Iterator[list[str]]:
         if not record or (isinstance(error, OSError) and error.errno in OF_THE_MACHINE):
             raise
         traceback.print_exc()
-        messages.append(f"internal error ({type(error).__name__}: {error}); please report it with the log")
+        what = f"{arguments.stage} ({type(error).__name__}: {error})"
+        messages.append(str(InputError(f"{INTERNAL} {what}; please report it with the log")))
 
 
 def poses_files(plan: SubjectPlan) -> list[Path]:
@@ -332,7 +351,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 
     import pyarrow.compute as pc
 
-    from checks.checked_recording import check_recording
+    from checks.checked_recording import LEFT_OUT, check_recording
     from checks.declared import Declared
     from schemas.catalogue import POSES
     from schemas.poses import read_poses, recording_name
@@ -342,7 +361,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     flags = read_table(path, POSES, ["segment", "flags"])
     flagged = {
         flag: Counter(flags.filter(pc.match_substring(flags["flags"], flag))["segment"].to_pylist())
-        for flag in ("hemisphere-flip", "spike")
+        for flag in LEFT_OUT
     }
     left_out = {flag: counts for flag, counts in flagged.items() if counts}
     poses, side = read_poses(path, layout.measured), hand or recording_name(path).hand

@@ -13,6 +13,8 @@ OTHER_HAND = {"hand": "left", "hand_2": "right"}
 CLOCK = {"rate_hz": 0.24, "unit": "ms", "read": "seconds", "factor": 0.001}
 TURNED = {"turn_deg": -90, "turn_axis": "y", "distal": [0, 1, 0], "lateral": [-1, 0, 0], "dorsal": [0, 0, 1]}
 OTHER = {"subject": "", "session": "", "hand": "right", "task": "rom"}
+COUNTED = {"count": 43, "of": ["hand", "index_distal"], "counts": [40, 3]}
+ONE = {"count": 1, "of": ["hand"], "counts": [1]}
 READ_AS = {"read": "mm", "true": "cm"}
 
 EVIDENCE: dict[str, dict[str, Any]] = {
@@ -23,6 +25,9 @@ EVIDENCE: dict[str, dict[str, Any]] = {
     "turn": {"joint": "thumb_cmc", "angle": "axial rotation", "least": -125.0, "most": -100.0,
              "least_after": -35.0, "most_after": -10.0},
 }  # fmt: skip
+
+GAPS = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16}
+EFFECTS = {name: {**GAPS, "effect": name} for name in ("closer", "no-closer", "none")}
 
 EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("quaternion-order", "order"): [{"read": "w, x, y, z", "true": "x, y, z, w", "order": "xyzw"}],
@@ -39,7 +44,7 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("units", "degrees"): [{"speed_rad_s": 171.0}],
     ("time-unit", ""): [CLOCK, CLOCK | {"unmapped": True}],
     ("time-unit", "scaled"): [CLOCK],
-    ("time-unit", "rate"): [{"rate_hz": 240000.0, "true_hz": 240.0}],
+    ("time-unit", "rate"): [{"rate_hz": 0.24, "true_hz": 240.0}],
     ("hemisphere", "jumps"): [
         {"segment": "hand", "count": 2, "others": 3, **AT},
         {"segment": "hand", "count": 1, "others": 1, "first_row": 12},
@@ -49,7 +54,10 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
         {"segments": ["hand"], "count": 1},
         {"segments": ["hand", "index_distal"], "count": 2},
     ],
-    ("hemisphere", "left-out"): [{"segment": "hand", "count": 1}, {"segment": "hand", "count": 40}],
+    ("hemisphere", "left-out"): [ONE, COUNTED],
+    ("hemisphere", "between"): [COUNTED],
+    ("hemisphere", "put-back"): [COUNTED],
+    ("hemisphere", "undecided"): [COUNTED],
     ("receiver-stuck", "repeated"): [{"percent": 50.0}],
     ("receiver-stuck", "at-times"): [{"segment": "hand", "percent": 3.4, **AT}],
     ("receiver-stuck", "all-along"): [{"segment": "hand"}],
@@ -57,8 +65,9 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
         {"segment": "hand", "count": 1, "spiked": [["hand", 780, 3.25]], **AT},
         {"segment": "hand", "count": 9, "spiked": [["hand", 780], ["index_distal", 12]], **AT},
     ],
-    ("spikes", "left-out"): [{"segment": "hand", "count": 1}, {"segment": "hand", "count": 9}],
+    ("spikes", "left-out"): [ONE, COUNTED],
     ("spikes", "all"): [{}, {"unmapped": True}],
+    ("unchecked", ""): [{"reason": "internal error in check_recordings (KeyError: 1)"}],
     ("receivers-swapped", ""): [PAIR, PAIR | {"unmapped": True}],
     ("digits-swapped", "two"): [
         {"digit": "thumb", "digit_2": "index", "pairs": PAIRS},
@@ -97,4 +106,11 @@ def examples() -> list[Finding]:
         Finding("receivers-swapped", SUSPECT, values={**PAIR, "seen": seen, **values})
         for seen, values in EVIDENCE.items()
     ]
-    return [*every, *swapped]
+    put_right = [
+        Finding("hemisphere", SUSPECT, "jumps", EXAMPLES["hemisphere", "jumps"][0] | values)
+        for values in EFFECTS.values()
+    ]
+    return [*every, *swapped, *put_right, Finding("receivers-swapped", SUSPECT, "", _SWAPPED)]
+
+
+_SWAPPED = {**PAIR, "seen": "gap", **EVIDENCE["gap"], **EFFECTS["closer"]}

@@ -9,9 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from anatomy.known_digits import no_whole_hand
 from schemas.config_files import read_config
 from schemas.errors import InputError
-from schemas.plan import StudyPlans, plan_digest, plan_from_content, truth_folder
+from schemas.plan import StudyPlans, SubjectPlan, plan_digest, plan_from_content, truth_folder
 from schemas.results import (
     COMPARISON_TABLES,
     FIGURE_KINDS,
@@ -42,6 +43,7 @@ class StudyFiles:
         self._plans = {
             subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
         }
+        self._check_models()
         self._models = {path_token(name): name for name in self.study.models}
         if self.study.language != "en":  # at once, not after hours of computing
             from stages.report.print_figures.style import check_font
@@ -54,6 +56,20 @@ class StudyFiles:
                     f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
                     "it, or run from a folder from which its path does not"
                 )
+
+    def _check_models(self) -> None:
+        """Raise InputError where no model of the study can be taken for any hand of it.
+
+        With another model or layout, a hand that a model cannot be taken for is a problem of the study.
+        """
+        reasons = [
+            no_whole_hand(layout, name) if model.fitting is not None else ""
+            for plan in self._plans.values()
+            for layout in plan.layouts.values()
+            for name, model in plan.models.items()
+        ]
+        if reasons and all(reasons):
+            raise InputError(f"{self.file}: models: {reasons[0]}")
 
     @classmethod
     def of(cls, study_files: Sequence[Path], config: Mapping[str, Any], default: Path) -> StudyFiles:
@@ -68,6 +84,11 @@ class StudyFiles:
         if config and dict(config) != read_config(path, "study", with_defaults=False):
             raise InputError(f"--config: a study is described by its file alone; write it into {path}")
         return cls(path)
+
+    @property
+    def subjects(self) -> list[SubjectPlan]:
+        """The plan of every subject in every session, in the sheet's order."""
+        return list(self._plans.values())
 
     # --- of one subject -----------------------------------------------------------------------------------
 
@@ -114,16 +135,7 @@ class StudyFiles:
 
     def import_options(self, wildcards: Wildcards) -> str:
         """Options that say what a recording is, for the command that imports it."""
-        recording = self._recording(wildcards)
-        values = {
-            "in": _relative(recording.file),
-            "layout": str(recording.layout),
-            "format": recording.format,
-            "mapping": None if recording.mapping is None else _relative(recording.mapping),
-            **recording.key,
-        }
-        repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
-        return shlex.join([f"--{name}={value}" for name, value in values.items() if value] + repair)
+        return shlex.join(import_options(self._recording(wildcards)))
 
     def layout_digest(self, wildcards: Wildcards) -> str:
         """Digest of what the layout of a hand says."""
@@ -327,6 +339,19 @@ class _Subject:
 
     def __init__(self, subject: str) -> None:
         self.subject = subject
+
+
+def import_options(recording: Recording) -> list[str]:
+    """Options that say what a recording of a plan is, for the command that imports it."""
+    values = {
+        "in": _relative(recording.file),
+        "layout": str(recording.layout),
+        "format": recording.format,
+        "mapping": None if recording.mapping is None else _relative(recording.mapping),
+        **recording.key,
+    }
+    repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
+    return [f"--{name}={value}" for name, value in values.items() if value] + repair
 
 
 def _files_of(recording: Recording, *, declared: bool = True) -> list[str]:

@@ -14,7 +14,7 @@ from benchmarks.accuracy.scenarios import CLEAN, FULL, OTHER, SIDE_BY_SIDE, STIF
 from benchmarks.accuracy.score import JOINT_TYPES, METRICS, HandScore, Summary, summary
 from benchmarks.accuracy.tip_scores import CONTACTS, RECEIVER, SKIN, TOUCHED, TRUE, TipError
 from benchmarks.benchmark_table import Cell, TextTable
-from stages.evaluate_skeletons.truth_errors import RADIUS_SD
+from schemas.verdict import RADIUS_SD
 from stages.simulate.random_hand import DIGITS
 
 Scores = Mapping[str, Mapping[str, Sequence[HandScore]]]

@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from benchmarks.accuracy.trials import Trial
 from schemas.layout import read_layout
+from schemas.verdict import RADIUS_SD
 from skeleton.rotations import Array
-from stages.evaluate_skeletons.truth_errors import RADIUS_SD, line_angle_deg
+from stages.evaluate_skeletons.truth_errors import line_angle_deg
 from stages.simulate.random_hand import BONES, DIGITS, FINGERS
 from stages.simulate.simulated_truth import TrueJoint
 from stages.simulate.simulation import LAYOUT

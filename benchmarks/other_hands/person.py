@@ -42,13 +42,16 @@ _LENGTHS = {  # metacarpal, phalanges from the knuckle outward, soft tip; mm
     "ring": (52.0, 44.7, 28.2, 21.1, 4.0),
     "little": (48.0, 36.3, 20.4, 19.1, 3.7),
 }
-_FAN_DEG = {"index": 5.0, "middle": 0.0, "ring": -5.0, "little": -13.0}  # towards the thumb
-_NAIL_ROLL_DEG = {"index": 2.0, "middle": 0.0, "ring": -6.0, "little": -14.0}  # nails turned to the thumb
-_PIP_OBLIQUE_DEG = {"index": -5.0, "middle": -2.1, "ring": 3.0, "little": 4.4}
-_DIP_OBLIQUE_DEG = {"index": -1.3, "middle": -0.8, "ring": 1.8, "little": 3.3}
-_DIP_TWIST_DEG = {"index": 11.0, "middle": 8.0, "ring": -1.0, "little": -1.0}
-_TIP_LEAN_DEG = {"index": -3.2, "middle": -2.5, "ring": 4.4, "little": 8.0}
-_CUP_PRONATION = {"ring": 0.8, "little": 0.7}  # of the metacarpal's bending
+# How a finger lies and bends, deg: fanned out, and its nail turned, towards the thumb; obliquity of the PIP
+# and DIP axes (+: the end at the thumb's side lies distally); twist of the DIP axis; lean of the tip towards
+# the thumb; and by how much its metacarpal rolls for each degree that it bends.
+_FINGER = {
+    "index": (5.0, 2.0, -5.0, -1.3, 11.0, -3.2, 0.0),
+    "middle": (0.0, 0.0, -2.1, -0.8, 8.0, -2.5, 0.0),
+    "ring": (-5.0, -6.0, 3.0, 1.8, -1.0, 4.4, 0.8),
+    "little": (-13.0, -14.0, 4.4, 3.3, -1.0, 8.0, 0.7),
+}
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -85,16 +88,23 @@ class Bone:
         """Unit vector to its far end."""
         return unit(self.end - self.base)
 
+    @property
+    def length_mm(self) -> float:
+        """From its base to its far end."""
+        return float(np.linalg.norm(self.end - self.base))
+
 
 @dataclass(frozen=True)
 class Worn:
-    """A receiver where it was taped: place, turning (columns are its axes) and the skin's own axes there."""
+    """A receiver where it was taped: place, turning (columns are its axes) and the skin's own axes there.
+
+    All as on a right hand: a left hand is drawn in the mirror.
+    """
 
     bone: str
     place: Array
     axes: Array
     skin_axes: Array
-    height_mm: float
 
 
 @dataclass(frozen=True)
@@ -129,149 +139,130 @@ def draw_person(
     hand, or anywhere between and a few degrees past either.
     """
     rng = np.random.default_rng([seed, 31])
-    size = float(np.clip(rng.normal(1.0, 0.065), 0.84, 1.16))
-    size = size if scale is None else scale
-    bones: dict[str, Bone] = {}
-    joints: list[Joint] = [_wrist(rng, size)]
-    nail_deg = float(rng.uniform(55, 90))
-    for digit in DIGITS:
-        _draw_digit(rng, digit, size, nail_deg, bones, joints)
-    bones["hand"] = Bone(
-        bones["middle_metacarpal"].base, bones["middle_metacarpal"].end, np.array([0.0, 0.0, 1.0])
-    )
-    bones["forearm"] = Bone(np.array([0.0, -240.0 * size, 4.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    size = float(np.clip(rng.normal(1.0, 0.065), 0.84, 1.16)) if scale is None else scale
+    drawing = _Drawing(rng, size, float(rng.uniform(55, 90)))
     habits = {
         "reach": float(rng.uniform(0.85, 1.05)),  # how much of a usual range this person has
         "tip_share": float(rng.uniform(0.45, 0.75)),  # of the PIP joint's bending that the DIP follows
         "curl": float(rng.uniform(0.5, 1.5)),  # of the hand at rest
         "thumb_out": float(rng.uniform(-8, 12)),
     }
-    worn = {side: _wear(rng, bones, size, thumb_facing, nail_deg) for side in ("right", "left")}
-    return Person(seed, skin, bones, tuple(joints), nail_deg, habits, worn)
+    worn = {side: drawing.wear(thumb_facing) for side in ("right", "left")}
+    return Person(seed, skin, drawing.bones, tuple(drawing.joints), drawing.nail_deg, habits, worn)
 
 
-def _table(distal_radial_dorsal: tuple[float, ...] | Array) -> Array:
+def _table(distal_radial_dorsal: tuple[float, float, float]) -> Array:
     """Words of anatomy to a place on the table, for a right hand."""
     distal, radial, dorsal = distal_radial_dorsal
     return np.array([-radial, distal, dorsal])
 
 
-def _still(n_angles: int) -> Array:
-    return np.zeros((3, n_angles))
+def _back_of_hand(along: Array) -> Array:
+    """Upwards, as seen along a bone."""
+    return unit(_UP - (_UP @ along) * along)
 
 
-def _wrist(rng: np.random.Generator, size: float) -> Joint:
-    """Two crossing lines: bending through the capitate's head, swaying a few mm farther out."""
-    bend = turned(np.array([-1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), rng.normal(0, 5))
-    sway = turned(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), rng.normal(0, 5))
-    zero = np.zeros(3)
-    farther = np.array([0.0, rng.uniform(1, 4) * size, 0.0])
-    turns = ((zero, np.column_stack([bend, zero])), (farther, np.column_stack([zero, sway])))
-    return Joint("wrist", "forearm", "hand", turns, rng.normal(0, 0.5, (3, 2)))
+class _Drawing:
+    """A hand being drawn: from the wrist outward, each joint with the bone beyond it."""
 
+    def __init__(self, rng: np.random.Generator, size: float, nail_deg: float) -> None:
+        self.rng, self.size, self.nail_deg = rng, size, nail_deg
+        self.bones: dict[str, Bone] = {}
+        self.joints: list[Joint] = []
+        self._wrist()
+        self._thumb()
+        for digit in FINGERS:
+            self._finger(digit)
+        palm = self.bones["middle_metacarpal"]
+        self.bones["hand"] = Bone(palm.base, palm.end, _UP)
+        self.bones["forearm"] = Bone(np.array([0.0, -240.0 * size, 4.0]), np.zeros(3), _UP)
 
-def _draw_digit(
-    rng: np.random.Generator,
-    digit: str,
-    size: float,
-    nail_deg: float,
-    bones: dict[str, Bone],
-    joints: list[Joint],
-) -> None:
-    lengths = np.array(_LENGTHS[digit]) * size * rng.normal(1.0, 0.035, len(_LENGTHS[digit]))
-    base = _table(_BASE[digit]) * size + rng.normal(0, 0.8, 3)
-    if digit == "thumb":
-        along = unit(_table((0.81, 0.35, -0.465)) + rng.normal(0, 0.07, 3))
-        back = unit(np.cross(np.cross(along, [0.0, 0.0, 1.0]), along))  # of the hand, seen along the thumb
-        up = turned(back, along, -nail_deg)
-        _draw_thumb(rng, lengths, base, along, up, bones, joints)
-        return
-    head = base + lengths[0] * unit(_table(_HEAD[digit]) - _table(_BASE[digit]) + rng.normal(0, 1.2, 3))
-    fan = np.deg2rad(_FAN_DEG[digit] + rng.normal(0, 2))
-    along = unit(np.array([-np.sin(fan), np.cos(fan), -np.sin(np.deg2rad(rng.normal(4, 3)))]))
-    up = unit(np.array([0.0, 0.0, 1.0]) - along[2] * along)
-    up = turned(up, along, -(_NAIL_ROLL_DEG[digit] + rng.normal(0, 3)))
-    _draw_finger(rng, digit, lengths, (base, head), along, up, bones, joints)
+    def _off(self, vector: Array, *turns: tuple[Array, float]) -> Array:
+        """Give a direction turned about some others by random angles of these sd, deg."""
+        for axis, sd_deg in turns:
+            vector = turned(vector, axis, self.rng.normal(0, sd_deg))
+        return vector
 
+    def _join(self, name: str, bones: tuple[str, str], at: Array, axes: list[Array], glide_mm: float) -> None:
+        """Add a joint that turns about one point, which wanders a little as a cam's does."""
+        glide = self.rng.normal(0, glide_mm, (3, 2))
+        self.joints.append(Joint(name, *bones, ((at, np.column_stack(axes)),), glide))
 
-def _hinge(
-    rng: np.random.Generator, name: str, bones: tuple[str, str], at: Array, axis: Array, glide_mm: float
-) -> Joint:
-    """One line, of which the point wanders a little as a cam's does."""
-    return Joint(name, *bones, ((at, axis[:, None]),), rng.normal(0, glide_mm, (3, 2)))
+    def _wrist(self) -> None:
+        """Two crossing lines: bending through the capitate's head, swaying a few mm farther out."""
+        west, north, zero = np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3)
+        bend, sway = self._off(west, (_UP, 5)), self._off(_UP, (north, 5))
+        farther = self.rng.uniform(1, 4) * self.size * north
+        turns = ((zero, np.column_stack([bend, zero])), (farther, np.column_stack([zero, sway])))
+        self.joints.append(Joint("wrist", "forearm", "hand", turns, self.rng.normal(0, 0.5, (3, 2))))
 
+    def _start(self, digit: str) -> tuple[Array, Array]:
+        """Give the digit's own lengths and where it begins, mm."""
+        usual = np.array(_LENGTHS[digit])
+        lengths = usual * self.size * self.rng.normal(1.0, 0.035, len(usual))
+        return lengths, _table(_BASE[digit]) * self.size + self.rng.normal(0, 0.8, 3)
 
-def _draw_thumb(
-    rng: np.random.Generator,
-    lengths: Array,
-    base: Array,
-    along: Array,
-    up: Array,
-    bones: dict[str, Bone],
-    joints: list[Joint],
-) -> None:
-    """A saddle of two skew lines, the first in the trapezium, the second in the metacarpal; then hinges."""
-    knuckle = base + lengths[0] * along
-    middle = knuckle + lengths[1] * along
-    tip = middle + (lengths[2] + lengths[3]) * turned(along, up, rng.normal(0, 2))
-    across = np.cross(up, along)  # turning about it carries the tip away from the nail
-    apart = rng.uniform(2.5, 6.5)
-    bend = turned(turned(across, along, rng.normal(0, 8)), up, rng.normal(0, 6))
-    sway = turned(turned(up, along, rng.normal(0, 8)), across, rng.normal(0, 6))
-    with_it = np.outer(along, rng.uniform(0.0, [0.15, 0.35]))  # the thumb rolls as it opposes
-    zero = np.zeros(3)
-    lines = (
-        (base - 0.7 * apart * along, np.column_stack([bend, zero])),
-        (base + 0.3 * apart * along, np.column_stack([zero, sway]) - with_it),
-    )
-    centre = np.asarray((lines[0][0] + lines[1][0]) / 2)
-    bones["thumb_metacarpal"] = Bone(centre, knuckle, up)
-    bones["thumb_proximal"] = Bone(knuckle, middle, up)
-    bones["thumb_distal"] = Bone(middle, tip, up)
-    joints.append(Joint("thumb_cmc", "hand", "thumb_metacarpal", lines, rng.normal(0, 0.3, (3, 2))))
-    oblique = turned(across, up, rng.normal(0, 4))
-    turn = (knuckle, np.column_stack([oblique, up + rng.normal(0, 0.05, 3)]))
-    glide = rng.normal(0, 0.5, (3, 2))
-    joints.append(Joint("thumb_mcp", "thumb_metacarpal", "thumb_proximal", (turn,), glide))
-    tip_axis = turned(turned(across, up, rng.normal(1.5, 2)), along, rng.normal(0, 4))
-    joints.append(_hinge(rng, "thumb_ip", ("thumb_proximal", "thumb_distal"), middle, tip_axis, 0.25))
+    def _thumb(self) -> None:
+        """A saddle of two skew lines, one in the trapezium, one in the metacarpal; a ball; a hinge."""
+        lengths, base = self._start("thumb")
+        along = unit(_table((0.81, 0.35, -0.465)) + self.rng.normal(0, 0.07, 3))
+        up = turned(_back_of_hand(along), along, -self.nail_deg)
+        across = np.cross(up, along)  # turning about it carries the tip away from the nail
+        knuckle = base + lengths[0] * along
+        middle = knuckle + lengths[1] * along
+        tip = middle + (lengths[2] + lengths[3]) * self._off(along, (up, 2))
+        apart_mm, zero = self.rng.uniform(2.5, 6.5), np.zeros(3)
+        bend, sway = self._off(across, (along, 8), (up, 6)), self._off(up, (along, 8), (across, 6))
+        rolls = np.outer(along, self.rng.uniform(0.0, [0.15, 0.35]))  # as it opposes
+        lines = (
+            (base - 0.7 * apart_mm * along, np.column_stack([bend, zero])),
+            (base + 0.3 * apart_mm * along, np.column_stack([zero, sway]) - rolls),
+        )
+        ends = [(lines[0][0] + lines[1][0]) / 2, knuckle, middle, tip]
+        names = [f"thumb_{bone}" for bone in ("metacarpal", "proximal", "distal")]
+        self.bones |= {name: Bone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
+        self.joints.append(Joint("thumb_cmc", "hand", names[0], lines, self.rng.normal(0, 0.3, (3, 2))))
+        axes = [self._off(across, (up, 4)), self._off(up, (along, 3), (across, 3))]
+        self._join("thumb_mcp", (names[0], names[1]), knuckle, axes, 0.5)
+        self._join("thumb_ip", (names[1], names[2]), middle, [self._off(across, (up, 2), (along, 4))], 0.25)
 
+    def _finger(self, digit: str) -> None:
+        """A metacarpal that gives a little or turns about its base, a ball and two oblique hinges."""
+        rng = self.rng
+        fan, nail, *oblique, twist, lean, cups = _FINGER[digit] + np.append(
+            rng.normal(0, [2, 3, 1.5, 1.5, 3, 1]), 0
+        )
+        lengths, base = self._start(digit)
+        shaft = unit(_table(_HEAD[digit]) - _table(_BASE[digit]) + rng.normal(0, 1.2, 3))
+        along = unit(turned(np.array([0.0, 1.0, np.sin(np.deg2rad(rng.normal(-4, 3)))]), _UP, fan))
+        up = turned(_back_of_hand(along), along, -nail)
+        across = np.cross(up, along)
+        ends = [base + (rng.uniform(2, 4) if cups else 0.0) * shaft, base + lengths[0] * shaft]
+        for length_mm in lengths[1:3]:
+            ends.append(ends[-1] + length_mm * along)
+        ends.append(ends[-1] + (lengths[3] + lengths[4]) * turned(along, up, lean))
+        names = [f"{digit}_{bone}" for bone in ("metacarpal", "proximal", "middle", "distal")]
+        self.bones |= {name: Bone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
+        cup = self._off(across, (shaft, 8)) + cups * shaft
+        self._join(f"{digit}_cmc", ("hand", names[0]), ends[0], [cup], 0.2)
+        axes = [self._off(across, (up, 3), (along, 2)), up + rng.normal(0, 0.15) * along]  # it rolls, too
+        self._join(f"{digit}_mcp", (names[0], names[1]), ends[1], axes, 0.6)
+        self._join(f"{digit}_pip", (names[1], names[2]), ends[2], [turned(across, up, -oblique[0])], 0.25)
+        dip = turned(turned(across, up, -oblique[1]), along, twist)
+        self._join(f"{digit}_dip", (names[2], names[3]), ends[3], [dip], 0.15)
 
-def _draw_finger(
-    rng: np.random.Generator,
-    digit: str,
-    lengths: Array,
-    metacarpal: tuple[Array, Array],
-    along: Array,
-    up: Array,
-    bones: dict[str, Bone],
-    joints: list[Joint],
-) -> None:
-    base, knuckle = metacarpal
-    names = [f"{digit}_{bone}" for bone in ("metacarpal", "proximal", "middle", "distal")]
-    shaft = unit(knuckle - base)
-    if digit in _CUP_PRONATION:
-        base = base + rng.uniform(2, 4) * shaft  # it turns within the metacarpal's base
-    across = np.cross(up, along)
-    cup = turned(across, shaft, rng.normal(0, 8)) + _CUP_PRONATION.get(digit, 0.0) * shaft
-    middle = knuckle + lengths[1] * along
-    last = middle + lengths[2] * along
-    tip = last + (lengths[3] + lengths[4]) * turned(along, up, _TIP_LEAN_DEG[digit] + rng.normal(0, 1))
-    for name, ends in zip(
-        names, ((base, knuckle), (knuckle, middle), (middle, last), (last, tip)), strict=True
-    ):
-        bones[name] = Bone(*ends, up)
-    joints.append(_hinge(rng, f"{digit}_cmc", ("hand", names[0]), base, cup, 0.2))
-    bend = turned(across, up, rng.normal(0, 3)) + rng.normal(0, 0.04) * along
-    sway = up + rng.normal(0, 0.15) * along  # a swaying finger rolls a little, too
-    cam = np.column_stack([along, -up]) @ (rng.uniform(0.3, 1.4, 2) * rng.choice([-1, 1], 2) * np.eye(2))
-    turns = ((knuckle, np.column_stack([bend, sway])),)
-    joints.append(Joint(f"{digit}_mcp", names[0], names[1], turns, cam))
-    pip = turned(across, up, -_PIP_OBLIQUE_DEG[digit] + rng.normal(0, 1.5))
-    joints.append(_hinge(rng, f"{digit}_pip", (names[1], names[2]), middle, pip, 0.25))
-    dip = turned(across, up, -_DIP_OBLIQUE_DEG[digit] + rng.normal(0, 1.5))
-    dip = turned(dip, along, _DIP_TWIST_DEG[digit] + rng.normal(0, 3))
-    joints.append(_hinge(rng, f"{digit}_dip", (names[2], names[3]), last, dip, 0.15))
+    def wear(self, facing: Facing) -> tuple[Worn, ...]:
+        """Put the receivers on one hand."""
+        most = {"nail": (self.nail_deg - 8, self.nail_deg + 8), "hand": (-8.0, 12.0)}
+        worn = []
+        for segment in _SEGMENTS:
+            bone = self.bones[segment]
+            up = bone.up
+            if segment == "thumb_metacarpal":
+                turn = self.rng.uniform(*most.get(facing, (-8.0, self.nail_deg + 8)))
+                up = turned(_back_of_hand(bone.along), bone.along, -turn)
+            worn.append(_tape(self.rng, segment, bone, up, self.size))
+        return tuple(worn)
 
 
 # Skin over the line of centres: height and half width, mm; by how many deg it falls outward; share of length.
@@ -287,21 +278,11 @@ _SURFACE = {
 }
 
 
-def _wear(
-    rng: np.random.Generator, bones: dict[str, Bone], size: float, facing: Facing, nail_deg: float
-) -> tuple[Worn, ...]:
-    segments = ["hand", *(f"thumb_{bone}" for bone in ("metacarpal", "proximal", "distal"))]
-    segments += [f"{digit}_{bone}" for digit in FINGERS for bone in ("proximal", "middle", "distal")]
-    worn = []
-    for segment in [*segments, "forearm"]:
-        bone = bones[segment]
-        up = bone.up
-        if segment == "thumb_metacarpal":
-            turns = {"nail": (nail_deg - 8, nail_deg + 8), "hand": (-8, 12), "between": (-8, nail_deg + 8)}
-            back = unit(np.cross(np.cross(bone.along, [0.0, 0.0, 1.0]), bone.along))
-            up = turned(back, bone.along, -rng.uniform(*turns[facing]))
-        worn.append(_tape(rng, segment, bone, up, size))
-    return tuple(worn)
+_SEGMENTS = (
+    *("hand", "thumb_metacarpal", "thumb_proximal", "thumb_distal"),
+    *(f"{digit}_{bone}" for digit in FINGERS for bone in ("proximal", "middle", "distal")),
+    "forearm",
+)
 
 
 def _tape(rng: np.random.Generator, segment: str, bone: Bone, up: Array, size: float) -> Worn:
@@ -311,14 +292,13 @@ def _tape(rng: np.random.Generator, segment: str, bone: Bone, up: Array, size: f
     along = bone.along
     side = unit(np.cross(up, along))
     up = np.cross(along, side)
-    long_mm = float(np.linalg.norm(bone.end - bone.base))
     nail = segment.endswith("distal")
-    off_mm = np.clip(rng.normal(0, 1.2 if nail else 2.5), -0.2 * long_mm, 0.2 * long_mm)
+    off_mm = np.clip(rng.normal(0, 1.2 if nail else 2.5), -0.2 * bone.length_mm, 0.2 * bone.length_mm)
     round_deg = rng.uniform(-18, 18)
     if nail or segment in ("hand", "forearm", "thumb_metacarpal"):
         round_deg *= 0.2 if segment == "thumb_metacarpal" else 0.45
     sine, cosine = np.sin(np.deg2rad(round_deg)), np.cos(np.deg2rad(round_deg))
-    foot = bone.base + (share * long_mm + off_mm) * along
+    foot = bone.base + (share * bone.length_mm + off_mm) * along
     skin = foot + half_width * sine * side + height * cosine * up
     flat = unit(sine / half_width * side + cosine / height * up)
     z = unit(turned(flat, side, fall_deg))
@@ -327,4 +307,4 @@ def _tape(rng: np.random.Generator, segment: str, bone: Bone, up: Array, size: f
     slips_deg = np.clip(rng.normal(0, [2.5, 3.5, 4.0]), -8, 8)
     axes = skin_axes @ Rotation.from_rotvec(np.deg2rad(slips_deg)).as_matrix()
     above_mm = rng.uniform(2.2, 3.2)  # the coils lie within the housing
-    return Worn(segment, skin + above_mm * z, axes, skin_axes, height + above_mm)
+    return Worn(segment, skin + above_mm * z, axes, skin_axes)

@@ -29,7 +29,14 @@ def draw_field(rng: np.random.Generator) -> Field:
     directions = unit(rng.normal(size=(6, 3)))
     per_mm = 2 * np.pi / rng.uniform(500, 1100, (6, 1))
     slopes = rng.normal(0, [3e-3] * 3 + [np.deg2rad(0.3) / 50] * 3, (6, 6))
-    return Field(directions * per_mm, rng.uniform(0, 2 * np.pi, 6), slopes / per_mm / np.sqrt(3))
+    return Field(directions * per_mm, rng.uniform(0, 2 * np.pi, 6), slopes / per_mm)
+
+
+def table_stands(seed: int) -> Rotation:
+    """Give how the table stands to the transmitter: turned anyhow, which may be screwed on upside down."""
+    rng = np.random.default_rng([seed, 35])
+    turns_deg = [rng.uniform(-180, 180), rng.choice([0.0, 180.0])]
+    return Rotation.from_euler("zx", turns_deg, degrees=True)
 
 
 def beside_steel(place_mm: Array, metal_mm: float, rng: np.random.Generator) -> Array:

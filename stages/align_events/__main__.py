@@ -83,7 +83,7 @@ def _aligned(
     """A recording's rows of events and clocks; with --record-failure the reason where there are none."""
     event_rows: list[dict[str, Any]] = []
     clock_rows: list[dict[str, Any]] = []
-    with command_line.recorded(arguments.record_failure) as messages:
+    with command_line.recorded(arguments, arguments.record_failure) as messages:
         event_rows, clock_rows = recording.aligned()
     for message in messages:
         failed = {"source": "", "n_pulses": 0, "n_missing": 0, "n_extra": 0, "n_steps": 0}
@@ -126,9 +126,23 @@ def _alone(arguments: argparse.Namespace) -> Named:
     )
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no event was brought over, of every hand."""
+    from schemas.catalogue import TABLES
+    from schemas.plan import read_plan
+
+    if arguments.plan is None:
+        parts = [_alone(arguments)[0]]
+    else:
+        plan = read_plan(arguments.plan, checked=False)
+        parts = [plan.part(hand) for hand in plan.hands]
+    tables = {arguments.out: TABLES["events"], arguments.out_clocks: TABLES["clocks"]}
+    command_line.record_failed_parts(message, tables, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), align)
+    return command_line.run(build_parser().parse_args(argv), align, record_bug=record_bug)
 
 
 if __name__ == "__main__":

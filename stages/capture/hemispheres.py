@@ -1,27 +1,29 @@
-"""Which receivers were reported on the other side of the transmitter, and when.
+"""On which side of the transmitter each receiver is, and when: which positions are mirror images.
 
-A magnetic tracker knows a position only up to its sign. A jump to the mirror image shows in a receiver's own
-poses (`trackers.decode.hemisphere`), but not which side of it is the right one, and a coarse file hides it. A
-joint tells: its two receivers agree about its centre by millimetres on one choice of signs and by decimetres
-on the others.
+A magnetic tracker knows a position only up to its sign. Where a receiver jumps to the other side its own
+positions show (`checks.mirror_jumps`), but not which side is right. Three things tell, weighed together over
+the layout's tree: a joint's two receivers agree about its centre on one pair of sides and not on the other,
+unless one of them stands still; the centre lies near both, and of a hand where anatomy has it; and most
+poses of a receiver are right.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import matrix
-from trackers.decode.hemisphere import Flip, FlipFinder, flip_states
+from anatomy.average_hand import DIGITS
+from anatomy.known_digits import known_digits
+from checks.mirror_jumps import OwnSides
+from schemas.layout import Layout
+from skeleton.rotations import matrix, unit
 
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 Integers = npt.NDArray[np.int64]
-
-SLOWEST_JUMP_MM_S = 3000.0
-"""A receiver that is carried past the transmitter comes to its mirror image, too, but not so fast."""
 
 LEVER_MM = 200.0
 """Distance of a joint's centre from a receiver at which to be so far costs as much as 1 mm of gap."""
@@ -30,107 +32,231 @@ LONGEST_LEVER_MM = 600.0
 SAMPLED, TRIED, FRAMES_A_TRIAL = 300, 80, 4
 """Frames by which a centre is judged, centres that are tried, and frames that each is computed from."""
 
-LARGEST_GAP_MM = 30.0
-"""Of a joint's receivers about its centre, skin and all, in most frames."""
+LARGEST_GAP_MM, SKIN_MM = 30.0, 8.0
+"""Of a joint's receivers about its centre in most frames, at the most, and that tells nothing."""
 
-SPREAD = 4.0
-"""A gap that is so many times the usual one is of a frame in which a receiver is on its way."""
+CLOSING, NEARNESS, ANATOMY, SHARE, START = 12.0, 4.0, 3.0, 4.0, 0.6
+"""Weights in log odds: a joint that closes, its centre's distance, its place by anatomy, the share of poses
+that are right, and that the first is. Anatomy never outweighs receivers that stay on a side all along."""
+
+DECIDED = 1.0
+"""Log of the odds from which on a receiver's side is known."""
+
+CERTAIN = 5.0
+"""Log of the odds from which on a joint overrules what a receiver's own positions let guess."""
+
+Poses = tuple[Integers, Array]
+"""Frames (N,) and numbers (N, 7) of a receiver's poses that are valid."""
 
 
 @dataclass(frozen=True)
 class Sides:
-    """Of a receiver's frames (N,): sign is -1 where the position is mirrored, 0 where it is on its way."""
+    """own : the receiver's pieces, signs as they are best taken. decided : whether anything tells so."""
 
-    frame: Integers
-    sign: Integers
+    own: OwnSides
+    decided: bool
 
-    def without(self, jumping: Sides | None) -> Sides:
-        """The same, unknown where `jumping` is on its way: its joint may close by chance."""
-        if jumping is None:
-            return self
-        lost = np.isin(self.frame, jumping.frame[jumping.sign == 0])
-        return Sides(self.frame, np.where(lost, 0, self.sign))
+    def sign(self, frame: Integers) -> Integers:
+        """Give 1, -1 where frames (N,) are mirrored, 0 on the way; where undecided no side is mirrored."""
+        sign = self.own.sign[self.own.piece_at(frame)]
+        return sign if self.decided else np.abs(sign)
 
 
-def jumps(
-    frame: Integers, time_s: Array, numbers: Array, hemisphere: tuple[float, float, float] | None
-) -> list[Flip]:
-    """Where a receiver jumped to its mirror image, of its poses numbers (N, 7) mm in those frames.
+def expected_joints(layout: Layout) -> dict[str, Array]:
+    """Where anatomy has the joint towards the body, (3,) mm in the receiver's frame, by segment of a hand."""
+    found = {}
+    for digit in known_digits(layout):
+        for bone, name in enumerate(digit.segments):
+            worn, mount = layout.segments[name], DIGITS[digit.name].mounts_mm()[bone]
+            faces_known = digit.name != "thumb"  # a thumb's receivers sit anywhere round the bone
+            found[name] = -mount[0] * np.array(worn.distal) - faces_known * mount[2] * np.array(worn.dorsal)
+    return found
 
-    hemisphere : the vector of its half of space, None where it is not known: then only a jump that no hand
-    makes is one.
+
+def sides(
+    own: Mapping[str, OwnSides],
+    poses: Callable[[str], Poses],
+    parents: Mapping[str, str],
+    expected_mm: Mapping[str, Array],
+) -> dict[str, Sides]:
+    """Decide the sides of all receivers together.
+
+    own : by segment, what its own positions tell. poses : gives a segment's poses. parents : of a segment the
+    one towards the body. expected_mm : see `expected_joints`.
     """
-    finder = FlipFinder(0, hemisphere)
-    finder.feed(frame, numbers[:, :3], numbers[:, 3:], final=True)
-    if hemisphere is not None:
-        return finder.flips
-    return [flip for flip in finder.flips if not _carried(flip, frame, time_s, numbers)]
+    links = [(parents[name], name) for name in own if parents.get(name, "") in own]
+    settled = _settled(own, poses, links)
+    tables = {
+        child: _odds(
+            _pair(settled[parent], poses(parent), settled[child], poses(child)), expected_mm.get(child)
+        )
+        for parent, child in links
+    }
+    share = {name: _share(settled[name], poses(name)[0]) for name in own}
+    odds = _marginal(share, tables, parents)
+    return {
+        name: Sides(replace(one, sign=one.sign * (1 if odds[name] >= 0 else -1)), abs(odds[name]) >= DECIDED)
+        for name, one in settled.items()
+    }
 
 
-def _carried(flip: Flip, frame: Integers, time_s: Array, numbers: Array) -> bool:
-    before, after = np.searchsorted(frame, [flip.before, flip.after])
-    moved_mm = float(np.linalg.norm(numbers[after, :3] - numbers[before, :3]))
-    return bool(moved_mm < SLOWEST_JUMP_MM_S * (time_s[after] - time_s[before]))  # False where times are NaN
+def _share(own: OwnSides, frame: Integers) -> Array:
+    """Log likelihood (2,) of the signs as they are and of their opposites, by what poses are right then."""
+    sign = own.sign[own.piece_at(frame)]
+    right = SHARE * sign.sum() / max(1, np.abs(sign).sum()) + START * sign[0]
+    return np.array([right, -right])
 
 
-def sides_by_jumps(flips: list[Flip], frame: Integers) -> Sides:
-    """Sides of a receiver that no joint tells: on the right one at first, on the other after each jump."""
-    transit, mirrored = flip_states(flips, frame)
-    return Sides(frame, np.where(transit, 0, np.where(mirrored, -1, 1)))
+def _marginal(
+    share: Mapping[str, Array], tables: Mapping[str, Array], parents: Mapping[str, str]
+) -> dict[str, float]:
+    """Log odds of each receiver's signs against their opposites, all others weighed: sums over a tree.
 
-
-def link_sides(
-    parent: tuple[Integers, Array], child: tuple[Integers, Array], known: Sides | None
-) -> tuple[Sides, Sides] | None:
-    """Sides of two receivers that share a joint: in each frame the signs on which the joint closes.
-
-    parent, child : frames (N,) and poses (N, 7) that are valid. known : the parent's sides, where another
-    joint told them. None where no choice of signs closes the joint.
+    tables : of a child, (2, 2) log likelihood by its parent's signs (as they are, opposite) and its own.
     """
-    frame, at_parent, at_child = np.intersect1d(parent[0], child[0], return_indices=True)
-    signs = _choices(frame, known)
-    link = _Link.of(parent[1][at_parent], child[1][at_child], signs)
-    centre = link.centre()
-    if centre is None:
-        return None
-    gaps_mm = link.gaps_mm(centre)
-    chosen = gaps_mm.argmin(1)
-    rows = np.arange(len(frame))
-    sign = signs[rows, chosen]
-    if known is None and (sign < 0).sum() > sign.size / 2:  # all mirrored closes as well as none
-        sign = -sign
-    gap_mm = gaps_mm[rows, chosen]
-    closes = gap_mm < max(LARGEST_GAP_MM, SPREAD * float(np.median(gap_mm)))
-    return Sides(frame, np.where(closes, sign[:, 0], 0)), Sides(frame, np.where(closes, sign[:, 1], 0))
+    belief = {name: own.copy() for name, own in share.items()}
+    order = sorted(tables, key=lambda name: _depth(name, parents))
+    up = {}
+    for child in reversed(order):
+        up[child] = np.logaddexp.reduce(tables[child] + belief[child], axis=1)
+        belief[parents[child]] += up[child]
+    for child in order:
+        rest = belief[parents[child]] - up[child]
+        belief[child] = belief[child] + np.logaddexp.reduce(tables[child] + rest[:, None], axis=0)
+    return {name: float(own[0] - own[1]) for name, own in belief.items()}
 
 
-def _choices(frame: Integers, known: Sides | None) -> Integers:
-    """Signs (N, C, 2) of parent and child to choose from in each frame."""
-    both = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
-    if known is None:
-        return np.broadcast_to(both, (len(frame), 4, 2))
-    sign = np.ones(len(frame), np.int64)
-    _, here, there = np.intersect1d(frame, known.frame, return_indices=True)
-    sign[here] = np.where(known.sign[there] == 0, 1, known.sign[there])
-    return np.stack([np.stack([sign, child * np.ones_like(sign)], -1) for child in (1, -1)], 1)
+def _depth(name: str, parents: Mapping[str, str]) -> int:
+    return 0 if name not in parents else 1 + _depth(parents[name], parents)
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Poses (N, 7) of two receivers at one time, put on one side each as best known, and their runs (N,)."""
+
+    parent: Array
+    child: Array
+    parent_run: Integers
+    child_run: Integers
+
+    def take(self, rows: Integers) -> _Pair:
+        """Only some of the frames."""
+        return _Pair(self.parent[rows], self.child[rows], self.parent_run[rows], self.child_run[rows])
+
+
+def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled: int = SAMPLED) -> _Pair:
+    """Give both where the child has poses, the parent's between its own where they are not in step."""
+    frames, positions, runs = [], [], []
+    for own, (frame, numbers) in ((parent, above), (child, below)):
+        piece = own.piece_at(frame)
+        kept = own.sign[piece] != 0
+        sided = numbers[kept].copy()
+        sided[:, :3] *= own.sign[piece[kept], None]
+        frames.append(frame[kept])
+        positions.append(sided)
+        runs.append(own.run[piece[kept]])
+    rows, left, right, share = _between(frames[0], frames[1])
+    thinned = np.unique(np.linspace(0, len(rows) - 1, min(sampled, len(rows))).astype(int))
+    rows, left, right, share = rows[thinned], left[thinned], right[thinned], share[thinned, None]
+    one, other = positions[0][left], positions[0][right].copy()
+    other[(one[:, 3:] * other[:, 3:]).sum(-1) < 0, 3:] *= -1
+    between = (1 - share) * one + share * other
+    between[:, 3:] = unit(between[:, 3:])
+    near = np.where(share[:, 0] < 0.5, left, right)
+    return _Pair(between, positions[1][rows], runs[0][near], runs[1][rows])
+
+
+def _between(parent: Integers, child: Integers) -> tuple[Integers, Integers, Integers, Array]:
+    """Rows of the child's frames that lie between two of the parent's, those two, and how near the second."""
+    if len(parent) < 2 or not len(child):
+        empty = np.zeros(0, np.int64)
+        return empty, empty, empty, np.zeros(0)
+    right = np.clip(np.searchsorted(parent, child), 1, len(parent) - 1)
+    apart, past = parent[right] - parent[right - 1], child - parent[right - 1]
+    exact = (past == 0) | (past == apart)
+    rows = np.flatnonzero(exact | ((past > 0) & (past < apart) & (apart <= 3 * np.median(np.diff(parent)))))
+    return rows, right[rows] - 1, right[rows], past[rows] / apart[rows]
+
+
+def _settled(
+    own: Mapping[str, OwnSides], poses: Callable[[str], Poses], links: Sequence[tuple[str, str]]
+) -> dict[str, OwnSides]:
+    """Put runs of a receiver on one side by its joints, where its own positions let guess only."""
+    votes = {name: np.zeros(one.run[-1] + 1) for name, one in own.items()}
+    for parent, child in links:
+        unsure = [len(votes[name]) > 1 for name in (parent, child)]
+        if not any(unsure):
+            continue
+        pair = _pair(own[parent], poses(parent), own[child], poses(child), 10**9)
+        signs = np.array([(x, y) for x in (1, -1)[: 1 + unsure[0]] for y in (1, -1)[: 1 + unsure[1]]])
+        link = _Link.of(pair, signs)
+        centre = link.centre()
+        if centre is None:
+            continue
+        cost = CLOSING / 8 * np.log1p(np.square(link.gaps_mm(centre) / SKIN_MM))
+        for name, run, sign in ((parent, pair.parent_run, signs[:, 0]), (child, pair.child_run, signs[:, 1])):
+            if len(votes[name]) > 1:
+                odds = cost[:, sign < 0].min(1) - cost[:, sign > 0].min(1)
+                vote = np.bincount(run, odds, len(votes[name]))
+                agreed = (np.sign(vote) * np.bincount(run, minlength=len(vote))).sum()
+                votes[name] += vote if agreed >= 0 else -vote
+    return {
+        name: replace(one, sign=np.where(votes[name][one.run] < -CERTAIN, -one.sign, one.sign))
+        for name, one in own.items()
+    }
+
+
+def _odds(pair: _Pair, expected_mm: Array | None) -> Array:
+    """Log likelihood (2, 2) by the parent's signs, as they are or opposite, and the child's."""
+    odds = np.zeros((2, 2))
+    if len(pair.child) < FRAMES_A_TRIAL:
+        return odds
+    fits = [_Link.of(pair, np.array([(1, sign)])).fitted() for sign in (1, -1)]
+    if min(gap_mm for _, gap_mm in fits) > LARGEST_GAP_MM:
+        return odds
+    for other, (centre, gap_mm) in enumerate(fits):
+        levers_mm = np.linalg.norm(centre.reshape(2, 3), axis=-1)
+        likely = -CLOSING * np.log1p((gap_mm / SKIN_MM) ** 2)
+        likely -= NEARNESS * float((1 / (1 + (LONGEST_LEVER_MM / levers_mm.clip(1.0)) ** 4)).sum())
+        place = 0.0
+        if expected_mm is not None:
+            place = ANATOMY * float(np.clip(centre[3:] @ expected_mm / (expected_mm @ expected_mm), -1, 1))
+        odds[0, other], odds[1, 1 - other] = likely + place, likely - place
+    return odds
 
 
 @dataclass(frozen=True)
 class _Link:
-    """Two receivers in the frames that they share: turn (N, 3, 6) centre = apart (N, C, 3) of some choice."""
+    """Two receivers in N frames: turn (N, 3, 6) centre = apart (N, C, 3) of some choice of C signs."""
 
     turn: Array
     apart: Array
 
     @classmethod
-    def of(cls, parent: Array, child: Array, signs: Integers) -> _Link:
-        """Give that of poses (N, 7) and signs (N, C, 2) to choose from."""
-        turn = np.concatenate([matrix(parent[:, 3:]), -matrix(child[:, 3:])], -1)
-        return cls(turn, signs[..., 1:] * child[:, None, :3] - signs[..., :1] * parent[:, None, :3])
+    def of(cls, pair: _Pair, signs: Integers) -> _Link:
+        """Give that of signs (C, 2) of parent and child to choose from."""
+        turn = np.concatenate([matrix(pair.parent[:, 3:]), -matrix(pair.child[:, 3:])], -1)
+        parent, child = (
+            sign[:, None] * own[:, None, :3]
+            for sign, own in zip(signs.T, (pair.parent, pair.child), strict=True)
+        )
+        return cls(turn, child - parent)
 
     def gaps_mm(self, centre: Array) -> Array:
         """Gap (N, C) about a centre (6,) in either frame, by frame and choice of signs."""
         return np.asarray(np.linalg.norm((self.turn @ centre)[:, None] - self.apart, axis=-1))
+
+    def fitted(self) -> tuple[Array, float]:
+        """The centre on the first choice of signs, frames that do not close left alone, and the usual gap."""
+        weight = np.ones(len(self.turn))
+        for _ in range(8):
+            root = np.sqrt(weight)[:, None]
+            turn, apart = self.turn * root[..., None], self.apart[:, 0] * root
+            centre = _solved(turn.reshape(-1, 6), apart.reshape(1, -1))[0]
+            gap_mm = self.gaps_mm(centre)[:, 0]
+            usual_mm = float(np.median(gap_mm))
+            weight = 1 / (1 + np.square(gap_mm / max(2 * usual_mm, 1e-6)))
+        return centre, usual_mm
 
     def centre(self) -> Array | None:
         """The centre about which most frames close on some choice of signs; None where few do."""

@@ -59,6 +59,7 @@ class _Remarks:
     notes: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)
     missing_frames: int = 0
+    tracker: str = ""
 
 
 def import_recording(arguments: argparse.Namespace) -> None:
@@ -66,6 +67,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from schemas.layout import read_layout
     from schemas.mapping import read_mapping
     from stages.capture.formats.readers import find_parts_reader
+    from stages.capture.hemispheres import expected_joints
     from stages.capture.poses_table import poses_table
 
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
@@ -78,11 +80,18 @@ def import_recording(arguments: argparse.Namespace) -> None:
             remarks.notes.extend(part.notes)
             remarks.losses.extend(part.losses)
             remarks.missing_frames += part.missing_frames
+            remarks.tracker = remarks.tracker or part.tracker
             yield part
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
-    table = poses_table(parts(), parents, folder, repair_hemisphere=arguments.repair_hemisphere)
+    table = poses_table(
+        parts(),
+        parents,
+        folder,
+        expected_mm=expected_joints(layout),
+        repair_hemisphere=arguments.repair_hemisphere,
+    )
     with closing(table) as poses:
         _write(arguments, layout, poses, remarks, mapping)
     if not arguments.record_failure:  # in a study, a stage of its own says so
@@ -112,18 +121,21 @@ def _write(
     parameters = {**_parameters(arguments, layout.name, absent), "notes": remarks.notes}
     parameters |= {} if mapping is None else {"mapping": _declared(mapping)}
     parameters |= {"losses": remarks.losses, "missing_frames": remarks.missing_frames}
+    parameters |= {"tracker": remarks.tracker} if remarks.tracker else {}
     write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 
 def _print_findings(arguments: argparse.Namespace, layout: Layout) -> None:
     """Say what was declared and cannot be; an hour is left to the stage, which may hold it in memory."""
+    from schemas.finding_sentences import in_quotes
     from schemas.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
 
     if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
         print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)
         return
     for finding in command_line.checked_poses(arguments.out, layout).findings:
-        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {finding.message}", file=sys.stderr)
+        sentence = in_quotes(finding.message)
+        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {sentence}", file=sys.stderr)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

@@ -71,6 +71,7 @@ def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
     from contextlib import redirect_stderr
     from tempfile import TemporaryDirectory
 
+    from schemas.finding_sentences import in_quotes
     from stages.capture.import_recording import build_parser, import_recording
 
     path, hand = arguments.file, arguments.hand or "right"
@@ -88,7 +89,7 @@ def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
         if arguments.hand is None and any(one.kind == "wrong-hand" for one in findings):
             findings = command_line.checked_poses(path, layout, "left").findings
             print("it looks like a left hand")
-    return [f"{one.severity}: {one.kind}: {one.message}" for one in findings]
+    return [f"{one.severity}: {one.kind}: {in_quotes(one.message)}" for one in findings]
 
 
 def _is_poses_table(path: Path) -> bool:

@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from checks.mirror_jumps import OwnSides, own_sides
 from schemas.errors import InputError
 from schemas.limits import FARTHEST_MM
-from stages.capture.hemispheres import Sides, jumps, link_sides, sides_by_jumps
+from stages.capture.hemispheres import sides
 from stages.capture.samples import NUMBERS, Samples
 from stages.capture.spikes import spikes
-from trackers.decode.hemisphere import Flip
 
 FLAGS = {
     "no-row": "the recording has no row for this receiver in this frame, though others have",
@@ -40,15 +40,17 @@ FLAGS = {
     "device-error": "the tracker itself reported that this pose is wrong",
     "device-warning": "the tracker reported a fault of its own with this pose, which may be right",
     "distorted": "the tracker saw its field distorted by metal",
-    "hemisphere-flip": "the position jumped to the other side of the transmitter, or was on its way there",
-    "hemisphere-repaired": "the position had jumped to the other side of the transmitter and was put back",
+    "hemisphere-flip": "the position is on the other side of the transmitter",
+    "hemisphere-transit": "the position is on its way to the other side of the transmitter, or back",
+    "hemisphere-repaired": "the position was on the other side of the transmitter and was put back",
+    "hemisphere-undecided": "the receiver has poses on both sides and nothing tells which is right; kept",
     "low-quality": "the recording's own measure of quality is beyond the limit that its mapping gives",
     "misfit": "the markers of the cluster do not fit its rigid shape",
     "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
 }
 """What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
 
-INVALIDATING = ("device-error", "hemisphere-flip", "low-quality", "misfit", "spike")
+INVALIDATING = ("device-error", "hemisphere-flip", "hemisphere-transit", "low-quality", "misfit", "spike")
 """Flags that make a pose unusable though its numbers are complete; they are kept."""
 
 NORM_TOLERANCE = 0.01
@@ -151,7 +153,7 @@ class _Segment:
     usable : rows that are valid; complete : those that have all their numbers; moves : whether these differ.
     bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
     and that length; bad_count : how many there are.
-    flips : where it jumped to the other side of the transmitter.
+    sides : on which sides of the transmitter its usable poses are; None where it has none, or is optical.
     """
 
     usable: int
@@ -159,7 +161,7 @@ class _Segment:
     moves: bool
     bad: tuple[int, int, float] | None
     bad_count: int
-    flips: list[Flip]
+    sides: OwnSides | None
 
 
 def poses_table(
@@ -167,12 +169,14 @@ def poses_table(
     parents: Mapping[str, str],
     folder: Path | None = None,
     *,
+    expected_mm: Mapping[str, Array] | None = None,
     repair_hemisphere: bool = False,
 ) -> PosesTable:
     """Check the samples of a recording and lay them out on the full grid.
 
     parts : of the recording, in order. parents : of a segment the one towards the body that carries a
     receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
+    expected_mm : where anatomy has joints, see `stages.capture.hemispheres.expected_joints`.
     repair_hemisphere : whether positions on the wrong side of the transmitter are put back, or are gaps.
 
     Raises InputError at the first pose that has all its numbers but no unit quaternion.
@@ -180,22 +184,20 @@ def poses_table(
     names: tuple[str, ...] = ()
     files: dict[int, _RowFile] = {}
     frames: list[Integers] = []
-    hemispheres: dict[int, tuple[float, float, float]] = {}
     places: list[tuple[int, Callable[[int], str]]] = []
     start = 0
     for samples in parts:
         names = samples.segments
-        hemispheres.update(samples.hemispheres)
         places.append((start, samples.place))
         for index, rows in _rows_of_segments(samples, start):
             files.setdefault(index, _RowFile(folder)).append(rows)
         frames.append(np.unique(samples.frame))
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
-    segments = {names[index]: _checked(files[index], hemispheres.get(index)) for index in sorted(files)}
+    segments = {names[index]: _checked(files[index]) for index in sorted(files)}
     _refuse_bad_quaternions(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
-    segments = _on_one_side(segments, files_by_name, parents, repair=repair_hemisphere)
+    segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
     frozen = _frozen_segments(segments, parents)
     return PosesTable(
         tuple(segments),
@@ -219,7 +221,7 @@ def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]
         yield index, rows[samples.segment == index]
 
 
-def _checked(file: _RowFile, hemisphere: tuple[float, float, float] | None) -> _Segment:
+def _checked(file: _RowFile) -> _Segment:
     """Bring a segment's rows into order, flag them and say what they say together."""
     rows = file.rows()
     rows = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
@@ -235,14 +237,15 @@ def _checked(file: _RowFile, hemisphere: tuple[float, float, float] | None) -> _
     poses = rows["numbers"][complete]
     usable = rows[complete & ~_unusable(rows)]
     optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
-    flips = [] if optical else jumps(usable["frame"], usable["time_s"], usable["numbers"], hemisphere)
+    magnetic = len(usable) > 0 and not optical
+    own = own_sides(usable["frame"], usable["time_s"], usable["numbers"][:, :3]) if magnetic else None
     return _Segment(
         len(usable),
         len(poses),
         bool((poses != poses[:1]).any()),
         first,
         int(bad.sum()),
-        flips,
+        own,
     )
 
 
@@ -250,6 +253,7 @@ def _on_one_side(
     segments: Mapping[str, _Segment],
     files: Mapping[str, _RowFile],
     parents: Mapping[str, str],
+    expected_mm: Mapping[str, Array],
     *,
     repair: bool,
 ) -> dict[str, _Segment]:
@@ -257,41 +261,31 @@ def _on_one_side(
 
     Where no receiver jumped and no repair is asked for, nothing is looked at.
     """
-    if not repair and not any(segment.flips for segment in segments.values()):
+    own = {name: segment.sides for name, segment in segments.items() if segment.sides is not None}
+    if not repair and not any(one.changes for one in own.values()):
         return dict(segments)
-    out = dict(segments)
-    for name, sides in _sides(segments, files, parents).items():
-        if not (sides.sign <= 0).any():
-            continue
-        rows = files[name].rows().copy()
-        mirrored, lost = (np.isin(rows["frame"], sides.frame[sides.sign == sign]) for sign in (-1, 0))
-        rows["flags"][lost if repair else lost | mirrored] |= _BIT["hemisphere-flip"]
-        if repair:
-            rows["numbers"][mirrored, :3] *= -1.0
-            rows["flags"][mirrored] |= _BIT["hemisphere-repaired"]
-        files[name].replace(rows)
-        out[name] = replace(segments[name], usable=int((_complete(rows) & ~_unusable(rows)).sum()))
-    return out
-
-
-def _sides(
-    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
-) -> dict[str, Sides]:
-    """Each receiver's sides: as a joint tells, else as its own jumps do."""
 
     def poses(name: str) -> tuple[Integers, Array]:
         rows = files[name].rows()
         rows = rows[_complete(rows) & ~_unusable(rows)]
         return rows["frame"], rows["numbers"]
 
-    jumped = {name: sides_by_jumps(own.flips, poses(name)[0]) for name, own in segments.items() if own.flips}
-    told: dict[str, Sides] = {}
-    for name, parent in ((name, parents.get(name, "")) for name in segments):
-        link = link_sides(poses(parent), poses(name), told.get(parent)) if parent in segments else None
-        if link is not None:
-            sides = told.setdefault(parent, link[0].without(jumped.get(parent)))
-            told[name] = link[1].without(sides).without(jumped.get(name))
-    return jumped | told
+    out = dict(segments)
+    for name, found in sides(own, poses, parents, expected_mm).items():
+        rows = files[name].rows().copy()
+        usable = _complete(rows) & ~_unusable(rows)
+        sign = np.where(usable, found.sign(rows["frame"]), 1)
+        if (sign == 1).all() and found.decided:
+            continue
+        rows["flags"][sign == 0] |= _BIT["hemisphere-transit"]
+        rows["flags"][sign < 0] |= _BIT["hemisphere-repaired" if repair else "hemisphere-flip"]
+        if repair:
+            rows["numbers"][sign < 0, :3] *= -1.0
+        if not found.decided:
+            rows["flags"][usable & (sign != 0)] |= _BIT["hemisphere-undecided"]
+        files[name].replace(rows)
+        out[name] = replace(segments[name], usable=int((_complete(rows) & ~_unusable(rows)).sum()))
+    return out
 
 
 def _one_a_frame(rows: Rows) -> Rows:

@@ -30,7 +30,7 @@ class Samples:
     notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
     losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
     missing_frames : frames of which the recording should have something and has nothing.
-    hemispheres : the half of space that a magnetic tracker was set to, a vector by index of the segment.
+    tracker : what recorded it, as the file says; empty where it does not.
     """
 
     segments: tuple[str, ...]
@@ -43,7 +43,7 @@ class Samples:
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
     missing_frames: int = 0
-    hemispheres: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    tracker: str = ""
 
 
 def joined(parts: Iterable[Samples]) -> Samples:
@@ -70,7 +70,7 @@ def joined(parts: Iterable[Samples]) -> Samples:
         tuple(note for part in every for note in part.notes),
         tuple(loss for part in every for loss in part.losses),
         sum(part.missing_frames for part in every),
-        {index: vector for part in every for index, vector in part.hemispheres.items()},
+        next((part.tracker for part in every if part.tracker), ""),
     )
 
 

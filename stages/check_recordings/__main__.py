@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from schemas.findings import unchecked
 from stages import command_line
 
 if TYPE_CHECKING:
@@ -22,7 +24,6 @@ def build_parser() -> argparse.ArgumentParser:
         "Test what was declared about recordings against what their poses say: units, orders, sides, swaps.",
         "shukotsu stage check_recordings --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16",
-        records_failure=False,
     )
     command_line.add_plan_options(parser, calibration="--poses")
     parser.add_argument("--out", type=Path, help="the findings table to write")
@@ -32,6 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
 def check(arguments: argparse.Namespace) -> None:
     """Check every recording of the subject that holds poses; print the findings, write them if asked to."""
     from schemas.catalogue import FINDINGS
+    from schemas.finding_sentences import in_quotes
     from schemas.plan import read_plan
     from schemas.tables import Provenance, columns_from_rows, write_table
 
@@ -39,11 +41,11 @@ def check(arguments: argparse.Namespace) -> None:
         plan = read_plan(arguments.plan, checked=False)
     else:
         plan = command_line.plan_of(arguments)
-    checked = check_subject(plan)
+    checked = check_subject(plan, arguments)
     rows = [row for recording, own in checked for row in _rows(recording, own)]
     for row in rows:
         name = " ".join(filter(None, (row["hand"], row["task"], row["trial"])))
-        print(f"{name}: {row['severity']}: {row['kind']}: {row['message']}")
+        print(f"{name}: {row['severity']}: {row['kind']}: {in_quotes(row['message'])}")
     if not rows:
         print("no finding")
     if arguments.out is not None:
@@ -52,18 +54,50 @@ def check(arguments: argparse.Namespace) -> None:
         write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), provenance)
 
 
-def check_subject(plan: SubjectPlan) -> list[tuple[Recording, CheckedRecording]]:
-    """Check a subject's recordings, each alone and all against each other."""
+def check_subject(
+    plan: SubjectPlan, arguments: argparse.Namespace
+) -> list[tuple[Recording, CheckedRecording]]:
+    """Check a subject's recordings, each alone and all against each other.
+
+    With --record-failure a recording that cannot be checked has a note that says so, and no other finding.
+    """
     from checks.compared_recordings import compared
     from schemas.poses import usable_poses
 
     recordings = [own for own in plan.recordings if not own.exclude and usable_poses([plan.poses(own)])[0]]
-    checked = [command_line.checked_poses(plan.poses(own), plan.layouts[own.hand.hand]) for own in recordings]
+    checked = [_checked(plan, own, arguments) for own in recordings]
     named = [
         (" ".join(filter(None, (own.task, own.trial))), own.hand.hand, one)
         for own, one in zip(recordings, checked, strict=True)
     ]
-    return list(zip(recordings, compared(named), strict=True))
+    with command_line.recorded(arguments, arguments.record_failure) as messages:
+        checked = compared(named)
+    if messages:
+        checked = [replace(own, findings=(*own.findings, unchecked(messages[0]))) for own in checked]
+    return list(zip(recordings, checked, strict=True))
+
+
+def _checked(plan: SubjectPlan, recording: Recording, arguments: argparse.Namespace) -> CheckedRecording:
+    from checks.checked_recording import CheckedRecording
+
+    path, hand = plan.poses(recording), recording.hand.hand
+    with command_line.recorded(arguments, arguments.record_failure) as messages:
+        return command_line.checked_poses(path, plan.layouts[hand])
+    return CheckedRecording((unchecked(messages[0]),), "", None, None)
+
+
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write a note on every recording that it was not checked, and why."""
+    from schemas.catalogue import FINDINGS
+    from schemas.errors import InputError
+    from schemas.plan import read_plan
+    from schemas.tables import Provenance, columns_from_rows, write_table
+
+    if arguments.out is None or arguments.plan is None:
+        raise InputError(message)
+    recordings = [own for own in read_plan(arguments.plan, checked=False).recordings if not own.exclude]
+    rows = [{**own.key, **unchecked(message).columns} for own in recordings]
+    write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance((), {"digests": {}}))
 
 
 def _rows(recording: Recording, checked: CheckedRecording) -> list[dict[str, Any]]:
@@ -73,7 +107,7 @@ def _rows(recording: Recording, checked: CheckedRecording) -> list[dict[str, Any
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), check)
+    return command_line.run(build_parser().parse_args(argv), check, record_bug=record_bug)
 
 
 if __name__ == "__main__":

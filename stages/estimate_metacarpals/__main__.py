@@ -72,7 +72,8 @@ def _estimate_part(
     from schemas.parts import read_part
     from schemas.poses import poses_reader, usable_poses
     from schemas.tables import rows_of
-    from stages.estimate_metacarpals.hand import build_hand, doubted, failed_joints, merge_fitted
+    from schemas.verdict import SUSPECT
+    from stages.estimate_metacarpals.hand import build_hand, failed_joints, judged, merge_fitted
 
     joints, bones, metacarpals = tables
     layout, model = plan.layouts[part.hand], plan.models[part.model]
@@ -94,9 +95,9 @@ def _estimate_part(
         "calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration],
     }
     keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
-    suspicion = next((plan.suspect[own] for own in calibration if own in plan.suspect), "")
-    centres = doubted(hand.joints, suspicion) if suspicion else hand.joints
-    joints.rows(part, [{**row, **keys} for row in centres], **parameters)
+    suspects = [own.title for own in plan.suspect if own.hand.hand == part.hand]
+    hand = judged(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {})
+    joints.rows(part, [{**row, **keys} for row in hand.joints], **parameters)
     bones.rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     metacarpals.rows(part, [], **parameters)
     for recording in plan.evaluated(part.hand, part.made_without):
@@ -171,9 +172,22 @@ def _by(key: str, rows: Any) -> dict[str, dict[str, Any]]:
     return {row[key]: row for row in rows}
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no skeleton was built, of every part."""
+    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
+
+    tables = {
+        arguments.out_joints: JOINT_CENTRES,
+        arguments.out_bones: BONE_LENGTHS,
+        arguments.out: METACARPALS,
+    }
+    parts = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES)).parts()
+    command_line.record_failed_parts(message, tables, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), estimate)
+    return command_line.run(build_parser().parse_args(argv), estimate, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from schemas.catalogue import DISTAL_RECEIVER
 from schemas.layout import Layout
 from schemas.model import SkeletonModel
 from schemas.poses import PosesReader
+from schemas.verdict import UNJUDGED, Doubts, judged_bone, judged_joint
 from skeleton.digit_chain import Rows, digit_chain
 from skeleton.rotations import Array
 from stages.estimate_metacarpals.bones import (
@@ -59,7 +61,7 @@ def build_hand(
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, model, joints)
         if isinstance(chain, str):
-            unknown = {"starts_at": "", "ends_at": "", "driven_by": "", "message": chain}
+            unknown = {"starts_at": "", "ends_at": "", "length_mm": None, "driven_by": "", "message": chain}
             bones += [{"digit": digit.name, "bone": segment, **unknown} for segment in digit.segments]
             continue
         mode = metacarpal_mode(chain, layout, model)
@@ -109,15 +111,22 @@ def merge_fitted(
 
 def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> list[Row]:
     """Give rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
-    failed = {"source": "fit of the whole hand", "status": "failed", "message": message}
+    failed = {"source": "fit of the whole hand", **UNJUDGED, "status": "failed", "message": message}
     return [{name: row[name] for name in _KEPT_OF_FAILED} | failed for row in projected_rows]
 
 
-def doubted(rows: Sequence[Mapping[str, Any]], finding: str) -> list[Row]:
-    """Give rows of joint_centres of a hand whose recording is suspect: what was ok is weak, and says why."""
-    return [
-        {**row, "status": "weak", "message": "; ".join(filter(None, (row["message"], finding)))}
-        if row["status"] == "ok"
-        else dict(row)
-        for row in rows
-    ]
+def judged(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
+    """Give the hand with the verdict on every joint and bone.
+
+    suspicion : the doubt of a hand with a suspect recording, which judges nothing; else empty.
+    """
+    wanted_mm = layout.wanted_mm
+    joints = {row["joint"]: judged_joint(row, wanted_mm, suspicion) for row in hand.joints}
+    bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in hand.bones]
+    return replace(hand, joints=[*joints.values()], bones=bones)
+
+
+def is_whole(bone: Mapping[str, Any], layout: Layout) -> bool:
+    """Whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
+    own = {joint.child: name for name, joint in layout.joints.items()}
+    return bool(bone["starts_at"] == own.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,10 @@ import numpy as np
 from schemas.layout import Layout, Wrist
 from schemas.model import SkeletonModel
 from schemas.poses import PosesReader
+from schemas.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, noted
 from skeleton.digit_chain import Rows, all_valid, seen_from
 from skeleton.rotations import Array
 from stages.estimate_metacarpals.wrist import MAX_FRAMES, WristPoint, estimate_wrist
-
-WEAK_SD_MM = 5.0
-"""Beyond this the wrist point is more the average hand's than this person's."""
 
 
 def wrist_row(
@@ -43,17 +42,14 @@ def wrist_row(
         return _point_row(wrist, given, "ok", "as configured in the layout", "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
     point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
-    sd_mm = float(np.sqrt(np.trace(point.covariance_mm2)))
     message = f"the point that keeps its distance from {len(positions)} MCP joints"
     if not positions:
         message = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
-    elif sd_mm > WEAK_SD_MM:
-        message += f", uncertain by {sd_mm:.0f} mm: the palm hardly moves, so the average hand decides"
-    weak = [joint for joint in positions if rows[joint]["status"] == "weak"]
-    if len(weak) > len(positions) / 2:
-        message += f", of which {', '.join(weak)} are weak"
-    doubtful = sd_mm > WEAK_SD_MM or len(weak) > len(positions) / 2
-    return _point_row(wrist, point, "weak" if doubtful else "ok", message, "estimated point")
+    doubtful = [j for j in positions if judged_joint(rows[j], layout.wanted_mm)["verdict"] == NO]
+    doubts: dict[str, Values] = {} if positions else {BY_ANATOMY: {}}
+    if len(doubtful) > len(positions) / 2:
+        doubts[FROM_DOUBTFUL] = {"joints": doubtful}
+    return _point_row(wrist, point, "ok", message, "estimated point", doubts)
 
 
 def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
@@ -85,7 +81,12 @@ def _even_frames(calibration: PosesReader, base: str, segment: str, point_mm: Ar
 
 
 def _point_row(
-    wrist: Wrist, point: WristPoint | None, status: str, message: str, source: str
+    wrist: Wrist,
+    point: WristPoint | None,
+    status: str,
+    message: str,
+    source: str,
+    doubts: Mapping[str, Values] | None = None,
 ) -> dict[str, Any]:
     row: dict[str, Any] = {
         "joint": wrist.joint,
@@ -94,6 +95,7 @@ def _point_row(
         "dof": 0,
         "n_frames": 0,
         "source": source,
+        **noted(doubts or {}),
         "status": status,
         "message": message,
     }

@@ -58,9 +58,19 @@ def _first_of_each(rows: list[dict[str, object]], key: tuple[str, ...]) -> list[
     return list(first.values())
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no skeleton was scored, of every hand."""
+    from schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES
+    from schemas.plan import read_plan
+
+    plan = read_plan(arguments.plan)
+    tables = {arguments.out: SKELETON_SCORES, arguments.out_joints: JOINT_ERRORS}
+    command_line.record_failed_parts(message, tables, map(plan.part, plan.hands))
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), evaluate)
+    return command_line.run(build_parser().parse_args(argv), evaluate, record_bug=record_bug)
 
 
 if __name__ == "__main__":

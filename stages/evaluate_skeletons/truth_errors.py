@@ -10,12 +10,10 @@ import numpy as np
 from schemas.catalogue import DISTAL_RECEIVER
 from schemas.layout import Layout
 from schemas.tables import vector_of
+from schemas.verdict import RADIUS_SD
 from skeleton.rotations import Array
 from stages.evaluate_skeletons.scored_skeleton import Row, Stated
 from stages.evaluate_skeletons.truth import Truth
-
-RADIUS_SD = 1.614
-"""95 % of a three-dimensional error lie within this many sd_mm, if it is as large in every direction."""
 
 
 def truth_for(tasks: Sequence[str], truths: Sequence[Truth]) -> Truth | None:

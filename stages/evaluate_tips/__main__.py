@@ -116,9 +116,18 @@ def _evaluate_recording(
         errors.rows(part, [{**row_keys, **row} for row in replayed.rows])
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no skeleton was replayed, of every part."""
+    from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS, TIPS
+
+    tables = {arguments.out: TIPS, arguments.out_errors: TIP_ERRORS}
+    parts = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES)).parts()
+    command_line.record_failed_parts(message, tables, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), evaluate)
+    return command_line.run(build_parser().parse_args(argv), evaluate, record_bug=record_bug)
 
 
 if __name__ == "__main__":

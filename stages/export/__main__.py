@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from stages import command_line
 from stages.export.export_options import add_motion_options, settings_of
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from schemas.study import Recording
     from stages.export.settings import Settings
 
+T = TypeVar("T")
 
 DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(
     f"\n  {name:6}{', '.join(form.extensions)}: {form.what}" for name, form in FORMATS.items()
@@ -115,32 +117,42 @@ def _export_recording(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[str, str]]:
     """Write one recording, of either hand or of both, under one model; give stem and message of failures."""
-    from schemas.errors import InputError, StorageError
     from stages.export.file_facts import file_stem
     from stages.export.recorded_motion import read_motion
 
     side = hands[0].hand.hand if len(hands) == 1 else "both"
     stem = file_stem(plan.who, side, hands[0].task, hands[0].trial, model)
     _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
-    try:
-        motions = [read_motion(plan, recording, model, arguments.licence) for recording in hands]
-    except InputError as error:
-        yield stem, str(error)
+    licence = arguments.licence
+    motions, trouble = _tried(arguments, lambda: [read_motion(plan, own, model, licence) for own in hands])
+    if motions is None:
+        yield stem, trouble
         return
     for note in dict.fromkeys(note for motion in motions for note in motion.notes):
         print(f"note: {note}", file=sys.stderr)
     for name in formats:
         path = arguments.out / (FORMATS[name].shared or f"{stem}{FORMATS[name].extensions[0]}")
-        try:
-            remarks = write_format(motions, settings, name, path)
-        except StorageError:
-            raise  # the disk's trouble, and not that of this recording
-        except InputError as error:
-            yield f"{stem}_{name}", str(error)
+        remarks, trouble = _tried(arguments, partial(write_format, motions, settings, name, path))
+        if remarks is None:
+            yield f"{stem}_{name}", trouble
             continue
         for remark in remarks:
             print(f"{name}: {remark}", file=sys.stderr)
         print(path)
+
+
+def _tried(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None, str]:
+    """Give what is made, or None and why it cannot be: bad input or, with --record-failure, a bug."""
+    from schemas.errors import InputError, StorageError
+
+    try:
+        with command_line.recorded(arguments, arguments.record_failure, only_bugs=True) as messages:
+            return make(), ""
+    except StorageError:
+        raise  # the disk's trouble, and not that of this recording
+    except InputError as error:
+        return None, str(error)
+    return None, messages[0]
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

@@ -88,16 +88,19 @@ def _fit_part(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path], tables: Mapping[str, PartsWriter]
 ) -> None:
     from schemas.poses import usable_poses
-    from stages.fit_hand.calibration import calibrated_hand, read_thinned
+    from stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
     from stages.fit_hand.hand_tables import bone_rows, cost_rows, gain_rows, joint_rows, receiver_rows
     from stages.fit_hand.posed_tables import posed_blocks
     from stages.fit_hand.receiver_costs import FRAMES
 
     plan.check_calibration_left(part.hand)
-    tips, loose = calibrated_hand(plan, part, other_poses)
+    partner, alone = partner_poses(plan, part)
+    if alone:
+        print(f"note: {alone}", file=sys.stderr)
+    tips, unsteady = calibrated_hand(plan, part, other_poses or partner)
     tables["fitted_joints"].rows(part, joint_rows(tips.fit))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit))
-    tables["receivers"].rows(part, receiver_rows(tips, loose))
+    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
     tables["gains"].rows(part, gain_rows(tips))
     for name in ("joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
@@ -114,11 +117,26 @@ def _fit_part(
         for block in posed_blocks(tips, path):
             for name, columns in block.items():
                 tables[name].columns(part, columns)
+    if part.made_without or not plan.is_study:
+        return
+    of_calibration = [plan.poses(own) for own in plan.recordings_of(part.hand, "calibration")]
+    for path in usable_poses(of_calibration)[0]:  # their angles alone, which have a range of motion too
+        for block in posed_blocks(tips, path):
+            tables["joint_angles"].columns(part, block["joint_angles"])
+
+
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why the hand was not fitted, of every part."""
+    from stages.fit_hand.hand_tables import FIT
+
+    tables = {arguments.out / f"{name}.parquet": table for name, table in FIT.items()}
+    parts = _parts(arguments, command_line.plan_of(arguments))
+    command_line.record_failed_parts(message, tables, parts)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), fit)
+    return command_line.run(build_parser().parse_args(argv), fit, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anatomy.known_digits import known_digits
+from anatomy.known_digits import no_whole_hand
 from schemas.errors import InputError, TableError, guess
 from schemas.layout import Layout
 from schemas.model import HandFitting
@@ -18,10 +18,18 @@ from schemas.parts import Part
 from schemas.plan import SubjectPlan
 from schemas.poses import Poses, RecordingName, read_poses, recording_name, usable_poses
 from schemas.sheets import Row
+from skeleton.rotations import Array
 from stages.fit_hand.contacts import find_contacts
 from stages.fit_hand.fingertips import Fingertips, fingertips
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.loose_receivers import LooseReceiver, loose_receivers, without_loose
+from stages.fit_hand.left_out import (
+    Unsteady,
+    field_errors,
+    is_elsewhere,
+    share_left_out,
+    without_displaced,
+)
+from stages.fit_hand.loose_receivers import Displaced, displaced_in
 from stages.fit_hand.measurements import Measurement, measurable
 from stages.fit_hand.sharing import share_lengths
 from stages.fit_hand.touching import Touch, touch_in, with_touches
@@ -35,47 +43,56 @@ NO_CALIBRATION = "no calibration recording"
 
 @dataclass(frozen=True)
 class Calibration:
-    """A fitted hand, the recordings that it was fitted to, thinned and without what was loose, and receivers
-    that came loose, each with the recording it came loose in.
+    """A fitted hand, the recordings that it was fitted to, thinned and without what made it worse, and what
+    was displaced in them.
     """
 
     fit: HandFit
     recordings: Mapping[RecordingName, Poses]
-    loose: Sequence[tuple[RecordingName, LooseReceiver]]
+    unsteady: Unsteady
 
 
 def calibrated_hand(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = ()
-) -> tuple[Fingertips, Sequence[tuple[RecordingName, LooseReceiver]]]:
+) -> tuple[Fingertips, Unsteady]:
     """Fit a part's hand, and the person's other one where they share lengths of bones.
 
-    other_poses : calibration of the other hand, of a plan that has one hand alone. Gives the hand with its
-    fingertips and the receivers that came loose. Raises InputError as `fit_calibration`; of the other hand it
-    is only a note on stderr.
+    other_poses : calibration of the other hand (see `partner_poses`). Gives the hand with its fingertips and
+    what was displaced in its recordings. Raises InputError as `fit_calibration`; of the other hand it is only
+    a note on stderr.
     """
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
     own = fit_calibration(plan, part, part.hand, poses)
-    others = other_poses or _other_poses(plan, part)
-    if others and _fitting(plan, part).share_lengths:
+    if other_poses and _fitting(plan, part).share_lengths:
         other_hand = "left" if part.hand == "right" else "right"
         try:
-            other = fit_calibration(plan, part, other_hand, others)
+            other = fit_calibration(plan, part, other_hand, other_poses)
             own = replace(own, fit=share_lengths(own.fit, other.fit)[0])
         except TableError:
             raise
         except InputError as error:
             print(f"note: the other hand's lengths are not shared: {error}", file=sys.stderr)
-    return _with_fingertips(plan, part, own), own.loose
+    return _with_fingertips(plan, part, own), own.unsteady
 
 
-def _other_poses(plan: SubjectPlan, part: Part) -> list[Path]:
-    """Poses that calibrate the person's other hand under the part's model, where its layout is the same."""
-    return [
-        plan.poses(recording)
-        for hand in plan.hands
-        if hand != part.hand and plan.layouts[hand] == plan.layouts[part.hand]
-        for recording in plan.calibrating(hand, part.model, part.made_without)
-    ]
+def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
+    """Give poses that calibrate the person's other hand under the part's model, or say why none may be used.
+
+    Suspicion stays where it is: while a finding stands against a recording of either hand, or one of the
+    other cannot be read, they tell each other nothing, and each is as if the person had no other.
+    """
+    layout = plan.layouts[part.hand]
+    partner = next((hand for hand in plan.hands if hand != part.hand and plan.layouts[hand] == layout), "")
+    if not partner or not _fitting(plan, part).share_lengths:
+        return [], ""
+    alone = f"fitted without the {partner} hand's bone lengths"
+    for hand in (partner, part.hand):
+        if doubted := plan.doubted(hand):
+            return [], f"{alone}: there is a finding on the {hand} hand's {doubted}"
+    recorded = [plan.poses(own) for own in plan.recordings if own.hand.hand == partner and not own.exclude]
+    if reasons := usable_poses(recorded)[1]:
+        return [], f"{alone}: {reasons[0]}"
+    return [plan.poses(own) for own in plan.calibrating(partner, part.model, part.made_without)], ""
 
 
 def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
@@ -84,15 +101,17 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
         raise InputError(
             f"model {part.model} fits no whole hand; expected fit: {{whole_hand: true}} in its file"
         )
+    if reason := no_whole_hand(plan.layouts[part.hand], part.model):
+        raise InputError(reason)
     return fitting
 
 
 def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]) -> Calibration:
     """Fit a hand to its calibration recordings and to what a calliper measured on it.
 
-    hand : the part's own, or the person's other one, fitted with the part's layout and model. A receiver that
-    came loose counts only while it sat in one place. Raises InputError where no recording can be read or the
-    sheet names what is not there, and as `fit_hand` does.
+    hand : the part's own, or the person's other one, fitted with the part's layout and model. Frames in which
+    a receiver was displaced are left out where they make centres worse. Raises InputError where no recording
+    can be read or the sheet names what is not there, and as `fit_hand` does.
     """
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
     usable, reasons = usable_poses(poses)
@@ -112,13 +131,18 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
         settings=Settings(fitting.frames, fitting.steps, Settings.rounds if fitting.steps else 0),
     )
     fit = fit_to(recordings)
-    known_skin = known_digits(layout)  # what is usual of an arm's skin, nobody says
-    loose = loose_receivers(fit, recordings) if fitting.steps and known_skin else []
-    if loose:
-        recordings = without_loose(recordings, loose)
-        fit = fit_to(recordings)
+    displaced, errors, left_out = Displaced(), dict[str, Array](), dict[str, float]()
+    if fitting.steps:
+        displaced = displaced_in(fit, recordings)
+        errors = field_errors(fit, recordings, displaced.field)
+        kept = without_displaced(fit, recordings, displaced)
+        if share_left_out(recordings, kept):
+            without = fit_to(kept)
+            if is_elsewhere(fit, without):
+                left_out = share_left_out(recordings, kept)
+                fit, recordings = without, kept
     by_name = dict(zip(names, recordings, strict=True))
-    return Calibration(fit, by_name, [(names[receiver.recording], receiver) for receiver in loose])
+    return Calibration(fit, by_name, Unsteady(names, displaced, errors, left_out))
 
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:

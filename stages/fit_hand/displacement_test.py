@@ -1,28 +1,24 @@
-"""Whether a hand fits better if a receiver sits elsewhere on its bone from some moment on (Rao's score test).
+"""Whether a hand fits better if a receiver sits elsewhere on its bone: from a moment on, or ever farther off.
 
-To first order the answer needs no second fit: the six numbers of such a displacement are six more unknowns of
-the same least squares, from which the hand's own unknowns, the joint angles and the roots are eliminated. So
-what the fit has already bent to the displacement counts for it, and what joint angles or neighbours can
-explain as well does not.
+To first order the answer needs no second fit (Rao's score test): the six numbers of such a displacement are
+six more unknowns of the same least squares, from which the hand's own unknowns, the joint angles and the
+roots are eliminated (`elimination`). So what the fit has already bent to the displacement counts for it, and
+what joint angles or neighbours can explain as well does not. Nor does what skin may do: an offset that
+belongs to a posture and returns with it, or that fades within seconds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from skeleton.rotations import Array
-from stages.fit_hand.normal_equations import (
-    Point,
-    Problem,
-    Reduced,
-    Residuals,
-    reduce,
-    residuals,
-    weighted_jacobian,
-)
+from stages.fit_hand.elimination import Eliminated, EliminatedBranch
+from stages.fit_hand.normal_equations import Point, Problem
 from stages.fit_hand.operations import Index
 
 MOMENTS = 40
@@ -31,18 +27,36 @@ MOMENTS = 40
 SHORTEST = 2
 """Intervals between moments that a receiver must have sat in its first and in its second place."""
 
+SLOWEST = 8
+"""Intervals at least that a receiver slides for; what is faster is a step. Slides begin and end at every
+SLIDE_GRID-th moment."""
+SLIDE_GRID = 4
+
+MOMENT_GAIN = 1.5
+"""Log likelihood by which a slide, or what comes back, must beat a step: it has one more moment to choose."""
+
 NORMAL_SD = (2.5, 3.0)
-LEAST_NORMAL = (0.5, float(np.radians(1.5)))
-"""In units of the sd of a receiver's momentary residuals, and at least so many mm and rad: half a recording
-may differ so much from the other half without anything being loose, as skin does not quite follow its law and
-the postures are others."""
+"""In units of the sd of a receiver's momentary residuals: half a recording may differ so much from the other
+half without anything being loose, as skin does not quite follow its law and the postures are others."""
+
+SKIN_SHARE = 0.5
+"""Sd of what skin does in a posture or for a while, per component, over what half a recording may differ."""
+
+POSTURE_RAD = float(np.radians(25.0))
+"""Angles so far apart are two postures, as skin goes."""
+
+SKIN_WAYS = 16
+"""Of moving as skin does that are kept: the rest is small."""
+
+LAG_FRAMES = 8.0
+"""Of the even frames, about two seconds: so long does skin remember."""
 
 DISPLACEMENT_SD = (6.0, float(np.radians(10.0)))
 """mm and rad per component, of a receiver that came loose."""
 
-LEAST_GAIN = 7.0
-"""Log likelihood that a loose receiver must explain beyond a normal displacement; 6.0 is the most in 40
-simulated hands with nothing loose, half of them with twice the usual skin artefact."""
+LEAST_GAIN = 5.0
+"""Log likelihood that a loose receiver must explain beyond a normal displacement; 1.5 is the most in
+simulated hands with nothing loose."""
 
 MOST_RIVALS, RIVAL_SHARE = 3, 0.4
 """Receivers of which one is loose, by what their displacements explain to first order."""
@@ -52,73 +66,138 @@ PRIOR = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
 
 @dataclass(frozen=True)
 class Displacement:
-    """A receiver, by number, displaced by step (6,), mm and rad in its own frame, from frame `at` on."""
+    """A receiver, by number, displaced by step (6,), mm and rad in its own frame: from frame `start` on, or
+    evenly farther between that and `end`.
+    """
 
     receiver: int
-    at: int
+    start: int
+    end: int
     step: Array
+
+    @property
+    def slides(self) -> bool:
+        """Whether it went slowly."""
+        return self.end > self.start
 
     @property
     def cost(self) -> float:
         """Minus its log prior."""
         return float(self.step @ PRIOR @ self.step) / 2
 
+    def share(self, n_frames: int) -> Array:
+        """How far (F,) of the way it has gone in every frame."""
+        gone = np.arange(n_frames) + 1.0 - self.start
+        return np.asarray(np.clip(gone / max(1, self.end - self.start), 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Courses:
+    """Ways in which a receiver may leave its place: share (P, I) of the way in each interval between moments,
+    the moments (P,) between which it goes, and whether it comes back (P,).
+    """
+
+    share: Array
+    start: Index
+    end: Index
+    returns: npt.NDArray[np.bool_]
+
+
+@cache
+def courses(n_intervals: int) -> Courses:
+    """Give the steps, the slides and what comes back, in a recording of so many intervals."""
+    last, at = n_intervals - SHORTEST, np.arange(n_intervals)
+    grid = range(0, n_intervals + 1, SLIDE_GRID)
+    steps = [(k, k) for k in range(SHORTEST, last + 1)]
+    slides = [(a, b) for a in grid for b in grid if b - a >= SLOWEST]
+    spells = [(a, b) for a in range(SHORTEST, last) for b in range(a + 1, last + 1)]
+    share = [
+        *((at >= a).astype(float) for a, _ in steps),
+        *(np.clip((at + 0.5 - a) / (b - a), 0.0, 1.0) for a, b in slides),
+        *(((at >= a) & (at < b)).astype(float) for a, b in spells),
+    ]
+    start, end = np.array([*steps, *slides, *spells], int).reshape(-1, 2).T
+    returns = np.arange(len(share)) >= len(steps) + len(slides)
+    return Courses(np.array(share).reshape(-1, n_intervals), start, end, returns)
+
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """Slope (S, K, 6) and curvature (S, K, 6, 6) of the cost by a displacement of each receiver from each
-    moment at (K,) on.
+    """Slope (S, I, 6) and curvature (S, 6 I, 6 I) of the cost by a displacement of each receiver in each
+    interval, which begin at `cuts` (I,).
 
-    gain : (S, K) log posterior that the best displacement, step (S, K, 6), adds. radii : (S, 6) of a normal
-    one.
+    gain : (S, P) log posterior that the best displacement, step (S, P, 6), adds on each course; abnormal :
+    (S, P) what of it a normal displacement, within radii (S, 6), does not. Both 0 for those not tested.
     """
 
-    at: Index
+    cuts: Index
     slope: Array
     curvature: Array
     step: Array
     gain: Array
-    radii: Array
+    abnormal: Array
 
     @classmethod
-    def of(cls, problem: Problem, point: Point, receivers: Sequence[int]) -> ScoreTest:
-        """Test some of the receivers; the others gain nothing."""
-        current = residuals(problem, point)
-        reduced = reduce(problem, point, current, np.zeros(len(point.y)))
+    def of(cls, problem: Problem, point: Point, normal: Array, receivers: Sequence[int]) -> ScoreTest:
+        """Test some of the receivers; normal : (S, 2) mm and rad of a displacement that is none."""
         cuts = np.unique(np.linspace(0, len(point.y), MOMENTS + 1).round().astype(int))[:-1]
-        slope = np.zeros((len(problem.sd), len(cuts) - 1, 6))
-        curvature = np.zeros((*slope.shape, 6))
-        for index, of_branch in enumerate(problem.receivers):
-            own = [(i, s) for i, (_, s) in enumerate(of_branch) if s in receivers]
+        n_receivers, ways = len(problem.sd), courses(len(cuts))
+        slope = np.zeros((n_receivers, len(cuts), 6))
+        curvature = np.zeros((n_receivers, 6 * len(cuts), 6 * len(cuts)))
+        step = np.zeros((n_receivers, len(ways.start), 6))
+        gain, abnormal = np.zeros(step.shape[:2]), np.zeros(step.shape[:2])
+        radii = np.maximum(NORMAL_SD * problem.sd, normal).repeat(3, axis=1)
+        left = Eliminated.of(problem, point)
+        for branch in left.branches:
+            own = [s for s in branch.receivers if s in receivers]
             if own:
-                by_each = _by_displacements(problem, index, own, point, current, reduced, cuts)
-                for (_, s), by_displacement in zip(own, by_each, strict=True):
-                    slope[s], curvature[s] = by_displacement
-        long_enough = slice(SHORTEST - 1, len(cuts) - SHORTEST)
-        slope, curvature = slope[:, long_enough], curvature[:, long_enough]
-        radii = np.maximum(NORMAL_SD * problem.sd, LEAST_NORMAL).repeat(3, axis=1)
-        step = np.asarray(-np.linalg.solve(curvature + PRIOR, slope[..., None])[..., 0], float)
-        return cls(cuts[1:][long_enough], slope, curvature, step, -(slope * step).sum(-1) / 2, radii)
+                skin = _skin(problem, point, branch.receivers, SKIN_SHARE * normal)
+                for s, (of_s, by_s) in _by_interval(left, branch, skin, cuts).items():
+                    slope[s], curvature[s] = of_s, by_s
+            for s in own:
+                on_courses = _on_courses(slope[s], curvature[s], ways.share)
+                step[s], gain[s] = best_step(*on_courses)
+                within = most_within(np.tile(radii[s], (len(ways.share), 1)), *on_courses)
+                abnormal[s] = gain[s] - within
+        return cls(cuts, slope, curvature, step, gain, abnormal)
+
+    def most_abnormal(self) -> float:
+        """Log likelihood that the most abnormal displacement explains beyond a normal one, or 0."""
+        return float(self._odds(None)[1].max(initial=0.0))
 
     def likeliest(self, receiver: int | None = None) -> Displacement | None:
-        """The displacement (of one receiver, where given) that is most abnormal; None where none is.
-
-        What one receiver's large displacement explains may be the small one of its neighbour: at each moment
-        only the receiver whose displacement explains most is a candidate.
-        """
-        moments = np.arange(len(self.at))
-        best = np.argmax(self.gain, axis=0) if receiver is None else np.full(len(self.at), receiver)
-        abnormal = self.gain[best, moments] - _most_within(
-            self.radii[best], self.slope[best, moments], self.curvature[best, moments]
-        )
-        if not len(moments) or abnormal.max() <= LEAST_GAIN:
+        """The displacement (of one receiver, where given) that is most abnormal; None where none is."""
+        best, odds = self._odds(receiver)
+        if not odds.any():
             return None
-        k = int(np.argmax(abnormal))
-        return Displacement(int(best[k]), int(self.at[k]), self.step[best[k], k])
+        p = int(np.argmax(odds))
+        if self.abnormal[best[p], p] <= LEAST_GAIN:
+            return None
+        return self._displacement(int(best[p]), p)
+
+    def _odds(self, receiver: int | None) -> tuple[Index, Array]:
+        """The likeliest receiver (P,) on each course, or the one given, and how abnormal (P,) it would be.
+
+        What one receiver's large displacement explains may be the small one of its neighbour: on each course
+        only the receiver whose displacement explains most is a candidate. Nor is one that comes back: what
+        returns is skin.
+        """
+        ways = courses(len(self.cuts))
+        every = np.arange(len(ways.start))
+        best = np.argmax(self.gain, axis=0) if receiver is None else np.full(len(every), receiver)
+        odds = np.maximum(self.abnormal - np.where(ways.end > ways.start, MOMENT_GAIN, 0.0), 0.0)
+        returning = np.where(ways.returns, odds, 0.0).max(1, initial=0.0)
+        own = odds[best, every]
+        return best, np.where(~ways.returns & (own > returning[best]), own, 0.0)
+
+    def _displacement(self, receiver: int, course: int) -> Displacement:
+        ways, moments = courses(len(self.cuts)), np.append(self.cuts, self.cuts[-1] * 2 - self.cuts[-2])
+        start, end = moments[ways.start[course]], moments[ways.end[course]]
+        return Displacement(receiver, int(start), int(end), self.step[receiver, course])
 
     def rivals(self) -> list[Displacement]:
-        """The likeliest displacement and those of other receivers, at the same moment, that explain nearly as
-        much.
+        """The likeliest displacement, the same receiver's if it came loose at once rather than slid or the
+        other way round, and those of other receivers on the same course that explain nearly as much.
 
         Which of them it is, only the fits with them can tell: to first order a turned receiver on the middle
         of a finger is much like one on its tip that slid.
@@ -126,63 +205,98 @@ class ScoreTest:
         first = self.likeliest()
         if first is None:
             return []
-        k = int(np.searchsorted(self.at, first.at))
-        return [
-            Displacement(int(s), first.at, self.step[s, k])
-            for s in np.argsort(-self.gain[:, k])[:MOST_RIVALS]
-            if self.gain[s, k] >= RIVAL_SHARE * self.gain[first.receiver, k]
-        ]
+        p, s = self._course(first), first.receiver
+        ways = courses(len(self.cuts))
+        otherwise = ~ways.returns & ((ways.end > ways.start) != first.slides)
+        k = int(np.argmax(np.where(otherwise, self.gain[s], -np.inf)))
+        tried = [(int(other), p) for other in np.argsort(-self.gain[:, p])[:MOST_RIVALS]]
+        tried += [(s, k)] * bool(otherwise[k])
+        least = RIVAL_SHARE * self.gain[s, p]
+        return [self._displacement(other, way) for other, way in tried if self.gain[other, way] >= least]
+
+    def _course(self, known: Displacement) -> int:
+        ways = courses(len(self.cuts))
+        start, end = np.searchsorted(self.cuts, [known.start, known.end])
+        return int(np.flatnonzero((ways.start == start) & (ways.end == end) & ~ways.returns)[0])
 
     def refined(self, known: Displacement) -> Displacement:
         """A displacement that frames were already corrected for, gone as far as is likeliest."""
-        k = int(np.searchsorted(self.at, known.at))
-        slope = self.slope[known.receiver, k] + PRIOR @ known.step
-        return replace(
-            known, step=known.step - np.linalg.solve(self.curvature[known.receiver, k] + PRIOR, slope)
-        )
+        own = courses(len(self.cuts)).share[[self._course(known)]]
+        s = known.receiver
+        slope, curvature = _on_courses(self.slope[s], self.curvature[s], own)
+        rest = np.linalg.solve(curvature[0] + PRIOR, slope[0] + PRIOR @ known.step)
+        return replace(known, step=known.step - rest)
 
 
-def _by_displacements(
-    problem: Problem,
-    index: int,
-    own: Sequence[tuple[int, int]],
-    point: Point,
-    current: Residuals,
-    reduced: Reduced,
-    cuts: Index,
-) -> Iterator[tuple[Array, Array]]:
-    """Slope (K, 6) and curvature (K, 6, 6) of the cost by a displacement, from each cut but the first on, of
-    some receivers of a branch; the states and root of every frame and the hand's unknowns eliminated.
+def best_step(slope: Array, curvature: Array) -> tuple[Array, Array]:
+    """The likeliest displacement (P, 6) and the log posterior (P,) that it adds."""
+    step = np.asarray(-np.linalg.solve(curvature + PRIOR, slope[..., None])[..., 0], float)
+    return step, np.asarray(-(slope * step).sum(-1) / 2)
+
+
+def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -> Array:
+    """Ways (F, n, R, 6) in which skin may displace n receivers of one branch, each as likely as any other;
+    sd (S, 2) : mm and rad, of all of them together.
+
+    Half of it belongs to the posture and returns with it, half fades. The posture is that of the digit; the
+    palm's is how all digits stand at their bases.
     """
-    part, branch, gone = current.branches[index], problem.branches[index], reduced.eliminated[index]
-    r, by_operation, by_root = weighted_jacobian(problem, index, part, point)
-    states = by_operation @ branch.per_state(point.x) @ gone.inverse.swapaxes(-1, -2)
-    of_branch = branch.by_unknown(by_operation, point.y) - states @ gone.by_rest[..., 6:]
-    root = (by_root - states @ gone.by_rest[..., :6]) @ reduced.root_inverse.swapaxes(-1, -2)
-    by_x = -root @ reduced.root_by_x
-    by_x[..., branch.unknowns] += of_branch
-    r = r - (states @ gone.rhs[..., None])[..., 0] - (root @ reduced.root_rhs[..., None])[..., 0]
-    for i, s in own:
-        rows = slice(6 * i, 6 * i + 6)
-        seen = np.sqrt(problem.temper * part.weight[i] * problem.frames.valid[:, s])
-        scale = seen[:, None] / np.repeat(problem.sd[s], 3)
-        by_y, by_root = states[:, rows], root[:, rows]  # squared: the leverage of the frame's own unknowns
-        free = np.eye(6) - by_y @ by_y.swapaxes(-1, -2) - by_root @ by_root.swapaxes(-1, -2)
-        slope = _from_each(cuts, scale * r[:, rows])
-        curvature = _from_each(cuts, scale[:, :, None] * free * scale[:, None, :])
-        with_x = _from_each(cuts, scale[:, :, None] * by_x[:, rows])
-        flat = with_x.reshape(-1, with_x.shape[-1])
-        solved = np.linalg.solve(reduced.matrix, np.concatenate([flat, reduced.gradient[None]]).T).T
-        eliminated = with_x @ solved[:-1].reshape(with_x.shape).swapaxes(-1, -2)
-        yield slope - with_x @ solved[-1], curvature - eliminated
+    states = next(
+        branch.states
+        for branch, own in zip(problem.branches, problem.receivers, strict=True)
+        if receivers[0] in [s for _, s in own]
+    )
+    bases = [branch.states[0] for branch in problem.branches if len(branch.states)]
+    posture = point.y[:, states if len(states) else bases]
+    apart = ((posture[:, None] - posture[None]) ** 2).sum(-1) / POSTURE_RAD**2
+    frame = np.arange(len(posture))
+    fading = np.exp(-np.abs(frame[:, None] - frame[None]) / LAG_FRAMES)
+    values, ways = np.linalg.eigh((np.exp(-apart / 2) + fading) / 2)
+    ways = (ways * np.sqrt(np.maximum(values, 0.0)))[:, -SKIN_WAYS:]
+    return np.asarray(ways[:, None, :, None] * np.repeat(sd[list(receivers)], 3, axis=1)[:, None])
 
 
-def _from_each(cuts: Index, of_frames: Array) -> Array:
-    """Sums over the frames from each cut but the first to the end."""
-    return np.asarray(np.cumsum(np.add.reduceat(of_frames, cuts, axis=0)[::-1], 0)[::-1][1:])
+def _by_interval(
+    left: Eliminated, branch: EliminatedBranch, skin: Array, cuts: Index
+) -> dict[int, tuple[Array, Array]]:
+    """Slope (I, 6) and curvature (6 I, 6 I) by a displacement of each receiver of a branch in each interval,
+    when skin (F, n, R, 6) may take any part of it, and the hand's unknowns theirs.
+    """
+    n_frames, n, n_ways, _ = skin.shape
+    by_x = branch.by_x.reshape(6 * n * n_frames, -1)
+    solved = np.linalg.solve(left.matrix, np.concatenate([by_x, left.gradient[None]]).T)
+    slope = (branch.slope.ravel() - by_x @ solved[:, -1]).reshape(n_frames, n, 6)
+    columns = branch.curvature.reshape(n_frames, 6 * n, n, 1, 6) * skin[:, None]
+    pull = np.einsum("fiag,fira->gira", branch.by_x.reshape(n_frames, n, 6, -1), skin, optimize=True)
+    n_skin = 6 * n * n_ways
+    by_skin = columns.reshape(-1, n_skin) - solved[:, :-1].T @ pull.reshape(-1, n_skin)
+    of_skin = by_skin.reshape(n_frames, n, 6, n_skin)
+    inner = np.eye(n_skin) + np.einsum("fira,fias->iras", skin, of_skin, optimize=True).reshape(n_skin, -1)
+    rhs = np.einsum("fira,fia->ira", skin, slope, optimize=True).ravel()
+    at_cuts = np.add.reduceat(of_skin, cuts)
+    blocks = np.add.reduceat(branch.curvature.reshape(n_frames, n, 6, n, 6), cuts)
+    pulls = np.add.reduceat(branch.by_x.reshape(n_frames, n, 6, -1), cuts)
+    slopes, every = np.add.reduceat(slope, cuts), np.arange(len(cuts))
+    own = [at_cuts[:, i].reshape(-1, n_skin) for i in range(n)]
+    taken = np.linalg.solve(inner, np.concatenate([*own, rhs[None]]).T)
+    found = {}
+    for i, s in enumerate(branch.receivers):
+        with_x, by_s = pulls[:, i].reshape(6 * len(cuts), -1), taken[:, :-1].reshape(n_skin, n, -1)[:, i]
+        curvature = -with_x @ np.linalg.solve(left.matrix, with_x.T) - own[i] @ by_s
+        curvature.reshape(len(cuts), 6, len(cuts), 6)[every, :, every] += blocks[:, i, :, i]
+        found[s] = slopes[:, i] - (own[i] @ taken[:, -1]).reshape(-1, 6), curvature
+    return found
 
 
-def _most_within(radii: Array, slope: Array, curvature: Array) -> Array:
+def _on_courses(slope: Array, curvature: Array, share: Array) -> tuple[Array, Array]:
+    """Slope (P, 6) and curvature (P, 6, 6) by a displacement that goes its share (P, I) in each interval."""
+    n = share.shape[1]
+    once = share @ curvature.reshape(n, -1)
+    blocks = once.reshape(len(share), 6, n, 6)
+    return share @ slope, np.einsum("paib,pi->pab", blocks, share, optimize=True)
+
+
+def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
     """Most (K,) that a step within an ellipsoid of these radii (K, 6) gains; trust region, by bisection."""
     values, vectors = np.linalg.eigh(radii[:, :, None] * curvature * radii[:, None])
     values = np.maximum(values, 0.0)

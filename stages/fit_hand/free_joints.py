@@ -1,4 +1,4 @@
-"""Joints of which no anatomy is known: an arm's, a wrist's with a receiver on the forearm, any layout's.
+"""Joints of which no anatomy is known: a wrist's with a receiver on the forearm, and what a layout has above.
 
 The receivers are the bones here, since nothing says how they sit on them. A joint's centre may be anywhere
 within reach; what axes it turns about, and its mean posture, are read off the recording beforehand.

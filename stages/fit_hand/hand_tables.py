@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -24,15 +24,20 @@ from schemas.catalogue import (
 from schemas.parts import PartsWriter, parts_writer
 from schemas.poses import Poses, RecordingName
 from schemas.tables import Provenance, Table, vector_columns
+from schemas.verdict import UNJUDGED, noted
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.gains import gains
+from stages.fit_hand.left_out import Unsteady
 from stages.fit_hand.loose_receivers import LooseReceiver
 from stages.fit_hand.measurements import MOUNT_PARTS
 from stages.fit_hand.posterior_summary import FittedJoint
 from stages.fit_hand.receiver_costs import receiver_costs
 
 SOURCE = "fit of the whole hand"
+STEP, SLIDE, FIELD = "step", "slide", "field"
+"""Kinds in which a receiver may be displaced."""
+
 Row = dict[str, Any]
 
 FIT: Mapping[str, Table] = {
@@ -88,7 +93,8 @@ def _joint_row(joint: FittedJoint) -> Row:
         "axis_sd_deg": joint.axis_sd_deg,
         "n_frames": 0,
         "source": SOURCE,
-        "status": joint.status,
+        **noted(joint.doubts),
+        "status": "failed" if joint.message else "ok",
         "message": joint.message,
         **vector_columns("parent_", joint.parent_mm, "_mm"),
         **vector_columns("child_", joint.child_mm, "_mm"),
@@ -111,6 +117,7 @@ def bone_rows(fit: HandFit) -> list[Row]:
             "length_mm": fit.bones[segment].length_mm,
             "sd_mm": fit.bones[segment].sd_mm,
             "driven_by": "",
+            **UNJUDGED,
             "message": "",
         }
         for digit in fit.evidence.layout.digits.values()
@@ -129,20 +136,20 @@ def cost_rows(tips: Fingertips, task: Poses) -> list[Row]:
     return [asdict(cost) for cost in receiver_costs(tips, task)]
 
 
-def receiver_rows(tips: Fingertips, loose: Sequence[tuple[RecordingName, LooseReceiver]]) -> list[Row]:
-    """Rows of receivers; loose : those that came loose, and in which recording."""
+def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
+    """Rows of receivers; unsteady : what was displaced in the calibration."""
     fit, rows = tips.fit, []
     digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
-    loose_columns = _loose_columns(loose)
+    displaced = _loose_columns(unsteady) | _field_columns(fit, unsteady)
     for segment in fit.evidence.model.receivers:
         residual_mm, residual_deg = fit.residual_rms[segment]
         row: Row = {"segment": segment, "residual_mm": residual_mm, "residual_deg": residual_deg}
         for name, amount in zip(MOUNT_PARTS, fit.evidence.model.mount.get(segment, ()), strict=False):
             row[f"{name}_mm"], row[f"{name}_sd_mm"] = fit.evidence.posterior.of_amount(amount)
-        row |= {"loose_task": "", "status": "ok", "message": ""}
+        row |= {"loose_kind": "", "loose_task": "", "left_out_share": 0.0, "status": "ok", "message": ""}
         if not np.isfinite(residual_mm):
             row |= {"status": "failed", "message": "no valid pose in the calibration"}
-        row |= loose_columns.get(segment, {})
+        row |= displaced.get(segment, {})
         digit = digit_of.get(segment)
         if digit is not None:
             row |= _tip_columns(tips, digit)
@@ -152,22 +159,73 @@ def receiver_rows(tips: Fingertips, loose: Sequence[tuple[RecordingName, LooseRe
     return rows
 
 
-def _loose_columns(loose: Sequence[tuple[RecordingName, LooseReceiver]]) -> dict[str, Row]:
-    """Columns of each receiver that came loose, by segment: the largest of its moves."""
+def _loose_columns(unsteady: Unsteady) -> dict[str, Row]:
+    """Columns of each receiver that came loose or slid, by segment: the largest of its moves."""
     columns = {}
-    for name, receiver in sorted(loose, key=lambda pair: pair[1].shift_mm + pair[1].turn_deg):
-        where = ", ".join(filter(None, (name.task, name.trial)))
-        when = f"{receiver.time_s:.1f} s" if np.isfinite(receiver.time_s) else f"frame {receiver.frame}"
-        columns[receiver.segment] = {
-            "loose_from_frame": receiver.frame,
-            "loose_task": where,
+    for receiver in sorted(unsteady.displaced.loose, key=lambda one: one.shift_mm + one.turn_deg):
+        row: Row = {
+            "loose_kind": SLIDE if receiver.slid else STEP,
+            "loose_from_frame": receiver.start.frame,
+            "loose_until_frame": receiver.end.frame,
+            "loose_task": _title(unsteady.recordings[receiver.start.recording]),
             "loose_shift_mm": receiver.shift_mm,
             "loose_turn_deg": receiver.turn_deg,
-            "status": "weak",
-            "message": f"came loose in {where} at {when}: it moved {receiver.shift_mm:.1f} mm and turned "
-            f"{receiver.turn_deg:.0f} deg on its bone; only the longer part, before or after, was used",
+            "left_out_share": unsteady.left_out.get(receiver.segment, 0.0),
         }
+        sentence = _loose_sentence(row, receiver)
+        columns[receiver.segment] = row | {"status": "weak", "message": sentence}
     return columns
+
+
+def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, Row]:
+    """Columns of each receiver that came near to what disturbs the field, by segment."""
+    field = unsteady.displaced.field
+    if field is None:
+        return {}
+    place = fit.evidence.convention.world(np.eye(3), field.nearest)[1]
+    columns = {}
+    for segment, error in unsteady.field_errors.items():
+        row: Row = {
+            "loose_kind": FIELD,
+            "loose_shift_mm": float(np.linalg.norm(error[:3])),
+            "loose_turn_deg": float(np.degrees(np.linalg.norm(error[3:]))),
+            "left_out_share": unsteady.left_out.get(segment, 0.0),
+            **vector_columns("field_", place, "_mm"),
+        }
+        columns[segment] = row | {"status": "weak", "message": _field_sentence(row)}
+    return columns
+
+
+def _title(name: RecordingName) -> str:
+    return ", ".join(filter(None, (name.task, name.trial)))
+
+
+def _loose_sentence(row: Row, receiver: LooseReceiver) -> str:
+    """What a receiver did that came loose or slid, from its row."""
+    where, mm, deg = row["loose_task"], f"{row['loose_shift_mm']:.1f}", f"{row['loose_turn_deg']:.0f}"
+    when, until = (
+        f"{moment.time_s:.1f} s" if np.isfinite(moment.time_s) else f"frame {moment.frame}"
+        for moment in (receiver.start, receiver.end)
+    )
+    if receiver.slid:
+        did = f"slid in {where} between {when} and {until}: it moved {mm} mm and turned {deg} deg on its bone"
+    else:
+        did = f"came loose in {where} at {when}: it moved {mm} mm and turned {deg} deg on its bone"
+    return f"{did}; {_left_out(row)}"
+
+
+def _field_sentence(row: Row) -> str:
+    """What a disturbed field did to a receiver, from its row."""
+    place = ", ".join(f"{row[f'field_{axis}_mm']:.0f}" for axis in "xyz")
+    mm, deg = f"{row['loose_shift_mm']:.1f}", f"{row['loose_turn_deg']:.0f}"
+    did = f"the field is disturbed near ({place}) mm, as by metal: there it is off by {mm} mm and {deg} deg"
+    return f"{did}; {_left_out(row)}"
+
+
+def _left_out(row: Row) -> str:
+    if row["left_out_share"]:
+        return f"{100 * row['left_out_share']:.0f} % of its frames were left out"
+    return "all of its frames were used, as no joint centre is the worse for it"
 
 
 def _tip_columns(tips: Fingertips, digit: str) -> Row:

@@ -1,7 +1,9 @@
-"""Receivers that came loose: whose place on the bone changed for good in the middle of a recording.
+"""Receivers that did not stay where they were put, and fields that were disturbed.
 
-Every receiver is tested for a displacement (`displacement_test`), the likeliest one is solved for together
-with the hand and put back, and so on until nothing abnormal is left.
+A receiver may come loose at once or slide slowly; beside metal all receivers are off that are near it. Every
+receiver is tested for a displacement (`displacement_test`) and the room for metal (`field_test`). Where no
+metal explains it better, the likeliest displacement is solved for together with the hand and put back, and so
+on until nothing abnormal is left.
 """
 
 from __future__ import annotations
@@ -11,14 +13,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anatomy.known_digits import known_digits, root_of
 from schemas.poses import Poses
 from skeleton.rotations import Array
 from stages.fit_hand.chain import HandModel
 from stages.fit_hand.displacement_test import Displacement, ScoreTest
 from stages.fit_hand.empirical_bayes import FAMILIES
+from stages.fit_hand.field_test import LEAST_FIELD_GAIN, Field, likeliest_field
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.normal_equations import Frames, Point, Problem, Residuals, exp_rotation, residuals
 from stages.fit_hand.operations import Index
+from stages.fit_hand.posterior import Evidence
 from stages.fit_hand.receiver_frames import concatenated
 from stages.fit_hand.solving import NEARLY, first_guess, pose, solve
 
@@ -26,6 +31,16 @@ EVEN_FRAMES = 120
 """Evenly spaced over all recordings, several for each independent sample."""
 
 MOST_DISPLACEMENTS = 8
+
+NORMAL = {
+    "phalanx": (1.0, float(np.radians(3.0))),
+    "palm": (1.5, float(np.radians(3.0))),
+    "metacarpal": (3.0, float(np.radians(10.0))),
+}
+"""mm and rad by which a receiver on a finger, on the back of the hand and on the thumb's metacarpal may sit
+elsewhere for half of a recording, all of it skin: that over a phalanx slides a millimetre, that over the
+tendons of the hand half as far again, and that over the thenar muscles bulges and stretches with every grip
+and with whatever it rests on."""
 
 SWALLOWED_SD = 4.5
 """A skin so far from what is published is no hand's: 3.4 is the most with twice the usual skin artefact,
@@ -46,77 +61,132 @@ _MEDIAN_OF_SQUARES = 2.366
 
 
 @dataclass(frozen=True)
-class LooseReceiver:
-    """A receiver that sits elsewhere on its bone from a moment on.
+class Moment:
+    """A frame of one of several recordings: its number there, and its time (NaN where it has none)."""
 
-    recording : which of the recordings; frame : its frame number and time_s its time there (NaN where it has
-    none), the first with the receiver elsewhere; of a slow slide, the middle of it or of a part. shift_mm :
-    how far its origin moved on the bone; turn_deg : how far it turned.
-    """
-
-    segment: str
     recording: int
     frame: int
     time_s: float
-    shift_mm: float
-    turn_deg: float
 
 
-def loose_receivers(fit: HandFit, recordings: Sequence[Poses]) -> list[LooseReceiver]:
-    """Find the receivers that came loose during the recordings that a hand was fitted to, in order of time.
+@dataclass(frozen=True)
+class LooseReceiver:
+    """A receiver that sits elsewhere on its bone, from `start` on or, where it slid, evenly farther up to
+    `end`.
+
+    step : (6,) by which in all, mm and rotation vector, in the frame in which it is fitted.
+    """
+
+    segment: str
+    start: Moment
+    end: Moment
+    step: Array
+
+    @property
+    def slid(self) -> bool:
+        """Whether it went slowly."""
+        return (self.end.recording, self.end.frame) != (self.start.recording, self.start.frame)
+
+    @property
+    def shift_mm(self) -> float:
+        """How far its origin moved on the bone."""
+        return float(np.linalg.norm(self.step[:3]))
+
+    @property
+    def turn_deg(self) -> float:
+        """How far it turned."""
+        return float(np.degrees(np.linalg.norm(self.step[3:])))
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """Receivers that came loose or slid, in order of time; or a disturbed field instead."""
+
+    loose: Sequence[LooseReceiver] = ()
+    field: Field | None = None
+
+
+def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
+    """Find what was displaced in the recordings that a hand was fitted to.
 
     recordings : those given to `fit_hand`, in the order in which they were made. A receiver that was put back
-    elsewhere between two of them is found too, at the first frame of the second. What slides slowly is found
-    as one or more steps. Only receivers on bones of known anatomy are tested: elsewhere the model has no
-    skin, and what skin does would be called loose.
+    elsewhere between two of them is found too, at the first frame of the second. Only receivers on bones of
+    known anatomy are tested: elsewhere the model has no skin, and what skin does would be called loose. Where
+    the field is disturbed none is called loose: what the field leaves over is not told from it.
     """
-    poses, recording = concatenated(recordings), _recording_of_rows(recordings)
-    rows = np.unique(np.linspace(0, len(recording) - 1, min(EVEN_FRAMES, len(recording))).round().astype(int))
+    poses = concatenated(recordings)
+    n_even = min(EVEN_FRAMES, len(poses.frame))
+    rows = np.unique(np.linspace(0, len(poses.frame) - 1, n_even).round().astype(int))
     problem, point = _posed(fit, fit.evidence.convention.frames(poses.take(rows)))
-    model = fit.evidence.model
-    tested = [s for s, name in enumerate(model.receivers) if name in model.mount]
+    tested = Tested.of(fit.evidence)
+    field, gain = likeliest_field(problem, point)
+    if gain > LEAST_FIELD_GAIN and gain > tested.scored(problem, point).most_abnormal():
+        return Displaced(field=field)
+    found = _searched(fit.evidence.model, problem, point, tested)
+    return Displaced(_loose(fit, recordings, poses, rows, *found))
+
+
+def _searched(
+    model: HandModel, problem: Problem, point: Point, tested: Tested
+) -> tuple[Problem, list[Displacement], Array]:
+    """All displacements that there are, the problem that they were found in and x with them put back."""
     start: list[Displacement] = []
     skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
     if np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD:
         problem = replace(problem, precision=np.ones(len(problem.precision)))
         skinless = replace(problem, precision=np.where(skin, STIFF, 1.0))
         point, start = _uncovered(problem, skinless, point, model, tested)
-    displaced, x = _needed(problem, *_search(problem, point, start, tested))
+    return problem, *_needed(problem, tested, *_search(problem, point, start, tested))
+
+
+def _loose(
+    fit: HandFit,
+    recordings: Sequence[Poses],
+    poses: Poses,
+    rows: Index,
+    problem: Problem,
+    displaced: Sequence[Displacement],
+    x: Array,
+) -> list[LooseReceiver]:
+    """Name displaced receivers and moments; rows : of poses, the even frames."""
+    recording = recording_of_rows(recordings)
+    untempered = replace(problem, temper=1.0)
     loose = []
     for moved in displaced:
         others = [other for other in displaced if other is not moved]
-        row = _exact_row(fit, poses, rows, replace(problem, temper=1.0), x, moved, others)
-        loose.append(
-            LooseReceiver(
-                model.receivers[moved.receiver],
-                int(recording[row]),
-                int(poses.frame[row]),
-                float(poses.time_s[row]),
-                float(np.linalg.norm(moved.step[:3])),
-                float(np.degrees(np.linalg.norm(moved.step[3:]))),
-            )
+        first, last = (int(rows[min(moment, len(rows) - 1)]) for moment in (moved.start, moved.end))
+        if not moved.slides:
+            first = last = _exact_row(fit, poses, rows, untempered, x, moved, others)
+        start, end = (
+            Moment(int(recording[row]), int(poses.frame[row]), float(poses.time_s[row]))
+            for row in (first, last)
         )
-    return sorted(loose, key=lambda receiver: (receiver.recording, receiver.frame))
+        loose.append(LooseReceiver(fit.evidence.model.receivers[moved.receiver], start, end, moved.step))
+    return sorted(loose, key=lambda one: (one.start.recording, one.start.frame))
 
 
-def without_loose(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> list[Poses]:
-    """The recordings with each loose receiver valid only while it sat in one place: where it did longest."""
-    recording = _recording_of_rows(recordings)
-    valid = np.concatenate([poses.valid for poses in recordings])
-    for segment in {receiver.segment for receiver in loose}:
-        column = valid[:, recordings[0].index(segment)]
-        cuts = sorted(
-            int(np.flatnonzero(recording == receiver.recording)[0])
-            + int(np.flatnonzero(recordings[receiver.recording].frame == receiver.frame)[0])
-            for receiver in loose
-            if receiver.segment == segment
-        )
-        part = np.searchsorted(cuts, np.arange(len(column)), side="right")
-        column &= part == np.argmax(np.bincount(part[column], minlength=1))
-    return [replace(poses, valid=valid[recording == r]) for r, poses in enumerate(recordings)]
+@dataclass(frozen=True)
+class Tested:
+    """Receivers that are tested, and how far (S, 2), in mm and rad, each may go with nothing loose."""
+
+    receivers: tuple[int, ...]
+    normal: Array
+
+    @classmethod
+    def of(cls, evidence: Evidence) -> Tested:
+        """Give those over bones of known anatomy."""
+        names, metacarpals = evidence.model.receivers, {d.segments[0] for d in known_digits(evidence.layout)}
+        kinds = ["metacarpal" if name in metacarpals else "phalanx" for name in names]
+        kinds[names.index(root_of(evidence.layout))] = "palm"
+        over_bones = tuple(s for s, name in enumerate(names) if name in evidence.model.mount)
+        return cls(over_bones, np.array([NORMAL[kind] for kind in kinds]))
+
+    def scored(self, problem: Problem, point: Point, only: Sequence[int] = ()) -> ScoreTest:
+        """Test these or only some of them."""
+        return ScoreTest.of(problem, point, self.normal, only or self.receivers)
 
 
-def _recording_of_rows(recordings: Sequence[Poses]) -> Index:
+def recording_of_rows(recordings: Sequence[Poses]) -> Index:
     """Which recording each frame (T,) of all of them, one after the other, is of."""
     return np.repeat(np.arange(len(recordings)), [len(poses.frame) for poses in recordings])
 
@@ -151,7 +221,7 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
 
 
 def _uncovered(
-    problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Sequence[int]
+    problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Tested
 ) -> tuple[Point, list[Displacement]]:
     """Where to begin and what is displaced there, if that is likelier than nothing being displaced.
 
@@ -161,25 +231,25 @@ def _uncovered(
     """
     start = pose(skinless, first_guess(skinless, model, np.zeros(len(point.x))), _POSING_STEPS)
     start = solve(skinless, start, _BARE_STEPS, NEARLY).point
-    rivals = ScoreTest.of(skinless, start, tested).rivals()
+    rivals = tested.scored(skinless, start).rivals()
     if not rivals:
         return point, []
-    as_it_was = _refined(problem, point, [], rivals)
-    with_rivals = [_refined(problem, start, [rival], rivals) for rival in rivals]
+    as_it_was = _refined(problem, point, tested, [], rivals)
+    with_rivals = [_refined(problem, start, tested, [rival], rivals) for rival in rivals]
     _, point, displaced = min((as_it_was, *with_rivals), key=_cost)
     return point, displaced
 
 
 def _search(
-    problem: Problem, point: Point, displaced: list[Displacement], tested: Sequence[int]
+    problem: Problem, point: Point, displaced: list[Displacement], tested: Tested
 ) -> tuple[Point, list[Displacement]]:
     """All displacements of the tested receivers, each looked for with the earlier ones put back."""
     corrected = replace(problem, frames=_certain(_put_back(problem.frames, displaced), displaced))
     for _ in range(MOST_DISPLACEMENTS):
-        rivals = ScoreTest.of(corrected, point, tested).rivals()
+        rivals = tested.scored(corrected, point).rivals()
         if not rivals:
             break
-        with_rivals = [_refined(problem, point, _added(displaced, rival), rivals) for rival in rivals]
+        with_rivals = [_refined(problem, point, tested, _added(displaced, rival), rivals) for rival in rivals]
         corrected, point, displaced = min(with_rivals, key=_cost)
     return point, displaced
 
@@ -191,19 +261,23 @@ def _cost(refined: tuple[Problem, Point, Sequence[Displacement]]) -> float:
 
 
 def _needed(
-    problem: Problem, point: Point, displaced: list[Displacement]
+    problem: Problem, tested: Tested, point: Point, displaced: list[Displacement]
 ) -> tuple[list[Displacement], Array]:
     """Leave out what later ones explain; give also x with all receivers put back."""
     for moved in displaced if len(displaced) > 1 else ():
         others = [other for other in displaced if other is not moved]
-        corrected, start, refined = _refined(problem, point, others)
-        if ScoreTest.of(corrected, start, [moved.receiver]).likeliest(moved.receiver) is None:
-            return _needed(problem, start, refined)
+        corrected, start, refined = _refined(problem, point, tested, others)
+        if tested.scored(corrected, start, [moved.receiver]).likeliest(moved.receiver) is None:
+            return _needed(problem, tested, start, refined)
     return displaced, point.x
 
 
 def _refined(
-    problem: Problem, point: Point, displaced: Sequence[Displacement], rivals: Sequence[Displacement] = ()
+    problem: Problem,
+    point: Point,
+    tested: Tested,
+    displaced: Sequence[Displacement],
+    rivals: Sequence[Displacement] = (),
 ) -> tuple[Problem, Point, list[Displacement]]:
     """Solve for the hand and for these displacements; give the problem with the receivers put back, and both.
 
@@ -215,7 +289,7 @@ def _refined(
         corrected = replace(problem, frames=frames)
         point = solve(corrected, point, _SOLVING_STEPS, NEARLY).point
         if not is_last:
-            test = ScoreTest.of(corrected, point, [moved.receiver for moved in refined])
+            test = tested.scored(corrected, point, [moved.receiver for moved in refined])
             refined = [test.refined(moved) for moved in refined]
     return corrected, point, refined
 
@@ -223,7 +297,10 @@ def _refined(
 def _added(displaced: Sequence[Displacement], new: Displacement) -> list[Displacement]:
     """The displacements and one more; what is left of one that was already known is added to it."""
     for i, known in enumerate(displaced):
-        if known.receiver == new.receiver and abs(known.at - new.at) <= _SAME_MOMENT:
+        if (
+            known.receiver == new.receiver
+            and max(abs(known.start - new.start), abs(known.end - new.end)) <= _SAME_MOMENT
+        ):
             return [*displaced[:i], replace(known, step=known.step + new.step), *displaced[i + 1 :]]
     return [*displaced, new]
 
@@ -232,9 +309,9 @@ def _put_back(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
     """The frames as they were measured had the receivers stayed in their places."""
     rotation, position = frames.rotation.copy(), frames.position_mm.copy()
     for moved in displaced:
-        rows, s = slice(moved.at, None), moved.receiver
-        rotation[rows, s] = rotation[rows, s] @ exp_rotation(-moved.step[3:])
-        position[rows, s] -= rotation[rows, s] @ moved.step[:3]
+        s, step = moved.receiver, moved.share(len(rotation))[:, None] * moved.step
+        rotation[:, s] = rotation[:, s] @ exp_rotation(-step[:, 3:])
+        position[:, s] -= (rotation[:, s] @ step[:, :3, None])[..., 0]
     return Frames(rotation, position, frames.valid)
 
 
@@ -242,8 +319,19 @@ def _certain(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
     """The frames without the displaced receivers where it is not certain whether they had moved yet."""
     valid = frames.valid.copy()
     for moved in displaced:
-        valid[max(0, moved.at - _UNSURE_FRAMES) : moved.at + _UNSURE_FRAMES, moved.receiver] = False
+        if not moved.slides:
+            near = slice(max(0, moved.start - _UNSURE_FRAMES), moved.start + _UNSURE_FRAMES)
+            valid[near, moved.receiver] = False
     return replace(frames, valid=valid)
+
+
+def _among(displaced: Displacement, rows: Index, near: Index) -> Displacement:
+    """A displacement of the even frames `rows` among the frames `near`."""
+    begin, end = (
+        np.interp(moment, np.arange(len(rows)), rows) for moment in (displaced.start, displaced.end)
+    )
+    start, stop = np.searchsorted(near, [begin, end])
+    return replace(displaced, start=int(start), end=int(stop))
 
 
 def _exact_row(
@@ -257,15 +345,15 @@ def _exact_row(
 ) -> int:
     """The first row of poses at which the receiver is rather displaced than not, all else being known.
 
-    rows : (F,) the even frames, in which `at` of displacements counts.
+    rows : (F,) the even frames, in which `start` of displacements counts.
     """
-    first = rows[max(0, displaced.at - _SAME_MOMENT)]
-    last = rows[min(len(rows) - 1, displaced.at + _SAME_MOMENT)]
+    first = rows[max(0, displaced.start - _SAME_MOMENT)]
+    last = rows[min(len(rows) - 1, displaced.start + _SAME_MOMENT)]
     near = np.unique(np.linspace(first, last, min(_DENSE_FRAMES, int(last - first) + 1)).round().astype(int))
     frames = fit.evidence.convention.frames(poses.take(near))
-    before = [replace(other, at=int(np.searchsorted(near, rows[other.at]))) for other in others]
+    before = [_among(other, rows, near) for other in others]
     costs = []
-    for put_back in (before, [*before, replace(displaced, at=0)]):
+    for put_back in (before, [*before, replace(displaced, start=0, end=0)]):
         dense = replace(problem, frames=_put_back(frames, put_back))
         point = pose(dense, first_guess(dense, fit.evidence.model, x), _POSING_STEPS)
         costs.append(residuals(dense, point).frame_cost)

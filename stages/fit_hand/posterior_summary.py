@@ -9,22 +9,14 @@ import numpy as np
 
 from anatomy import average_hand as prior
 from schemas.layout import Joint
+from schemas.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSETTLED, Doubts, Values
+from skeleton.angle_range import angle_range, flattening
 from skeleton.rotations import Array
 from stages.fit_hand.building import KINDS, axis_frame, receiver
 from stages.fit_hand.posterior import Evidence, Place, centre_by_unknowns, places_of
 
-WEAK_SD_MM = 2.0
-WEAK_AXIS_SD_DEG = 5.0
-WEAK_RANGE_DEG = 10.0
 STRANGE_SD = 5.0
-_LOST = {
-    False: ": lengths of bones stand in for it",
-    True: ": no worn receiver carries the centre; what is known is in bone_lengths and bone_poses",
-}
-"""What a joint lacks beside which one receiver, or none, is worn (True)."""
-
-WEAK_GAP_MM = 10.0
-"""No skin on a hand lets two receivers disagree so much about their joint; a wrong quaternion order does."""
+"""A hand so far from the usual is rather wrong units, swapped receivers, or a receiver far off its bone."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +29,8 @@ class FittedJoint:
     the parent's, or the child's where the parent is empty (the wrist without a forearm receiver).
     covariance_mm2 : (6, 6) of both. axis_parent, axis_child : (3,) unit flexion axis there; axis_sd_deg : its
     1-sigma direction error. range_deg : of flexion over the frames
-    fitted. gap_rms_mm : of the centre in the recording. status : ok or weak; message : why.
+    fitted. gap_rms_mm : of the centre in the recording. doubts : what is known against it beside its numbers
+    (schemas.verdict). message : why no receiver carries it; empty where one does.
     """
 
     name: str
@@ -52,8 +45,8 @@ class FittedJoint:
     axis_sd_deg: float
     range_deg: float
     gap_rms_mm: float
-    status: str
-    message: str
+    doubts: Doubts
+    message: str = ""
 
     @property
     def sd_mm(self) -> float:
@@ -102,15 +95,13 @@ def summarise(evidence: Evidence) -> HandSummary:
             (joints if worn else unworn)[joint.name] = _joint(joint, places, evidence)
         elif evidence.model.centres.get(joint.name) in places:
             seen = places[receiver(joint.parent_receiver)].sees(places[evidence.model.centres[joint.name]])
-            message = "does not move, so anatomy and the palm's shape place it"
             ends = joint.parent_receiver, joint.child
-            fixed[joint.name] = _fixed(joint.name, ends, joint.parent_receiver, seen, evidence, message)
+            fixed[joint.name] = _fixed(joint.name, ends, joint.parent_receiver, seen, evidence)
     wrist, base = evidence.layout.wrist, evidence.model.receivers[0]
     if wrist is not None and wrist.joint not in joints and evidence.model.length:
         still = np.zeros((3, len(evidence.posterior.x)))
         seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
-        message = "where the metacarpals' bases say; there is no forearm receiver"
-        fixed[wrist.joint] = _fixed(wrist.joint, ("", wrist.segment), base, seen, evidence, message)
+        fixed[wrist.joint] = _fixed(wrist.joint, ("", wrist.segment), base, seen, evidence)
     bones = {
         segment: FittedBone(*evidence.posterior.of_amount(length))
         for segment, length in evidence.model.length.items()
@@ -152,13 +143,13 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         covariance[half, half] += bent_skin_mm2(segment, evidence)
     axis_sd = float(np.degrees(np.sqrt(np.trace(axis_by_x @ posterior.covariance @ axis_by_x.T))))
     flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
-    range_deg = float(np.degrees(np.ptp(flexion)))
-    gap = _gap_rms_mm(joint, evidence, points)
-    reasons = _doubts(joint, evidence, covariance, axis_sd, range_deg, gap)
-    sides = (joint.parent_receiver, joint.child)
-    unworn = [s for s in sides if s not in model.receivers and evidence.layout.segments[s].measured]
-    if unworn:
-        reasons = [f"no receiver on {' or '.join(unworn)}{_LOST[len(unworn) == len(sides)]}", *reasons]
+    range_deg = angle_range(np.degrees(flexion), flattening(flexion))
+    doubts, sides = _doubts(joint, evidence), (joint.parent_receiver, joint.child)
+    unworn = doubts.get(ONE_RECEIVER, {}).get("segments", [])
+    nowhere = (
+        f"no receiver on {' or '.join(unworn)}: no worn receiver carries the centre; what is known is in "
+        "bone_lengths and bone_poses"
+    )
     return FittedJoint(
         name=joint.name,
         parent_segment="" if sides[0] in unworn else sides[0],
@@ -171,9 +162,9 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         axis_child=convention.axis(joint.child, axes[joint.child]),
         axis_sd_deg=axis_sd,
         range_deg=range_deg,
-        gap_rms_mm=gap,
-        status="failed" if len(unworn) == len(sides) else "weak" if reasons else "ok",
-        message="; ".join(reasons),
+        gap_rms_mm=_gap_rms_mm(joint, evidence, points),
+        doubts=doubts,
+        message=nowhere if len(unworn) == len(sides) else "",
     )
 
 
@@ -183,9 +174,10 @@ def _fixed(
     segment: str,
     seen: tuple[Array, Array],
     evidence: Evidence,
-    message: str,
 ) -> FittedJoint:
-    """A centre as the receiver on `segment` sees it, with its derivative; ends : parent and child segment."""
+    """A centre that anatomy and the palm's shape place, as the receiver on `segment` sees it, with its
+    derivative; ends : parent and child segment.
+    """
     by_x = evidence.convention.point_matrix(segment) @ seen[1]
     side = 0 if ends[0] else 1
     half = slice(3 * side, 3 * side + 3)
@@ -205,8 +197,7 @@ def _fixed(
         np.nan,
         np.nan,
         np.nan,
-        "ok",
-        message,
+        {BY_ANATOMY: {}},
     )
 
 
@@ -224,36 +215,21 @@ def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -
     return float(np.sqrt((weight * (apart**2).sum(-1)).sum() / weight.sum()))
 
 
-def _doubts(
-    joint: Joint,
-    evidence: Evidence,
-    covariance_mm2: Array,
-    axis_sd_deg: float,
-    range_deg: float,
-    gap_rms_mm: float,
-) -> list[str]:
-    """Reasons why a joint is weak, those of the whole hand first; none where it is not."""
+def _doubts(joint: Joint, evidence: Evidence) -> dict[str, Values]:
+    """What is known against a joint's centre beside its numbers, by kind; of the whole hand first."""
     off = np.abs(evidence.posterior.x) * np.sqrt(evidence.problem.precision)
     strangest, receivers = int(np.argmax(off)), evidence.model.receivers
-    dead = [
-        segment
-        for segment in (joint.parent_receiver, joint.child)
-        if segment in receivers and not evidence.problem.frames.valid[:, receivers.index(segment)].any()
-    ]
-    halves = (covariance_mm2[:3, :3], covariance_mm2[3:, 3:])
-    seen = [np.linalg.eigvalsh(half)[-1] for half in halves if np.isfinite(half).all()]
-    worst_mm = float(np.sqrt(max([*seen, 0.0])))
-    doubts = {
-        "the fit of the hand did not converge": not evidence.converged,
-        f"the hand that fits is strange ({evidence.model.unknowns.names[strangest]} is "
-        f"{off[strangest]:.0f} sd from the usual): wrong units, swapped receivers, or a receiver far from "
-        "the middle of its bone": off[strangest] > STRANGE_SD,
-        **{f"no valid pose of {s}: anatomy and the other receivers stand in for it": True for s in dead},
-        f"its receivers disagree by {gap_rms_mm:.0f} mm: a loose receiver, a wrong quaternion order or angle "
-        "convention, or more skin than on a hand": gap_rms_mm > WEAK_GAP_MM,
-        f"moved only {range_deg:.1f} deg: anatomy says more about it than the recording": range_deg
-        < WEAK_RANGE_DEG,
-        f"centre uncertain by {worst_mm:.1f} mm in its worst direction": worst_mm > WEAK_SD_MM,
-        f"axis uncertain by {axis_sd_deg:.0f} deg": joint.dof == 1 and axis_sd_deg > WEAK_AXIS_SD_DEG,
-    }
-    return [reason for reason, holds in doubts.items() if holds]
+    sides = (joint.parent_receiver, joint.child)
+    valid = evidence.problem.frames.valid
+    dead = [s for s in sides if s in receivers and not valid[:, receivers.index(s)].any()]
+    unworn = [s for s in sides if s not in receivers and evidence.layout.segments[s].measured]
+    doubts: dict[str, Values] = {}
+    if not evidence.converged:
+        doubts[UNSETTLED] = {}
+    if off[strangest] > STRANGE_SD:
+        doubts[FAR] = {"what": evidence.model.unknowns.names[strangest], "sd": float(off[strangest])}
+    if dead:
+        doubts[NO_POSE] = {"segments": dead}
+    if unworn:
+        doubts[ONE_RECEIVER] = {"segments": unworn}
+    return doubts

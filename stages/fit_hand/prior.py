@@ -45,18 +45,22 @@ def build_parser() -> argparse.ArgumentParser:
 
 def lay_out(arguments: argparse.Namespace) -> None:
     """Lay out each hand and write its tables; a hand of which no anatomy is known has no part."""
-    from anatomy.known_digits import known_digits
     from schemas.tables import Provenance
     from stages.fit_hand.hand_tables import PRIOR, open_tables
 
     plan = command_line.plan_of(arguments)
     provenance = Provenance.of(command_line.poses_files(plan), plan.folder)
     with open_tables(arguments.out, PRIOR, provenance) as tables:
-        for hand in plan.layouts:
-            part = plan.part(hand, PRIOR_ONLY)
-            if known_digits(plan.layouts[hand]):
-                with command_line.recording_failure(arguments, part, *tables.values()):
-                    _write_prior(plan, part, tables)
+        for part in _parts(plan):
+            with command_line.recording_failure(arguments, part, *tables.values()):
+                _write_prior(plan, part, tables)
+
+
+def _parts(plan: SubjectPlan) -> list[Part]:
+    """Hands of which anatomy is known."""
+    from anatomy.known_digits import known_digits
+
+    return [plan.part(hand, PRIOR_ONLY) for hand, layout in plan.layouts.items() if known_digits(layout)]
 
 
 def fit_prior(
@@ -107,9 +111,17 @@ def _write_prior(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter
         tables["prior_posed_tips"].columns(part, tips)
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no hand was laid out, of every part."""
+    from stages.fit_hand.hand_tables import PRIOR
+
+    tables = {arguments.out / f"{name}.parquet": table for name, table in PRIOR.items()}
+    command_line.record_failed_parts(message, tables, _parts(command_line.plan_of(arguments)))
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), lay_out)
+    return command_line.run(build_parser().parse_args(argv), lay_out, record_bug=record_bug)
 
 
 if __name__ == "__main__":

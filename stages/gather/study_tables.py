@@ -11,8 +11,17 @@ import pyarrow.compute as pc
 import yaml
 
 from schemas import PROGRAM, VERSION
-from schemas.catalogue import FINDINGS, PROBLEMS, RECEIVERS, RECORDINGS, TABLES
+from schemas.catalogue import (
+    FINDINGS,
+    JOINT_CENTRES,
+    JOINT_SOLUTIONS,
+    PROBLEMS,
+    RECEIVERS,
+    RECORDINGS,
+    TABLES,
+)
 from schemas.config_files import read_config
+from schemas.errors import INTERNAL
 from schemas.files import write_text
 from schemas.findings import NOTE, REFUSED, STAGE, Finding, problem_of, problem_row, same_file, worded
 from schemas.layout import read_layout
@@ -47,6 +56,7 @@ def gather_study(study: Study, results: Results) -> None:
     recordings = [row for plan in plans for row in _recording_rows(plan, problems)]
     problems += [row for plan in plans for row in _finding_rows(plan, recordings)]
     problems += _same_files(plans)
+    problems += [row for plan in plans for row in _bugs(plan)]
     for name in GATHERED_TABLES:
         problems += _gather_table(results, name, plans)
     problems += [row for plan in plans for row in _uncalibrated(plan)]
@@ -105,7 +115,7 @@ def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> 
     problems: list[Row] = []
     for plan, file in files:
         tables.append(_whole_skeletons(file, table))
-        problems += _failed_parts(plan, file, table, stage)
+        problems += _part_problems(plan, file, table, stage)
     rows = pa.concat_tables([own.replace_schema_metadata() for own in tables])
     provenance = Provenance.of([file for _, file in files], results.folder)
     columns = {column.name: rows.column(column.name) for column in table.columns}
@@ -121,28 +131,82 @@ def _whole_skeletons(file: Path, table: Table) -> pa.Table:
     return rows.filter(pc.equal(rows.column("made_without"), ""))
 
 
-def _failed_parts(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
+_WRITTEN_BEFORE = (
+    (JOINT_SOLUTIONS, "joint_solutions", "solve_joints"),
+    (JOINT_CENTRES, "projected_joints", "project_planes"),
+    (JOINT_CENTRES, "prior_joints", "fit_prior"),
+    (RECEIVERS, RECEIVERS.name, "fit_hand"),
+)
+"""Tables of stages whose failures others pass on, by form and file, and the rule that writes each."""
+
+
+def _bugs(plan: SubjectPlan) -> Iterator[Row]:
+    """Name bugs with the stage that they are in, before others pass them on as their own failures."""
+    for table, name, stage in _WRITTEN_BEFORE:
+        for file in filter(Path.is_file, plan.files_of(name)):
+            problems = _part_problems(plan, file, table, stage)
+            yield from (row for row in problems if row["message"].startswith(INTERNAL))
+
+
+def _part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
+    """Parts that failed, and what a stage notes of others."""
     for part, parameters in part_metadata(file, table).items():
-        if "failure" in parameters and not part.made_without:
-            where = {**vars(plan.hand(part.hand)), "model": part.model}
-            kind = "skeleton" if part.model else "hand"
-            yield problem_row(stage, worded(kind, REFUSED, parameters["failure"]), **where)
+        where = {**vars(plan.hand(part.hand)), "model": part.model}
+        kind = "skeleton" if part.model else "hand"
+        for name, severity in (("failure", REFUSED), ("note", NOTE)):
+            if name in parameters and not part.made_without:
+                yield problem_row(stage, worded(kind, severity, parameters[name]), **where)
+
+
+RECEIVER_KINDS = {
+    "": "receiver",
+    "step": "receiver-loose",
+    "slide": "receiver-slid",
+}
+"""Kinds of problems by what displaced a receiver."""
+
+OF_A_MODEL = ("subject", "session", "hand", "model")
 
 
 def _receiver_problems(receivers: pa.Table) -> list[Row]:
-    """Receivers that came loose, and touches that were refused, once however many models say so.
+    """Receivers that came loose or slid, and touches that were refused, once however many models say so; a
+    disturbed field once for all receivers that are in it.
 
     A receiver without a valid pose is named with its recording.
     """
-    return [
-        problem_row(
-            "fit_hand",
-            Finding("receiver", NOTE, "", {"segment": row["segment"], "message": row["message"]}),
-            **{name: row[name] for name in ("subject", "session", "hand")},
-        )
-        for row in rows_of(receivers)
-        if row["message"] and row["status"] != "failed"
-    ]
+    problems, in_field = [], dict[tuple[str, ...], list[Row]]()
+    for row in rows_of(receivers):
+        if not row["message"] or row["status"] == "failed":
+            continue
+        if row["loose_kind"] == "field":
+            in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
+            continue
+        values = {"segment": row["segment"], "message": row["message"]}
+        found = Finding(RECEIVER_KINDS[row["loose_kind"]], NOTE, "", values)
+        problems.append(problem_row("fit_hand", found, **_hand_of(row)))
+    for rows in in_field.values():
+        found = Finding("field-disturbed", NOTE, "", _field_values(rows))
+        problems.append(problem_row("fit_hand", found, **_hand_of(rows[0])))
+    return problems
+
+
+def _hand_of(row: Row) -> dict[str, str]:
+    return {key: row[key] for key in ("subject", "session", "hand")}
+
+
+def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
+    """What a disturbed field did to the receivers in it, from their rows."""
+    mm, deg, share = (
+        max(row[name] for row in rows) for name in ("loose_shift_mm", "loose_turn_deg", "left_out_share")
+    )
+    return {
+        **{axis: rows[0][f"field_{axis}_mm"] for axis in "xyz"},
+        "count": len(rows),
+        "mm": mm,
+        "deg": deg,
+        "percent": 100 * share,
+        "segments": [row["segment"] for row in rows],
+    }
 
 
 def _clock_problems(clocks: pa.Table) -> list[Row]:

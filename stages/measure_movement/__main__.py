@@ -24,7 +24,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage measure_movement",
-        "Measure movement in every evaluated recording: ranges, speeds, cycles, ways of the fingertips.",
+        "Measure movement in every evaluated recording: ranges, speeds, cycles, ways of the fingertips; in "
+        "those that only calibrate, ranges.",
         "shukotsu stage measure_movement --plan results/demo/sub-01/plan.json --out results/demo/sub-01",
     )
     parser.add_argument(
@@ -58,7 +59,9 @@ def measure(arguments: argparse.Namespace) -> None:
             for name in MEASURED_TABLES
         }
         for hand in plan.hands:
-            cycles = cycles_of(plan, hand, arguments.events)
+            cycles: Cycles = {}
+            with command_line.recording_failure(arguments, plan.part(hand), tables["movement_cycles"]):
+                cycles = cycles_of(plan, hand, arguments.events)
             used: set[tuple[Recording, str, int]] = set()
             for part in plan.parts():
                 if part.hand == hand and not part.made_without:
@@ -93,9 +96,11 @@ def _measure_part(
             raise
         except InputError:
             continue  # its import failed: the recordings table says why
-        whole, own_curves = _measure_recording(plan, part, recording, cycles[recording], tables)
+        whole, own_curves = _measure_recording(plan, part, recording, cycles.get(recording, ()), tables)
         used |= whole
         curves += own_curves
+    for recording in _calibrations(plan, part):
+        tables["ranges_of_motion"].rows(part, _calibration_ranges(plan, part, recording))
     for columns in curves:  # only now, as what `columns` has written stays there where the part fails
         tables["movement_curves"].columns(part, columns)
 
@@ -142,6 +147,34 @@ def _measure_recording(
     return used, curves
 
 
+def _calibrations(plan: SubjectPlan, part: Part) -> list[Recording]:
+    """Recordings that only calibrate a hand and can be posed: without the tables of its metacarpals."""
+    from schemas.poses import usable_poses
+
+    rides = any(digit.metacarpal for digit in plan.layouts[part.hand].digits.values())
+    if rides and plan.models[part.model].fitting is None:
+        return []
+    recordings = plan.recordings_of(part.hand, "calibration")
+    return [own for own in recordings if usable_poses([plan.poses(own)])[0]]
+
+
+def _calibration_ranges(plan: SubjectPlan, part: Part, recording: Recording) -> list[dict[str, Any]]:
+    """Rows of ranges_of_motion of a recording that nothing else is measured in."""
+    from stages.measure_movement.movement_rows import range_rows
+    from stages.measure_movement.recorded_movement import RecordedMovement
+    from stages.measure_movement.sampling import grid_of
+
+    movement = RecordedMovement(plan, recording, part.model)
+    if movement.unsolved():
+        return []
+    grid = grid_of(movement.poses.time_s)
+    return [
+        {**recording.key, **row}
+        for series in movement.angles()
+        for row in range_rows(series, grid, {joint: movement.reliability(joint) for joint in series.joints})
+    ]
+
+
 def _write_cycles(
     plan: SubjectPlan,
     hand: str,
@@ -160,9 +193,23 @@ def _write_cycles(
     table.rows(plan.part(hand), rows)
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why nothing was measured, of every part."""
+    from schemas.catalogue import TABLES as CATALOGUE
+    from schemas.plan import read_plan
+    from schemas.results import MEASURED_TABLES
+
+    plan = read_plan(arguments.plan)
+    whole = [part for part in plan.parts() if not part.made_without]
+    for name in MEASURED_TABLES:
+        parts = map(plan.part, plan.hands) if name == "movement_cycles" else whole
+        tables = {arguments.out / f"{name}.parquet": CATALOGUE[name]}
+        command_line.record_failed_parts(message, tables, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), measure)
+    return command_line.run(build_parser().parse_args(argv), measure, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
 from skeleton.rotations import Array
 
 Booleans = npt.NDArray[np.bool_]
 _Ends = tuple[Booleans, Booleans]
 
-LOW_PERCENT, HIGH_PERCENT = 2.5, 97.5
 _ENDS_PERCENT = 5.0
 """Of the frames at either end, over which an end's error is averaged."""
 

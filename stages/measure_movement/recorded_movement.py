@@ -26,6 +26,7 @@ ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
 """Columns of joint_angles, without the angle's name."""
 
 _BONE_POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+DOUBTED = "its centre is not to be believed"
 _BLOCK_FRAMES = 1 << 15
 _FACING_FRAMES = 512
 """Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
@@ -71,7 +72,9 @@ class RecordedMovement:
     def reliability(self, joint: str) -> tuple[str, str]:
         """Status and message of a joint's centre."""
         row = self._skeleton.joints.get(joint)
-        return ("failed", "the joint was not solved") if row is None else (row["status"], row["message"])
+        if row is None:
+            return "failed", "the joint was not solved"
+        return row["status"], DOUBTED if row["status"] == "weak" else row["message"]
 
     def unsolved(self) -> Mapping[str, str]:
         """Why each joint failed, where no joint of a digit was solved; else nothing."""

@@ -75,9 +75,17 @@ def _corrections_mm(plan: SubjectPlan, hand: str) -> dict[str, Array]:
     }
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no joint was placed, of every part."""
+    from schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
+
+    parts = command_line.plan_of(arguments, (arguments.joints, JOINT_SOLUTIONS)).parts()
+    command_line.record_failed_parts(message, {arguments.out: JOINT_CENTRES}, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), project_planes)
+    return command_line.run(build_parser().parse_args(argv), project_planes, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""One joint from its solution to its centre: plane, correction, trust, in that order."""
+"""One joint from its solution to its centre: plane, correction, error, in that order."""
 
 from __future__ import annotations
 
@@ -7,33 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from anatomy.skin import is_known
 from schemas.layout import Joint, Layout
 from schemas.model import SkeletonModel
+from schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, doubts_of, noted
 from skeleton.rotations import Array
 from stages.project_planes.plane import (
     Projection,
     centre_sd_mm,
     correct,
     gap_rms_mm,
-    is_worst_along,
     leave_uncut,
     project,
-    worst_direction_sd_mm,
 )
 from stages.project_planes.unseen_error import unseen_covariance
-
-WEAK_SCATTER_MM = 2.0
-WEAK_SD_MM = 7.0
-"""In 3-D: a third of a phalanx; a centre that is less sure is of little use on a hand."""
-
-WEAK_AXIS_SD_DEG = 5.0
-WEAK_GAP_MM = 10.0
-"""No skin on a hand lets two receivers disagree so much about their joint; a wrong quaternion order does."""
-
-WEAK_RANGE_DEG = 10.0
-"""Skin alone turns receivers by some 4 deg against each other, and correlates with the neighbours' motion:
-an axis found from less than about twice that may be the skin's (docs/method.md)."""
 
 
 def place_joint(
@@ -54,6 +40,7 @@ def place_joint(
         "dof": _dof(joint, model),
         "source": "fit",
         "n_frames": solution["n_frames"],
+        **UNJUDGED,
         "status": solution["status"],
         "message": solution["message"],
     }
@@ -67,16 +54,14 @@ def place_joint(
         return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
     row |= _centre(solution, placed, shift_mm, model)
+    doubts = doubts_of(solution)
     if model.cut:
         row |= _whole_error(joint, layout, placed, solution)
-        reasons = _doubts(joint, layout, row, placed.covariance_mm2, model)
-    else:
-        reasons = [solution["message"]] * bool(solution["message"]) + _disagreement(row)
-    row["status"] = "weak" if reasons else "ok"
+        doubts |= _doubts(joint, row, model)
     if correction_mm is not None:
         row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
-        reasons.append(f"moved {row['correction_mm']:.1f} mm by hand; its sd_mm is the fit's, not the hand's")
-    return row | {"message": "; ".join(reasons)}
+        doubts[BY_HAND] = {"correction_mm": row["correction_mm"]}
+    return row | noted(doubts)
 
 
 def _dof(joint: Joint, model: SkeletonModel) -> int:
@@ -168,52 +153,15 @@ def _mean_rotation(solution: Mapping[str, Any]) -> Array:
     return np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
 
 
-def _doubts(
-    joint: Joint, layout: Layout, row: Mapping[str, Any], scatter_mm2: Array, model: SkeletonModel
-) -> list[str]:
-    """Say in words what makes the centre weak; nothing where nothing does.
-
-    scatter_mm2 : (6, 6) covariance of the centre by its frames' scatter.
-    """
-    reasons = []
-    worst_scatter_mm = worst_direction_sd_mm(scatter_mm2)
-    hinge = is_worst_along(scatter_mm2, _vector(row, "axis_parent_"), _vector(row, "axis_child_"))
-    where = "along its axis, where only a plane could place it" if hinge else "in the worst direction"
+def _doubts(joint: Joint, row: Mapping[str, Any], model: SkeletonModel) -> dict[str, Values]:
+    """What is known against the centre beside its numbers, by kind."""
+    doubts: dict[str, Values] = {}
     if joint.compound:
-        reasons.append(
-            f"solved against {joint.parent_receiver} across {joint.parent}, which moves and carries no "
-            "receiver: the centre can be centimetres off and nothing in the data shows it"
-        )
-    reasons += _disagreement(row)
-    if row["range_deg"] < WEAK_RANGE_DEG:
-        reasons.append(f"moved only {row['range_deg']:.1f} deg; skin motion alone can look like that")
-    cut = row["axis_plane_deg"] is not None
-    if cut and row["axis_plane_deg"] < model.parallel_limit_deg:
-        reasons.append(
-            f"its axis is {row['axis_plane_deg']:.0f} deg from the plane that cuts it, "
-            f"which moved the centre {abs(row['slide_mm']):.0f} mm along it"
-        )
-    if worst_scatter_mm > WEAK_SCATTER_MM:
-        reasons.append(f"its frames scatter by {worst_scatter_mm:.1f} mm {where}")
-    elif row["sd_mm"] > WEAK_SD_MM and is_known(joint.child, layout):
-        reasons.append(f"skin and the receivers' places leave the centre uncertain by {row['sd_mm']:.0f} mm")
-    if cut and row["axis_sd_deg"] > WEAK_AXIS_SD_DEG:
-        reasons.append(f"axis uncertain by {row['axis_sd_deg']:.0f} deg")
-    return reasons
-
-
-def _disagreement(row: Mapping[str, Any]) -> list[str]:
-    if row["gap_rms_free_mm"] > WEAK_GAP_MM:
-        return [
-            f"its receivers disagree by {row['gap_rms_free_mm']:.0f} mm at best: a loose receiver, a wrong "
-            "quaternion order or angle convention, or more skin than on a hand"
-        ]
-    if row["gap_rms_mm"] > WEAK_GAP_MM:
-        return [
-            f"its receivers disagree by {row['gap_rms_mm']:.0f} mm about this centre and by "
-            f"{row['gap_rms_free_mm']:.0f} mm at best: what it was moved by does not fit its motion"
-        ]
-    return []
+        doubts[ACROSS] = {"segment": joint.parent, "receiver": joint.parent_receiver}
+    angle_deg = row["axis_plane_deg"]
+    if angle_deg is not None and angle_deg < model.parallel_limit_deg:
+        doubts[AXIS_IN_PLANE] = {"axis_plane_deg": angle_deg, "slide_mm": abs(row["slide_mm"])}
+    return doubts
 
 
 def _vector(row: Mapping[str, Any], prefix: str, suffix: str = "") -> Array:

@@ -8,8 +8,6 @@ import numpy as np
 
 from skeleton.rotations import Array, nearest_rotation, unit
 
-_ALONG_COS = np.cos(np.radians(20))
-
 
 @dataclass(frozen=True)
 class Projection:
@@ -112,19 +110,6 @@ def centre_sd_mm(covariance_mm2: Array) -> float:
     """1-sigma, three-dimensional error of a centre from the covariance of (p, q): the worse half's."""
     variance = np.maximum(np.diag(covariance_mm2), 0.0)
     return float(np.sqrt(max(variance[:3].sum(), variance[3:].sum())))
-
-
-def worst_direction_sd_mm(covariance_mm2: Array) -> float:
-    """1-sigma error of a centre in its worst direction: the worse half's."""
-    halves = (covariance_mm2[:3, :3], covariance_mm2[3:, 3:])
-    return float(np.sqrt(max(max(np.linalg.eigvalsh(half)[-1] for half in halves), 0.0)))
-
-
-def is_worst_along(covariance_mm2: Array, axis_parent: Array, axis_child: Array) -> bool:
-    """Whether a centre's worst direction is that of its axis, (3,) each: a hinge's frames leave that open."""
-    worst = np.linalg.eigh(covariance_mm2)[1][:, -1]
-    along = np.concatenate([axis_parent, axis_child]) / np.sqrt(2)
-    return bool(abs(worst @ along) > _ALONG_COS)
 
 
 def gap_rms_mm(

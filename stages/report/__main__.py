@@ -52,7 +52,7 @@ def report(arguments: argparse.Namespace) -> None:
         from stages.report.wording import speaking
 
         movement = read_movement(results)
-        with speaking(study.language):
+        with speaking(study.language, results.problems):
             write_text(arguments.out, render_study(results, study, movement))
             write_text(arguments.out.parent / "report" / "movement.html", render_movement(results, movement))
     if arguments.to_terminal:

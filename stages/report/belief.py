@@ -1,11 +1,12 @@
-"""Whether to believe a joint: one decision, which every page, picture and figure shows."""
+"""How a verdict on a joint or a bone looks and reads: the tables have it, and nothing here decides."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from typing import Any
 
-from schemas.catalogue import DISTAL_RECEIVER
+from schemas import verdict
 from schemas.layout import Layout
 from stages.report.palette import AMBER, INK, NO, WEAK_LINE, Mark
 from stages.report.table_cells import alike, listed
@@ -21,69 +22,73 @@ BELIEF_MARKS: Mapping[str, Mark] = {
     NOT: Mark("X", NO, NO),
 }
 
-SMALL_SD_MM = 2.0
-"""A centre known better than this, 1 sigma in 3-D, is placed within a fifth of a finger's thickness."""
+_SHOWN = {verdict.BELIEVE: BELIEVED, verdict.CARE: CARE, verdict.NO: NOT}
+"""What is shown of the column `verdict`."""
 
-LARGE_GAP_MM = 5.0
-"""On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. Thicker skin moves
-them with posture, so that more frames make the centre no surer."""
+_SAID: Mapping[str, str] = {
+    verdict.SUSPECT: mark("what was found in its recording leaves it out of everything"),
+    verdict.FAR: mark(
+        "the hand that fits is far from any usual one ({what} is {sd:.0f} SD off): wrong units, swapped "
+        "receivers, or a receiver far from the middle of its bone"
+    ),
+    verdict.HALVES: mark(
+        "its receivers disagree by {gap_mm:.0f} mm, which the stated error does not know: a loose receiver, "
+        "a wrong quaternion order or angle convention, or thick skin"
+    ),
+    verdict.UNCERTAIN: mark("known less well than to {wanted_mm:g} mm (1 sigma, 3-D)"),
+    verdict.ONE_WAY: mark(
+        "known less well than to {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"
+    ),
+    verdict.BY_ANATOMY: mark("anatomy places it rather than the recording"),
+    verdict.MOVED_LITTLE: mark("moved only {range_deg:.0f} deg; skin alone can look like that"),
+    verdict.NO_POSE: mark("no valid pose of {segments}: anatomy and the other receivers stand in for it"),
+    verdict.ONE_RECEIVER: mark("no receiver on {segments}: lengths of bones stand in for it"),
+    verdict.UNSETTLED: mark("the fit of the hand did not converge"),
+    verdict.ACROSS: mark(
+        "seen from {receiver} across {segment}, which moves and carries no receiver, so that nothing in the "
+        "data shows how far it is off"
+    ),
+    verdict.AXIS_IN_PLANE: mark(
+        "its axis is {axis_plane_deg:.0f} deg from the plane that cuts it, which moved the centre "
+        "{slide_mm:.0f} mm along it"
+    ),
+    verdict.BY_HAND: mark("moved {correction_mm:.1f} mm by hand; the stated error is of the place before"),
+    verdict.FROM_DOUBTFUL: mark("found from joints that are not to be believed: {joints}"),
+    verdict.NO_ERROR: mark("no error is stated for its place"),
+    verdict.AXIS: mark("its axis is uncertain by {axis_sd_deg:.0f} deg"),
+}
+"""What a kind of doubt says of a joint."""
 
 
 def belief(row: Mapping[str, object]) -> str:
-    """One of BELIEFS for a row of joint_centres."""
-    sd = row["sd_mm"]
-    if row["status"] in ("weak", "failed"):
-        return NOT
-    return BELIEVED if isinstance(sd, float) and sd <= SMALL_SD_MM and not _apart_mm(row) else CARE
+    """One of BELIEFS for a row of joint_centres or bone_lengths: what its column `verdict` says."""
+    return _SHOWN[str(row["verdict"])]
 
 
-def length_belief(
-    bone: Mapping[str, object], joints: Mapping[str, Mapping[str, object]], *, is_whole: bool
-) -> str:
-    """One of BELIEFS for a row of bone_lengths: the worst of the joints at its ends and of its own error.
-
-    joints : rows of joint_centres by joint. is_whole : whether it is the bone itself, see `is_whole_bone`.
-    """
-    sd = bone["sd_mm"]
-    if bone["length_mm"] is None:
-        return NOT
-    known = is_whole and isinstance(sd, float) and sd <= SMALL_SD_MM
-    ends = (belief(joints[str(bone[end])]) for end in ("starts_at", "ends_at") if bone[end] in joints)
-    return max([BELIEVED if known else CARE, *ends], key=BELIEFS.index)
-
-
-def is_whole_bone(bone: Mapping[str, object], layout: Layout) -> bool:
-    """Whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
-    own = {joint.child: name for name, joint in layout.joints.items()}
-    return bone["starts_at"] == own.get(str(bone["bone"])) and bone["ends_at"] != DISTAL_RECEIVER
-
-
-def _apart_mm(row: Mapping[str, object]) -> float:
-    """How far apart a joint's receivers have its centre, rms, where that is more than skin on a hand does."""
-    gap = row.get("gap_rms_mm")
-    return gap if isinstance(gap, float) and gap > LARGE_GAP_MM else 0.0
-
-
-def reason(row: Mapping[str, object]) -> str:
-    """Why a row of joint_centres is not believed, or what else is known of it; empty without either.
+def reasons_of(row: Mapping[str, Any]) -> list[str]:
+    """Why a row of joint_centres is doubted and what else is known of it, sentences, the weightiest first.
 
     Its 1-sigma error stands beside it in a column of its own, so that joints with one reason share it.
     """
-    message = str(row["message"]).rstrip(".")
-    if row["status"] == "failed":
-        return say("has no place: {message}", message=message)
-    if row["status"] == "weak":
-        return told(message) or say("marked weak, no reason given")
-    if apart := _apart_mm(row):
-        wide = say(
-            "its receivers have it {apart:.0f} mm apart, more than skin on a hand moves, which the "
-            "stated error does not know",
-            apart=apart,
-        )
-        return "; ".join(filter(None, [wide, told(message)]))
-    if row["sd_mm"] is None:
-        return "; ".join(filter(None, [say("no error is stated for its place"), told(message)]))
-    return told(message)
+    doubts, message = verdict.doubts_of(row), told(str(row["message"]).rstrip("."))
+    said = [_sentence(kind, values) for kind, values in doubts.items() if kind != verdict.NOT_SOLVED]
+    if verdict.NOT_SOLVED in doubts:
+        message = say("has no place: {message}", message=message)
+    return [text for text in (*said, message) if text]
+
+
+def _sentence(kind: str, values: Mapping[str, Any]) -> str:
+    shown = {
+        name: listed(map(word, own)) if isinstance(own, list) else word(own) if isinstance(own, str) else own
+        for name, own in values.items()
+    }
+    return say(_SAID[kind], **shown) if kind in _SAID else ""
+
+
+def wanted_text(layouts: Iterable[Layout], times: float = 1.0) -> str:
+    """What a study asks of a centre, mm, or so many times that; of several layouts each: 2 or 10."""
+    wanted = sorted({layout.wanted_mm for layout in layouts})
+    return say(" or ").join(f"{times * own:g}" for own in wanted)
 
 
 def commonest(beliefs: Iterable[str]) -> str:

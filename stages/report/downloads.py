@@ -15,7 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from schemas.catalogue import BONE_LENGTHS, JOINT_ERRORS, SKELETON_SCORES, TIP_ERRORS
+import pyarrow as pa
+
+from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCORES, TIP_ERRORS
 from schemas.tables import Table
 from stages.report.comparison.comparisons import Comparison
 from stages.report.study_results import Row, StudyResults
@@ -45,7 +47,7 @@ class Downloads:
 
 
 def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downloads:
-    """Pack the comparisons, scores, joint and tip errors and bone lengths, as many as MOST_BYTES hold."""
+    """Pack comparisons, scores, errors, bone lengths and joint centres, as many as MOST_BYTES hold."""
     compared = [comparison_row(each) for each in comparisons]
     files: list[Download] = []
     not_packed = []
@@ -55,6 +57,7 @@ def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downl
         (JOINT_ERRORS.name, _columns(JOINT_ERRORS), results.joint_errors),
         (TIP_ERRORS.name, _columns(TIP_ERRORS), results.tip_errors),
         (BONE_LENGTHS.name, _columns(BONE_LENGTHS), results.bones),
+        (JOINT_CENTRES.name, _columns(JOINT_CENTRES), results.joints),
     ):
         if not rows:
             continue
@@ -67,7 +70,8 @@ def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downl
 
 
 def _columns(table: Table) -> tuple[str, ...]:
-    return tuple(column.name for column in table.columns)
+    """Those of a table that are one value a row; a covariance is none."""
+    return tuple(column.name for column in table.columns if not pa.types.is_nested(column.type))
 
 
 def packed(

@@ -8,6 +8,7 @@ from statistics import median
 from schemas.model import the_papers
 from schemas.study import Hand
 from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, joints_text
+from stages.report.next_step import hands_counted, hands_text, next_step
 from stages.report.score_tables import mean, tasks_text
 from stages.report.study_results import LEAST_SQUARES, Row, StudyResults, hand_of, row_key
 from stages.report.table_cells import counted, listed, number
@@ -16,6 +17,8 @@ from stages.report.truth_tables import FAR_MM, known
 from stages.report.wording import say
 
 FEW_MODELS = 2
+MIDDLE_OF = 3
+"""From so many hands on, what holds of most is told."""
 
 
 def used_text(results: StudyResults) -> str:
@@ -42,50 +45,62 @@ def opening(results: StudyResults) -> str:
     """The first sentences of a study's or a subject's page: which joints, how good, and what to do next."""
     judging, model = results.judging, results.leading
     rows = [row for row in judging.joints if row["model"] == model]
-    found = study_beliefs(judging, model)
+    found, judged = study_beliefs(judging, model), {hand_of(row) for row in rows}
     if not found:
-        return say("No joint has a place under {model}. {next}", model=model, next=_next(results))
+        return f"{_nothing_judged(results, model)} {next_step(results)}"
     of = {each: [joint for joint, own in found.items() if own == each] for each in BELIEFS}
-    hands = len({hand_of(row) for row in rows})
-    where = (
-        ("", "", say(" in both hands"))[hands]
-        if hands < 3
-        else say(" in most of the {hands} hands", hands=hands)
-    )
     sds = [row["sd_mm"] for row in rows if belief(row) == BELIEVED and row["sd_mm"] is not None]
     known = say(", typically to {sds:.1f} mm", sds=median(sds)) if sds else ""
     text = say(
         "{n_of} of {joints} can be believed{where}",
         n_of=len(of[BELIEVED]) or say("None"),
         joints=counted(len(found), "joint"),
-        where=where,
+        where=_where(results, len(judged)),
     )
     text += say(", as {model} places them{known}", model=model, known=known)
     text += say(": {names}.", names=joints_text(of[BELIEVED])) if of[BELIEVED] else say(".")
     text += say(" With care: {of}.", of=joints_text(of[CARE])) if of[CARE] else ""
     text += say(" Not: {of}.", of=joints_text(of[NOT])) if of[NOT] else ""
-    return f"{text} {_next(results)}"
+    return f"{_how_many_judged(results, judged)}{text} {next_step(results)}"
 
 
-def _next(results: StudyResults) -> str:
-    """What to do next, in a sentence."""
-    if results.findings:
-        return say("Next: settle what is found below in the recordings, before any number is used.")
-    lacking = Counter(row["joint"] for row in results.advice if not row["advice"].startswith("enough"))
-    hands = len({hand_of(row) for row in results.advice})
-    if lacking:
-        often = [joint for joint, count in lacking.most_common() if 2 * count >= lacking.most_common(1)[0][1]]
-        which = (
-            say(" ({lacking} of {hands} hands)", lacking=lacking[often[0]], hands=hands) if hands > 1 else ""
-        )
+def _nothing_judged(results: StudyResults, model: str) -> str:
+    """Why no joint is judged: every hand is suspect, or none has a joint at all."""
+    if not results.hands:
+        return say("There is no recording, so nothing is judged.")
+    total = hands_counted(results, len(results.hands))
+    if results.suspect >= {*results.hands}:
         return say(
-            "Next: let {often} move more when calibrating{which}.", often=joints_text(often), which=which
+            "Nothing is judged: all of {total} left out for what was found in their recordings.", total=total
         )
-    if not hands:
-        return say("Next: see “What went wrong”.")
-    return say(
-        "Next: nothing has to be recorded again; leave joints that are not believed out of conclusions."
-    )
+    text = say("No joint was solved under {model}: {total}.", model=model, total=total)
+    return text + _left_out_text(results)
+
+
+def _how_many_judged(results: StudyResults, judged: set[Hand]) -> str:
+    """Of how many hands what follows is, where it is not of all."""
+    if len(judged) == len(results.hands):
+        return ""
+    unsolved = len({*results.hands} - judged - results.suspect)
+    text = say(
+        "Judged: {n} of {total}.", n=len(judged), total=hands_counted(results, len(results.hands))
+    ) + _left_out_text(results)
+    text += say(" Without a joint: {unsolved}.", unsolved=unsolved) if unsolved else ""
+    return text + " "
+
+
+def _left_out_text(results: StudyResults) -> str:
+    """How many hands are left out for what was found in their recordings; empty where none is."""
+    n = len(results.suspect)
+    return say(" Left out for what was found in their recordings: {n}.", n=n) if n else ""
+
+
+def _where(results: StudyResults, judged: int) -> str:
+    """In how many hands a joint has to be believed to be called so."""
+    if judged < MIDDLE_OF:
+        both = say(" in both hands") if results.of_hands else say(" on both sides")
+        return both if judged == 2 else ""
+    return say(" in most of {hands}", hands=hands_counted(results, judged))
 
 
 def headline(results: StudyResults) -> str:
@@ -97,11 +112,12 @@ def headline(results: StudyResults) -> str:
     if results.simulated:
         used = used.rstrip(".") + say("; they are simulated, so no person's hand is behind these numbers.")
     if results.suspect:
-        hands = sorted(say("{who}'s {hand} hand", who=hand.who, hand=hand.hand) for hand in results.suspect)
         used += say(
             " Left out of these numbers, for what was found in their recordings: {hands}.",
-            hands=listed(hands),
+            hands=hands_text(hand for hand in results.hands if hand in results.suspect),
         )
+        if results.suspect >= {*results.hands}:
+            return used
     results = results.judging
     for model in results.fitted[:1]:
         rows, scored_on = _judging(results, model)
@@ -233,7 +249,7 @@ def _closing(results: StudyResults) -> str:
     )
     return say(
         (
-            "On {recordings} the replayed fingertip misses its receiver by {by} on average, which "
+            "On {recordings} the replayed tip misses its receiver by {by} on average, which "
             "says how well the joints close and not where they are."
         ),
         recordings=recordings,

@@ -6,9 +6,13 @@ It says what the study's own files say, and nothing of what came out.
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from statistics import median
 
 from schemas import VERSION
+from schemas.errors import InputError
+from schemas.mapping import read_mapping
+from schemas.model import SkeletonModel
 from stages.report.movement_page.movement_results import Movement
 from stages.report.study_results import Row, StudyResults
 from stages.report.table_cells import capital, counted, listed, number
@@ -84,13 +88,70 @@ def _recorded(results: StudyResults) -> str:
             further_recordings=counted(lost, "further recording"),
         )
     )
+    text += _left_out(results) + ("" if results.simulated else _tracker(used)) + _mappings(results)
     if results.simulated:
         text += say(" The simulator knows the true skeleton; no person's hand is behind these numbers.")
     return text
 
 
+def _left_out(results: StudyResults) -> str:
+    """Which hands are in no statistic, and why; empty where all are."""
+    hands = sorted(say("{hand}", hand=hand) for hand in results.suspect)
+    if not hands:
+        return ""
+    return say(
+        " Left out of every statistic, for what was found in their recordings: {hands}.", hands=listed(hands)
+    )
+
+
+def _tracker(used: list[Row]) -> str:
+    """What recorded them, as far as their files say."""
+    known = listed(sorted({row["tracker"] for row in used if row.get("tracker")}))
+    unknown = any(not row.get("tracker") for row in used)
+    text = say(" The tracker was: {tracker}.", tracker=known) if known else ""
+    if unknown and known:
+        return text + say(" Other recordings do not name theirs.")
+    return say(" The recordings do not name the tracker: name it here.") if unknown else text
+
+
+def _mappings(results: StudyResults) -> str:
+    """What was declared of files of other programs."""
+    counts = Counter(own.mapping for own in results.recordings if own.mapping and not own.exclude)
+    return "".join(
+        say(
+            " {recordings} of another program {verb} read as {mapping} declares{what}.",
+            recordings=capital(counted(count, "recording")),
+            verb="was" if count == 1 else "were",
+            mapping=path.name,
+            what=_declared(path),
+        )
+        for path, count in sorted(counts.items())
+    )
+
+
+def _declared(path: Path) -> str:
+    """Units and convention of a mapping; empty where it cannot be read."""
+    try:
+        mapping = read_mapping(path)
+    except InputError:
+        return ""
+    orientation = mapping.orientation or {}
+    words = (orientation.get(key) for key in ("kind", "order", "axes", "unit", "rotates"))
+    turning = " ".join(filter(None, words))
+    unit = mapping.config["position_unit"]
+    return say(": positions in {unit}", unit=unit) + (f", {turning}" if turning else "")
+
+
+def _described(results: StudyResults, name: str, model: SkeletonModel) -> str:
+    """A model in a sentence; where no layout has a thumb, nothing is said of one."""
+    digits = {digit for layout in results.layouts.values() for digit in layout.digits}
+    if "thumb" not in digits and model.own_cmc:
+        return say("{model}: each joint by the receivers on both sides of it.", model=name)
+    return f"{name}: {told(model.description.rstrip('.'))}."
+
+
 def _solved(results: StudyResults) -> str:
-    described = (f"{name}: {told(model.description.rstrip('.'))}." for name, model in results.models.items())
+    described = (_described(results, name, model) for name, model in results.models.items())
     text = (
         say(
             (

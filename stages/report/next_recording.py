@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.advice import MOVE, NOTHING_TO_DO
 from schemas.study import Hand
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import Block, DataTable, Folded, counted, number
@@ -24,7 +25,7 @@ _PLACES = {
 
 _HEADER = (
     mark("Joint"),
-    mark("Range of motion [deg]"),
+    mark("Receivers turned [deg]"),
     mark("SD now [mm]"),
     mark("SD if it moved so [mm]"),
     mark("What to do"),
@@ -65,7 +66,8 @@ class NextRecording:
 def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
     """What would make a hand's skeleton better."""
     rows = [row for row in results.advice if hand_of(row) == hand]
-    lacking = [row for row in rows if not row["advice"].startswith("enough")]
+    lacking = [row for row in rows if row["kind"] == MOVE]
+    stuck = [row for row in rows if row["kind"] not in (MOVE, *NOTHING_TO_DO)]
     whose = say("{hand}", hand=hand)
     if not rows:
         remark = say(
@@ -77,9 +79,17 @@ def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
             n_lacking=len(lacking),
             joints=counted(len(rows), "joint"),
         )
-    else:
+    elif not stuck:
         remark = say(
             "All {joints} move enough in the calibration recordings.", joints=counted(len(rows), "joint")
+        )
+    else:
+        remark = ""
+    if stuck:
+        remark += " " * bool(remark) + say(
+            "Of {n_stuck} of {joints} more movement says nothing; what to look at stands beside each.",
+            n_stuck=len(stuck),
+            joints=counted(len(rows), "joint"),
         )
     return NextRecording(
         say("{hand} hand", hand=hand.hand.capitalize()),
@@ -167,21 +177,14 @@ def _gains(model: str, rows: list[Row]) -> ModelGains:
 
 def _sentence(row: Row) -> str:
     """One gain: what to measure, what that does to the joint that gains most and to all joints together."""
-    name, _, part = row["quantity"].partition(".")
-    if part == _TOUCH:
-        doing = say("Touching a known point with the tip of {digit_text}", digit_text=_digit_text(name))
-    else:
-        doing = say("Measuring ") + (
-            say(_PLACES[part]).format(_bone_text(name)) if part else _bone_text(name)
-        )
-    joint = _joint_text(row["joint"], name.partition("_")[0])
+    joint = _joint_text(row["joint"], row["quantity"].partition(".")[0].partition("_")[0])
     before, after = number(row["mean_sd_before_mm"]), number(row["mean_sd_after_mm"])
     return say(
         (
             "{doing} to {sd_mm:.1f} mm would take {joint} from {joint_sd_before_mm:.1f} to "
             "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm)."
         ),
-        doing=doing,
+        doing=doing_text(row),
         sd_mm=row["sd_mm"],
         joint=joint,
         joint_sd_before_mm=row["joint_sd_before_mm"],
@@ -189,6 +192,20 @@ def _sentence(row: Row) -> str:
         before=before,
         after=after,
     )
+
+
+def doing_text(row: Row, *, asked: bool = False) -> str:
+    """What a row of gains would have one do; asked : as something to do, not as something done."""
+    name, _, part = row["quantity"].partition(".")
+    if part == _TOUCH:
+        touch = (
+            mark("touch a known point with the tip of {digit_text}")
+            if asked
+            else mark("Touching a known point with the tip of {digit_text}")
+        )
+        return say(touch, digit_text=_digit_text(name))
+    what = say(_PLACES[part]).format(_bone_text(name)) if part else _bone_text(name)
+    return say("measure {what}", what=what) if asked else say("Measuring ") + what
 
 
 def _digit_text(digit: str) -> str:

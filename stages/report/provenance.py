@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import metadata
 
 import yaml
 
 from schemas import VERSION
 from schemas.errors import InputError
+from schemas.finding_groups import Fault, faults
 from schemas.model import SkeletonModel
 from schemas.study import Recording, Study
 from schemas.tables import read_metadata
 from stages.report.study_results import Row, StudyResults, hand_of, recording_key
-from stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
+from stages.report.table_cells import Block, DataTable, counted, number_column, table_of, text_column
 from stages.report.wording import mark, say, told, word
 
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
@@ -62,9 +65,11 @@ def recordings_table(results: StudyResults, whose: str = mark("of the study's sh
 
 
 def problems_table(results: StudyResults, whose: str = mark("as the study asked")) -> DataTable | None:
-    """Everything that did not go as the study asked, but what the findings say; None where all did."""
-    rest = [row for row in results.problems if row not in results.findings]
-    rows = [(where(row), row["stage"], told(row["message"])) for row in rest]
+    """Everything that did not go as the study asked, but what the findings say; None where all did.
+
+    A row of what went wrong in the same way.
+    """
+    rows = [_problem_cells(fault) for fault in faults(results.other_problems, say)]
     messages = {row["message"] for row in results.problems}
     for recording in results.recordings:
         status, message = results.status_of(recording)
@@ -81,12 +86,42 @@ def problems_table(results: StudyResults, whose: str = mark("as the study asked"
     )
 
 
-def findings(results: StudyResults) -> list[dict[str, str]]:
-    """What is to be settled before any number is believed: where it is, what it is, and its severity."""
-    return [
-        {"where": where(row), "message": row["message"], "severity": row["severity"]}
-        for row in results.findings
-    ]
+def _problem_cells(fault: Fault) -> tuple[str, str, str]:
+    stage, places = fault.seen[0].row["stage"], "; ".join(places_of(fault))
+    if any(seen.what for seen in fault.seen):
+        return counted(len(fault.seen), "recording"), stage, f"{fault.text} {places}"
+    return places, stage, fault.text
+
+
+@dataclass(frozen=True)
+class Found:
+    """A fault as pages list it. where : its recording, or how many have it. places : those of several.
+    evidence : what shows it in each of them.
+    """
+
+    where: str
+    severity: str
+    text: str
+    places: str = ""
+    evidence: tuple[str, ...] = ()
+
+
+def found(rows: Sequence[Row]) -> list[Found]:
+    """Findings by fault, each with the recordings that have it."""
+    return [_found(fault) for fault in faults(rows, say)]
+
+
+def _found(fault: Fault) -> Found:
+    places = places_of(fault)
+    if len(places) == 1:
+        return Found(places[0], fault.severity, fault.text)
+    evidence = tuple(f"{where(seen.row)}: {seen.evidence}" for seen in fault.seen if seen.evidence)
+    return Found(counted(len(places), "recording"), fault.severity, fault.text, "; ".join(places), evidence)
+
+
+def places_of(fault: Fault) -> list[str]:
+    """Where a fault is, each place once; with what is wrong there where that differs."""
+    return list(dict.fromkeys(": ".join(filter(None, (where(own.row), own.what))) for own in fault.seen))
 
 
 def where(problem: Row) -> str:

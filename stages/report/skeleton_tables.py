@@ -6,7 +6,7 @@ from collections import Counter
 
 from schemas.catalogue import DISTAL_RECEIVER
 from schemas.study import Hand
-from stages.report.belief import BELIEVED, SMALL_SD_MM, is_whole_bone, length_belief
+from stages.report.belief import BELIEVED, belief
 from stages.report.links import anchor, link
 from stages.report.study_results import Row, StudyResults
 from stages.report.table_cells import (
@@ -62,7 +62,7 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
     order = {segment: i for layout in results.layouts.values() for i, segment in enumerate(layout.segments)}
     names = sorted(dict.fromkeys(name for own in bones.values() for name in own),
                    key=lambda name: order.get(name.split(" ")[0], len(order)))  # fmt: skip
-    beliefs = {hand: _length_beliefs(results, hand, model, own) for hand, own in bones.items()}
+    beliefs = {hand: {name: belief(row) for name, row in own.items()} for hand, own in bones.items()}
     rows = tuple(
         (
             anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
@@ -79,14 +79,6 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
         _lengths_notes(results, model) if names else (say("No bone length was computed."),),
         frozenset(range(2)),
     )
-
-
-def _length_beliefs(results: StudyResults, hand: Hand, model: str, bones: dict[str, Row]) -> dict[str, str]:
-    joints = {row["joint"]: row for row in results.joints_of.get((hand, model), [])}
-    layout = results.layouts[hand]
-    return {
-        name: length_belief(row, joints, is_whole=is_whole_bone(row, layout)) for name, row in bones.items()
-    }
 
 
 def _believed(results: StudyResults, hand: Hand, beliefs: dict[str, str]) -> str:
@@ -110,11 +102,7 @@ def _lengths_notes(results: StudyResults, model: str) -> tuple[str, ...]:
     """What the signs mean, and what of the model's lengths is not the bone itself."""
     rows = [row for hand in results.hands for row in results.bones_of.get((hand, model), [])]
     notes = [
-        say(
-            "◆ with care, ✕ not to believe: the worst of the joints at the bone's ends, and with care where "
-            "its own error is above {SMALL_SD_MM:g} mm.",
-            SMALL_SD_MM=SMALL_SD_MM,
-        )
+        say("◆ with care, ✕ not to believe: the worst of the joints at the bone's ends and of its own error.")
     ]
     if any(row["ends_at"] == DISTAL_RECEIVER for row in rows):
         notes.append(

@@ -40,7 +40,8 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         headline=headline(results),
         used=used_text(results),
         front=_front(results),
-        findings=provenance.findings(results),
+        findings=provenance.found(results.findings),
+        accepted=provenance.found(results.accepted),
         problems=provenance.problems_table(results),
         opening=opening(results),
         movement=_movement(results, movement),
@@ -75,7 +76,7 @@ def _movement(results: StudyResults, movement: Movement | None) -> dict[str, Any
 
 
 def _front(results: StudyResults) -> dict[str, Any] | None:
-    """The first hand of which there is a picture as an index of the study's joints, or None."""
+    """The first hand that is judged and has a picture, as an index of the study's joints, or None."""
     beliefs = study_beliefs(results.judging, results.leading)
     entries = {
         joint: IndexEntry(
@@ -86,7 +87,7 @@ def _front(results: StudyResults) -> dict[str, Any] | None:
         for joint, believed in beliefs.items()
     }
     for who in results.sessions:
-        posed = posed_hands(results, who).hands
+        posed = [item for item in posed_hands(results, who).hands if item.hand not in results.suspect]
         if posed and entries:
             links = recording_links(results.shown, results.paths, results.paths.report, who)
             index = index_figure(posed[-1], results.leading, entries)

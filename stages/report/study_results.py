@@ -11,15 +11,16 @@ from typing import Any
 
 import pyarrow as pa
 
+from anatomy.known_digits import known_digits
 from schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
 from schemas.errors import InputError
 from schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
-from schemas.layout import Layout, read_layout
+from schemas.layout import Layout
 from schemas.model import SkeletonModel, read_model
 from schemas.parts import part_metadata
 from schemas.plan import SubjectPlan
 from schemas.recording_summary import recording_row
-from schemas.results import GATHERED_TABLES, Results
+from schemas.results import FAILED_PAGES, GATHERED_TABLES, Results
 from schemas.study import Hand, Recording, Study, SubjectSession, path_token
 from schemas.tables import Table, open_table, read_metadata, read_table, rows_of
 from stages.report.wording import say
@@ -164,6 +165,22 @@ class StudyResults:
         """Problems that poses show in what was declared of recordings, notes left out."""
         return [row for row in self.problems if row["stage"] == STAGE and row["severity"] != NOTE]
 
+    @property
+    def of_hands(self) -> bool:
+        """Whether all layouts are of hands; else what the tables call a hand is a side of a body."""
+        return all(layout.is_hand for layout in self.layouts.values())
+
+    @cached_property
+    def accepted(self) -> list[Row]:
+        """Findings that the recordings sheet gives a reason for."""
+        return [row for row in self.problems if row["stage"] == STAGE and row["accepted"]]
+
+    @cached_property
+    def other_problems(self) -> list[Row]:
+        """Problems that are neither findings to be settled nor accepted ones."""
+        apart = {id(row) for row in (*self.findings, *self.accepted)}
+        return [row for row in self.problems if id(row) not in apart]
+
     joints_of = _by_hand_and_model("joints")
     bones_of = _by_hand_and_model("bones")
     receivers_of = _by_hand_and_model("receivers")
@@ -179,10 +196,12 @@ class StudyResults:
     def leading(self) -> str:
         """The model that pages show first: one that fits the whole hand, else the last that nobody corrected.
 
-        A study of corrected models alone has its last.
+        A study of corrected models alone has its last, and one without a hand none that fits a whole one.
         """
+        fitted = self.fitted[:1] if any(map(known_digits, self.layouts.values())) else []
         uncorrected = [name for name, model in self.models.items() if not model.corrections]
-        return [*self.models, *uncorrected, *self.fitted[:1]][-1]
+        possible = [name for name in uncorrected if fitted or name not in self.fitted]
+        return [*self.models, *uncorrected, *possible, *fitted][-1]
 
     @cached_property
     def tip_error_of(self) -> dict[tuple[str, ...], Row]:
@@ -254,14 +273,14 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     paths = Results(folder)
     failures: list[Row] = []
     rows = {name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF}
-    rows["problems"] += [*failures, *_failed_exports(study, paths)]
+    rows["problems"] += [*failures, *_failed_exports(study, paths), *_failed_pages(study, paths)]
     return StudyResults(
         name=study.name,
         recordings=study.recordings,
         simulated=study.simulation is not None,
         paths=paths,
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
-        layouts={hand: read_layout(study.layout_of(hand).absolute()) for hand in study.hands},
+        layouts={hand: study.judged_layout(hand) for hand in study.hands},
         **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
     )
 
@@ -349,6 +368,15 @@ def _failed_exports(study: Study, paths: Results) -> list[Row]:
         for file in files
         for message in file.read_text("utf-8").splitlines()
     ]
+
+
+def _failed_pages(study: Study, paths: Results) -> Iterator[Row]:
+    """Pages of subjects that could not be made, and why."""
+    for who in study.sessions:
+        file = paths.subject_pages(*who) / FAILED_PAGES
+        for line in file.read_text("utf-8").splitlines() if file.is_file() else ():
+            page, _, message = line.partition(": ")
+            yield _problem(who, "subject_pages", message, task=page)
 
 
 def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> Row:

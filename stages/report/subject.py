@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,9 @@ from stages import command_line
 if TYPE_CHECKING:
     from schemas.study import Recording
     from stages.report.study_results import StudyResults
+
+    Page = tuple[Callable[[], str], Callable[[str], str]]
+    """What makes a page, and the one that says why there is none."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -43,32 +46,60 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def write_pages(arguments: argparse.Namespace) -> None:
-    """Read the subject's tables, write its pages."""
+    """Read the subject's tables, write its pages; one that cannot be made says why, and costs no other."""
+    from functools import partial
+
     from schemas.files import write_text
     from schemas.plan import read_plan
+    from stages.report.recording_page.recording_content import failure_page, recording_title
+    from stages.report.study_page import render_failure
     from stages.report.study_results import read_subject
     from stages.report.subject_page import render_subject
-
-    spoken = _language(arguments)
-    results = read_subject(read_plan(arguments.plan))
-    shown = results.shown
-    with spoken:
-        if arguments.recording:
-            shown = [_named(results, *arguments.recording)]
-        else:
-            write_text(arguments.out / "subject.html", render_subject(results))
-        for recording in shown:
-            page = Path(recording.hand.hand, f"{recording.name}.html")
-            write_text(arguments.out / page, _recording_page(results, recording))
-
-
-def _language(arguments: argparse.Namespace) -> AbstractContextManager[None]:
-    """The language asked for; InputError where there is no such one."""
     from stages.report.wording import speaking
 
+    language = _language(arguments)
+    results = read_subject(read_plan(arguments.plan))
+    with speaking(language, results.problems):
+        pages: dict[Path, Page] = {}
+        if not arguments.recording:
+            pages[Path("subject.html")] = partial(render_subject, results), render_failure
+        for own in [_named(results, *arguments.recording)] if arguments.recording else results.shown:
+            pages[_page(own)] = (
+                partial(_recording_page, results, own),
+                partial(failure_page, recording_title(own)),
+            )
+        failures = []
+        for page, (make, say_why) in pages.items():
+            with command_line.recorded(arguments, arguments.record_failure) as messages:
+                write_text(arguments.out / page, make())
+            for message in messages:
+                write_text(arguments.out / page, say_why(message))
+                failures.append(f"{page.as_posix()}: {message}")
+    if not arguments.recording:
+        _write_failures(arguments.out, failures)
+
+
+def _page(recording: Recording) -> Path:
+    """The recording's page in the subject's folder of pages."""
+    return Path(recording.hand.hand, f"{recording.name}.html")
+
+
+def _write_failures(folder: Path, failures: Sequence[str]) -> None:
+    """Write which pages could not be made into a file that the study's report reads; none without any."""
+    from schemas.files import write_text
+    from schemas.results import FAILED_PAGES
+
+    if failures:
+        write_text(folder / FAILED_PAGES, "".join(f"{line}\n" for line in failures))
+    else:
+        (folder / FAILED_PAGES).unlink(missing_ok=True)
+
+
+def _language(arguments: argparse.Namespace) -> str:
+    """The language asked for; InputError where there is no such one."""
     if arguments.language not in _languages():
         raise InputError(f"--language {arguments.language}: expected one of {', '.join(_languages())}")
-    return speaking(arguments.language)
+    return str(arguments.language)
 
 
 def _languages() -> list[str]:
@@ -98,14 +129,19 @@ def _recording_page(results: StudyResults, recording: Recording) -> str:
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write a page that says why there is none."""
+    """Write pages that say why there is none."""
     from schemas.files import write_text
+    from schemas.plan import read_plan
     from stages.report.study_page import render_failure
     from stages.report.wording import speaking
 
     known = arguments.language in _languages()
+    plan = read_plan(arguments.plan)
+    shown = [own for hand in plan.hands for own in plan.evaluated(hand)]
     with speaking(arguments.language if known else "en"):
-        write_text(arguments.out / "subject.html", render_failure(message))
+        for page in (Path("subject.html"), *map(_page, shown)):
+            write_text(arguments.out / page, render_failure(message))
+    _write_failures(arguments.out, [f"subject.html: {message}"])
 
 
 def main(argv: list[str] | None = None) -> int:

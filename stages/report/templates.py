@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from schemas import VERSION
 from stages.report.palette import css
@@ -94,6 +94,11 @@ class _Loader(jinja2.FileSystemLoader):
         return source, path, current
 
 
+def coded(text: object) -> Markup:
+    """Text, escaped, with what stands between backticks as code."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+
+
 @cache
 def environment(own: str) -> jinja2.Environment:
     """The templates in a language, compiled: to compile one takes longer than to fill it in."""
@@ -105,6 +110,7 @@ def environment(own: str) -> jinja2.Environment:
         lstrip_blocks=True,
     )
     made.globals |= {"language": own, "say": say, "told": told}
+    made.filters["coded"] = coded
     for name in made.list_templates(extensions=("j2", "css", "js")):
         made.get_template(name)
     return made

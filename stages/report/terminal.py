@@ -5,15 +5,17 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-from stages.report.headline import used_text
+from schemas.finding_groups import Fault, faults
+from schemas.finding_sentences import in_quotes
+from stages.report.headline import opening, used_text
 from stages.report.paper_tables import own_table, table_title
-from stages.report.provenance import where
+from stages.report.provenance import places_of, where
 from stages.report.score_tables import score_table
-from stages.report.study_results import StudyResults, Trial
-from stages.report.table_cells import DataTable
+from stages.report.study_results import Row, StudyResults, Trial
+from stages.report.table_cells import DataTable, counted
 
 WIDTH = 79
-MOST_PROBLEMS = 10
+MOST_PROBLEMS, MOST_PLACES = 10, 4
 _HEADING, _CELL = 25, 8
 """Narrowest columns: of the headings, of the numbers."""
 
@@ -28,14 +30,15 @@ def terminal_tables(results: StudyResults) -> str:
         (model for model in results.models.values() if model.paper_table is not None),
         key=lambda model: model.paper_table or 0,
     )
-    parts = [f"Study {results.name}: {used_text(results)}", *_problems(results)]
+    problems = _problems(results)
+    parts = [_wrapped(f"Study {results.name}: {used_text(results)} {opening(results)}"), *problems]
     for who in results.sessions:
         for trial in _as_the_paper(results.trials(*who)):
             parts += [
                 f"{_wrapped(table_title(model))}\n{table_text(own_table(results, trial, model))}"
                 for model in models
             ]
-    if len(parts) == 1 + bool(results.problems):
+    if len(parts) == 1 + len(problems):
         parts.append("No recording was evaluated with a model of one of the paper's tables.")
     scores = (score_table(results, t, compact=True) for who in results.sessions for t in results.trials(*who))
     parts += [table_text(table) for table in scores if table is not None]
@@ -43,15 +46,35 @@ def terminal_tables(results: StudyResults) -> str:
 
 
 def _problems(results: StudyResults) -> list[str]:
-    """What went wrong, a paragraph; the first ones, for all stand in the report."""
-    problems = [f"- {where(row)}, {row['stage']}: {row['message']}" for row in results.problems]
-    more = (
-        [f"- and {len(problems) - MOST_PROBLEMS} more; see the report"]
-        if len(problems) > MOST_PROBLEMS
-        else []
-    )
-    lines = [_wrapped(line) for line in [*problems[:MOST_PROBLEMS], *more]]
-    return ["\n".join(["What went wrong:", *lines])] if lines else []
+    """What went wrong, what was found in recordings first, and what is accepted of it: a paragraph each.
+
+    An item is what is wrong in the same way; the first ones, for all stand in the report.
+    """
+    lists = {
+        "Found in the recordings, to be settled first:": results.findings,
+        "What went wrong:": results.other_problems,
+        "Accepted in the recordings sheet:": results.accepted,
+    }
+    return ["\n".join([heading, *_items(rows)]) for heading, rows in lists.items() if rows]
+
+
+def _items(rows: list[Row]) -> list[str]:
+    found = faults(rows)
+    more = [f"- and {len(found) - MOST_PROBLEMS} more; see the report"] if len(found) > MOST_PROBLEMS else []
+    return [*(line for fault in found[:MOST_PROBLEMS] for line in _item(fault)), *more]
+
+
+def _item(fault: Fault) -> list[str]:
+    """A fault's lines: where it is and what it is; of several recordings what shows it in the first, too."""
+    places, stage = places_of(fault), fault.seen[0].row["stage"]
+    named = "; ".join(places[:MOST_PLACES])
+    named += f"; and {len(places) - MOST_PLACES} more" if len(places) > MOST_PLACES else ""
+    text, evidence = in_quotes(fault.text), fault.seen[0].evidence
+    if not evidence and not fault.seen[0].what:
+        return [_wrapped(f"- {named}, {stage}: {text}")]
+    below = [named, *([f"{where(fault.seen[0].row)}: {evidence}"] if evidence else [])]
+    head = f"- {counted(len(places), 'recording')}, {stage}: {text}"
+    return [_wrapped(head), *(_wrapped(line, indent="  ") for line in below)]
 
 
 def _as_the_paper(trials: Iterable[Trial]) -> list[Trial]:
@@ -78,5 +101,5 @@ def table_text(table: DataTable) -> str:
     return "\n".join(lines)
 
 
-def _wrapped(text: str) -> str:
-    return textwrap.fill(text, WIDTH, break_on_hyphens=False)
+def _wrapped(text: str, indent: str = "") -> str:
+    return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)

@@ -8,8 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 
+from schemas.advice import NOTHING_TO_DO
 from schemas.study import Hand, path_token
-from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, SMALL_SD_MM, belief, commonest, reason
+from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, commonest, reasons_of
 from stages.report.study_results import Row, StudyResults, hand_of
 from stages.report.table_cells import DASH, Block, DataTable, listed, number
 from stages.report.wording import mark, say, told, word
@@ -52,9 +53,14 @@ class Verdict:
         return belief(self.row)
 
     @property
+    def doubts(self) -> list[str]:
+        """Reasons for doubt and remarks, what decides first; may be empty."""
+        return reasons_of(self.row)
+
+    @property
     def why(self) -> str:
-        """The reason for doubt or a remark; may be empty."""
-        return reason(self.row)
+        """The same in one line."""
+        return "; ".join(self.doubts)
 
 
 def verdicts(results: StudyResults, hand: Hand, model: str) -> list[Verdict]:
@@ -84,7 +90,7 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     found = verdicts(results, hand, model)
     columns = [c for c in _COLUMNS if any(v.row[c[1]] is not None for v in found)]
     advice = {
-        row["joint"]: "" if row["advice"].startswith("enough") else told(row["advice"])
+        row["joint"]: "" if row["kind"] in NOTHING_TO_DO else told(row["advice"])
         for row in results.advice
         if hand_of(row) == hand
     }
@@ -129,14 +135,7 @@ def reasons(found: Iterable[Verdict]) -> list[str]:
     for verdict in found:
         if verdict.why:
             of_reason[verdict.why].append(verdict.joint)
-    large = [v.joint for v in found if v.believed == CARE and v.row["sd_mm"] is not None]
-    known = say("known less well than to {SMALL_SD_MM:g} mm (1 sigma, 3-D)", SMALL_SD_MM=SMALL_SD_MM)
-    first = (
-        [say("{care}: {names}, {known}.", care=say(CARE), names=_named(large, found), known=known)]
-        if large
-        else []
-    )
-    return first + [f"{_named(joints, found)}: {why}." for why, joints in of_reason.items()]
+    return [f"{_named(joints, found)}: {why}." for why, joints in of_reason.items()]
 
 
 def _named(joints: list[str], found: list[Verdict]) -> str:
@@ -213,11 +212,7 @@ def _apart_in_words(verdict: Verdict) -> str:
 
 def _over_hands(found: list[Verdict]) -> tuple[str, ...]:
     counts = Counter(verdict.believed for verdict in found)
-    doubts = Counter(
-        v.why or say("known less well than to {SMALL_SD_MM:g} mm", SMALL_SD_MM=SMALL_SD_MM)
-        for v in found
-        if v.believed != BELIEVED
-    )
+    doubts = Counter(v.doubts[0] for v in found if v.believed != BELIEVED and v.doubts)
     return (
         str(len(found)),
         *(str(counts[word]) for word in (BELIEVED, CARE, NOT)),

@@ -9,16 +9,17 @@ language.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from schemas.finding_groups import is_declared, row_sentence, row_what
 from schemas.study import Hand, SubjectSession
 
 ENGLISH = "en"
@@ -104,15 +105,24 @@ def _pattern(sentence: str) -> re.Pattern[str]:
 
 
 _spoken: ContextVar[Catalogue | None] = ContextVar("spoken", default=None)
+_findings: ContextVar[Mapping[str, Callable[..., str]] | None] = ContextVar("findings", default=None)
 
 
 @contextmanager
-def speaking(language: str) -> Iterator[None]:
-    """What is said inside is said in that language."""
+def speaking(language: str, problems: Iterable[dict[str, Any]] = ()) -> Iterator[None]:
+    """What is said inside is said in that language.
+
+    problems : rows of that table; their sentences, which messages of other tables quote whole or without the
+    cure, are said by their values.
+    """
     token = _spoken.set(None if language == ENGLISH else catalogue_of(language))
+    declared = [row for row in problems if is_declared(row)]
+    whole = {row["message"].removesuffix("."): partial(row_sentence, row) for row in declared}
+    quoted = _findings.set({row_what(row): partial(row_what, row) for row in declared} | whole)
     try:
         yield
     finally:
+        _findings.reset(quoted)
         _spoken.reset(token)
 
 
@@ -199,16 +209,15 @@ def told(message: str) -> str:
         first = _found(spoken, "; ".join(parts[:count]))
         if first is not None:
             return f"{first}; {told('; '.join(parts[count:]))}"
-    what, _, evidence = parts[0].partition(": ")
-    first, second = _found(spoken, what), _found(spoken, evidence)
-    if first is not None and second is not None:
-        return "; ".join([f"{first}: {second}", *([told("; ".join(parts[1:]))] if parts[1:] else [])])
     return f"{FOREIGN}{message}{END}"
 
 
 def _found(spoken: Catalogue, message: str) -> str | None:
     stop = "." if message.endswith(".") else ""
     text = message.removesuffix(".")
+    quoted = (_findings.get() or {}).get(text)
+    if quoted is not None:
+        return quoted(say).removesuffix("。") + stop
     for pattern, own in spoken.messages:
         found = pattern.fullmatch(text) or pattern.fullmatch(text[:1].lower() + text[1:])
         if found is not None:

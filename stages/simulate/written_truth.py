@@ -21,6 +21,7 @@ import numpy as np
 
 from schemas.catalogue import BONE_LENGTHS, FINGERTIP, JOINT_CENTRES, METACARPALS, TIPS
 from schemas.tables import Column, Provenance, columns_from_rows, vector_columns, write_table
+from schemas.verdict import UNJUDGED
 from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
@@ -69,6 +70,7 @@ def _joint_rows(simulated: Simulated) -> list[dict[str, Any]]:
             "range_deg": joint.range_deg,
             "n_frames": len(simulated.frame),
             "source": "simulation",
+            **UNJUDGED,
             "status": "ok",
             "message": "" if joint.parent_segment else "no parent receiver",
         }
@@ -94,6 +96,7 @@ def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:
             "ends_at": FINGERTIP if bone in TIP_BONES else JOINTS[list(PARENT).index(bone)],
             "length_mm": length_mm,
             "sd_mm": 0.0,
+            **UNJUDGED,
             "message": "",
             "driven_by": name if name in simulated.truth.mounts.segments else "",
         }

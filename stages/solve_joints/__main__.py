@@ -66,9 +66,17 @@ def part_requests(plan: SubjectPlan) -> list[PartRequest]:
     ]
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no joint was solved, of every part."""
+    from schemas.catalogue import JOINT_SOLUTIONS
+
+    parts = command_line.plan_of(arguments).parts()
+    command_line.record_failed_parts(message, {arguments.out: JOINT_SOLUTIONS}, parts)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), solve)
+    return command_line.run(build_parser().parse_args(argv), solve, record_bug=record_bug)
 
 
 if __name__ == "__main__":

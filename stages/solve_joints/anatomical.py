@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas.layout import Joint, Layout
+from schemas.verdict import BY_ANATOMY, LITTLE_RANGE_DEG, Values
 from skeleton.rotations import Array, matrix
 from skeleton.thumb_facing import faces_nail
 from stages.solve_joints.closed import JointSolution, is_solvable, normal_equations, solve_closed
@@ -45,14 +46,8 @@ LOOSENESS = (0.6, 3.0)
 ENOUGH_FRAMES = 200
 """With as many others, frames whose posture was met only once are left out."""
 
-LITTLE_RANGE_DEG = 10.0
-"""Skin turns receivers by some 4 deg, so an angle of less than about twice that may be its own."""
-
 MOSTLY = 0.5
 """Share of the prior's variance across the axis from which a centre is called the prior's."""
-
-LARGE_SD_MM = 3.1
-"""From which on the 95 % radius of a centre is more than 5 mm: too far to be called ok."""
 
 UNKNOWN_MM2 = 100.0**2
 """Prior variance above which anatomy expects nothing of a centre, and the last fit stands in for it."""
@@ -225,7 +220,7 @@ def _solution(fit: HandFit, row: int, moments: JointMoments) -> JointSolution:
         axis_sd_deg=90.0 if free is None else free.axis_sd_deg,
         n_frames=int(moments.count[index]),
         n_effective=_n_effective(free),
-        message="; ".join(_doubts(evidence, covariance, _prior_share(fit, row))),
+        doubts=_doubts(evidence, _prior_share(fit, row)),
     )
 
 
@@ -240,22 +235,13 @@ def _prior_share(fit: HandFit, row: int) -> float:
     return float(after / before)
 
 
-def _doubts(evidence: JointEvidence, covariance_mm2: Array, prior_share: float) -> list[str]:
-    """Say in words what makes a centre weak; nothing where nothing does."""
-    name, moved = evidence.joint.name, evidence.motion.range_deg
+def _doubts(evidence: JointEvidence, prior_share: float) -> dict[str, Values]:
+    """That anatomy says more about a centre than its frames, where that is so."""
     known = evidence.prior.knows_parent and evidence.prior.knows_child
-    doubts = []
-    if known and (moved < LITTLE_RANGE_DEG or prior_share > MOSTLY):
-        doubts.append(f"{name} moved {moved:.0f} deg; its centre comes mostly from the prior")
-    elif moved < LITTLE_RANGE_DEG:
-        doubts.append(f"{name} moved {moved:.0f} deg, and anatomy knows nothing of its receivers' places")
-    sd = centre_sd_mm(covariance_mm2)
-    if sd > LARGE_SD_MM:
-        between = (
-            f", since {evidence.joint.parent} moves and carries no receiver" if evidence.compound else ""
-        )
-        doubts.append(f"its centre is uncertain by {sd:.1f} mm{between}")
-    return doubts
+    moved_deg = evidence.motion.range_deg
+    if known and (moved_deg < LITTLE_RANGE_DEG or prior_share > MOSTLY):
+        return {BY_ANATOMY: {"range_deg": moved_deg, "share_percent": 100.0 * min(prior_share, 1.0)}}
+    return {}
 
 
 def centre_sd_mm(covariance_mm2: Array) -> float:

@@ -1,11 +1,14 @@
-"""What each joint's motion is worth now, what a full motion would be worth, and advice in words."""
+"""What each joint's motion is worth now, what a full motion would be worth, and advice of a kind."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import json
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
+from schemas.advice import ENOUGH, GAP, MOVE, ON_SKIN, OPEN_AXIS, UNCERTAIN, UNSEEN, Values, advice_text
 from schemas.layout import Joint, Layout
 from skeleton.rotations import Array, about_axis, from_matrix, matrix, multiply
 from stages.solve_joints.anatomical import MAX_EFFECTIVE, HandFit, centre_sd_mm
@@ -17,26 +20,44 @@ WANTED_DEG = {"thumb_mcp": 40.0, "cmc": 30.0, "mcp": 50.0, "pip": 60.0, "dip": 4
 """Range that a healthy joint has to spare (published: MCP 90, PIP 100, DIP 90, thumb IP 80 deg)."""
 
 WANTED_ELSEWHERE_DEG = 40.0
-JOINT_NAMES = {
-    "mcp": "knuckle",
-    "pip": "middle joint",
-    "dip": "fingertip joint",
-    "ip": "tip joint",
-    "cmc": "base",
-}
 SMALL_GAIN_MM = 0.15
+
+FINGER_MM, ARM_MM = 2.0, 10.0
+"""How well a centre is wanted, 1 sigma in 3-D: of a hand, and of any other chain of bodies."""
+
+FINGERS = frozenset({"thumb", "index", "middle", "ring", "little"})
+JOINTWISE = 1.7
+"""So many times its error in a fit of the whole hand is a centre's at most, joint by joint."""
+
+WIDE_GAP_TIMES = 2.5
+"""On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. A gap of so many
+times what is wanted is none that skin makes."""
+
 _FRAMES = 120
 
 
 @dataclass(frozen=True)
 class Advice:
-    """One joint; range_deg, sd_now_mm and sd_moved_mm are None where no frame shows it."""
+    """One joint; range_deg, sd_now_mm and sd_moved_mm are None where no frame shows it.
+
+    kind, values : what to do, see `schemas.advice`.
+    """
 
     joint: str
     range_deg: float | None
     sd_now_mm: float | None
     sd_moved_mm: float | None
-    advice: str
+    kind: str
+    values: Values = field(default_factory=dict)
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """The advice as a table's row has it."""
+        return {
+            **vars(self),
+            "values": json.dumps(self.values, ensure_ascii=False) if self.values else "",
+            "advice": advice_text(self.joint, self.kind, self.values),
+        }
 
 
 def advise(fit: HandFit | None, layout: Layout) -> list[Advice]:
@@ -47,23 +68,48 @@ def advise(fit: HandFit | None, layout: Layout) -> list[Advice]:
         if fit is not None and index in rows:
             advice.append(_advice(fit, rows[index], fit.joints[index], layout))
         elif not (layout.segments[joint.parent_receiver].optional or layout.segments[joint.child].optional):
-            advice.append(Advice(joint.name, None, None, None, _unseen(joint)))
+            advice.append(Advice(joint.name, None, None, None, UNSEEN, _receivers(joint)))
     return advice
+
+
+def _receivers(joint: Joint) -> dict[str, Any]:
+    return {"parent": joint.parent_receiver, "child": joint.child}
 
 
 def _advice(fit: HandFit, row: int, evidence: JointEvidence, layout: Layout) -> Advice:
     name = evidence.joint.name
     wanted_deg = WANTED_DEG.get(name) or WANTED_DEG.get(name.rsplit("_", 1)[-1], WANTED_ELSEWHERE_DEG)
-    moved_deg = evidence.motion.range_deg
-    now_mm = centre_sd_mm(fit.covariance(row, fit.posterior))
-    if moved_deg >= wanted_deg:
-        return Advice(name, moved_deg, now_mm, now_mm, "enough")
-    information = list(fit.information)
-    information[row] = _if_it_moved(fit, row, evidence, np.radians(wanted_deg), layout)
-    moved_mm = min(now_mm, centre_sd_mm(fit.covariance(row, hand_posterior(fit.prior, information))))
-    if now_mm - moved_mm < SMALL_GAIN_MM:
-        return Advice(name, moved_deg, now_mm, moved_mm, "enough: more motion would gain little")
-    return Advice(name, moved_deg, now_mm, moved_mm, _sentence(name, moved_deg, wanted_deg))
+    moved_deg, free = evidence.motion.range_deg, list(fit.free.values())[row]
+    now_mm, moved_mm = centre_sd_mm(fit.covariance(row, fit.posterior)), None
+    kind, values = _standing(fit, row, evidence, layout, 0.0 if free is None else free.gap_rms_free_mm)
+    if moved_deg < wanted_deg and kind != GAP:
+        information = list(fit.information)
+        information[row] = _if_it_moved(fit, row, evidence, np.radians(wanted_deg), layout)
+        moved_mm = min(now_mm, centre_sd_mm(fit.covariance(row, hand_posterior(fit.prior, information))))
+        if now_mm - moved_mm >= SMALL_GAIN_MM:
+            kind, values = MOVE, {"wanted_deg": wanted_deg}
+    return Advice(name, moved_deg, now_mm, now_mm if moved_mm is None else moved_mm, kind, values)
+
+
+def _standing(
+    fit: HandFit, row: int, evidence: JointEvidence, layout: Layout, gap_mm: float
+) -> tuple[str, Values]:
+    """The advice on a joint where more motion gains nothing. gap_mm : rms, that no centre closes."""
+    is_hand = bool(layout.wrist or FINGERS & {*layout.digits})
+    wanted_mm = FINGER_MM if is_hand else ARM_MM
+    enough_mm = JOINTWISE * wanted_mm if is_hand else wanted_mm
+    receivers = _receivers(evidence.joint)
+    if gap_mm > WIDE_GAP_TIMES * wanted_mm:
+        return GAP, {"gap_mm": gap_mm, **receivers}
+    covariance = fit.covariance(row, fit.posterior)
+    now_mm, axis = centre_sd_mm(covariance), evidence.motion.axis_child
+    if now_mm <= enough_mm:
+        wide = gap_mm > WIDE_GAP_TIMES * FINGER_MM
+        return (ON_SKIN, {"gap_mm": gap_mm}) if wide else (ENOUGH, {})
+    across = np.eye(3) - np.outer(axis, axis)
+    if evidence.dof == 1 and np.sqrt(np.trace(across @ covariance[3:, 3:] @ across)) <= enough_mm:
+        return OPEN_AXIS, {"sd_mm": now_mm, "gap_mm": gap_mm}
+    return UNCERTAIN, {"sd_mm": now_mm, "enough_mm": enough_mm, "gap_mm": gap_mm, **receivers}
 
 
 def _if_it_moved(
@@ -87,20 +133,3 @@ def _imagined_frames(evidence: JointEvidence, centre_mm: Array, range_rad: float
     quaternion = multiply(from_matrix(motion.mean), about_axis(axis, angle))
     position_mm = centre_mm[:3] - np.einsum("nij,j->ni", matrix(quaternion), centre_mm[3:])
     return SpreadFrames(quaternion, position_mm, np.zeros((_FRAMES, 0, 4)), np.zeros(_FRAMES, bool))
-
-
-def _sentence(joint: str, moved_deg: float, wanted_deg: float) -> str:
-    digit, _, kind = joint.rpartition("_")
-    if kind not in JOINT_NAMES:
-        return f"{joint} moved {moved_deg:.0f} deg; move it alone through {wanted_deg:.0f} deg"
-    owner = "thumb's" if digit == "thumb" else f"{digit} finger's"
-    return (
-        f"{digit} {kind.upper()} moved {moved_deg:.0f} deg; "
-        f"move the {owner} {JOINT_NAMES[kind]} alone through {wanted_deg:.0f} deg"
-    )
-
-
-def _unseen(joint: Joint) -> str:
-    return (
-        f"no frame in which {joint.parent_receiver} and {joint.child} are both valid; check these receivers"
-    )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from stages.solve_joints.calibration_advice import Advice
 
 ENDINGS = (".csv", ".parquet")
-_HEADINGS = ("joint", "range deg", "sd now mm", "sd with more motion mm", "advice")
+_HEADINGS = ("joint", "turned deg", "sd now mm", "sd with more motion mm", "advice")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -58,21 +58,25 @@ def check(arguments: argparse.Namespace) -> None:
 
 def _printed_rows(arguments: argparse.Namespace, plan: SubjectPlan, hand: str) -> list[dict[str, Any]]:
     """Print the advice on a hand; give its rows."""
-    advice = hand_advice(plan, hand, allow_none=arguments.record_failure)
+    advice, stands = hand_advice(plan, hand, allow_none=arguments.record_failure)
     if len(plan.hands) > 1:
         print(f"{hand} hand")
-    print(as_text(advice))
-    return [{**vars(plan.hand(hand)), **vars(row)} for row in advice]
+    print("\n".join(filter(None, (stands, as_text(advice)))))
+    return [{**vars(plan.hand(hand)), **row.columns} for row in advice]
 
 
-def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advice]:
-    """Give the advice on a hand's joints from every recording that may calibrate it.
+def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> tuple[list[Advice], str]:
+    """Give the advice on a hand's joints from every recording that may calibrate it; then a line on the
+    finding that stands against them, empty where none does.
 
     Raises InputError where no recording holds poses, unless `allow_none`: then there is no advice.
     """
     from dataclasses import replace
 
+    from schemas.advice import UNSETTLED
     from schemas.errors import InputError
+    from schemas.finding_groups import row_what
+    from schemas.finding_sentences import in_quotes
     from schemas.poses import usable_poses
     from stages.solve_joints.calibration_advice import advise
     from stages.solve_joints.solve import HandDescription, stream_recordings
@@ -80,18 +84,21 @@ def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> list[Advic
     layout = plan.layouts[hand]
     usable, reasons = usable_poses([plan.poses(recording) for recording in plan.all_calibrating(hand)])
     if not usable and allow_none:  # what became of the recordings stands with them
-        return []
+        return [], ""
     if not usable:
         raise InputError(f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
     recordings = stream_recordings(usable, layout, sample_frames=True)
     advice = advise(recordings.fit(HandDescription(hand, plan.hand_length_mm)), layout)
     stands = _suspicion(plan, hand, usable)
-    return [replace(row, advice=f"nothing can be said before this is settled: {stands}") if stands else row
-            for row in advice]  # fmt: skip
+    if stands is None:
+        return advice, ""
+    line = f"{stands['severity']}: {stands['kind']}: {in_quotes(stands['message'])}"
+    values = {"finding": row_what(stands)}
+    return [replace(row, kind=UNSETTLED, values=values) for row in advice], line
 
 
-def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> str:
-    """Give the first finding that stands against a hand's calibration recordings; empty where none does.
+def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> dict[str, Any] | None:
+    """Give the first finding that stands against a hand's calibration recordings, as a row.
 
     It is that of the subject's findings table, or of a hand alone what its poses say now.
     """
@@ -102,14 +109,14 @@ def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> str:
     if not plan.is_study:
         layout = plan.layouts[hand]
         found = [one for path in usable for one in command_line.checked_poses(path, layout).findings]
-        return next((one.message for one in found if one.severity != NOTE), "")
+        return next((one.columns for one in found if one.severity != NOTE), None)
     if not plan.table(FINDINGS.name).is_file():
-        return ""
+        return None
     names = {(hand, own.task, own.trial) for own in plan.all_calibrating(hand)}
     rows = rows_of(read_table(plan.table(FINDINGS.name), FINDINGS))
-    standing = (row["message"] for row in rows
+    standing = (row for row in rows
                 if row["severity"] != NOTE and (row["hand"], row["task"], row["trial"]) in names)  # fmt: skip
-    return next(standing, "")
+    return next(standing, None)
 
 
 def as_text(advice: Sequence[Advice]) -> str:
@@ -129,7 +136,7 @@ def _cells(row: Advice) -> tuple[str, ...]:
         "-" if value is None else format(value, form)
         for value, form in ((row.range_deg, ".0f"), (row.sd_now_mm, ".1f"), (row.sd_moved_mm, ".1f"))
     )
-    return (row.joint, *numbers, row.advice)
+    return (row.joint, *numbers, row.columns["advice"])
 
 
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -144,9 +151,21 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
         pa.csv.write_csv(pa.table(columns_from_rows(CALIBRATION_ADVICE, rows)), temporary)
 
 
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write why there is no advice, of every hand."""
+    from schemas.catalogue import CALIBRATION_ADVICE
+    from schemas.errors import InputError
+
+    if arguments.out is None or arguments.out.suffix == ".csv":
+        raise InputError(message)
+    plan = command_line.plan_of(arguments)
+    tables = {arguments.out: CALIBRATION_ADVICE}
+    command_line.record_failed_parts(message, tables, map(plan.part, plan.hands))
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), check)
+    return command_line.run(build_parser().parse_args(argv), check, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -6,10 +6,12 @@ pose; `solve_closed` turns the results into the parent's and the child's receive
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from schemas.verdict import Doubts
+from skeleton.angle_range import angle_range, flattening
 from skeleton.effective_samples import effective_samples
 from skeleton.rotations import Array
 from stages.solve_joints.moments import JointMoments
@@ -29,7 +31,7 @@ class JointSolution:
     mean_rotation : (3, 3) mean of R_a^T R_b.
     singular_values : (6,) of the stack over sqrt(frames), largest first.
     covariance_mm2 : (6, 6) of (p, q), without the null direction when five singular values are inverted.
-    message : why the centre is weak, in words, where the solver can tell.
+    doubts : what the solver knows against the centre, by kind (schemas.verdict).
     """
 
     p_mm: Array
@@ -47,7 +49,7 @@ class JointSolution:
     axis_sd_deg: float
     n_frames: int
     n_effective: float
-    message: str = ""
+    doubts: Doubts = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
         gap_rms_mm=gap,
         gap_rms_free_mm=normal.gap_rms_mm(*free),
         slide_to_free_mm=float((free[1] - q) @ V[:, 0]),
-        range_deg=float(np.ptp(angle_deg)),
+        range_deg=angle_range(angle_deg, flattening(np.radians(angle_deg))),
         spread_deg=float(np.std(angle_deg)),
         axis_sd_deg=_axis_sd_deg(one_minus_s2, off_axis),
         n_frames=n_frames,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skeleton.angle_range import angle_range
 from skeleton.rotations import Array, conjugate, from_matrix, matrix, multiply, nearest_rotation
 from stages.solve_joints.posture_sample import rotation_vector
 
@@ -34,9 +35,8 @@ class JointMotion:
 
     @property
     def range_deg(self) -> float:
-        """Range of the angle about the axis without its outermost hundredth at either side."""
-        low, high = np.percentile(self.angle_rad, [1, 99])
-        return float(np.degrees(high - low))
+        """Range of the angle about the axis."""
+        return angle_range(np.degrees(self.angle_rad))
 
     @property
     def second_angle_rad(self) -> Array:

@@ -11,10 +11,11 @@ import numpy as np
 from anatomy import average_hand
 from anatomy.skin import slide_covariance
 from schemas.layout import Joint, Layout
+from skeleton.angle_range import flattening
 from skeleton.rotations import Array, matrix
 from stages.solve_joints import skin_drift
 from stages.solve_joints.degrees_of_freedom import JointMotion, degrees_of_freedom, joint_motion, turns_from
-from stages.solve_joints.frame_weights import flattening, robust_scale, tukey
+from stages.solve_joints.frame_weights import robust_scale, tukey
 from stages.solve_joints.hand_posterior import Information, information
 from stages.solve_joints.hand_prior import MeasuredAxis
 from stages.solve_joints.joint_prior import JointPrior

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from schemas.layout import Joint, Layout
+from schemas.verdict import noted
 from skeleton.rotations import Array
 from stages.solve_joints.closed import JointSolution
 
@@ -41,7 +42,7 @@ def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
     """Give the row of one joint, failed where `solution` is the reason why there is none."""
     names = {"joint": joint.name, "parent_segment": joint.parent_receiver, "child_segment": joint.child}
     if isinstance(solution, str):
-        return {**names, "status": "failed", "message": solution, "n_frames": 0}
+        return {**names, "reason_values": "", "status": "failed", "message": solution, "n_frames": 0}
     return {
         **names,
         **_by_axis("parent_", solution.p_mm, "_mm"),
@@ -54,8 +55,9 @@ def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
         "singular_values": solution.singular_values,
         "covariance_mm2": solution.covariance_mm2.ravel(),
         **{name: getattr(solution, name) for name in _SCALARS},
-        "status": "weak" if solution.message else "ok",
-        "message": solution.message,
+        "reason_values": noted(solution.doubts)["reason_values"],
+        "status": "ok",
+        "message": "",
     }
 
 

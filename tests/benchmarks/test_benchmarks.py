@@ -130,7 +130,7 @@ def test_the_papers_accuracy_has_a_row_per_joint_type_and_finds_what_is_there() 
         assert column(table, "joints") == [*JOINT_TYPES, paper_accuracy.ALL]
         assert column(table, "n") == [1, 1, 1, 2, 2, 4, 4, 15]
         np.testing.assert_allclose(np.hypot(solved["along_mm"], solved["across_mm"]), solved["error_mm"])
-    assert len(paper_accuracy.status_table(joints, "one hand").rows) == 8
+    assert len(paper_accuracy.verdict_table(joints, "one hand").rows) == 12
     table = paper_accuracy.tip_table(tips, "one hand")
     assert column(table, "skeleton") == [paper_accuracy.ESTIMATED, paper_accuracy.TRUE] * 4
     assert column(table, "held out") == ["no", "no", "yes", "yes"] * 2

@@ -163,8 +163,30 @@ def test_severities(planted: Planted) -> None:
     left_out = {"hemisphere-flip": {"hand": 3}, "spike": {"ring_distal": 1}}
     flip, spike = check_recording(planted.poses, LAYOUT, "right", left_out=left_out).findings
     assert (flip.kind, flip.severity, spike.kind, spike.severity) == ("hemisphere", NOTE, "spikes", NOTE)
-    assert flip.message.startswith("3 poses, most of hand, are on the other side")
+    assert flip.message.startswith("3 poses (3 of hand) are on the other side")
     assert spike.message.startswith("One pose, of ring_distal, is where nothing can be")
+
+
+def test_after_a_repair_the_notes_count_it_and_ask_for_none(planted: Planted) -> None:
+    left_out = {"hemisphere-transit": {"hand": 3}, "hemisphere-repaired": {"hand": 3, "ring_distal": 70}}
+    found = check_recording(planted.poses, LAYOUT, "right", left_out=left_out).findings
+    assert [finding.severity for finding in found] == [NOTE, NOTE]
+    assert "73 poses (70 of ring_distal, 3 of hand) were put back" in found[1].message
+    assert not any("`repair`" in finding.message for finding in found)
+
+
+def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted: Planted) -> None:
+    position = planted.poses.position_mm.copy()
+    position[400:, planted.poses.index("ring_distal")] *= -1
+    flipped = replace(planted.poses, position_mm=position)
+    (asked,) = check_recording(flipped, LAYOUT, "right").findings
+    assert (asked.kind, asked.severity) == ("hemisphere", SUSPECT)
+    assert "`repair`" in asked.message
+    left_out = {"hemisphere-undecided": {"ring_distal": 900}}
+    (said,) = check_recording(flipped, LAYOUT, "right", left_out=left_out).findings
+    assert (said.kind, said.severity) == ("hemisphere", SUSPECT)
+    assert "900 poses (900 of ring_distal) are of a receiver that was on both sides" in said.message
+    assert "`repair`" not in said.message
 
 
 def test_a_digest_is_of_the_numbers_alone(planted: Planted) -> None:
@@ -215,8 +237,19 @@ def test_a_real_arm(real_data: Path, side: str) -> None:
         assert [(one.kind, one.severity) for one in findings] == [(kind, SUSPECT)], name
 
 
+def test_receivers_of_an_arm_that_rest_in_a_noisy_field_are_looked_at() -> None:
+    """Most of them jump about, so nothing is undone, and there is no hypothesis to choose."""
+    layout, rng, n_frames = read_layout("arm"), np.random.default_rng(1), 600
+    position_mm = rng.normal([[0, 0, 0], [300, 0, 0], [550, 0, 0], [650, 0, 0]], 4.0, (n_frames, 4, 3))
+    turns = rng.normal([1.0, 0.0, 0.0, 0.0], 0.05, (n_frames, 4, 4))
+    quaternion = turns / np.linalg.norm(turns, axis=-1, keepdims=True)
+    frame, valid = np.arange(n_frames), np.ones((n_frames, 4), bool)
+    poses = Poses(layout.measured, frame, frame / 120.0, position_mm, quaternion, valid)
+    assert {one.kind for one in check_recording(poses, layout, "right").findings} <= {"spikes"}
+
+
 def test_every_kind_is_planted_somewhere() -> None:
-    elsewhere = {"other-person", "same-file", "zeros", "receivers-alike"}
+    elsewhere = {"other-person", "same-file", "zeros", "receivers-alike", "unchecked"}
     assert {kind for kind, _ in MISTAKES.values()} | elsewhere == {*KINDS}
 
 

@@ -55,6 +55,14 @@ def test_the_same_poses_again(own: list[tuple[str, str, CheckedRecording]]) -> N
     assert "those of the right hand's rom" in found[3].findings[0].message
 
 
+def test_a_copy_under_the_other_hands_name_accuses_that_hand_alone() -> None:
+    """Also where it is named before the recording that it is a copy of."""
+    hands = (replace(hand_of(11), hand="left"), hand_of(11))
+    copied, own = kinds([("rom", one.hand, checked(one)) for one in hands])
+    assert copied == [("same-file", SUSPECT), ("wrong-hand", SUSPECT)]
+    assert own == []
+
+
 def test_recordings_without_a_pose_are_not_one_file(planted: Planted) -> None:
     empty = replace(planted.poses, valid=np.zeros_like(planted.poses.valid))
     nothing = check_recording(empty, read_layout("liberty16"), "right")

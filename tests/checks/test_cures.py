@@ -63,7 +63,10 @@ def test_a_cure_done_in_the_sheet_cures(case: SheetCase, files: Files) -> None:
 
 
 def test_every_kind_is_cured() -> None:
-    assert {*KINDS} == {case.kind for case in (*CASES, *SHEET_CASES) if " and " not in case.kind}
+    """But for that of a recording whose check failed, of which nothing is known."""
+    assert {*KINDS} - {"unchecked"} == {
+        case.kind for case in (*CASES, *SHEET_CASES) if " and " not in case.kind
+    }
 
 
 def test_what_no_rule_reads_is_not_done() -> None:

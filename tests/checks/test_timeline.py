@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from checks.timeline import Timeline, alike, repeated_share, sides, spikes, stuck, true_clock, zeros
+from checks.timeline import Timeline, alike, away, repeated_share, sides, spikes, stuck, true_clock, zeros
 from skeleton.rotations import about_axis
 
 FRAMES = 600
@@ -37,6 +37,18 @@ def test_flips_are_undone_to_the_frame_also_across_a_gap() -> None:
     line.valid[245:255, 1] = False
     flipped = replace(line, position_mm=line.position_mm * sign[..., None])
     assert (sides(flipped) == sign)[line.valid].all()
+    assert away(sides(flipped)).tolist() == [0, 1, 1]
+
+
+@pytest.mark.parametrize("step", [1, 2, 5])
+def test_there_and_back_is_once_also_of_receivers_that_are_not_in_step(step: int) -> None:
+    line = moving()
+    sign = np.ones((FRAMES, 3))
+    sign[100:250, 1] = sign[400:450, 1] = -1
+    line.valid[:] = (np.arange(FRAMES)[:, None] + np.arange(3)) % step == 0
+    found = sides(replace(line, position_mm=line.position_mm * sign[..., None]))
+    assert away(found).tolist() == [0, 2, 0]
+    assert (found == sign)[line.valid].all()
 
 
 @pytest.mark.parametrize("rows", [[300], [300, 301]])

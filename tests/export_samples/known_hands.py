@@ -21,6 +21,7 @@ from schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
 from schemas.poses import Poses, read_poses
 from schemas.study import Recording, read_study
 from schemas.tables import Provenance, Table, rows_of, write_table
+from schemas.verdict import UNJUDGED
 from skeleton.rotations import Array, bone_frame, from_matrix, rotate
 from stages.export.motion import SkeletonMotion
 from stages.export.recorded_motion import read_motion
@@ -33,6 +34,7 @@ REPLAYED, FITTED = "paper-fig4", "whole-hand"
 LAYOUT = "liberty16"
 POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 TIPS = ("tip_x_mm", "tip_y_mm", "tip_z_mm", "skin_tip_x_mm", "skin_tip_y_mm", "skin_tip_z_mm")
+BELIEVED = {**UNJUDGED, "verdict": "believe"}
 SKIN_MM = 4.0
 """Of the skin beyond the last bone, along it."""
 Rows = list[dict[str, Any]]
@@ -158,7 +160,9 @@ def _write_replayed(known: KnownHand) -> None:
             }
             row |= {"length_mm": float(np.linalg.norm(vector))}
             along = {} if metacarpal else dict(zip(("x_mm", "y_mm", "z_mm"), vector, strict=True))
-            lengths.append(row | along | {"driven_by": "" if metacarpal else segment, "message": ""})
+            lengths.append(
+                row | along | {"driven_by": "" if metacarpal else segment, **BELIEVED, "message": ""}
+            )
         dorsal = rotate(_bone(known, digit.segments[0])[1], np.array([0.0, 0.0, 1.0]))
         turn = from_matrix(bone_frame(_metacarpal_mm(known, digit.name), dorsal))
         turns += _framewise(known, {"digit": digit.name, "flags": ""}, POSE[3:], turn)
@@ -175,6 +179,7 @@ def _joint_rows(known: KnownHand) -> Rows:
             "dof": joint.dof,
             "n_frames": len(known.made.frame),
             "source": "simulation",
+            **BELIEVED,
             "status": "ok",
             "message": "",
             **_xyz("parent_{}_mm", joint.parent_mm if joint.parent_segment else None),
@@ -223,7 +228,7 @@ def _write_fitted(known: KnownHand) -> None:
     ends = _ends_mm(known)
     lengths = [
         {"digit": digit.name, "bone": segment, "starts_at": joint, "ends_at": "", "length_mm": ends[segment]}
-        | {"driven_by": "", "message": ""}
+        | {"driven_by": "", **BELIEVED, "message": ""}
         for digit in known.layout.digits.values()
         for joint, segment in zip(digit.joints, digit.segments, strict=True)
     ]

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from schemas.advice import ENOUGH, MOVE
 from schemas.layout import Layout
 from schemas.model import SkeletonModel
+from stages.solve_joints.calibration_advice import Advice
 
 Rows = list[dict[str, Any]]
 
@@ -84,14 +86,13 @@ def advice_rows(key: dict[str, str], layout: Layout) -> Rows:
     rows: Rows = []
     for joint in seen_joints(layout):
         lacks = spoiled(key) and joint == "little_dip"
-        words = "bend the little finger's fingertip joint by 40 deg or more (now 8)" if lacks else "enough"
-        words += ": more motion would gain little" if joint == "thumb_ip" else ""
+        kind, values = (MOVE, {"wanted_deg": 40.0}) if lacks else (ENOUGH, {})
         numbers = {
             "range_deg": 8.0 if lacks else 60.0,
             "sd_now_mm": 4.5,
             "sd_moved_mm": 2.0 if lacks else 4.5,
         }
-        rows.append({**_hand(key), "joint": joint, **numbers, "advice": words})
+        rows.append(_hand(key) | Advice(joint, *numbers.values(), kind, values).columns)
     return rows
 
 
@@ -102,10 +103,15 @@ def receiver_rows(key: dict[str, str], layout: Layout, model: str) -> Rows:
         row = {**_hand(key), "model": model, "segment": segment, "status": "ok", "message": ""}
         row |= {f"{name}_mm": 12.34 for name in ("along", "lateral", "height")}
         row |= {f"{name}_sd_mm": 0.56 for name in ("along", "lateral", "height")}
-        row |= {"residual_mm": 0.3, "residual_deg": 0.4, "loose_task": ""}
+        row |= {"residual_mm": 0.3, "residual_deg": 0.4, "loose_task": "", "loose_kind": ""}
         if spoiled(key) and segment == "ring_middle":
             row |= {"loose_from_frame": 123, "loose_task": "opposition", "loose_shift_mm": 3.21}
-            row |= {"loose_turn_deg": 4.32, "status": "weak", "message": "it came loose"}
+            row |= {
+                "loose_kind": "step",
+                "loose_turn_deg": 4.32,
+                "status": "weak",
+                "message": "it came loose",
+            }
         rows.append(row)
     return rows
 

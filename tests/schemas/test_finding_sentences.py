@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from finding_examples import EVIDENCE, EXAMPLES, examples
+from finding_examples import EFFECTS, EVIDENCE, EXAMPLES, examples
 
 from schemas import finding_sentences
 from schemas.finding_sentences import OTHER_PROBLEMS, SENTENCES, cure_of, what_of
@@ -15,6 +15,7 @@ def test_every_kind_and_variant_is_here() -> None:
     assert every == {*EXAMPLES}
     assert {*SENTENCES} == {*KINDS}
     assert {*finding_sentences.EVIDENCE} == {*EVIDENCE}
+    assert {*finding_sentences.EFFECTS} == {*EFFECTS}
 
 
 @pytest.mark.parametrize("finding", examples(), ids=lambda own: f"{own.kind}-{own.variant}")
@@ -35,12 +36,21 @@ def test_what_and_cure_make_the_sentence() -> None:
     assert what == "The receivers index_middle and index_distal seem to be swapped"
 
 
+def test_a_sentence_says_how_much_it_matters() -> None:
+    swapped = examples()[-1]
+    assert swapped.message == (
+        "The receivers index_middle and index_distal seem to be swapped: put right, the gap of index_pip "
+        "falls from 31.2 to 1.4 mm (the median gap of the joints concerned falls from 12.1 to 1.3 mm, "
+        "centres that move by more than 2 mm: 5 of 16); exchange their names in `receivers` of the mapping."
+    )
+
+
 def test_one_is_not_called_several() -> None:
     one, many = (
         Finding("hemisphere", SUSPECT, "left-out", own) for own in EXAMPLES["hemisphere", "left-out"]
     )
     assert one.message.startswith("One pose, of hand, is on the other side")
-    assert many.message.startswith("40 poses, most of hand, are on the other side")
+    assert many.message.startswith("43 poses (40 of hand, 3 of index_distal) are on the other side")
 
 
 def test_what_is_to_be_written_is_what_files_have() -> None:

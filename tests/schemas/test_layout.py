@@ -133,3 +133,19 @@ def test_a_joint_across_a_bone_that_moves_unseen_is_compound() -> None:
     """The ring's and the little finger's MCP joints hang from metacarpals that move and carry no receiver."""
     layout = read_layout("liberty16")
     assert {joint.name for joint in layout.solvable if joint.compound} == {"ring_mcp", "little_mcp"}
+
+
+def test_what_is_asked_of_a_joint_goes_by_the_limb(tmp_path: Path) -> None:
+    """A hand is known by its wrist or by its fingers' names; a layout may ask for anything."""
+    asked = {name: read_layout(name).wanted_mm for name in shipped("layout")}
+    assert asked.pop("arm") == 10.0
+    assert {*asked.values()} == {2.0}
+    assert read(tmp_path, FINGER).wanted_mm == 2.0
+    assert read(tmp_path, FINGER | {"wanted_mm": 0.5}).wanted_mm == 0.5
+    knee = {name: FINGER[name] for name in ("layout", "description")}
+    knee |= {
+        "segments": {"thigh": {}, "shank": {}},
+        "joints": {"knee": {"parent": "thigh", "child": "shank"}},
+    }
+    assert read(tmp_path, knee | {"digits": {"leg": {"segments": ["shank"]}}}).wanted_mm == 10.0
+    assert read(tmp_path, knee | {"digits": {"index": {"segments": ["shank"]}}}).wanted_mm == 2.0

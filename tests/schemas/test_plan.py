@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from small_study import write_plans, write_study
 
-from schemas.catalogue import POSES
+from schemas.catalogue import FINDINGS, POSES
 from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.model import read_model
@@ -122,6 +122,23 @@ def test_a_plan_changes_with_its_own_subject_alone(
     after = content(write_study(tmp_path, *rows, *ROWS, **SHEETS | sheets), "01")
     assert (plan_text(after) == plan_text(before)) == same
     assert (plan_digest(after) == plan_digest(before)) == same
+
+
+def test_what_the_study_asks_of_a_joint_concerns_those_who_judge_alone(tmp_path: Path) -> None:
+    """Neither a check of recordings nor a fit runs again for it."""
+    file = write_study(tmp_path, *ROWS, models=("rigid", "whole-hand"))
+
+    def plans() -> tuple[dict[str, Any], ...]:
+        made = StudyPlans(read_study(file), Path("results/test"))
+        return made.content("01"), made.recordings_content("01"), made.fit_content("01", RIGHT, "whole-hand")
+
+    before = plans()
+    assert plan_from_content(before[0], "plan.json").layouts[RIGHT].wanted_mm == 2.0
+    file.write_text(file.read_text() + "\nwanted_mm: 1.5\n")
+    after = plans()
+    assert plan_from_content(after[0], "plan.json").layouts[RIGHT].wanted_mm == 1.5
+    assert read_study(file).judged_layout(read_study(file).hands[0]).wanted_mm == 1.5
+    assert after[1:] == before[1:]
 
 
 @pytest.mark.parametrize(
@@ -246,6 +263,17 @@ def test_sheets_and_sizes_of_a_hand_alone(tmp_path: Path) -> None:
     assert (read.hand_length_mm, read.hand_breadth_mm) == (180.0, None)
     assert read.sheets == {"corrections": sheet}
     assert (read.hands, read.parts("rigid")) == ((LEFT,), [Part(LEFT, "rigid", "", "1")])
+
+
+def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(tmp_path: Path) -> None:
+    rows = ("01 right rom both a.csv", "01 left rom both b.csv", "01 left grip evaluation c.csv")
+    plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
+    for severity, doubted in (("note", ""), ("suspect", "grip"), ("refused", "grip")):
+        row = {"subject": "01", "session": "", "hand": "left", "task": "grip", "trial": ""}
+        row |= {"kind": "units", "severity": severity, "message": "In inch."}
+        write_table(plan.table("findings"), FINDINGS, columns_from_rows(FINDINGS, [row]), Provenance())
+        found = plan.with_findings()
+        assert (found.doubted("left"), found.doubted("right")) == (doubted, "")
 
 
 def test_poses_of_two_hands_are_refused(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from schemas.catalogue import POSES
+from schemas.findings import NOTE, REFUSED, Finding, worded
 from schemas.recording_summary import recording_row
 from schemas.study import Hand, Recording
 from schemas.tables import Provenance, write_failure, write_table
@@ -47,12 +48,15 @@ def test_a_recording_without_problems(tmp_path: Path) -> None:
         "file": "data/a.csv",
         "status": "used",
         "message": "",
+        "tracker": "",
         "n_frames": N_FRAMES,
         "n_receivers": len(SEGMENTS),
         "duration_s": pytest.approx(39 / 240),
         "valid_percent": 100.0,
     }
     assert problems == []
+    named, _ = recording_row(RECORDING, poses(tmp_path / "q.parquet", {"tracker": "VIPER"}))
+    assert named["tracker"] == "VIPER"
 
 
 GAPS = np.arange(N_FRAMES * len(SEGMENTS)) % 7 != 0
@@ -65,7 +69,7 @@ def test_gaps_and_missing_frames_count(tmp_path: Path, rows: int) -> None:
     row, problems = recording_row(RECORDING, path)
     assert row["n_frames"] == N_FRAMES
     assert row["valid_percent"] == pytest.approx(100 * GAPS.sum() / (50 * 4))
-    assert problems == ["no usable pose of little; check that receiver"]
+    assert problems == [Finding("recording", NOTE, "no-pose", {"segments": ["little"]})]
 
 
 @pytest.mark.parametrize(
@@ -83,8 +87,9 @@ def test_notes_are_in_the_row_and_losses_are_problems(tmp_path: Path) -> None:
     parameters = {"notes": notes, "losses": losses}
     never = np.repeat([True, False, True], N_FRAMES)
     row, problems = recording_row(RECORDING, poses(tmp_path / "p.parquet", parameters, never))
-    assert problems == ["no usable pose of thumb; check that receiver", "lost 3 frames"]
-    assert row["message"] == "; ".join([*problems, "times were missing"])
+    messages = [one.message for one in problems]
+    assert messages == ["no usable pose of thumb; check that receiver", "lost 3 frames"]
+    assert row["message"] == "; ".join([*messages, "times were missing"])
     assert row["status"] == "used"
 
 
@@ -92,8 +97,8 @@ def test_a_failed_import_and_an_excluded_recording(tmp_path: Path) -> None:
     path = tmp_path / "p.parquet"
     write_failure(path, POSES, "a.csv: row 7: not a number", Provenance())
     row, problems = recording_row(RECORDING, path)
-    assert (row["status"], row["message"], row["n_frames"]) == ("failed", problems[0], 0)
-    assert problems == ["a.csv: row 7: not a number"]
+    assert (row["status"], row["message"], row["n_frames"]) == ("failed", problems[0].message, 0)
+    assert problems == [worded("recording", REFUSED, "a.csv: row 7: not a number")]
     excluded = Recording(**{**vars(RECORDING), "exclude": "the cable came off"})
     row, problems = recording_row(excluded, tmp_path / "none.parquet")
     assert (row["status"], row["message"], problems) == ("excluded", "the cable came off", [])

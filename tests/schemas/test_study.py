@@ -52,6 +52,20 @@ def test_layouts_and_models_of_ones_own(tmp_path: Path) -> None:
     assert read.layout_of(Hand("01", "right")) == tmp_path / "wing.yaml"
 
 
+def test_the_study_s_mapping_is_that_of_rows_which_may_need_one(tmp_path: Path) -> None:
+    """Neither of a row that names its own or its format, nor of files that say themselves what they hold."""
+    head = "subject\thand\ttask\trole\tfile\tmapping\tformat"
+    rows = ("a a.csv", "b b.c3d own.yaml", "c c.csv - csv", "d d.arrows", "e E.PARQUET")
+    cells = (["01", "right", task, "both", *more] for task, *more in map(str.split, rows))
+    text = "\n".join([head, *("\t".join(row).replace("\t-", "\t") for row in cells)])
+    (tmp_path / "recordings.tsv").write_text(text)
+    (tmp_path / "study.yaml").write_text(
+        "study: s\nrecordings: recordings.tsv\nlayout: arm\nmapping: lab.yaml\nmodels: [rigid]\n"
+    )
+    mappings = [recording.mapping for recording in read_study(tmp_path / "study.yaml").recordings]
+    assert mappings == [tmp_path / "lab.yaml", tmp_path / "own.yaml", None, None, None]
+
+
 def test_recordings_of_a_hand_may_wear_fewer_receivers(tmp_path: Path) -> None:
     """The hand has the layout with most of them, whichever comes first."""
     rows = ("01 right tips evaluation t.csv - tips-and-hand", "01 right rom calibration r.csv")

@@ -239,7 +239,7 @@ def test_a_python_without_the_packages_is_said(module: str) -> None:
 
 # --- failing ----------------------------------------------------------------------------------------------
 
-INTERNAL = "internal error (ZeroDivisionError: oh); please report it with the log"
+INTERNAL = "internal error in stages.any (ZeroDivisionError: oh); please report it with the log"
 
 
 def given(*argv: str) -> argparse.Namespace:

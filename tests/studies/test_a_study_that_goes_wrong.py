@@ -15,6 +15,7 @@ from schemas.catalogue import TABLES
 from schemas.findings import STAGE
 from schemas.results import STUDY_TABLES
 from schemas.tables import read_table
+from schemas.verdict import doubts_of
 
 pytestmark = pytest.mark.slow
 
@@ -288,8 +289,8 @@ def test_a_whole_hand_with_a_dead_receiver_is_fitted_and_says_so(whole: StudyRun
     joints = {row["joint"]: row for row in whole.rows_where("joint_centres", subject="dead")}
     assert {row["status"] for row in joints.values()} <= {"ok", "weak"}
     for name in ("index_pip", "index_dip"):
-        assert joints[name]["status"] == "weak"
-        assert f"no valid pose of {DEAD}" in joints[name]["message"]
+        assert joints[name]["verdict"] != "believe"
+        assert doubts_of(joints[name])["no-valid-pose"] == {"segments": [DEAD]}
     receivers = {row["segment"]: row for row in whole.rows_where("receivers", subject="dead")}
     assert receivers[DEAD]["status"] == "failed"
 
@@ -305,7 +306,10 @@ def test_a_whole_hand_without_calibration_fails_and_the_other_hand_does_not(whol
     assert len(errors) == 10
     assert all(row["mean_mm"] is None and row["message"] for row in errors)
     stages = {row["stage"] for row in whole.rows("problems") if row["kind"] != "correction"}
-    assert stages - {STAGE} == {"capture"}, "each named once, where it went wrong"
+    assert stages - {STAGE} == {"capture", "fit_hand"}, "each named once, where it went wrong"
+    (alone,) = whole.rows_where("problems", stage="fit_hand")
+    assert (alone["subject"], alone["hand"], alone["severity"]) == (HOSTILE, "right", "note")
+    assert alone["message"].startswith("fitted without the left hand's bone lengths: gone & <b>.csv")
 
 
 def test_no_temporary_file_is_left(study: StudyRun) -> None:

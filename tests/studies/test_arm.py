@@ -8,15 +8,16 @@ from pathlib import Path
 import pytest
 from studies.running import Row, StudyRun, write_study
 
-from schemas.catalogue import JOINT_ANGLES, JOINT_SOLUTIONS
+from schemas.catalogue import JOINT_SOLUTIONS
 from schemas.parts import read_part
 from schemas.plan import SubjectPlan, read_plan
-from schemas.tables import read_table, rows_of
+from schemas.tables import rows_of
 
 pytestmark = pytest.mark.slow
 
 SIDES = ("right", "left")
-MODELS = ("paper-fig4", "rigid", "anatomical", "whole-hand")
+WHOLE = "whole-hand"
+MODELS = ("paper-fig4", "rigid", "anatomical", WHOLE)
 FREE_GAP_MM = {"shoulder": (16, 26), "elbow": (6, 8), "wrist": (4.5, 7)}
 
 
@@ -66,7 +67,7 @@ def test_where_no_plane_cuts_the_axis_the_free_centre_stands(study: StudyRun, si
     assert row["gap_rms_mm"] == pytest.approx(row["gap_rms_free_mm"], rel=1e-9)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", MODELS[:-1])
 @pytest.mark.parametrize("side", SIDES)
 def test_the_arm_is_replayed_in_both_bindings(study: StudyRun, side: str, model: str) -> None:
     errors = study.rows_where("tip_errors", hand=side, model=model)
@@ -78,26 +79,24 @@ def test_the_arm_is_replayed_in_both_bindings(study: StudyRun, side: str, model:
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_the_whole_arm_is_fitted_and_posed(study: StudyRun, side: str) -> None:
-    """Nothing is known of its bones: joints lie where the gap is hardly more than the free fit's, every joint
-    has its turns, and the hand is where the rest of the arm says, to some millimetres.
-    """
-    joints = _joints(study, side, "whole-hand")
-    assert set(joints) == set(FREE_GAP_MM)
-    for row in joints.values():
-        assert row["gap_rms_mm"] < 1.35 * row["gap_rms_free_mm"]
-        assert "converge" not in row["message"]
-    path = _plan(study).fit_table(side, "whole-hand", "joint_angles")
-    angles = list(rows_of(read_table(path, JOINT_ANGLES)))
-    assert {row["joint"] for row in angles} == set(FREE_GAP_MM)
-    elbow = [row["flexion_deg"] for row in angles if row["joint"] == "elbow" and row["flexion_deg"]]
-    assert max(elbow) - min(elbow) > 40
-    (score,) = study.rows_where("skeleton_scores", hand=side, model="whole-hand")
-    assert score["left_out_mean_mm"] < 12.0
+def test_the_model_of_a_whole_hand_refuses_it(study: StudyRun, side: str) -> None:
+    joints = _joints(study, side, WHOLE)
+    assert {row["status"] for row in joints.values()} == {"failed"}
+    (problem,) = study.rows_where("problems", hand=side)
+    assert (problem["model"], problem["stage"], problem["severity"]) == (WHOLE, "fit_hand", "refused")
+    assert problem["message"].endswith("take model anatomical, which solves each joint by itself")
+
+
+def test_a_study_of_that_model_alone_is_refused_before_anything_runs(study: StudyRun) -> None:
+    """The sentence names the layout and the model to take."""
+    file = study.folder / "alone.yaml"
+    file.write_text(study.file.read_text("utf-8").replace(", ".join(MODELS), WHOLE), "utf-8")
+    done = StudyRun(file, study.folder).snakemake("--dry-run")
+    assert done.returncode == 2
+    assert "model whole-hand fits a whole hand, and layout arm is none" in done.stderr
 
 
 def test_the_report_shows_the_arm(study: StudyRun) -> None:
     page = study.page()
     for word in ("shoulder", "elbow", "racing"):
         assert word in page
-    assert not study.rows("problems")

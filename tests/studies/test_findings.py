@@ -7,6 +7,7 @@ import pytest
 from studies.running import StudyRun, record, write_study
 
 from schemas.catalogue import FINDINGS
+from schemas.findings import SUSPECT, Finding, values_of
 from schemas.tables import read_table, rows_of
 
 pytestmark = pytest.mark.slow
@@ -43,15 +44,21 @@ def test_the_mistake_is_named_with_what_to_write(study: StudyRun) -> None:
         "index_distal and index_middle" in problem["message"]
         or "index_middle and index_distal" in problem["message"]
     )
-    assert "exchange them" in problem["message"]
+    assert "exchange their names" in problem["message"]
+    values = values_of(problem["values"])
+    assert {values["segment"], values["segment_2"]} == {*SWAPPED}
+    assert values["moved"] > 0
+    assert Finding("receivers-swapped", SUSPECT, "", values).message == problem["message"]
     (finding,) = rows_of(read_table(study.results.subject("02") / "findings.parquet", FINDINGS))
     assert finding["message"] == problem["message"]
 
 
-def test_none_of_its_joints_is_ok(study: StudyRun) -> None:
-    statuses = {row["status"] for row in study.rows_where("joint_centres", subject="02")}
-    assert "ok" not in statuses
-    assert "ok" in {row["status"] for row in study.rows_where("joint_centres", subject="01")}
+def test_none_of_its_joints_is_believed(study: StudyRun) -> None:
+    for table in ("joint_centres", "bone_lengths"):
+        assert {row["verdict"] for row in study.rows_where(table, subject="02")} == {"no"}
+        assert {row["verdict"] for row in study.rows_where(table, subject="01")} > {"no"}
+    reasons = {row["reason"] for row in study.rows_where("joint_centres", subject="02")}
+    assert "suspect-recording" in reasons
 
 
 def test_it_judges_nothing_and_that_is_said(study: StudyRun) -> None:
@@ -75,3 +82,5 @@ def test_a_reason_in_the_sheet_brings_it_back(study: StudyRun) -> None:
     assert problem["message"].endswith("Accepted: as worn")
     assert "ok" in {row["status"] for row in study.rows_where("joint_centres", subject="02")}
     assert "Settle this first" not in study.page()
+    assert study.page().count("as worn") == 1
+    assert "Accepted in the recordings sheet" in subject_page(study, "02")

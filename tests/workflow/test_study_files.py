@@ -239,6 +239,19 @@ def test_a_run_is_of_one_study_as_its_file_says(folder: Path) -> None:
         StudyFiles.of([path], config | {"layout": "arm"}, path)
 
 
+def test_models_of_whole_hands_are_refused_where_no_layout_is_a_hand(folder: Path) -> None:
+    """With another model, or a hand, the study runs, and each arm is a problem of its own."""
+    path = write_study(folder / "arms", "01 right rom both a.csv - arm", models=("whole-hand",))
+    with pytest.raises(
+        InputError, match=r"study\.yaml: models: model whole-hand fits .* layout arm is none, .*"
+    ):
+        StudyFiles(path)
+    more = write_study(folder / "more", "01 right rom both a.csv - arm", models=("whole-hand", "anatomical"))
+    assert StudyFiles(more).study.models
+    both = ("01 right rom both a.csv - arm", "02 right rom both b.csv")
+    assert StudyFiles(write_study(folder / "both", *both, models=("whole-hand",))).study.models
+
+
 def test_the_plan_command_writes_the_subjects_plan(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = files(folder)
     argv = ["--study", study.file, "--results", "results/test", "--out", study.plans[0]]

@@ -85,6 +85,11 @@ class Sidecars:
             content = content.get(key) if isinstance(content, dict) else None
         return content if isinstance(content, dict) else {}
 
+    def tracker(self) -> str:
+        """Manufacturer and model as motion.json has them; empty where it says neither."""
+        said = (self.motion.get(key) for key in ("Manufacturer", "ManufacturersModelName"))
+        return " ".join(word for word in said if isinstance(word, str) and word.lower() != "n/a")
+
     def sampling_frequency_hz(self) -> float | None:
         """SamplingFrequency of motion.json; None where there is none that any recording has."""
         value = self.motion.get("SamplingFrequency")

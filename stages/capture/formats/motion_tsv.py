@@ -77,7 +77,7 @@ def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) ->
     place = cells.place
     del cells, text  # more than the file, before all is put together
     pa.default_memory_pool().release_unused()
-    return samples_of_tracks(tracks, mapping, layout, place)
+    return replace(samples_of_tracks(tracks, mapping, layout, place), tracker=sidecars.tracker())
 
 
 def _latency(sidecars: Sidecars, name: str) -> Channel | None:

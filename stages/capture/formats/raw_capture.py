@@ -17,6 +17,7 @@ from trackers.archive import open_archive
 from trackers.decode.findings import findings
 from trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
 from trackers.decode.survey import survey_archive
+from trackers.families import FAMILIES
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
@@ -36,18 +37,14 @@ def read_capture(path: Path, layout: Layout, _mapping: FileMapping | None) -> It
     named = {number for s in layout.measured if (number := layout.segments[s].receiver) is not None}
     notes = (*_left_out(path, set(survey.records), named, layout), *losses)
     missing_frames = survey.missing_frames
-    vectors = survey.settings.hemisphere
-    index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
-    hemispheres = {index_of[station]: vectors[station] for station in vectors if station in index_of}
+    tracker = FAMILIES[survey.settings.family].title
     any_known = False
     for part in flagged_records(archive, survey):
         known = np.isin(part.records.station, list(named)) & ~part.flagged(*UNUSABLE)
         if known.any():
             any_known = True
             samples = _samples(path, layout, part, np.flatnonzero(known))
-            yield replace(
-                samples, notes=notes, losses=losses, missing_frames=missing_frames, hemispheres=hemispheres
-            )
+            yield replace(samples, notes=notes, losses=losses, missing_frames=missing_frames, tracker=tracker)
             notes, losses, missing_frames = (), (), 0
     if not any_known:
         raise InputError(f"{path}: holds no pose that can be believed ({'; '.join(losses)}); record again")

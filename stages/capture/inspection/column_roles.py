@@ -38,8 +38,8 @@ class Roles:
     """What the columns, by title, seem to be.
 
     quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
-    the table. quality : of each receiver, or of all. aside : numbers that are none of these; text : columns
-    that hold no numbers.
+    the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
+    aside : numbers that are none of these; text : columns that hold no numbers.
     guessed : titles of which neither name nor numbers say what they are, only their place in the table.
     """
 
@@ -83,6 +83,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     aside = [title for title in left if _ASIDE.search(title) and title not in quality]
     roles = Roles(time, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed)
     _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
+    roles.angles[:] = [by_azimuth(group) or group for group in roles.angles]
     return roles
 
 
@@ -149,9 +150,14 @@ def _named_angles(titles: Sequence[str]) -> bool:
     names, units = zip(*map(split_title, titles), strict=True)
     if not ANGLE_UNITS.isdisjoint(units) or not POSITION_UNITS.isdisjoint(units):
         return not ANGLE_UNITS.isdisjoint(units)
-    axes = [match["axis"] for name in names if (match := _AXIS.fullmatch(name))]
-    by_axis = len(axes) == 3 and {axis[0].lower() for axis in axes} == {"a", "e", "r"}
-    return by_axis or sum(bool(_ANGLE.search(name)) for name in names) >= 2
+    return bool(by_azimuth(titles)) or sum(bool(_ANGLE.search(name)) for name in names) >= 2
+
+
+def by_azimuth(titles: Sequence[str]) -> list[str]:
+    """Titles of an azimuth, an elevation and a roll in this order; none where they are other angles."""
+    axes = {split_title(title).name: title for title in titles}
+    found = {match["axis"][0].lower(): axes[name] for name in axes if (match := _AXIS.fullmatch(name))}
+    return [found[axis] for axis in "aer"] if found.keys() == {*"aer"} else []
 
 
 def _is_time(title: str) -> bool:

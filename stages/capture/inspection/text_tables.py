@@ -15,7 +15,7 @@ from skeleton.rotations import Array
 from stages.capture.formats.cells import Cells
 from stages.capture.formats.mapped_csv import TIME_OF_DAY
 from stages.capture.formats.text_table import open_table_text
-from stages.capture.inspection.column_roles import Roles, find_roles
+from stages.capture.inspection.column_roles import Roles, by_azimuth, find_roles
 from stages.capture.inspection.column_units import Unit, Units, angle_unit_by_size, find_units
 from stages.capture.inspection.description import (
     CHECK,
@@ -28,6 +28,8 @@ from stages.capture.inspection.description import (
 from stages.capture.inspection.text_form import TextForm, detect_form
 
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
+
+FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
 
 REPEATED_SHARE = 0.2
 """More rows than this that repeat the one before, and receivers are not in step with the rows."""
@@ -131,7 +133,8 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
             if angle.stated
             else angle_unit_by_size(group, numbers).why
         )
-        lines.append(f"angles: {ranges}; {seem}")
+        named = "azimuth, elevation and roll, " if by_azimuth(group) else ""
+        lines.append(f"angles: {ranges}; {named}{seem}")
     return lines
 
 
@@ -170,13 +173,19 @@ def _config(
 
 def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
     kind, groups = roles.orientations
+    rotates = (CHECK, f"{FORWARD}, or {BACKWARD}")
     config: dict[str, Any] = {"kind": kind if groups else CHECK}
     if kind == "quaternion" and groups:
         config["order"] = (CHECK, f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?")
     if kind == "euler" and groups:
-        config["axes"] = (CHECK, f"of {' '.join(groups[0])}; ZYX for azimuth, elevation, roll")
+        config["axes"] = (CHECK, f"of {' '.join(groups[0])}: about which axis each turns")
+        if all(map(by_azimuth, groups)):
+            config["axes"] = ("ZYX", "azimuth about z, elevation about y, roll about x")
+            rotates = (FORWARD, "what azimuth, elevation and roll do, of a Polhemus tracker and a trakSTAR")
         config["unit"] = angle[:2]
-    return {**config, "rotates": (CHECK, "receiver-to-transmitter, or transmitter-to-receiver")}
+    elif groups:
+        rotates = (CHECK, f"{FORWARD} (Polhemus), or {BACKWARD} (trakSTAR)")
+    return {**config, "rotates": rotates}
 
 
 def _receivers(roles: Roles, receivers: Sequence[str], layout: Layout) -> dict[str, Any]:

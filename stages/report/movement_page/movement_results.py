@@ -19,7 +19,7 @@ from schemas.movement_tables import (
 )
 from schemas.tables import Table, open_table
 from stages.report.belief import BELIEVED, NOT
-from stages.report.study_results import StudyResults
+from stages.report.study_results import StudyResults, recording_key
 from stages.report.trust import study_beliefs
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class Movement:
 def read_movement(results: StudyResults) -> Movement:
     """Read the study's tables of movement under the leading model; InputError where one is another table."""
     model = results.leading
-    ranges = _judged(_frame(results, RANGES_OF_MOTION, model), results)
+    ranges = _evaluated(_judged(_frame(results, RANGES_OF_MOTION, model), results), results)
     return Movement(
         model=model,
         ranges=ranges[ranges[RANGE].notna()],
@@ -132,6 +132,13 @@ def _judged(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
     suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
     keys = zip(*(rows[name] for name in SUBJECT), strict=True)
     return rows[np.array([key not in suspect for key in keys], bool)] if suspect else rows
+
+
+def _evaluated(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
+    """Rows of recordings that are compared: not of those that only calibrate."""
+    calibrating = {recording_key(own) for own in results.recordings if own.role == "calibration"}
+    keys = zip(*(rows[name] for name in (*SUBJECT, "task", "trial")), strict=True)
+    return rows[np.array([key not in calibrating for key in keys], bool)]
 
 
 def _mean_curves(results: StudyResults, model: str) -> pd.DataFrame:

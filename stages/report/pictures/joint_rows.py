@@ -21,11 +21,11 @@ _BAR = HUES["plain"][0]
 """Neither a digit's colour nor a model's, nor one that says whether to believe a joint."""
 
 Range = tuple[float, float, float, float, float]
-"""Of an angle, degrees: the least, 5th percentile, median, 95th percentile and greatest."""
+"""Of an angle, degrees: the least, both ends of its range, the median between them, and the greatest."""
 
 
 def range_picture(title: str, joints: Sequence[str], ranges: Mapping[str, Range]) -> Markup:
-    """One angle's range by joint, least to most and 5th to 95th percentile, with the median.
+    """One angle's range by joint, least to most and its range (skeleton.angle_range), with the median.
 
     `title` is the text alternative.
     """

@@ -56,7 +56,7 @@ def draw(arguments: argparse.Namespace) -> None:
     results = read_results(study, arguments.results)
     folder = arguments.out
     check_font(study.language)
-    with speaking(study.language):
+    with speaking(study.language, results.problems):
         if arguments.recording:
             recording = study_figures.find_recording(results, *arguments.recording)
             folder /= study_figures.recording_folder(recording)

@@ -14,7 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from schemas.study import Hand
-from stages.report.belief import BELIEVED, CARE, NOT, SMALL_SD_MM, belief
+from schemas.verdict import CARE_TIMES
+from stages.report.belief import BELIEVED, CARE, NOT, belief, wanted_text
 from stages.report.comparison.answers import Answer, answer, observations
 from stages.report.comparison.questions import JOINT_ERROR, PRIOR
 from stages.report.palette import AMBER, NO, SOFT, Look, model_looks
@@ -204,13 +205,14 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
         say(
             (
                 "Which joints to believe: share of the study's hands [%] in which a joint is to be "
-                "believed (its centre is known to {SMALL_SD_MM:g} mm or better, 1 sigma in three "
-                "dimensions), with care (known less well), not (its error is large, an assumption does "
-                "not hold, or it failed), or has no result. {study_text} Made from all of the model's "
-                "calibration recordings. Models that agree share a panel. A joint that a model does not "
-                "have has no bar."
+                "believed (its centre is known to {wanted} mm or better, 1 sigma in three dimensions, and "
+                "nothing contradicts that), with care (to {care} mm, or something is against it), not "
+                "(known less well still, contradicted, suspect, or failed), or has no result. "
+                "{study_text} Made from all of the model's calibration recordings. Models that agree "
+                "share a panel. A joint that a model does not have has no bar."
             ),
-            SMALL_SD_MM=SMALL_SD_MM,
+            wanted=wanted_text(results.layouts.values()),
+            care=wanted_text(results.layouts.values(), CARE_TIMES),
             study_text=study_text(results),
         )
     )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from schemas.study import Recording
+from skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
 from stages.report.belief import belief
 from stages.report.hand_motion import Array, HandMotion
 from stages.report.links import navigation
@@ -37,7 +38,7 @@ from stages.report.wording import mark, say, told, word
 
 ANGLE_STEP_DEG = 0.1
 """As the page prints angles: rounded to it once, they show the table's own digits."""
-PERCENTILES = (0, 5, 50, 95, 100)
+PERCENTILES = (0, LOW_PERCENT, 50, HIGH_PERCENT, 100)
 SENSES = {
     "flexion": mark("flexion is positive, extension negative"),
     "abduction": mark("ulnar deviation is positive, radial deviation negative"),
@@ -223,11 +224,11 @@ def range_table(caption: str, ranges: Iterable[AngleRange], joints: Iterable[Row
         Column(say("Joint"), lambda own: own.joint, is_text=True),
         Column(say("Angle"), lambda own: word(own.angle), is_text=True),
         Column(say("Min [deg]"), lambda own: number(own.at_deg[0], 1)),
-        Column(say("5 % [deg]"), lambda own: number(own.at_deg[1], 1)),
+        Column(say("2.5 % [deg]"), lambda own: number(own.at_deg[1], 1)),
         Column(say("Median [deg]"), lambda own: number(own.at_deg[2], 1)),
-        Column(say("95 % [deg]"), lambda own: number(own.at_deg[3], 1)),
+        Column(say("97.5 % [deg]"), lambda own: number(own.at_deg[3], 1)),
         Column(say("Max [deg]"), lambda own: number(own.at_deg[4], 1)),
-        Column(say("5 to 95 % [deg]"), lambda own: number(own.at_deg[3] - own.at_deg[1], 1)),
+        Column(say("2.5 to 97.5 % [deg]"), lambda own: number(own.at_deg[3] - own.at_deg[1], 1)),
         Column(say("Frames"), lambda own: str(own.n_frames)),
         Column(
             say("Calibration, about the joint’s axis [deg]"), lambda own: number(calibrated.get(own.joint), 1)

@@ -194,7 +194,9 @@ def test_units_that_titles_state_are_drafted(
     assert f"in {units[1]}, as its titles say, a" in out
     assert f"in {units[2]}, as their titles say" in out
     assert "guessed" not in run.mapping.read_text("utf-8")
-    samples = run.imported(path, {"axes": "ZYX", **FORWARD, "CHECK_1": "hand", "CHECK_2": "forearm"})
+    named = 'axes: "ZYX"' in run.mapping.read_text("utf-8")
+    turning = {} if named else {"axes": "ZYX", **FORWARD}
+    samples = run.imported(path, {**turning, "CHECK_1": "hand", "CHECK_2": "forearm"})
     hand = of(samples, "hand")
     np.testing.assert_allclose(samples.numbers[hand, :3], 400 * PLACE, atol=0.02)
     np.testing.assert_allclose(samples.time_s[hand], np.arange(FRAMES) / 125, atol=1e-6)
@@ -272,11 +274,24 @@ def test_a_long_table(run: Run) -> None:
     assert "frame column sample: 1 to 29" in out
     assert "receiver column sensor: one row a receiver and frame; it has 1, 2" in out
     assert "degrees, as 87 is more than two pi" in out
-    answers = {"position_unit": "cm", "axes": "ZYX", **FORWARD, "time_unit": "ms"}
+    answers = {"position_unit": "cm", "time_unit": "ms"}
     samples = run.imported(path, answers | {"CHECK_1": "hand", "CHECK_2": "forearm"})
     hand = of(samples, "hand")
     assert hand.sum() == (~hand).sum() == 29
     np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(1, 30) + 0.5) * 10)
+
+
+@pytest.mark.parametrize("names", ["azimuth,elevation,roll", "Roll,El,Az", "a,e,r"])
+def test_what_azimuth_elevation_and_roll_mean_is_stated(run: Run, names: str) -> None:
+    """As Polhemus trackers and a trakSTAR have them, in whatever order the columns stand."""
+    order = ["aer".index(name[0].lower()) for name in names.split(",")]
+    rows = np.c_[np.arange(FRAMES) / 125, PLACE, POSES_OF_TWO[:, 3:6][:, order]]
+    assert "; azimuth, elevation and roll, degrees" in run.drafted(
+        run.table("old.csv", f"t [s],x [m],y [m],z [m],{names}", rows)
+    )
+    mapping = yaml.safe_load(run.mapping.read_text("utf-8"))
+    assert mapping["orientation"] == {"kind": "euler", "axes": "ZYX", "unit": "deg", **FORWARD}
+    assert [name[0].lower() for name in mapping["receivers"]["CHECK_1"]["orientation"]] == ["a", "e", "r"]
 
 
 def test_a_trakstars_table(run: Run) -> None:
@@ -288,10 +303,10 @@ def test_a_trakstars_table(run: Run) -> None:
     ]
     path = run.write("old.csv", "time,x1,y1,z1,a1,e1,r1,q1,x2,y2,z2,a2,e2,r2,q2\n" + "".join(rows))
     out = run.drafted(path)
-    assert "angles: a1 10 to 80, e1 -8 to -1, r1 2 to 16; degrees" in out
+    assert "angles: a1 10 to 80, e1 -8 to -1, r1 2 to 16; azimuth, elevation and roll, degrees" in out
     assert "position x2 y2 z2: span" in out
     assert "quality q2: 7 to 56" in out
-    answers = {"position_unit": "inch", "axes": "ZYX", **FORWARD, "quality_above": "40"}
+    answers = {"position_unit": "inch", "quality_above": "40"}
     samples = run.imported(path, answers | {"CHECK_1": "hand", "CHECK_2": "forearm"})
     hand, forearm = of(samples, "hand"), of(samples, "forearm")
     np.testing.assert_allclose(samples.time_s[hand], 86399.9 + 0.05 * np.arange(1, 9))

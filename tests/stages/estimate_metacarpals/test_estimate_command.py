@@ -13,6 +13,7 @@ from schemas.model import read_model
 from schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
 from schemas.plan import SubjectPlan, read_plan
 from schemas.tables import Provenance, Table, read_metadata, read_table, rows_of
+from schemas.verdict import UNJUDGED
 from stages.estimate_metacarpals.__main__ import main
 from stages.estimate_metacarpals.hand import failed_joints, merge_fitted
 
@@ -249,6 +250,7 @@ def test_joints_of_a_fit_that_failed_have_no_numbers() -> None:
         **ends,
         "n_frames": 90,
         "source": "fit of the whole hand",
+        **UNJUDGED,
         "status": "failed",
         "message": "no frames",
     }

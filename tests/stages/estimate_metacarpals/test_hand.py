@@ -14,8 +14,9 @@ from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.poses import Poses, read_poses
 from schemas.tables import read_table, rows_of
+from schemas.verdict import NO, SUSPECT, VERDICTS, doubts_of
 from skeleton.rotations import Array
-from stages.estimate_metacarpals.hand import BuiltHand, build_hand, pose_metacarpals
+from stages.estimate_metacarpals.hand import BuiltHand, build_hand, judged, pose_metacarpals
 from stages.estimate_metacarpals.wrist_row import wrist_row
 
 Build = Callable[..., BuiltHand]
@@ -95,10 +96,8 @@ def test_what_is_not_there_fails_in_words(build: Build, wanted: str, says: str) 
     assert reasons["thumb_proximal"] == ""
 
 
-def test_an_average_wrist_is_called_weak(build: Build) -> None:
-    """Without a palm that moves enough, the estimated point says that the average hand decides."""
-    wrist = wrist_of(build(replace(read_model("paper-fig4"), wrist="estimated")))
-    assert wrist["status"] == ("weak" if float(str(wrist["sd_mm"])) > 5 else "ok")
+def test_an_average_wrist_is_called_so(build: Build) -> None:
+    """Without an MCP joint to go by the average hand decides."""
     nothing = wrist_of(
         build(
             read_model("paper-fig4"),
@@ -106,8 +105,22 @@ def test_an_average_wrist_is_called_weak(build: Build) -> None:
         )
     )
     np.testing.assert_allclose(point(nothing), [-28, 0, -14])
-    assert nothing["status"] == "weak"
+    assert "placed-by-anatomy" in doubts_of(nothing)
     assert "average hand" in str(nothing["message"])
+
+
+def test_a_hand_is_judged_whole(build: Build) -> None:
+    """Bones as their ends; nothing of a hand whose calibration is suspect is believed."""
+    layout, hand = read_layout("liberty16"), build(read_model("paper-fig4"))
+    found = judged(hand, layout, {})
+    assert {row["status"] for row in found.joints} <= {"ok", "weak", "failed"}
+    worst = {row["joint"]: VERDICTS.index(row["verdict"]) for row in found.joints}
+    for bone in found.bones:
+        ends = [worst[bone[end]] for end in ("starts_at", "ends_at") if bone[end] in worst]
+        assert VERDICTS.index(bone["verdict"]) >= max(ends)
+    suspect = judged(hand, layout, {SUSPECT: {"recordings": ["rom"]}})
+    assert {row["verdict"] for row in [*suspect.joints, *suspect.bones]} == {NO}
+    assert {row["reason"] for row in suspect.joints} == {SUSPECT}
 
 
 def test_bones_end_where_the_model_says(build: Build) -> None:

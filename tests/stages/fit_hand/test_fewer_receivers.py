@@ -9,6 +9,7 @@ from simulated_poses import recorded, write_poses
 
 from schemas.layout import read_layout
 from schemas.poses import Poses
+from schemas.verdict import ONE_RECEIVER, doubts_of
 from stages.fit_hand.fingertips import fingertips
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.gains import gains
@@ -59,7 +60,8 @@ def test_a_calibration_with_six_says_what_is_lost(whole: HandFit, six: HandFit) 
     assert set(rows) == {row["joint"] for row in joint_rows(whole)}
     for digit in FINGERS:
         mcp, pip, dip = (rows[f"{digit}_{kind}"] for kind in ("mcp", "pip", "dip"))
-        assert (mcp["parent_segment"], mcp["child_segment"], mcp["status"]) == ("hand", "", "weak")
+        assert (mcp["parent_segment"], mcp["child_segment"], mcp["status"]) == ("hand", "", "ok")
+        assert doubts_of(mcp)[ONE_RECEIVER] == {"segments": [f"{digit}_proximal"]}
         assert (dip["parent_segment"], dip["child_segment"]) == ("", f"{digit}_distal")
         assert np.isfinite([mcp["parent_x_mm"], dip["child_x_mm"], mcp["sd_mm"], dip["sd_mm"]]).all()
         assert np.isnan([mcp["child_x_mm"], dip["parent_x_mm"], pip["parent_x_mm"], pip["sd_mm"]]).all()

@@ -116,6 +116,14 @@ def test_the_other_hand_sharpens_the_lengths(hand: HandAlone, fitted: Path) -> N
     assert all(both[name]["sd_mm"] < alone[name]["sd_mm"] for name in alone)
 
 
+def test_a_layout_that_is_no_hand_is_refused(
+    hand: HandAlone, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--layout=arm", f"--model={hand.model}", f"--poses={hand.poses()}", f"--out={tmp_path}"]
+    assert main(options) == 2
+    assert "model quick fits a whole hand, and layout arm is none" in capsys.readouterr().err
+
+
 def sheet(hand: HandAlone, kind: str, *lines: str) -> str:
     path = hand.folder / f"{kind}.tsv"
     path.write_text("\n".join([SHEETS[kind], *lines]) + "\n")
@@ -196,6 +204,8 @@ def test_a_loose_receiver_is_named(hand: HandAlone, tmp_path: Path) -> None:
     assert row["loose_shift_mm"] == pytest.approx(6.0, abs=2.0)
     assert row["loose_turn_deg"] == pytest.approx(12.0, abs=4.0)
     assert row["message"].startswith("came loose in rom at ")
+    assert (row["loose_kind"], row["loose_until_frame"]) == ("step", row["loose_from_frame"])
+    assert row["left_out_share"] == pytest.approx(900 / 2400, abs=0.03)
 
 
 def test_long_recordings_are_thinned_evenly(hand: HandAlone) -> None:

@@ -237,9 +237,29 @@ def test_failed_parts_are_named_once_and_the_others_are_there(
     ]
 
 
+def test_what_a_stage_notes_of_a_part_is_a_note(plans: list[SubjectPlan], tmp_path: Path) -> None:
+    whole, without = (plans[0].part("right", "whole-hand", task) for task in ("", "pinch"))
+    path = plans[0].fit_table("right", "whole-hand", "receivers")
+    with parts_writer(path, RECEIVERS, Provenance()) as writer:
+        for part in (whole, without):
+            writer.rows(part, [], note="fitted alone" if part == whole else "without a task")
+    notes = [row for row in gathered(tmp_path)["problems"] if row["stage"] == "fit_hand"]
+    assert [(*whose(row), row["kind"], row["severity"], row["message"]) for row in notes] == [
+        ("01", "right", "whole-hand", "skeleton", "note", "fitted alone")
+    ]
+
+
 def test_what_a_fit_says_of_a_receiver_is_a_note(plans: list[SubjectPlan], tmp_path: Path) -> None:
     rows = [
-        row_of(RECEIVERS, segment="index_distal", status="ok", message="came loose"),
+        row_of(RECEIVERS, segment="index_distal", status="ok", message="not touched"),
+        row_of(RECEIVERS, segment="ring_middle", status="weak", message="came loose", loose_kind="step"),
+        row_of(RECEIVERS, segment="ring_proximal", status="weak", message="slid", loose_kind="slide"),
+        *(
+            row_of(RECEIVERS, segment=segment, status="weak", message="disturbed", loose_kind="field")
+            | {"loose_shift_mm": mm, "loose_turn_deg": 3.0, "left_out_share": 0.123}
+            | {"field_x_mm": 120.4, "field_y_mm": -80.0, "field_z_mm": 5.0}
+            for segment, mm in (("middle_distal", 8.06), ("index_middle", 4.0))
+        ),
         row_of(RECEIVERS, segment="ring_distal", status="failed", message="no valid pose"),
         row_of(RECEIVERS, segment="hand", status="ok"),
     ]
@@ -248,7 +268,17 @@ def test_what_a_fit_says_of_a_receiver_is_a_note(plans: list[SubjectPlan], tmp_p
         own.rows(part, [row | vars(part) for row in rows])
     notes = [row for row in gathered(tmp_path)["problems"] if row["stage"] == "fit_hand"]
     assert [(row["hand"], row["kind"], row["severity"], row["message"]) for row in notes] == [
-        ("right", "receiver", "note", "index_distal: came loose")
+        ("right", "receiver", "note", "index_distal: not touched"),
+        ("right", "receiver-loose", "note", "ring_middle: came loose"),
+        ("right", "receiver-slid", "note", "ring_proximal: slid"),
+        (
+            "right",
+            "field-disturbed",
+            "note",
+            "the field is disturbed near (120, -80, 5) mm, as by metal: 2 receivers are off by up to 8.1 mm "
+            "and 3 deg there (middle_distal, index_middle); 12 % of a receiver's frames, at the most, were "
+            "left out",
+        ),
     ]
 
 

@@ -75,6 +75,22 @@ def rows_in(out: Path, name: str, **wanted: str) -> list[Row]:
     return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
 
 
+def test_a_calibration_recording_has_its_ranges_of_motion(out: Path) -> None:
+    """Under the hand that is fitted whole; nothing else is measured in it."""
+    truth = recorded("right", "rom", seed=SEED, n_frames=N_FRAMES)[0].truth
+    true = {joint.name: joint.range_deg for joint in truth.joints.values()}
+    rows = rows_in(out, "ranges_of_motion", task="rom", hand="right", angle="flexion")
+    assert {row["model"] for row in rows} == {"quick"}
+    found = {row["joint"]: row for row in rows}
+    for name in FINGERS:
+        row = found[f"{name}_pip"]
+        assert row["full_range_deg"] == pytest.approx(true[f"{name}_pip"], abs=12)
+        assert 0 < row["range_deg"] <= row["full_range_deg"]
+        assert row["n_frames"] == N_FRAMES
+    for table in ("fingertip_paths", "fingertip_distances", "movement_cycles", "movement_curves"):
+        assert not rows_in(out, table, task="rom")
+
+
 def true_angles_deg(hand: str) -> dict[str, Array]:
     """Angles (T, 3) of the fingers' joints, from the bones of the simulation."""
     truth = recorded(hand, "opposition", seed=SEED, n_frames=N_FRAMES)[0].truth
@@ -96,7 +112,7 @@ def true_angles_deg(hand: str) -> dict[str, Array]:
 def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(out: Path, hand: str) -> None:
     rows = {
         (row["joint"], row["angle"]): row
-        for row in rows_in(out, "ranges_of_motion", hand=hand, model="quick")
+        for row in rows_in(out, "ranges_of_motion", hand=hand, task="opposition", model="quick")
     }
     assert len({joint for joint, _ in rows}) == 17
     assert len(rows) == 3 * 17

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from schemas.catalogue import JOINT_SOLUTIONS
 from schemas.errors import InputError
-from schemas.layout import Joint, Plane
+from schemas.layout import FINGER_MM, Joint, Plane
 from schemas.model import read_model
 from schemas.parts import Part, parts_writer
 from schemas.tables import Provenance
+from schemas.verdict import NO, doubts_of, judged_joint
 from skeleton.rotations import unit
 from stages.project_planes.__main__ import main
 from stages.project_planes.place import place_joint
@@ -116,22 +117,22 @@ def test_gap_of_the_placed_centre(seed: int, shift: np.ndarray | None) -> None:
         np.testing.assert_allclose(moved, shift, atol=1e-12)
 
 
-def test_doubts_are_told() -> None:
-    """Little motion, an axis near the plane and an uncertain axis are each named; a good joint is ok."""
+def test_what_speaks_against_a_centre_is_noted() -> None:
+    """Little motion, an axis near the plane and an uncertain axis are each named; a good one: its error."""
     model = read_model("paper-fig4")
     joint, row, _ = solved_row(1)
-    assert place_joint(joint, LAYOUT, row, model, None)["status"] == "ok"
+    assert [*doubts_of(judged_joint(place_joint(joint, LAYOUT, row, model, None), FINGER_MM))] == [
+        "uncertain"
+    ]
     joint, row, _ = solved_row(1, range_rad=0.02, off_axis_rad=0.01)
-    weak = place_joint(joint, LAYOUT, row, model, None)
+    weak = judged_joint(place_joint(joint, LAYOUT, row, model, None), FINGER_MM)
     assert weak["status"] == "weak"
-    assert "moved only" in weak["message"]
-    assert "axis uncertain" in weak["message"]
+    assert {"moved-too-little", "axis-uncertain"} < {*doubts_of(weak)}
     joint, row, _ = solved_row(1)
     axis = np.array([row[f"null_child_{k}"] for k in "xyz"])
     slanted = Plane("child", (0.0, 0.0, 0.0), tuple(np.cross(axis, [1, 2, 3]) + 0.3 * axis))
     near = place_joint(replace(joint, plane=slanted), LAYOUT, row, model, None)
-    assert near["status"] == "weak"
-    assert "from the plane" in near["message"]
+    assert "axis-near-plane" in doubts_of(near)
 
 
 def test_a_failed_joint_stays_failed() -> None:
@@ -177,24 +178,23 @@ def test_a_joint_without_a_plane_is_the_six_unknown_fit(seed: int) -> None:
 
 
 def test_a_hinge_without_a_plane_is_open_along_its_axis() -> None:
-    """Its frames place it across the axis; the sentence says where they do not."""
+    """Its frames place it across the axis; the doubt says where they do not."""
     chain = random_chain(1, 2, 300, noise_mm=0.2)
     joint = replace(chain.joints[0], plane=Plane("none", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     row = solution_row(joint, solve_closed(moments_of(chain), 0, 5))
     placed = place_joint(joint, LAYOUT, row, read_model("paper-fig4"), None)
-    assert placed["status"] == "weak"
-    assert "mm along its axis, where only a plane could place it" in placed["message"]
+    assert "uncertain-in-one-direction" in doubts_of(judged_joint(placed, FINGER_MM))
 
 
 def test_receivers_that_disagree_are_told() -> None:
-    """A gap that no skin makes (here a wrong quaternion order) is named in the joint's message."""
+    """A gap that no skin makes (here a wrong quaternion order) is named."""
     chain = random_chain(1, 2, 300)
     swapped = replace(chain.poses, quaternion=np.roll(chain.poses.quaternion, -1, -1))
     joint = chain.joints[0]
     found = solve_closed(moments_of(chain, swapped), 0, 5)
     placed = place_joint(joint, LAYOUT, solution_row(joint, found), read_model("paper-fig4"), None)
-    assert placed["status"] == "weak"
-    assert "quaternion order" in placed["message"]
+    assert judged_joint(placed, FINGER_MM)["verdict"] == NO
+    assert "halves-disagree" in doubts_of(judged_joint(placed, FINGER_MM))
 
 
 def test_joints_of_another_layout_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -211,10 +211,10 @@ def test_joints_of_another_layout_are_refused(tmp_path: Path, capsys: pytest.Cap
 # --- models whose planes cut nothing: the centre of the joint solve is final -------------------------------
 
 
-@pytest.mark.parametrize("message", ["", "the joint moved 3 deg; its centre comes mostly from the prior"])
-def test_a_final_centre_is_kept(message: str) -> None:
+@pytest.mark.parametrize("doubts", [{}, {"placed-by-anatomy": {"range_deg": 3.0}}])
+def test_a_final_centre_is_kept(doubts: dict[str, dict[str, float]]) -> None:
     chain = random_chain(3, 2, off_axis_rad=0.2, noise_mm=0.3, in_plane=False)
-    row = solution_row(chain.joints[0], solve_closed(moments_of(chain), 0, 6)) | {"message": message}
+    row = solution_row(chain.joints[0], replace(solve_closed(moments_of(chain), 0, 6), doubts=doubts))
     placed = place_joint(chain.joints[0], LAYOUT, row, read_model("anatomical"), None)
     for half in ("parent", "child"):
         for axis in "xyz":
@@ -223,7 +223,7 @@ def test_a_final_centre_is_kept(message: str) -> None:
     assert placed["slide_mm"] == 0
     assert placed["axis_plane_deg"] is None
     assert placed["sd_mm"] == centre_sd_mm(np.reshape(row["covariance_mm2"], (6, 6)))
-    assert (placed["status"], placed["message"]) == ("weak" if message else "ok", message)
+    assert (placed["status"], doubts_of(placed)) == ("ok", doubts)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
 from schemas.parts import Part, part_metadata, parts_writer, read_part
 from schemas.plan import SubjectPlan, read_plan
 from schemas.tables import Provenance, read_metadata, rows_of
+from schemas.verdict import doubts_of
 from stages.project_planes.__main__ import main
 
 SHEET = (
@@ -58,7 +59,7 @@ def test_corrections_move_that_hands_joint_under_models_that_take_them(
         shift = [row[f"child_{axis}_mm"] - as_solved[joint][f"child_{axis}_mm"] for axis in "xyz"]
         np.testing.assert_allclose(shift, [1, 2, 2] if joint == "index_pip" else [0, 0, 0], atol=1e-12)
     assert moved["index_pip"]["correction_mm"] == pytest.approx(3.0)
-    assert "moved 3.0 mm by hand" in moved["index_pip"]["message"]
+    assert doubts_of(moved["index_pip"])["moved-by-hand"] == {"correction_mm": 3.0}
     assert moved["index_dip"]["correction_mm"] is None
     for model in MODELS:
         assert part_metadata(out, JOINT_CENTRES)[Part("left", model, "", "01")] == {

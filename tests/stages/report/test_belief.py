@@ -1,4 +1,4 @@
-"""Whether to believe a joint: by its status, its stated error, and how far apart its receivers have it."""
+"""What a verdict looks like and says: every kind of doubt has its sentence, the joint's numbers in it."""
 
 from __future__ import annotations
 
@@ -6,70 +6,52 @@ from typing import Any
 
 import pytest
 
-from schemas.catalogue import DISTAL_RECEIVER
+from schemas import verdict
 from schemas.layout import read_layout
-from stages.report.belief import (
-    BELIEVED,
-    CARE,
-    LARGE_GAP_MM,
-    NOT,
-    belief,
-    is_whole_bone,
-    length_belief,
-    reason,
-)
+from schemas.verdict import LIMITS, UNJUDGED, noted
+from stages.report.belief import BELIEVED, CARE, NOT, belief, reasons_of, wanted_text
+from stages.report.wording import FOREIGN, speaking
 
-ROW: dict[str, Any] = {"status": "ok", "sd_mm": 1.2, "gap_rms_mm": 1.1, "message": ""}
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        ({}, BELIEVED),
-        ({"gap_rms_mm": None}, BELIEVED),
-        ({"sd_mm": 2.5}, CARE),
-        ({"sd_mm": None}, CARE),
-        ({"gap_rms_mm": LARGE_GAP_MM + 0.1}, CARE),
-        ({"status": "weak"}, NOT),
-        ({"status": "failed", "sd_mm": None}, NOT),
-    ],
-)
-def test_one_decision(change: dict[str, Any], expected: str) -> None:
-    assert belief(ROW | change) == expected
+VALUES: dict[str, dict[str, Any]] = {
+    verdict.FAR: {"what": "palm width", "sd": 6.4},
+    verdict.HALVES: {"gap_mm": 7.3},
+    verdict.UNCERTAIN: {"sd_mm": 3.0, "radius_95_mm": 4.8, "wanted_mm": 2.0},
+    verdict.ONE_WAY: {"sd_mm": 3.0, "radius_95_mm": 4.8, "wanted_mm": 2.0, "worst_mm": 2.9},
+    verdict.MOVED_LITTLE: {"range_deg": 6.2},
+    verdict.NO_POSE: {"segments": ["index_distal"]},
+    verdict.ONE_RECEIVER: {"segments": ["index_middle", "index_distal"]},
+    verdict.ACROSS: {"segment": "ring_metacarpal", "receiver": "hand"},
+    verdict.AXIS_IN_PLANE: {"axis_plane_deg": 4.0, "slide_mm": 59.0},
+    verdict.BY_HAND: {"correction_mm": 3.0},
+    verdict.FROM_DOUBTFUL: {"joints": ["ring_mcp", "little_mcp"]},
+    verdict.AXIS: {"axis_sd_deg": 8.0},
+}
+OF_BONES = {verdict.NO_LENGTH, verdict.END_IN_DOUBT, verdict.NOT_THE_BONE}
 
 
-def test_receivers_far_apart_are_the_reason() -> None:
-    """An arm's skin: a small stated error does not make a centre known."""
-    text = reason(ROW | {"gap_rms_mm": 7.3, "message": "moved little."})
-    assert text.startswith("its receivers have it 7 mm apart, more than skin on a hand moves")
-    assert text.endswith("; moved little")
-    assert reason(ROW) == ""
+@pytest.mark.parametrize(("word", "shown"), [("believe", BELIEVED), ("care", CARE), ("no", NOT)])
+def test_a_verdict_is_shown_as_it_stands(word: str, shown: str) -> None:
+    """Whatever the numbers beside it: the table has judged."""
+    assert belief({"verdict": word, "sd_mm": 99.0, "status": "weak"}) == shown
 
 
-BONE: dict[str, Any] = {"bone": "index_proximal", "starts_at": "index_mcp", "ends_at": "index_pip"}
-BONE |= {"length_mm": 40.0, "sd_mm": 0.6}
-CAREFUL, WEAK = ROW | {"sd_mm": 2.5}, ROW | {"status": "weak"}
+@pytest.mark.parametrize("kind", [kind for kind in LIMITS if kind not in OF_BONES | {verdict.NOT_SOLVED}])
+@pytest.mark.parametrize("language", ["en", "ja"])
+def test_every_kind_has_its_sentence(kind: str, language: str) -> None:
+    row = {**UNJUDGED, **noted({kind: VALUES.get(kind, {})}), "message": ""}
+    with speaking(language):
+        (sentence,) = reasons_of(row)
+    assert "{" not in sentence
+    assert FOREIGN not in sentence
+    assert sentence.isascii() == (language == "en")
 
 
-@pytest.mark.parametrize(
-    ("change", "ends", "expected"),
-    [
-        ({}, (ROW, ROW), BELIEVED),
-        ({}, (ROW, CAREFUL), CARE),
-        ({}, (WEAK, CAREFUL), NOT),
-        ({"sd_mm": 2.1}, (ROW, ROW), CARE),
-        ({"sd_mm": None}, (ROW, ROW), CARE),
-        ({"sd_mm": None, "length_mm": None}, (ROW, ROW), NOT),
-        ({"ends_at": "fingertip"}, (ROW, WEAK), BELIEVED),
-        ({"ends_at": DISTAL_RECEIVER}, (ROW, ROW), CARE),
-        ({"starts_at": "wrist"}, (ROW, ROW), CARE),
-    ],
-)
-def test_a_length_is_as_good_as_its_ends(
-    change: dict[str, Any], ends: tuple[dict[str, Any], dict[str, Any]], expected: str
-) -> None:
-    """And no better than its own error; from the wrist or to a receiver it is not the bone's."""
-    bone = BONE | change
-    joints = dict(zip(("index_mcp", "index_pip"), ends, strict=True))
-    is_whole = is_whole_bone(bone, read_layout("liberty16"))
-    assert length_belief(bone, joints, is_whole=is_whole) == expected
+def test_a_joint_that_failed_says_why_once() -> None:
+    row = {**UNJUDGED, **noted({verdict.NOT_SOLVED: {}}), "message": "no frames."}
+    assert reasons_of(row) == ["has no place: no frames"]
+
+
+def test_what_is_asked_of_each_layout() -> None:
+    arm, hand = read_layout("arm"), read_layout("liberty16")
+    assert wanted_text([hand, hand]) == "2"
+    assert wanted_text([arm, hand], 3.0) == "6 or 30"

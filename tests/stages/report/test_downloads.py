@@ -119,6 +119,18 @@ def test_files_are_the_tables(results: StudyResults, table: Table) -> None:
     assert file.n_rows == len(rows_of_csv(unpacked(file)))
 
 
+def test_joint_centres_are_a_file(fitted: StudyResults) -> None:
+    """Every hand and model, each number as it is in the table; a covariance is left to that."""
+    (file,) = [file for file in downloads(fitted, ()).files if file.name == "joint_centres.csv"]
+    found = rows_of_csv(unpacked(file))
+    assert len(found) == len(fitted.joints) == file.n_rows > 50
+    assert "covariance_mm2" not in found[0]
+    for row, wanted in zip(found, fitted.joints, strict=True):
+        assert (row["joint"], row["model"]) == (wanted["joint"], wanted["model"])
+        for name in ("parent_x_mm", "child_z_mm", "sd_mm"):
+            assert parsed(row[name], pa.float64()) == wanted[name]
+
+
 def _compared(results: StudyResults) -> tuple[Comparison, ...]:
     earlier, later = list(results.models)[:2]
     seen = observations(results, JOINT_ERROR, results.models, held_out=True)

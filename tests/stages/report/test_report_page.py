@@ -13,9 +13,11 @@ from report_samples.read_page import read_page, rows_where, table_called
 from report_samples.rendered import whole_report
 
 from schemas.catalogue import JOINT_CENTRES, POSES, PROBLEMS, TIP_ERRORS
+from schemas.layout import FINGER_MM
 from schemas.results import STUDY_FIGURES
 from schemas.study import Study, read_study
 from schemas.tables import Provenance, write_failure
+from schemas.verdict import UNJUDGED, judged_joint
 from stages.report.belief import belief
 from stages.report.models_compared import sections
 from stages.report.pictures.subject_dots import draw_panels
@@ -244,8 +246,8 @@ def test_joints_all_failed(tmp_path: Path) -> None:
     study, folder = make_study(tmp_path, n_frames=3, subjects=("A",))
     results = read_results(read_study(study), folder)
     kept = [column.name for column in JOINT_CENTRES.columns if not column.nullable]
-    gone = {"status": "failed", "message": "no frames"}
-    failed = [{k: row[k] for k in kept} | gone for row in results.joints]
+    gone = {**UNJUDGED, "status": "failed", "message": "no frames"}
+    failed = [judged_joint({k: row[k] for k in kept} | gone, FINGER_MM) for row in results.joints]
     write(folder / "joint_centres.parquet", JOINT_CENTRES, failed)
     text = " ".join(read_page(_render(study, folder)).text)
     assert "Without a place, so left out: wrist, thumb_mcp" in text

@@ -13,15 +13,19 @@ from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.read_page import ReadTable, read_page, rows_where, table_called
 from report_samples.rendered import whole_report
 
+from schemas.advice import GAP
 from schemas.catalogue import CALIBRATION_ADVICE, GAINS, JOINT_ERRORS, RECEIVERS, SKELETON_SCORES
 from schemas.findings import STAGE
+from schemas.layout import read_layout
 from schemas.model import read_model
-from schemas.study import Study, read_study
+from schemas.study import Hand, Study, read_study
 from schemas.tables import Provenance, write_failure
 from stages.report.belief import BELIEVED, belief
 from stages.report.headline import headline, opening
+from stages.report.next_recording import next_recording
+from stages.report.next_step import next_step
 from stages.report.score_tables import LEFT_OUT, OF_A_DIGIT, score_table
-from stages.report.study_results import StudyResults, read_results
+from stages.report.study_results import StudyResults, hand_of, read_results
 from stages.report.terminal import WIDTH, terminal_tables
 from stages.report.trust import study_beliefs
 
@@ -166,13 +170,22 @@ def test_without_a_truth_nothing_is_said_of_it(page: str) -> None:
 def test_advice_names_what_should_move(fitted_page: str) -> None:
     """Only joints that lack motion stand open; all of them, also the nearly enough, are folded away."""
     lacking = table_called(fitted_page, "Joints that should move more: subject S01, left hand.")
-    advice = "bend the little finger's fingertip joint by 40 deg or more (now 8)"
+    advice = "move the little finger's fingertip joint alone through 40 deg"
     assert lacking.rows[1:] == [["little_dip", "8", "4.50", "2.00", advice]]
     every = table_called(fitted_page, "Motion of every joint: subject S01, left hand.")
     assert len(every.rows) == 16
     text = _text(fitted_page)
     assert "1 of 15 joints should move more." in text
     assert "All 15 joints move enough in the calibration recordings." in text
+
+
+def test_joints_that_more_movement_does_not_help_are_not_told_to_move(fitted: StudyResults) -> None:
+    hand = Hand("S01", "right")
+    rows = [row | {"kind": GAP} if row["joint"] == "index_mcp" else row for row in fitted.advice]
+    found = next_recording(replace(fitted, advice=rows), hand)
+    assert found.remark.startswith("Of 1 of 15 joints more movement says nothing")
+    assert found.to_move is None
+    assert "move more" not in opening(replace(fitted, advice=[row for row in rows if hand_of(row) == hand]))
 
 
 def test_the_best_gains_are_told_in_words(fitted_page: str) -> None:
@@ -261,7 +274,7 @@ def test_headline_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
 
 
 def test_the_opening_says_which_how_good_and_what_next(fitted: StudyResults) -> None:
-    """Every joint is in one of the three lists; what to do next follows from findings, then from advice."""
+    """Every joint is in one of the three lists, and what to do next stands last."""
     text = opening(fitted)
     rows = rows_where(fitted.joints, model="whole-hand")
     believed = [row["sd_mm"] for row in rows if belief(row) == BELIEVED]
@@ -272,11 +285,48 @@ def test_the_opening_says_which_how_good_and_what_next(fitted: StudyResults) -> 
         f"typically to {np.median(believed):.1f} mm: "
     )
     assert "Not: DIP of ring and little." in text
-    assert "Next: let DIP of little move more when calibrating (1 of 2 hands)." in text
-    finding = {"subject": "S01", "session": "", "hand": "right", "stage": STAGE, "severity": "refused"}
-    assert "Next: settle what is found below" in opening(replace(fitted, problems=[finding]))
-    enough = [row | {"advice": "enough"} for row in fitted.advice]
-    assert "Next: nothing has to be recorded again" in opening(replace(fitted, advice=enough))
+    assert text.endswith(next_step(fitted))
+
+
+def _suspect(*hands: str) -> list[dict[str, str]]:
+    row = {"subject": "S01", "session": "", "task": "rom", "model": "", "stage": STAGE, "kind": "units"}
+    return [row | {"severity": "suspect", "message": "in m", "hand": hand} for hand in hands]
+
+
+def test_a_hand_that_is_left_out_is_counted_out_aloud(fitted: StudyResults) -> None:
+    """The joints that follow are of the other hand, and no headline is made of hands that are not judged."""
+    text = opening(replace(fitted, problems=_suspect("left")))
+    assert text.startswith("Judged: 1 of 2 hands. Left out for what was found in their recordings: 1. ")
+    assert "can be believed, as whole-hand places them" in text
+    assert "Next: settle what was found in the recordings of subject S01, left hand" in text
+
+
+def test_with_every_hand_left_out_nothing_false_is_said(fitted: StudyResults) -> None:
+    every = replace(fitted, problems=_suspect("left", "right"))
+    assert opening(every).startswith(
+        "Nothing is judged: all of 2 hands left out for what was found in their recordings. Next: settle "
+    )
+    assert "tip error" not in headline(every)
+    assert headline(every).endswith(
+        "in their recordings: subject S01, right hand and subject S01, left hand."
+    )
+
+
+def test_one_hand_is_not_both(fitted: StudyResults) -> None:
+    """Nor are an arm's sides hands."""
+    one = replace(
+        fitted,
+        recordings=tuple(r for r in fitted.recordings if r.hand.hand == "right"),
+        joints=[row for row in fitted.joints if row["hand"] == "right"],
+    )
+    assert re.match(r"\d+ of 20 joints can be believed, as whole-hand places them", opening(one))
+    arms = replace(fitted, layouts=dict.fromkeys(fitted.layouts, read_layout("arm")))
+    assert " joints can be believed on both sides, as " in opening(arms)
+
+
+def test_a_study_without_a_joint_says_so(fitted: StudyResults) -> None:
+    nothing = replace(fitted, joints=[], advice=[], gains=[])
+    assert opening(nothing) == ("No joint was solved under whole-hand: 2 hands. Next: see “What went wrong”.")
 
 
 def test_headline_without_truth_or_held_out_rows(fitted: StudyResults) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from report_samples.read_page import rows_where
 
+from schemas.findings import NOTE, problem_row, worded
 from schemas.model import read_model
 from stages import command_line
 from stages.report.__main__ import build_parser, record_failure, report
@@ -69,9 +70,7 @@ def test_terminal_tables_fit_and_hold_the_numbers(results: StudyResults) -> None
 
 def test_the_terminal_says_what_went_wrong_first(results: StudyResults) -> None:
     problems = [
-        {"subject": "", "hand": "", "task": f"rom{n}", "model": "", "stage": "capture", "severity": "note"}
-        | {"message": "x " * 60}
-        for n in range(12)
+        problem_row("capture", worded("recording", NOTE, f"{n} " * 60), task=f"rom{n}") for n in range(12)
     ]
     text = terminal_tables(replace(results, problems=problems))
     assert text.index("What went wrong:") < text.index("Table 1")

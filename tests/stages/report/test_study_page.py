@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+from finding_examples import EVIDENCE
 from hypothesis import given
 from hypothesis import strategies as st
 from report_samples.read_page import ReadTable, read_page, rows_where, table_called
 
+from schemas.findings import STAGE, SUSPECT, Finding, problem_row
+from schemas.layout import read_layout
 from schemas.results import Results
 from schemas.study import Hand, Study, SubjectSession, read_study
 from stages.report.links import anchor, link, recording_links
 from stages.report.methods_text import REFERENCES, methods_text
 from stages.report.study_page import render_study
 from stages.report.study_results import StudyResults
+from stages.report.terminal import terminal_tables
 from stages.report.trust import believed_text
+from stages.report.wording import speaking
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 
@@ -132,8 +138,8 @@ def test_many_bone_lengths_are_folded(fitted: StudyResults, file: Study) -> None
 
 
 def test_lengths_of_a_hand_with_a_finding_count_for_nothing(fitted: StudyResults, file: Study) -> None:
-    finding = {"subject": "S01", "session": "", "hand": "left", "task": "rom", "model": ""}
-    finding |= {"stage": "check_recordings", "kind": "units", "severity": "suspect", "message": "in m"}
+    where = {"subject": "S01", "hand": "left", "task": "rom"}
+    finding = problem_row(STAGE, Finding("units", SUSPECT, "radians"), **where)
     page = render_study(replace(fitted, problems=[finding]), file)
     rows = _lengths(page, "whole-hand").rows[1:]
     assert [row[2] for row in rows] == ["15 of 19", "0 of 19 (◆ has a finding)"]
@@ -161,6 +167,45 @@ def test_methods_say_what_the_study_is(fitted: StudyResults, results: StudyResul
     assert "simulator" not in plain
     assert "; 1 further recording could not be used." in plain
     assert "nothing was held out" in plain
+
+
+def test_methods_name_the_hands_left_out_the_tracker_and_mappings(
+    results: StudyResults, tmp_path: Path
+) -> None:
+    mapping = tmp_path / "lab.yaml"
+    mapping.write_text(
+        "format: csv\nposition_unit: inch\norientation: {kind: euler, axes: ZYX, unit: deg}\n"
+        "receivers: {hand: {position: [x, y, z], orientation: [a, e, r]}}\n"
+    )
+    problem = {**vars(Hand("S01", "left")), "severity": "suspect"}
+    first, *others = results.recordings
+    rows = [row | {"tracker": "LIBERTY", "status": "used"} for row in results.recording_rows]
+    named = replace(
+        results,
+        problems=[problem],
+        recordings=(replace(first, mapping=mapping), *(replace(own, mapping=None) for own in others)),
+        recording_rows=rows,
+    )
+    text = methods_text(named)[0]
+    assert (
+        "Left out of every statistic, for what was found in their recordings: subject S01, left hand." in text
+    )
+    assert " The tracker was: LIBERTY." in text
+    declared = "positions in inch, euler ZYX deg receiver-to-transmitter"
+    assert f" 1 recording of another program was read as lab.yaml declares: {declared}." in text
+    mapping.unlink()
+    unknown = replace(named, recording_rows=[row | {"tracker": None} for row in rows])
+    text = methods_text(unknown)[0]
+    assert "do not name the tracker" in text
+    assert "was read as lab.yaml declares." in text
+
+
+def test_methods_of_an_arm_speak_of_no_thumb(fitted: StudyResults) -> None:
+    arms = replace(fitted, layouts=dict.fromkeys(fitted.hands, read_layout("arm")))
+    assert "thumb" in " ".join(methods_text(fitted))
+    text = " ".join(methods_text(arms))
+    assert "thumb" not in text
+    assert "paper-fig4: each joint by the receivers on both sides of it." in text
 
 
 @pytest.mark.parametrize("number", range(1, len(REFERENCES) + 1))
@@ -192,3 +237,55 @@ def test_links_name_trial_and_hand(results: StudyResults) -> None:
         results.shown, results.paths, results.paths.report, SubjectSession("S01"), "left"
     )
     assert one == ("opposition", "report/sub-S01/left/opposition.html")
+
+
+def _study_of_one_fault(fitted: StudyResults, accepted: str = "") -> StudyResults:
+    finding = Finding("quaternion-inverse", SUSPECT, "", {"seen": "gap", **EVIDENCE["gap"]}).accept(accepted)
+    where = [{"subject": f"S{i:02}", "hand": "left", "task": "rom"} for i in range(11)]
+    return replace(fitted, problems=[problem_row(STAGE, finding, **own) for own in where])
+
+
+def test_one_fault_in_eleven_recordings_is_one_item_of_the_page(fitted: StudyResults, file: Study) -> None:
+    page = render_study(_study_of_one_fault(fitted), file)
+    assert page.count("seem to be the inverse of what is declared") == 1
+    assert page.count("write <code>rotates: transmitter-to-receiver</code> under") == 1
+    assert "<strong>11 recordings</strong>" in page
+    assert "<p>subject S00, left hand, rom; subject S01, left hand, rom; " in page
+    assert "<li>subject S10, left hand, rom: put right, the gap of index_pip falls" in page
+    assert 'id="problems"' not in page
+
+
+def test_a_fault_is_an_item_of_a_japanese_page_too(fitted: StudyResults, file: Study) -> None:
+    results = _study_of_one_fault(fitted)
+    with speaking("ja", results.problems):
+        section = (
+            render_study(results, file).partition('<section class="findings"')[2].partition("</section>")[0]
+        )
+    assert section.count("回転が宣言の逆回転と考えられる") == 1
+    assert "<strong>11 件の記録</strong>" in section
+    assert "<code>rotates: transmitter-to-receiver</code>" in section
+    assert not re.search("lang=|&lt;|`", section)
+
+
+def test_an_accepted_fault_is_shown_once_as_accepted(fitted: StudyResults, file: Study) -> None:
+    results = _study_of_one_fault(fitted, "as worn")
+    page, text = render_study(results, file), terminal_tables(results)
+    for shown in (page, text):
+        assert shown.count("seem to be the inverse") == 1
+        assert shown.count("as worn") == 1
+        assert "Accepted in the recordings sheet" in shown
+        assert "settle" not in shown.lower().partition("accepted in the recordings sheet")[0]
+    assert 'id="problems"' not in page
+    assert "What went wrong" not in text
+    assert "`" not in text
+    assert "- 11 recordings, check_recordings: The rotations" in " ".join(text.split())
+
+
+def test_the_terminal_has_findings_first_each_once(fitted: StudyResults) -> None:
+    text = " ".join(terminal_tables(_study_of_one_fault(fitted)).split())
+    assert text.count("seem to be the inverse") == 1
+    assert 'write "rotates: transmitter-to-receiver" under "orientation" in the mapping' in text
+    assert "Found in the recordings, to be settled first: - 11 recordings, check_recordings: The rot" in text
+    assert (
+        "subject S03, left hand, rom; and 7 more subject S00, left hand, rom: put right, the gap of" in text
+    )

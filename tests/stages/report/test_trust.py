@@ -9,7 +9,9 @@ import pytest
 from report_samples.read_page import read_page, table_called
 from report_samples.rendered import subject_page
 
+from schemas.layout import FINGER_MM
 from schemas.study import Hand
+from schemas.verdict import UNJUDGED, judged_joint
 from stages.report.belief import BELIEVED, CARE, NOT, commonest, joints_text
 from stages.report.study_results import Row, StudyResults
 from stages.report.trust import APART_MM, believed_text, joint_anchor, study_trust_table, verdicts
@@ -22,7 +24,7 @@ def _with(results: StudyResults, model: str, joint: str, **changes: object) -> S
 
     def of(row: Row) -> Row:
         mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
-        return row | changes if mine else row
+        return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row
 
     return replace(results, joints=[of(row) for row in results.joints])
 
@@ -36,15 +38,19 @@ def _verdict(results: StudyResults, model: str, joint: str) -> tuple[str, str]:
 @pytest.mark.parametrize(
     ("changes", "believed", "why"),
     [
-        ({"status": "ok", "sd_mm": 1.4, "message": ""}, BELIEVED, ""),
-        ({"status": "ok", "sd_mm": 1.4, "message": "a note."}, BELIEVED, "a note"),
-        ({"status": "ok", "sd_mm": 2.01, "message": ""}, CARE, ""),
-        ({"status": "ok", "sd_mm": None, "message": ""}, CARE, "no error is stated for its place"),
-        ({"status": "weak", "sd_mm": 0.1, "message": "moved by 3 deg"}, NOT, "moved by 3 deg"),
+        ({}, BELIEVED, ""),
+        ({"message": "a note."}, BELIEVED, "a note"),
+        ({"sd_mm": 2.01}, CARE, "known less well than to 2 mm (1 sigma, 3-D)"),
+        ({"sd_mm": None}, CARE, "no error is stated for its place"),
+        (
+            {"range_deg": 3.2, "sd_mm": 7.0},
+            NOT,
+            "moved only 3 deg; skin alone can look like that; known less well than to 2 mm (1 sigma, 3-D)",
+        ),
         ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "has no place: no frames"),
     ],
 )
-def test_one_rule_for_every_model(
+def test_the_words_are_of_the_columns(
     fitted: StudyResults, model: str, changes: dict[str, object], believed: str, why: str
 ) -> None:
     changed = _with(fitted, model, "index_pip", **changes)
@@ -90,7 +96,7 @@ def test_the_page_says_it_in_words(fitted: StudyResults) -> None:
     assert [row[0] for row in table.rows[1:]] == list(found)
     for row in table.rows[1:]:
         assert row[1] == found[row[0]].believed
-        assert row[-1].startswith("bend the little finger") == (row[0] == "little_dip")
+        assert row[-1].startswith("move the little finger") == (row[0] == "little_dip")
     whys = [verdict.why for verdict in found.values() if verdict.why]
     text = " ".join(read_page(page).text)
     assert whys
@@ -109,11 +115,11 @@ def test_the_page_says_it_in_words(fitted: StudyResults) -> None:
 
 def test_over_all_hands(fitted: StudyResults) -> None:
     """Counts add up to the hands, and the most frequent doubt is told with its count."""
-    weak = {"right": "moved only 7 deg", "left": "moved only 3 deg"}
+    moved = {"right": {"range_deg": 7.0, "sd_mm": 7.0}, "left": {"range_deg": 3.0, "sd_mm": 8.0}}
     changed = replace(
         fitted,
         joints=[
-            row | {"status": "weak", "message": weak[row["hand"]]}
+            judged_joint(row | moved[row["hand"]], FINGER_MM)
             if (row["model"], row["joint"]) == ("whole-hand", "ring_pip")
             else row
             for row in fitted.joints
@@ -125,5 +131,5 @@ def test_over_all_hands(fitted: StudyResults) -> None:
         assert int(cells[0]) == sum(map(int, cells[1:4]))
     assert by_joint["ring_pip"][:4] == ("2", "0", "0", "2")
     assert by_joint["ring_pip"][-1].endswith("(2 of 2)")
-    sd = [r["sd_mm"] for r in fitted.joints if (r["model"], r["joint"]) == ("whole-hand", "ring_pip")]
+    sd = [r["sd_mm"] for r in changed.joints if (r["model"], r["joint"]) == ("whole-hand", "ring_pip")]
     assert by_joint["ring_pip"][4] == f"{np.median(sd):.2f}"

@@ -9,14 +9,18 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from finding_examples import examples
 from matplotlib import font_manager
 from report_samples.made_movement import write_movement
 from report_samples.many_subjects import many_subjects
 from report_samples.rendered import whole_report
 
+from schemas.advice import ADVICE, ENOUGH, MOVE, advice_text
 from schemas.config_files import json_schema
 from schemas.errors import InputError
-from schemas.findings import same_file
+from schemas.finding_groups import row_sentence
+from schemas.finding_sentences import templates as templates_of_findings
+from schemas.findings import KINDS, NOTE, Finding
 from schemas.study import Hand, Study, read_study
 from stages.report import subject, templates, wording
 from stages.report.movement_page.movement_page import render_movement
@@ -37,7 +41,6 @@ GRAMMAR = {"verb", "are"}
 """Placeholders of English grammar, which another language may leave out."""
 MESSAGE_MAKERS = (
     "stages/solve_joints/anatomical.py",
-    "stages/solve_joints/calibration_advice.py",
     "stages/solve_joints/solve.py",
     "stages/project_planes/place.py",
     "stages/fit_hand/posterior_summary.py",
@@ -45,13 +48,9 @@ MESSAGE_MAKERS = (
     "stages/estimate_metacarpals/wrist_row.py",
     "stages/evaluate_tips/tip_tables.py",
     "stages/compare_movement/level_differences.py",
-    "checks/checked_recording.py",
-    "checks/compared_recordings.py",
-    "checks/hypotheses.py",
-    "checks/mistake_search.py",
 )
 """Where the sentences are made that come with the tables."""
-NOT_MESSAGES = ("fit, corrected by hand", "fit of the whole hand", "x, y and z")
+NOT_MESSAGES = ("fit, corrected by hand", "fit of the whole hand")
 
 
 @pytest.fixture(params=OTHERS)
@@ -61,9 +60,9 @@ def catalogue(request: pytest.FixtureRequest) -> Catalogue:
 
 
 def _said() -> set[str]:
-    """Every sentence of the report's code."""
+    """Every sentence of the report's code, and of findings."""
     trees = (ast.parse(path.read_text("utf-8")) for path in REPORT.rglob("*.py"))
-    return {
+    return {*templates_of_findings(), *(kind.meaning for kind in KINDS.values())} | {
         str(node.args[0].value)
         for tree in trees
         for node in ast.walk(tree)
@@ -210,23 +209,22 @@ def test_every_pattern_is_of_a_sentence_that_the_project_makes(catalogue: Catalo
         assert any(run.strip(",.;:") in made for run in runs), pattern.pattern
 
 
+ADVICE_VALUES = {
+    "wanted_deg": 30.0,
+    "gap_mm": 8.71,
+    "sd_mm": 353.6,
+    "enough_mm": 3.4,
+    "parent": "hand",
+    "child": "index_proximal",
+    "finding": "All poses are those of another recording",
+}
 EXAMPLES = (
-    "enough: more motion would gain little",
-    "index MCP moved 4 deg; move the index finger's knuckle alone through 30 deg",
-    "moved only 6.8 deg; skin motion alone can look like that; its frames scatter by 3.2 mm in the worst "
-    "direction; axis uncertain by 6 deg",
-    "solved against hand across ring_metacarpal, which moves and carries no receiver: the centre can be "
-    "centimetres off and nothing in the data shows it; skin and the receivers' places leave the centre "
-    "uncertain by 10 mm",
-    "the point that keeps its distance from 4 MCP joints, uncertain by 16 mm: the palm hardly moves, so the "
-    "average hand decides",
-    "The quaternions are read as w, x, y, z and seem to be x, y, z, w: put right, the gap of index_mcp falls "
-    "from 31.2 to 1.4 mm; write `order: xyzw` under `orientation` in the mapping.",
-    "The receivers index_distal and middle_distal seem to be swapped: index_dip is 41 mm from where an "
-    "average hand has it, put right 3 mm; exchange the names index_distal and middle_distal in `receivers` "
-    "of the mapping.",
-    "no receiver on ring_middle or ring_distal: lengths of bones stand in for it",
-    same_file("right", "rom", "01").message,
+    *(advice_text("index_mcp", kind, ADVICE_VALUES) for kind in ADVICE if kind != ENOUGH),
+    advice_text("elbow", MOVE, ADVICE_VALUES),
+    "the axis lies in the plane that should cut it",
+    "the point that keeps its distance from 4 MCP joints",
+    "no receiver on ring_middle or ring_distal: no worn receiver carries the centre; what is known is in "
+    "bone_lengths and bone_poses",
 )
 
 
@@ -241,10 +239,9 @@ def test_sentences_that_come_with_the_tables_are_told_whole(message: str) -> Non
 
 def test_numbers_and_joints_of_a_message_are_kept() -> None:
     with speaking("ja"):
-        assert told("axis uncertain by 5 deg") == "回転軸の誤差は 5 deg である"
-        assert "環指中手骨" in told(
-            "its centre is uncertain by 9 mm, since ring_metacarpal moves and carries no receiver"
-        )
+        said = told("ring_distal and hand have 1 valid frames in common; expected 2 or more")
+    assert said.startswith("環指末節骨と")
+    assert "フレームは 1 である" in said
 
 
 def test_a_sentence_without_a_pattern_stays_english_and_says_so() -> None:
@@ -373,13 +370,35 @@ def test_a_failure_is_told_in_the_language_of_the_study() -> None:
     assert "レポートを作成できなかった: キャリブレーション記録がない" in page
 
 
-def test_what_is_to_be_written_into_a_file_stays_as_files_have_it() -> None:
-    message = (
-        "write `right` in the column hand of the recordings sheet (or --hand right); if it is a left hand, "
-        "the file is mirrored: export it from a right-handed frame"
-    )
+@pytest.mark.parametrize("finding", examples(), ids=lambda own: f"{own.kind}-{own.variant}")
+def test_a_finding_is_said_whole_in_another_language(finding: Finding) -> None:
     with speaking("ja"):
-        text = told(message)
+        said = row_sentence(finding.columns, say)
+    assert FOREIGN not in said
+    assert not re.search(r"\{\w*\}|。。|\.。", said.replace("`", ""))
+    assert re.search("[ぁ-ん]", said)
+    assert not re.search(r"[a-z]+ [a-z]+ [a-z]+", re.sub("`[^`]*`", "", said))
+    numbers = [f"{value:.0f}" for value in finding.values.values() if isinstance(value, float) and value > 20]
+    assert all(number in said for number in numbers)
+
+
+def test_a_finding_that_a_message_quotes_is_said_by_its_values() -> None:
+    finding = Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}, "seen on video")
+    message = f"axis uncertain by 6 deg; {finding.message}"
+    with speaking("ja"):
+        assert FOREIGN in told(message)
+    with speaking("ja", [finding.columns]):
+        text = told(f"no calibration recording is left: {message}")
+        advice = told("nothing can be said before this is settled: This seems to be a right hand")
+    assert FOREIGN not in text
+    assert "右手と考えられる" in text
+    assert "seen on video" in text
+    assert advice == "これが解決するまで何も判定できない: 右手と考えられる"
+
+
+def test_what_is_to_be_written_into_a_file_stays_as_files_have_it() -> None:
+    with speaking("ja"):
+        text = row_sentence(Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}).columns, say)
+    assert "右手" in text
     assert "`right`" in text
     assert "--hand right" in text
-    assert FOREIGN not in text

@@ -16,6 +16,7 @@ from benchmarks.thumb_receiver import facing_the_nail
 from schemas.layout import Layout, read_layout
 from schemas.model import read_model
 from schemas.poses import Poses
+from schemas.verdict import BY_ANATOMY
 from skeleton.rotations import Array
 from stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from stages.simulate.realism import Realism
@@ -158,7 +159,7 @@ def test_blocks_give_the_same_numbers(hand: Poses) -> None:
     """Every joint has a centre, of a hand that moved well almost all without any doubt."""
     whole = solved(hand)
     assert set(whole) == {joint.name for joint in LIBERTY.solvable} - {"wrist"}
-    assert sum(bool(joint.message) for joint in whole.values()) <= 2
+    assert sum(bool(joint.doubts) for joint in whole.values()) <= 2
     assert farthest_mm(whole, solved(hand, block=314)) < 1e-9
 
 
@@ -189,14 +190,14 @@ def test_dwelling_changes_little(hand: Poses) -> None:
 
 
 def test_without_motion_only_the_prior_speaks(hand: Poses) -> None:
-    """One posture all along: a centre within the prior's reach, uncertain, and a message that says so."""
+    """One posture all along: a centre within the prior's reach, uncertain, and a doubt that says so."""
     found = solved(hand.take(np.full(300, 500)))
     prior = joint_prior(LIBERTY.joints["index_dip"], LIBERTY, average_bones("right"))
     dip = found["index_dip"]
     assert np.linalg.norm(dip.q_mm - prior.q_mm) < 6
     assert np.linalg.norm(dip.p_mm - prior.p_mm) < 6
     assert dip.range_deg == pytest.approx(0, abs=1e-6)
-    assert "index_dip moved 0 deg; its centre comes mostly from the prior" in dip.message
+    assert dip.doubts[BY_ANATOMY]["range_deg"] == pytest.approx(0, abs=1e-6)
     assert np.sqrt(np.trace(dip.covariance_mm2[3:, 3:])) > 1.5
 
 

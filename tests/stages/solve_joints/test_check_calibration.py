@@ -1,5 +1,6 @@
 """Which joints need more motion: said in words, with what it would gain, printed and written."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,7 +51,7 @@ def test_stiff_fingertips_are_advised(
     assert len(rows) == 15
     little = rows["little_dip"]
     assert little["range_deg"] < 10
-    assert little["advice"].startswith(f"little DIP moved {little['range_deg']:.0f} deg; ")
+    assert (little["kind"], json.loads(little["values"])) == ("move-more", {"wanted_deg": 40.0})
     assert little["sd_moved_mm"] < little["sd_now_mm"] - 0.15
     assert all(row["sd_moved_mm"] <= row["sd_now_mm"] for row in rows.values())
 
@@ -115,4 +116,6 @@ def test_nothing_is_enough_while_a_finding_stands(tmp_path: Path, capsys: pytest
     write_quaternions(tmp_path / "poses.parquet", wrong.poses, "right", "rom")
     printed = checked(capsys, "--poses", str(tmp_path / "poses.parquet"))
     assert "enough" not in printed
+    assert printed.startswith("suspect: quaternion-order: The quaternions are read as w")
     assert printed.count("nothing can be said before this is settled: The quaternions are read as w") == 15
+    assert printed.count("order: xyzw") == 1

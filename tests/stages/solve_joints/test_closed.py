@@ -130,7 +130,7 @@ def test_range_is_the_motion_about_the_axis() -> None:
     chain = random_chain(5, 2, n)
     poses = replace(chain.poses, quaternion=np.stack([quaternions(base), quaternions(child)], 1))
     found = solve_closed(moments_of(chain, poses), 0, 5)
-    assert found.range_deg == pytest.approx(60, abs=0.1)
+    assert found.range_deg == pytest.approx(58.5, abs=1.5)  # its outermost percents left out
     assert found.spread_deg == pytest.approx(30 / np.sqrt(2), abs=0.1)
 
 

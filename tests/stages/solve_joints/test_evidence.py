@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from schemas.layout import read_layout
+from skeleton.angle_range import flattening
 from skeleton.rotations import about_axis, matrix, multiply
 from stages.solve_joints.evidence import (
     JointEvidence,
@@ -13,7 +14,7 @@ from stages.solve_joints.evidence import (
     turn_of,
     weigh,
 )
-from stages.solve_joints.frame_weights import flattening, robust_scale, tukey
+from stages.solve_joints.frame_weights import robust_scale, tukey
 from stages.solve_joints.hand_posterior import Information
 from stages.solve_joints.joint_prior import average_bones, joint_prior
 from stages.solve_joints.posture_sample import SpreadFrames

@@ -94,6 +94,18 @@ def test_without_latency_times_are_counted_by_the_sampling_frequency(tmp_path: P
     assert read(path, {**MAPPING, "rate_hz": 100}).time_s[1] == 0.01
 
 
+@pytest.mark.parametrize(
+    ("said", "tracker"),
+    [
+        ({"Manufacturer": "Polhemus", "ManufacturersModelName": "VIPER"}, "Polhemus VIPER"),
+        ({"Manufacturer": "n/a", "ManufacturersModelName": 7}, ""),
+        ({}, ""),
+    ],
+)
+def test_the_tracker_is_what_the_sidecar_says(tmp_path: Path, said: dict[str, object], tracker: str) -> None:
+    assert read(write(tmp_path, sidecar=SIDECAR | said)).tracker == tracker
+
+
 @pytest.mark.parametrize("order", ["XYZ", "ZYX", "XZY", "YXZ"])
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_euler_angles_turn_about_fixed_axes(tmp_path: Path, order: str, unit: str) -> None:

@@ -10,8 +10,22 @@ import pytest
 from benchmarks.captures import write_capture
 from benchmarks.processes import run_python
 from schemas.layout import read_layout
+from schemas.tables import read_metadata
+from stages.capture.formats.raw_capture import read_capture
+from stages.capture.import_recording import main
+from stages.capture.samples import joined
 
 LIBERTY = read_layout("liberty16")
+
+
+def test_the_tracker_is_named(tmp_path: Path) -> None:
+    """In the samples, and in the metadata of the poses table that is made of them."""
+    path, out = tmp_path / "rom.arrows", tmp_path / "poses.parquet"
+    write_capture(path, 0.2)
+    assert joined(read_capture(path, LIBERTY, None)).tracker == "LIBERTY"
+    names = "--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"
+    assert main([f"--in={path}", f"--out={out}", "--record-failure", *names]) == 0
+    assert read_metadata(out)["parameters"]["tracker"] == "LIBERTY"
 
 
 @pytest.mark.slow

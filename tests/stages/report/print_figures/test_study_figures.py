@@ -11,7 +11,7 @@ from report_samples.read_page import rows_where
 
 from schemas.errors import InputError
 from schemas.results import STUDY_FIGURES
-from stages.report.belief import BELIEVED, CARE, NOT, SMALL_SD_MM
+from stages.report.belief import BELIEVED, CARE, NOT
 from stages.report.comparison.answers import answer
 from stages.report.comparison.questions import JOINT_ERROR, TRUE_TIP
 from stages.report.palette import MODELS as COLOURS
@@ -148,7 +148,7 @@ def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
 
 def test_the_figure_says_of_a_joint_what_the_pages_say(results: StudyResults) -> None:
     """A centre that is known less well is to be believed with care in both."""
-    less = [row | {"sd_mm": SMALL_SD_MM + 0.1} if row["joint"] == "wrist" else row for row in results.joints]
+    less = [row | {"verdict": "care"} if row["joint"] == "wrist" else row for row in results.joints]
     with applied():
         figure, _ = joint_trust(replace(results, joints=less))
     place = [label.get_text() for label in figure.axes[-1].get_xticklabels()].index("wrist")

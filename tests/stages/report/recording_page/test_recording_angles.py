@@ -22,7 +22,7 @@ def test_a_range_is_of_the_known_frames_alone(known: list[float], n_gaps: int) -
     assert (own.joint, own.angle, own.n_frames) == ("j", "abduction", len(known))
     assert (own.at_deg[0], own.at_deg[-1]) == (min(known), max(known))
     np.testing.assert_allclose(own.at_deg[2], np.median(known), atol=1e-9)
-    np.testing.assert_allclose(own.at_deg[1::2], np.quantile(known, [0.05, 0.95]), atol=1e-9)
+    np.testing.assert_allclose(own.at_deg[1::2], np.quantile(known, [0.025, 0.975]), atol=1e-9)
 
 
 @given(st.lists(st.floats(-180, 180) | st.just(math.nan), min_size=3, max_size=40))

@@ -42,7 +42,7 @@ def test_ranges_of_motion_are_the_tables_percentiles(hands: Any, page: str, mode
     for joint, angle, *numbers in table.rows[1:]:
         known = [row[ANGLE_OF[angle]] for row in angles if row["joint"] == joint]
         known = [value for value in known if value is not None]
-        least, first, median, last, most = np.quantile(known, [0, 0.05, 0.5, 0.95, 1])
+        least, first, median, last, most = np.quantile(known, [0, 0.025, 0.5, 0.975, 1])
         expected = [cells(v, 1) for v in (least, first, median, last, most, last - first)]
         assert numbers == [*expected, str(len(known)), cells(calibrated[joint], 1)]
 

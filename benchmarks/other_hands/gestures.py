@@ -5,7 +5,7 @@ A score of postures is written down first, then played: straight lines from post
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,8 +20,8 @@ Score = list[tuple[Posture, float]]
 TASKS = ("calibration", "grip", "typing", "piano", "opposition")
 
 
-def _all(joint: str, deg: float, fingers: tuple[str, ...] = FINGERS) -> Posture:
-    return {f"{finger}_{joint}": deg for finger in fingers}
+def _all(joint: str, deg: float) -> Posture:
+    return {f"{finger}_{joint}": deg for finger in FINGERS}
 
 
 class _Player:
@@ -44,13 +44,10 @@ class _Player:
         self.flat: Posture = {name: float(rng.normal(3, 3)) for name in self.names if ".bend" in name}
         self.flat |= {name: 0.0 for name in self.names if "cmc" in name or "wrist" in name}
         self.flat["thumb_cmc.bend"] = float(rng.normal(-6, 4))
-        self.flat |= {
-            f"{f}_mcp.sway": s * rng.uniform(0, 5) for f, s in zip(FINGERS, (1, 0, -1, -1.5), strict=True)
-        }
+        for finger, way in zip(FINGERS, (1.0, 0.0, -1.0, -1.5), strict=True):
+            self.flat[f"{finger}_mcp.sway"] = way * rng.uniform(0, 5)
 
-    def bent(
-        self, mcp: float, pip: float, fingers: tuple[str, ...] = FINGERS, dip: float | None = None
-    ) -> Posture:
+    def bent(self, mcp: float, pip: float, fingers: Sequence[str] = FINGERS, dip: float = np.nan) -> Posture:
         """Fingers bent at the knuckles and the middle joints; the tips follow these unless told."""
         share = self.habits["tip_share"]
         posture: Posture = {}
@@ -58,7 +55,7 @@ class _Player:
             more = self.rng.normal(1.0, 0.06)
             posture[f"{finger}_mcp.bend"] = mcp * more * self.reach
             posture[f"{finger}_pip.bend"] = pip * more * self.reach
-            posture[f"{finger}_dip.bend"] = (share * pip if dip is None else dip) * more * self.reach
+            posture[f"{finger}_dip.bend"] = (share * pip if np.isnan(dip) else dip) * more * self.reach
         return posture
 
     def to_and_fro(self, there: Posture, back: Posture, times: int, seconds: float = 2.0) -> Score:
@@ -80,21 +77,16 @@ def _calibration(player: _Player, seconds: float) -> Score:
     spread = {f"{finger}_mcp.sway": deg * reach for finger, deg in sway.items()}
     spread |= {"thumb_cmc.bend": -18 * reach, "thumb_cmc.sway": -8.0}
     closed = {f"{finger}_mcp.sway": -0.25 * deg for finger, deg in sway.items()}
-    cup = {
-        "ring_cmc.bend": 13 * reach,
-        "little_cmc.bend": 24 * reach,
-        "thumb_cmc.bend": 22,
-        "thumb_cmc.sway": 15,
-    }
+    cup = player.bent(35, 30) | {"thumb_cmc.bend": 22.0, "thumb_cmc.sway": 15.0}
+    cup |= {"ring_cmc.bend": 13 * reach, "little_cmc.bend": 24 * reach}
+    fist = player.bent(80, 90) | {"ring_cmc.bend": 8.0, "little_cmc.bend": 14.0}
     thumb_back = {name: deg for name, deg in straight.items() if name.startswith("thumb")}
     movements = {
         "knuckles": player.to_and_fro(player.bent(78, 6), straight | _all("mcp.bend", -14.0), times),
         "hook": player.to_and_fro(player.bent(2, 92), straight, times),
-        "fist": player.to_and_fro(
-            player.bent(80, 90) | {"ring_cmc.bend": 8, "little_cmc.bend": 14}, straight, times
-        ),
+        "fist": player.to_and_fro(fist, straight, times),
         "spread": player.to_and_fro(spread, straight | closed, times),
-        "cup": player.to_and_fro(player.bent(35, 30) | cup, straight, times),
+        "cup": player.to_and_fro(cup, straight, times),
         "thumb bend": player.to_and_fro({"thumb_mcp.bend": 62 * reach}, thumb_back, times)
         + player.to_and_fro({"thumb_ip.bend": 72 * reach}, {"thumb_ip.bend": -8.0}, times),
         "thumb circle": _circles(player, times),
@@ -107,9 +99,8 @@ def _calibration(player: _Player, seconds: float) -> Score:
     for finger in rng.permutation(FINGERS):
         pulled = player.bent(6, 8) | player.bent(70, 75, (finger,))
         alone += player.to_and_fro(pulled, straight, 1)
-        tips += player.to_and_fro(
-            {f"{finger}_dip.bend": 58 * reach}, {f"{finger}_dip.bend": -4.0}, times, 1.2
-        )
+        tip = f"{finger}_dip.bend"
+        tips += player.to_and_fro({tip: 58 * reach}, {tip: -4.0}, times, 1.2)
     movements |= {"alone": alone, "fingertips": tips}
     score: Score = [(straight, rng.uniform(2, 5))]
     for name in rng.permutation(list(movements)):
@@ -159,17 +150,12 @@ def _grip(player: _Player, seconds: float) -> Score:
     score: Score = [(player.rest, 1.0)]
     while sum(took for _, took in score) < seconds:
         width = player.rng.uniform(0, 1)  # a pencil to a jar
-        wide = player.bent(14 + 8 * width, 18, dip=8) | {
-            "thumb_cmc.sway": 20.0,
-            "thumb_cmc.bend": -14 * width,
-        }
+        wide = player.bent(14 + 8 * width, 18, dip=8)
+        wide |= {"thumb_cmc.sway": 20.0, "thumb_cmc.bend": -14 * width}
         close = player.bent(62 - 30 * width, 70 - 35 * width)
-        close |= {
-            "thumb_cmc.bend": 22 - 14 * width,
-            "thumb_cmc.sway": 24.0,
-            "thumb_mcp.bend": 30 - 18 * width,
-        }
-        close |= {"thumb_ip.bend": 36 - 20 * width, "little_cmc.bend": 12.0, "ring_cmc.bend": 6.0}
+        close |= {"thumb_cmc.bend": 22 - 14 * width, "thumb_cmc.sway": 24.0}
+        close |= {"thumb_mcp.bend": 30 - 18 * width, "thumb_ip.bend": 36 - 20 * width}
+        close |= {"little_cmc.bend": 12.0, "ring_cmc.bend": 6.0}
         turn = {"wrist.bend": player.rng.normal(-15, 12), "wrist.sway": player.rng.normal(0, 8)}
         score += [(wide | turn, player.rng.uniform(0.6, 1.2)), (close, player.rng.uniform(0.3, 0.8))]
         score += [({}, player.rng.uniform(0.5, 2)), (player.rest, player.rng.uniform(0.5, 1))]
@@ -217,30 +203,26 @@ def move_joints(
         for name, deg in posture.items():
             now[names.index(name)] = deg
         knots[row] = now
-    at_s = np.cumsum([took for _, took in score])
-    hurry = time_s[-1] / at_s[-1]
-    at_s *= hurry
+    took_s = np.array([took for _, took in score])
+    took_s[0] = min(took_s[0], time_s[-1] / 6)  # nobody lies flat the shorter for being in a hurry
+    hurry = (time_s[-1] - took_s[0]) / took_s[1:].sum()
+    at_s = np.cumsum(np.append(took_s[:1], hurry * took_s[1:]))
     track = np.column_stack([np.interp(time_s, at_s, column) for column in knots.T])
-    track = rounded(
-        track, time_s, 0.1 if task in ("typing", "piano") else float(np.clip(0.35 * hurry, 0.12, 0.5))
-    )
+    width_s = 0.1 if task in ("typing", "piano") else float(np.clip(0.35 * hurry, 0.12, 0.5))
+    track = rounded(track, time_s, width_s)
     track += wander(rng, time_s, len(names), (0.2, 1.5)) * rng.uniform(0.3, 1.0, len(names))
+    shares = dict.fromkeys(("index_cmc", "middle_cmc"), 0.3) | dict.fromkeys(stiff, 0.06)
+    share = np.array([shares.get(name.split(".")[0], 1.0) for name in names])
+    track = track.mean(axis=0) + share * (track - track.mean(axis=0))
     tracks = dict(zip(names, track.T, strict=True))
-    for name in tracks:
-        share = (
-            0.06
-            if name.split(".")[0] in stiff
-            else 0.3
-            if name.startswith(("index_cmc", "middle_cmc"))
-            else 1.0
-        )
-        tracks[name] = tracks[name].mean() + share * (tracks[name] - tracks[name].mean())
     return {joint.name: np.column_stack([tracks[name] for name in joint.angles]) for joint in person.joints}
 
 
-def move_arm(task: str, rng: np.random.Generator, time_s: Array) -> tuple[Array, Rotation, Array]:
-    """Give where the palm is, (T, 3) mm from the transmitter, its turning from the table to the room, and
-    how much of the hand's weight lies on the table, (T,) 0 to 1.
+def move_arm(
+    task: str, stands: Rotation, rng: np.random.Generator, time_s: Array
+) -> tuple[Array, Rotation, Array]:
+    """Give where the palm is, (T, 3) mm from the transmitter, how it is turned to it, and how much of the
+    hand's weight lies on the table, (T,) 0 to 1. `stands` turns the table to the transmitter.
     """
     roams_mm, tilts_deg, every_s = {
         "calibration": (45.0, 22.0, 5.0),
@@ -250,13 +232,12 @@ def move_arm(task: str, rng: np.random.Generator, time_s: Array) -> tuple[Array,
         "opposition": (40.0, 18.0, 4.0),
     }[task]
     middle = np.array([rng.uniform(270, 380), rng.uniform(-90, 90), rng.uniform(-70, 70)])
-    stands = Rotation.from_euler("zx", [rng.uniform(-180, 180), rng.choice([0.0, 180.0])], degrees=True)
     knots = 2 + int(time_s[-1] // every_s) + 1
     at_s = np.cumsum(rng.uniform(0.6, 1.4, knots)) * every_s
     at_s -= at_s[0]
     places = np.clip(rng.normal(0, roams_mm, (knots, 3)), -120, 120)
     turns = np.deg2rad(rng.normal(0, tilts_deg, (knots, 3)))
-    lies_s = rng.uniform(1, 4) if task == "calibration" and rng.random() < 0.6 else 0.0
+    lies_s = min(rng.uniform(1, 4), time_s[-1] / 6) if task == "calibration" and rng.random() < 0.6 else 0.0
     back_s = time_s[-1] - rng.uniform(1, 3) if lies_s and rng.random() < 0.5 else np.inf
     on_table = rounded(((time_s < lies_s) | (time_s > back_s)).astype(float), time_s, 0.9)
     path = np.column_stack([np.interp(time_s, at_s, column) for column in np.hstack([places, turns]).T])

@@ -7,11 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.other_hands.carriage import Motion, carry, placed
-from benchmarks.other_hands.movement import move_arm, move_joints
-from benchmarks.other_hands.person import DIGITS, Array, Person, Worn
-from benchmarks.other_hands.room import beside_steel, draw_field, lost_frames, measure, quaternions
-from benchmarks.other_hands.skin import carry_receiver, draw_straps, settle
+from benchmarks.other_hands.carriage import carry, placed
+from benchmarks.other_hands.gestures import move_arm, move_joints, wander
+from benchmarks.other_hands.person import DIGITS, Array, Person
+from benchmarks.other_hands.room import (
+    beside_steel,
+    draw_field,
+    lost_frames,
+    measure,
+    quaternions,
+    table_stands,
+)
+from benchmarks.other_hands.taped_skin import carry_receiver, settle
 from schemas.poses import Poses
 
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -59,7 +66,7 @@ def record(
     loose: Loose | None = None,
     dropouts: bool = False,
 ) -> Recording:
-    """Record a person's hand at a task (`movement.TASKS`), with the receivers as `person.worn` has them.
+    """Record a person's hand at a task (`gestures.TASKS`), with the receivers as `person.worn` has them.
 
     Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
     stiff : joints of the layout that hardly move; metal_mm : what a steel plate adds where it is nearest.
@@ -67,44 +74,35 @@ def record(
     moves, skins, tracker = (np.random.default_rng([seed, part]) for part in range(3))
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     angles_deg = move_joints(person, task, moves, time_s, stiff)
-    palm_mm, turned, on_table = move_arm(task, moves, time_s)
+    palm_mm, turned, on_table = move_arm(task, table_stands(person.seed), moves, time_s)
     bones, centres = carry(person, angles_deg)
     worn = [one for one in person.worn[side] if forearm or one.bone != "forearm"]
-    extras = {one.bone: np.zeros((len(time_s), 6)) for one in worn}
+    extras = {one.bone: _wander_on_skin(one.bone, time_s, skins) for one in worn}
     _give_way(extras, time_s, slide, loose, np.random.default_rng([seed, 3]))
-    place, turning = _receivers(person, worn, angles_deg, bones, on_table, time_s, skins, extras)
-    middle = placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))
-
-    def in_room(points: Array) -> Array:
-        local = points - (middle[:, None] if points.ndim == 3 else middle)
-        carried = np.einsum("tij,t...j->t...i", turned.as_matrix(), local)
-        carried += palm_mm[:, None] if points.ndim == 3 else palm_mm
-        return np.asarray(carried * (MIRROR if side == "left" else 1.0))
-
-    place = in_room(place)
+    followed = settle(angles_deg, person, time_s, skins)
+    rides = [carry_receiver(person, one, bones, followed, on_table, extras[one.bone]) for one in worn]
+    place, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
+    tips = {digit: placed(bones[f"{digit}_distal"], person.bones[f"{digit}_distal"].end) for digit in DIGITS}
+    marks = {name: centre for name, centre in centres.items() if forearm or name != "wrist"} | tips
+    points = np.concatenate([place, np.stack(list(marks.values()), axis=1)], axis=1)
+    points -= placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))[:, None]  # the palm, which the arm holds
+    points = np.einsum("tij,tkj->tki", turned.as_matrix(), points) + palm_mm[:, None]
     turning = turned.as_matrix()[:, None] @ turning
     if side == "left":  # cable and skin as on the right hand: so y is the axis that changes its side
-        turning = MIRROR[:, None] * turning * MIRROR
+        points, turning = points * MIRROR, MIRROR[:, None] * turning * MIRROR
     names = tuple(one.bone for one in worn)
-    poses, true_pose = _track(person, names, time_s, place, turning, metal_mm, tracker)
-    if dropouts:
-        poses = _without(poses, rate_hz, tracker)
-    kept = {name: in_room(centre) for name, centre in centres.items() if forearm or name != "wrist"}
-    tips = {digit: f"{digit}_distal" for digit in DIGITS}
+    poses, true_pose = _track(person, names, time_s, points[:, : len(names)], turning, metal_mm, tracker)
+    true_mm = {name: points[:, len(names) + column] for column, name in enumerate(marks)}
     return Recording(
-        person,
-        side,
-        task,
-        poses,
-        true_pose,
-        kept,
-        {digit: in_room(placed(bones[bone], person.bones[bone].end)) for digit, bone in tips.items()},
-        angles_deg,
-        {
-            name: float(np.linalg.norm(bone.end - bone.base))
-            for name, bone in person.bones.items()
-            if "_" in name
-        },
+        person=person,
+        side=side,
+        task=task,
+        poses=_without(poses, rate_hz, tracker) if dropouts else poses,
+        true_pose=true_pose,
+        true_centre_mm={name: at for name, at in true_mm.items() if name not in DIGITS},
+        true_tip_mm={name: at for name, at in true_mm.items() if name in DIGITS},
+        true_angles_deg=angles_deg,
+        true_lengths_mm={name: bone.length_mm for name, bone in person.bones.items() if "_" in name},
     )
 
 
@@ -117,29 +115,10 @@ def true_centres(recording: Recording, joint: str, segment: str) -> Array:
     return np.asarray(turning.inv().apply(from_it).mean(axis=0))
 
 
-def _receivers(
-    person: Person,
-    worn: list[Worn],
-    angles_deg: dict[str, Array],
-    bones: dict[str, Motion],
-    on_table: Array,
-    time_s: Array,
-    rng: np.random.Generator,
-    extras: dict[str, Array],
-) -> tuple[Array, Array]:
-    """Give all receivers' places (T, S, 3) and turnings (T, S, 3, 3)."""
-    skin = draw_straps(person, np.random.default_rng([person.seed, 32]))
-    names = [angle for joint in person.joints for angle in joint.angles]
-    every = np.deg2rad(np.hstack([angles_deg[joint.name] for joint in person.joints]))
-    followed = dict(zip(names, settle(every, time_s, rng).T, strict=True))
-    inner = {joint.child: joint for joint in person.joints}
-    carried = [
-        carry_receiver(
-            one, skin[one.bone], bones, inner.get(one.bone), followed, on_table, time_s, rng, extras[one.bone]
-        )
-        for one in worn
-    ]
-    return np.stack([place for place, _ in carried], axis=1), np.stack([turn for _, turn in carried], axis=1)
+def _wander_on_skin(bone: str, time_s: Array, rng: np.random.Generator) -> Array:
+    """Give (T, 6) mm and radians by which skin stirs without a cause: a nail less."""
+    slow = wander(rng, time_s, 6, (0.4, 3.0)) * ([0.12] * 3 + [0.0025] * 3)
+    return np.asarray(slow * (0.4 if bone.endswith("distal") else 1.0))
 
 
 def _give_way(

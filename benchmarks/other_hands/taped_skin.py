@@ -13,7 +13,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.other_hands.carriage import Motion, placed
-from benchmarks.other_hands.movement import wander
 from benchmarks.other_hands.person import SKIN_SHARE, Array, Joint, Person, Worn
 
 
@@ -31,24 +30,20 @@ class Straps:
     behind_place: float
 
 
-def draw_straps(person: Person, rng: np.random.Generator) -> dict[str, Straps]:
-    """Draw the skin under each receiver; it belongs to the place it was put on."""
-    return {worn.bone: _straps(person, worn, rng) for worn in person.worn["right"]}
-
-
-def _straps(person: Person, worn: Worn, rng: np.random.Generator) -> Straps:
+def _straps(person: Person, worn: Worn) -> Straps:
+    """Draw the skin under a receiver: the person's own, at that place."""
+    rng = np.random.default_rng(
+        [person.seed, 32, [one.bone for one in person.worn["right"]].index(worn.bone)]
+    )
     bone = worn.bone
     share = SKIN_SHARE[person.skin]
     if bone == "thumb_metacarpal" or bone.startswith("little"):
         share *= 1.5
     if bone.endswith("distal"):
         share *= 0.3  # nails
-    near = {"hand": ("thumb_cmc", "middle_mcp", "index_mcp"), "forearm": ()}.get(bone)
-    outer = [joint for joint in person.joints if joint.parent == bone] if near is None else []
+    near = {"hand": ("thumb_cmc", "middle_mcp", "index_mcp"), "forearm": ("wrist",)}.get(bone, ())
     inner = [joint for joint in person.joints if joint.child == bone]
-    outer += [joint for joint in person.joints if near and joint.name in near]
-    if bone == "forearm":
-        outer, share = [joint for joint in person.joints if joint.name == "wrist"], 1.3 * share
+    outer = [joint for joint in person.joints if joint.name in near or (not near and joint.parent == bone)]
     pulls, names = [], []
     for joint, towards in [*((j, -1.0) for j in inner), *((j, 1.0) for j in outer)]:
         for angle in joint.angles:
@@ -62,14 +57,18 @@ def _straps(person: Person, worn: Worn, rng: np.random.Generator) -> Straps:
         pull *= rng.uniform(0.5, 1.3) / np.linalg.norm(pull[:3])
         pull[3:] *= np.deg2rad(1.0) / max(1e-9, np.abs(pull[3:]).sum(axis=1).max())
     thumb = bone == "thumb_metacarpal"
-    pressed = share * rng.normal(0, [0.2] * 3 + [0.006] * 3) * (5.0 if thumb else 1.0)
+    pressed = share * rng.normal(0, [0.2] * 3 + [0.006] * 3) * ([5.0] * 3 + [10.0] * 3 if thumb else 1.0)
     behind = rng.uniform([0.10, 0.04], [0.25, 0.16]) * thumb
     full = rng.uniform(0.5, 1.6, len(names))
     return Straps(tuple(names), pull, full, pressed, float(behind[0]), float(behind[1]))
 
 
-def settle(angles_rad: Array, time_s: Array, rng: np.random.Generator) -> Array:
-    """Give (T, K) angles as the skin follows them: with play, which creep takes back."""
+def settle(
+    angles_deg: dict[str, Array], person: Person, time_s: Array, rng: np.random.Generator
+) -> dict[str, Array]:
+    """Give each angle as the skin follows it, (T,) rad: with play, which creep takes back."""
+    names = [angle for joint in person.joints for angle in joint.angles]
+    angles_rad = np.deg2rad(np.hstack([angles_deg[joint.name] for joint in person.joints]))
     play = rng.uniform(0.03, 0.12, angles_rad.shape[1])
     back = (time_s[1] - time_s[0]) / rng.uniform(1.5, 5.0, angles_rad.shape[1])
     followed = np.empty_like(angles_rad)
@@ -78,41 +77,34 @@ def settle(angles_rad: Array, time_s: Array, rng: np.random.Generator) -> Array:
         now = np.minimum(np.maximum(now, angle - play), angle + play)
         now = now + back * (angle - now)
         followed[frame] = now
-    return followed
+    return dict(zip(names, followed.T, strict=True))
 
 
 def carry_receiver(
+    person: Person,
     worn: Worn,
-    straps: Straps,
     bones: dict[str, Motion],
-    joint: Joint | None,
     followed: dict[str, Array],
     pressed: Array,
-    time_s: Array,
-    rng: np.random.Generator,
     extra: Array,
 ) -> Motion:
     """Give a receiver's places (T, 3) and turnings (T, 3, 3), before the arm carries the whole hand.
 
-    followed : each angle as the skin follows it; pressed : (T,) the hand's weight; extra : (T, 6) mm and
-    radians by which tape gave way, in the skin's axes.
+    followed : each angle as the skin follows it, (T,) rad; pressed : (T,) the hand's weight on the table;
+    extra : (T, 6) mm and radians by which the receiver moves on top, in the skin's axes.
     """
+    straps = _straps(person, worn)
     pulled = np.column_stack([followed[name] for name in straps.names])
     moved = (straps.full_rad * np.tanh(pulled / straps.full_rad)) @ straps.pull.T
-    slow = wander(rng, time_s, 6, (0.4, 3.0)) * ([0.12] * 3 + [0.0025] * 3)
-    moved = (
-        moved
-        + slow * (0.4 if worn.bone.endswith("distal") else 1.0)
-        + pressed[:, None] * straps.pressed
-        + extra
-    )
-    turning, shift = bones[worn.bone]
-    at = turning, shift
-    if joint is not None and straps.behind_turn:
+    moved = moved + pressed[:, None] * straps.pressed + extra
+    at = bones[worn.bone]
+    turning = at[0]
+    if straps.behind_turn:
+        joint = next(joint for joint in person.joints if joint.child == worn.bone)
         left = np.column_stack([followed[name] for name in joint.angles])
         left = left @ np.sum([axes for _, axes in joint.turns], axis=0).T
+        turning, _ = _left_behind(bones[joint.parent], at, joint, straps.behind_turn * left)
         at = _left_behind(bones[joint.parent], at, joint, straps.behind_place * left)
-        turning, _ = _left_behind(bones[joint.parent], (turning, shift), joint, straps.behind_turn * left)
     place = worn.place + moved[:, :3] @ worn.skin_axes.T
     tilt = Rotation.from_rotvec(moved[:, 3:] @ worn.skin_axes.T).as_matrix() @ worn.axes
     return placed(at, place), turning @ tilt

@@ -1,0 +1,224 @@
+"""Whether to believe a joint or a bone: the one rule, for every model, joint and layout, and its words.
+
+What decides is the stated error. A centre is believed where its sd_mm (1 sigma, three-dimensional) is at most
+what the study asks, `wanted_mm`, and nothing contradicts that error; with care up to CARE_TIMES as much. Its
+95 % radius is RADIUS_SD times sd_mm, so what is believed on a finger is within 3.2 mm. A doubt is a kind and
+numbers; some allow no better verdict than "care" or "no", others are only told.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+BELIEVE, CARE, NO = "believe", "care", "no"
+VERDICTS = (BELIEVE, CARE, NO)
+"""From good to bad."""
+
+RADIUS_SD = 1.614
+"""95 % of a three-dimensional error lie within this many sd_mm, if it is as large in every direction."""
+
+CARE_TIMES = 3.0
+"""So many times wanted_mm a stated error may be for a centre to be of use: 95 % within 10 mm on a finger."""
+
+WIDE_GAP_TIMES, CONTRARY_GAP_TIMES = 2.5, 5.0
+"""On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. A gap of so many
+times wanted_mm is one that the stated error does not know, and one that no skin makes."""
+
+LITTLE_RANGE_DEG = 10.0
+"""Skin alone turns receivers by some 4 deg against each other, and correlates with the neighbours' motion: a
+centre found from less than about twice that may be the skin's (docs/method.md)."""
+
+LARGE_AXIS_SD_DEG = 5.0
+
+ONE_DIRECTION = 0.8
+"""Share of a centre's variance along one line from which it is called uncertain in one direction."""
+
+Values = Mapping[str, Any]
+Doubts = Mapping[str, Values]
+"""Numbers and names by kind."""
+
+NOT_SOLVED = "not-solved"
+SUSPECT = "suspect-recording"
+NO_LENGTH = "no-length"
+FAR = "far-from-expected"
+HALVES = "halves-disagree"
+UNCERTAIN = "uncertain"
+ONE_WAY = "uncertain-in-one-direction"
+END_IN_DOUBT = "end-in-doubt"
+BY_ANATOMY = "placed-by-anatomy"
+MOVED_LITTLE = "moved-too-little"
+NO_POSE = "no-valid-pose"
+ONE_RECEIVER = "one-receiver"
+UNSETTLED = "not-converged"
+ACROSS = "across-a-moving-bone"
+AXIS_IN_PLANE = "axis-near-plane"
+BY_HAND = "moved-by-hand"
+FROM_DOUBTFUL = "from-doubtful-joints"
+NOT_THE_BONE = "not-the-bone"
+NO_ERROR = "no-error-stated"
+AXIS = "axis-uncertain"
+
+LIMITS: Mapping[str, str] = {
+    NOT_SOLVED: NO,
+    SUSPECT: NO,
+    NO_LENGTH: NO,
+    FAR: NO,
+    END_IN_DOUBT: CARE,
+    HALVES: CARE,
+    NO_POSE: CARE,
+    ONE_RECEIVER: CARE,
+    MOVED_LITTLE: CARE,
+    BY_ANATOMY: CARE,
+    ACROSS: CARE,
+    AXIS_IN_PLANE: CARE,
+    UNSETTLED: CARE,
+    ONE_WAY: CARE,
+    UNCERTAIN: CARE,
+    BY_HAND: CARE,
+    FROM_DOUBTFUL: CARE,
+    NOT_THE_BONE: CARE,
+    NO_ERROR: CARE,
+    AXIS: BELIEVE,
+}
+"""Every kind with the best verdict that it allows; `_limit` says when it is worse. What may be the cause of a
+large error stands before that error.
+"""
+
+UNJUDGED: Mapping[str, str] = {"verdict": "", "reason": "", "reason_values": ""}
+"""Columns of a row that is not judged, such as the truth's or one that is on its way to joint_centres."""
+
+
+def noted(doubts: Doubts) -> dict[str, str]:
+    """Columns of a row that is judged later: what its stage knows against it."""
+    return {**UNJUDGED, "reason_values": _text(doubts)}
+
+
+def doubts_of(row: Mapping[str, Any]) -> dict[str, Values]:
+    """The doubts that a row's `reason_values` hold, by kind, the weightiest first."""
+    text = row["reason_values"]
+    return dict(json.loads(text)) if text else {}
+
+
+def judged_joint(row: Mapping[str, Any], wanted_mm: float, doubts: Doubts | None = None) -> dict[str, Any]:
+    """Give a row of joint_centres with verdict, reason, reason_values and status, of its numbers and doubts.
+
+    doubts : beside those that its stage noted. wanted_mm : 1-sigma error in 3-D that the study asks.
+    """
+    noted_before = {kind: own for kind, own in doubts_of(row).items() if kind not in _BY_NUMBERS}
+    if row["status"] == "failed":
+        return _judged(row, {NOT_SOLVED: {}, **(doubts or {})}, wanted_mm)
+    return _judged(row, {**_by_numbers(row, wanted_mm), **noted_before, **(doubts or {})}, wanted_mm)
+
+
+def judged_bone(
+    bone: Mapping[str, Any], joints: Mapping[str, Mapping[str, Any]], wanted_mm: float, *, is_whole: bool
+) -> dict[str, Any]:
+    """Give a row of bone_lengths with its verdict: the worst of the joints at its ends and of its own error.
+
+    joints : judged rows of joint_centres by joint. is_whole : whether it is the bone itself, and neither
+    starts at the wrist nor ends at a receiver.
+    """
+    if bone["length_mm"] is None or not np.isfinite(bone["length_mm"]):
+        return _judged(bone, {NO_LENGTH: {}}, wanted_mm)
+    ends = {
+        bone[end]: joints[bone[end]]["verdict"] for end in ("starts_at", "ends_at") if bone[end] in joints
+    }
+    worst = max(ends.values(), key=VERDICTS.index, default=BELIEVE)
+    doubts: dict[str, Values] = {}
+    if worst != BELIEVE:
+        doubts[END_IN_DOUBT] = {
+            "joints": [end for end, own in ends.items() if own == worst],
+            "verdict": worst,
+        }
+    if not is_whole:
+        doubts[NOT_THE_BONE] = {}
+    return _judged(bone, doubts | _error(bone["sd_mm"], None, wanted_mm), wanted_mm)
+
+
+def verdict_of(doubts: Doubts, wanted_mm: float) -> str:
+    """The best verdict that all doubts allow."""
+    return max((_limit(kind, own, wanted_mm) for kind, own in doubts.items()),
+               key=VERDICTS.index, default=BELIEVE)  # fmt: skip
+
+
+def _judged(row: Mapping[str, Any], doubts: Doubts, wanted_mm: float) -> dict[str, Any]:
+    ordered = sorted(doubts, key=list(LIMITS).index)
+    verdict = verdict_of(doubts, wanted_mm)
+    columns = {
+        "verdict": verdict,
+        "reason": "" if verdict == BELIEVE else ordered[0],
+        "reason_values": _text({kind: doubts[kind] for kind in ordered}),
+    }
+    if "status" in row:
+        columns["status"] = _status(row["status"], verdict)
+    return {**row, **columns}
+
+
+def _status(status: str, verdict: str) -> str:
+    """The column `status`: failed without a number, weak where the verdict is no, else ok."""
+    return "failed" if status == "failed" else "weak" if verdict == NO else "ok"
+
+
+def _limit(kind: str, values: Values, wanted_mm: float) -> str:
+    if kind in (UNCERTAIN, ONE_WAY):
+        return NO if values["sd_mm"] > CARE_TIMES * wanted_mm else CARE
+    if kind == HALVES:
+        return NO if values["gap_mm"] > CONTRARY_GAP_TIMES * wanted_mm else CARE
+    return str(values["verdict"]) if kind == END_IN_DOUBT else LIMITS[kind]
+
+
+_BY_NUMBERS = frozenset({UNCERTAIN, ONE_WAY, NO_ERROR, HALVES, MOVED_LITTLE, AXIS, NOT_SOLVED})
+
+
+def _by_numbers(row: Mapping[str, Any], wanted_mm: float) -> dict[str, Values]:
+    """What the columns of a joint themselves say against its centre."""
+    found = _error(row.get("sd_mm"), row.get("covariance_mm2"), wanted_mm)
+    gap_mm, range_deg, axis_sd_deg = (
+        _number(row.get(name)) for name in ("gap_rms_mm", "range_deg", "axis_sd_deg")
+    )
+    if gap_mm is not None and gap_mm > WIDE_GAP_TIMES * wanted_mm:
+        found[HALVES] = {"gap_mm": gap_mm}
+    if range_deg is not None and range_deg < LITTLE_RANGE_DEG:
+        found[MOVED_LITTLE] = {"range_deg": range_deg}
+    if axis_sd_deg is not None and axis_sd_deg > LARGE_AXIS_SD_DEG and row.get("dof") == 1:
+        found[AXIS] = {"axis_sd_deg": axis_sd_deg}
+    return found
+
+
+def _error(sd_mm: Any, covariance_mm2: Any, wanted_mm: float) -> dict[str, Values]:
+    """Doubt for the stated error alone; covariance_mm2 : (36,) of a centre's two halves, or None."""
+    sd = _number(sd_mm)
+    if sd is None:
+        return {NO_ERROR: {}}
+    if sd <= wanted_mm:
+        return {}
+    values = {"sd_mm": sd, "radius_95_mm": RADIUS_SD * sd, "wanted_mm": wanted_mm}
+    worst_mm = 0.0 if covariance_mm2 is None else _worst_mm(covariance_mm2)
+    if worst_mm**2 > ONE_DIRECTION * sd**2:
+        return {ONE_WAY: {**values, "worst_mm": worst_mm}}
+    return {UNCERTAIN: values}
+
+
+def _worst_mm(covariance_mm2: Any) -> float:
+    """1-sigma error of a centre in its worst direction, of the half that is known less well."""
+    whole = np.reshape(np.asarray(covariance_mm2, float), (6, 6))
+    halves = [half for half in (whole[:3, :3], whole[3:, 3:]) if np.isfinite(half).all()]
+    return float(np.sqrt(max([np.linalg.eigvalsh(half)[-1] for half in halves] or [0.0])))
+
+
+def _number(value: Any) -> float | None:
+    """The number of a cell; None where it is empty or no number."""
+    return float(value) if isinstance(value, (int, float, np.floating)) and np.isfinite(value) else None
+
+
+def _text(doubts: Doubts) -> str:
+    """Doubts as JSON, numbers to a thousandth, so that the same input gives the same bytes."""
+    rounded = {
+        kind: {name: round(own, 3) if isinstance(own, float) else own for name, own in values.items()}
+        for kind, values in doubts.items()
+    }
+    return json.dumps(rounded, ensure_ascii=False) if rounded else ""

@@ -1,0 +1,83 @@
+"""What is left of residuals once joint angles, roots and the hand's own unknowns have taken their share.
+
+With it, anything else that may have moved the measured poses can be tested to first order: receivers that sit
+elsewhere on their bones, a field that is disturbed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skeleton.rotations import Array
+from stages.fit_hand.normal_equations import Point, Problem, Reduced, reduce, residuals, weighted_jacobian
+
+
+@dataclass(frozen=True)
+class EliminatedBranch:
+    """What the cost does if receivers of a branch, n of them, m = 6 n, are displaced in their own frames.
+
+    receivers : their numbers. slope (F, m) and curvature (F, m, m) of the cost by their displacements in each
+    frame, with its states and root eliminated; by_x (F, m, G) : how these displacements pull at the hand's
+    unknowns. root (F, m, 6) : what the root takes of the curvature, already gone from it.
+    """
+
+    receivers: tuple[int, ...]
+    slope: Array
+    curvature: Array
+    by_x: Array
+    root: Array
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """Every branch of a problem at a point; matrix (G, G) : of the hand's unknowns, all else eliminated, and
+    gradient (G,).
+    """
+
+    branches: tuple[EliminatedBranch, ...]
+    matrix: Array
+    gradient: Array
+
+    @classmethod
+    def of(cls, problem: Problem, point: Point) -> Eliminated:
+        """Eliminate at a point."""
+        current = residuals(problem, point)
+        reduced = reduce(problem, point, current, np.zeros(len(point.y)))
+        branches = []
+        for index, part in enumerate(current.branches):
+            r, states, root, by_x = _left(
+                problem, point, reduced, index, weighted_jacobian(problem, index, part, point)
+            )
+            receivers = tuple(s for _, s in problem.receivers[index])
+            seen = np.sqrt(problem.temper * part.weight.T * problem.frames.valid[:, receivers])  # (F, n)
+            scale = (seen[..., None] / problem.sd[receivers, :].repeat(3, axis=1)).reshape(r.shape)
+            free = np.eye(r.shape[1]) - states @ states.swapaxes(-1, -2) - root @ root.swapaxes(-1, -2)
+            branches.append(
+                EliminatedBranch(
+                    receivers,
+                    scale * r,
+                    scale[:, :, None] * free * scale[:, None, :],
+                    scale[..., None] * by_x,
+                    scale[..., None] * root,
+                )
+            )
+        return cls(tuple(branches), reduced.matrix, reduced.gradient)
+
+
+def _left(
+    problem: Problem, point: Point, reduced: Reduced, index: int, parts: tuple[Array, Array, Array]
+) -> tuple[Array, Array, Array, Array]:
+    """A branch's residuals (F, m) and their derivatives by x (F, m, G), states and roots eliminated; between
+    them orthonormal derivatives by states (F, m, s) and roots (F, m, 6). parts : its weighted Jacobian.
+    """
+    branch, gone = problem.branches[index], reduced.eliminated[index]
+    r, by_operation, by_root = parts
+    states = by_operation @ branch.per_state(point.x) @ gone.inverse.swapaxes(-1, -2)
+    of_branch = branch.by_unknown(by_operation, point.y) - states @ gone.by_rest[..., 6:]
+    root = (by_root - states @ gone.by_rest[..., :6]) @ reduced.root_inverse.swapaxes(-1, -2)
+    by_x = -root @ reduced.root_by_x
+    by_x[..., branch.unknowns] += of_branch
+    r = r - (states @ gone.rhs[..., None])[..., 0] - (root @ reduced.root_rhs[..., None])[..., 0]
+    return r, states, root, by_x

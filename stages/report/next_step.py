@@ -1,0 +1,138 @@
+"""What to do next, in a sentence: settle what was found, else the one thing that would gain most.
+
+Everything that could be done is weighed by the same number, the mean 1-sigma error of a hand's joint centres
+before and after it, as the tables calibration_advice and gains have it, and the mean of that over the hands.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from statistics import mean
+
+from schemas.study import Hand
+from stages.report.belief import joints_text
+from stages.report.next_recording import doing_text
+from stages.report.study_results import Row, StudyResults, hand_of
+from stages.report.table_cells import counted, listed, number
+from stages.report.wording import say
+
+WORTH = 0.025
+"""By this share of what the study asks of a centre a thing must lower the mean error to be worth doing."""
+
+FEW_HANDS = 3
+"""So many hands are named, of more the rest is counted."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to do, in words, and the mean error of the joints, mm, before and after it."""
+
+    doing: str
+    before_mm: float
+    after_mm: float
+
+    @property
+    def gain_mm(self) -> float:
+        """By how much it lowers the error."""
+        return self.before_mm - self.after_mm
+
+
+def next_step(results: StudyResults) -> str:
+    """What to do next, in a sentence."""
+    if results.findings:
+        return say(
+            "Next: settle what was found in the recordings of {whose} (in the report: “Settle this first”) "
+            "before any of their numbers is used.",
+            whose=hands_text(dict.fromkeys(map(hand_of, results.findings))),
+        )
+    steps = [*_moving(results), *_measuring(results)]
+    if not steps:
+        return say("Next: see “What went wrong”.")
+    best = max(steps, key=lambda step: step.gain_mm)
+    least_mm = WORTH * min(layout.wanted_mm for layout in results.layouts.values())
+    if best.gain_mm < least_mm:
+        return say(
+            "Next: nothing is worth recording or measuring again; whatever it is, it would lower the mean "
+            "error of the joints by less than {least_mm:g} mm. Leave joints that are not believed out of "
+            "conclusions.",
+            least_mm=least_mm,
+        )
+    return say(
+        "Next: {doing}. Of all that could be done that gains most: the mean error of the joints would fall "
+        "from {before} to {after} mm.",
+        doing=best.doing,
+        before=number(best.before_mm),
+        after=number(best.after_mm),
+    )
+
+
+def hands_text(hands: Iterable[Hand]) -> str:
+    """Hands by name, those of one subject together; of many the first ones."""
+    hands = list(hands)
+    names = [say("{hand}", hand=hand) for hand in hands[:FEW_HANDS]]
+    more = len(hands) - len(names)
+    return listed([*names, *([say("{more} more", more=more)] if more else [])])
+
+
+def hands_counted(results: StudyResults, n: int) -> str:
+    """So many hands, or sides of a body where a layout is of no hand."""
+    return counted(n, "hand") if results.of_hands else counted(n, "side")
+
+
+def _moving(results: StudyResults) -> Iterator[Step]:
+    """To record the calibration again, those joints moving more that gain most by it."""
+    of_hand: dict[Hand, list[Row]] = defaultdict(list)
+    gains: dict[str, float] = defaultdict(float)
+    for row in results.counted(results.advice):
+        if row["sd_now_mm"] is not None:
+            of_hand[hand_of(row)].append(row)
+            gains[row["joint"]] += _gain_mm(row)
+    if not of_hand:
+        return
+    most = max(gains.values())
+    named = {joint for joint, gain in gains.items() if most > 0 and 2 * gain >= most}
+    lacking = [h for h, rows in of_hand.items() if any(_gain_mm(r) > 0 for r in rows if r["joint"] in named)]
+    before = [mean(row["sd_now_mm"] for row in rows) for rows in of_hand.values()]
+    gained = [
+        sum(_gain_mm(row) for row in rows if row["joint"] in named) / len(rows) for rows in of_hand.values()
+    ]
+    doing = say(
+        "let {joints} move more when calibrating{where}",
+        joints=joints_text(joint for joint in gains if joint in named),
+        where=_where(results, len(lacking), len(of_hand)),
+    )
+    yield Step(doing, mean(before), mean(before) - mean(gained))
+
+
+def _gain_mm(row: Row) -> float:
+    """By how much a joint's error would fall if it moved as advised; nothing where it moves enough."""
+    if row["advice"].startswith("enough") or row["sd_moved_mm"] is None:
+        return 0.0
+    return max(0.0, float(row["sd_now_mm"] - row["sd_moved_mm"]))
+
+
+def _measuring(results: StudyResults) -> Iterator[Step]:
+    """To measure one more thing on every hand of which that is known, under the leading model."""
+    of_hand: dict[Hand, dict[str, Row]] = defaultdict(dict)
+    for row in results.counted(results.gains):
+        if row["model"] == results.leading:
+            of_hand[hand_of(row)][row["quantity"]] = row
+    before = {hand: next(iter(rows.values()))["mean_sd_before_mm"] for hand, rows in of_hand.items()}
+    for quantity in dict.fromkeys(quantity for rows in of_hand.values() for quantity in rows):
+        own = {hand: rows[quantity] for hand, rows in of_hand.items() if quantity in rows}
+        after = [own[hand]["mean_sd_after_mm"] if hand in own else before[hand] for hand in of_hand]
+        row = next(iter(own.values()))
+        doing = say(
+            "{doing} to {sd_mm:.1f} mm{where}",
+            doing=doing_text(row, asked=True),
+            sd_mm=row["sd_mm"],
+            where=_where(results, len(own), len(of_hand)),
+        )
+        yield Step(doing, mean(before.values()), mean(after))
+
+
+def _where(results: StudyResults, n: int, of: int) -> str:
+    """On how many of the hands that is to be done; empty where there is one hand."""
+    return say(" ({n} of {hands})", n=n, hands=hands_counted(results, of)) if of > 1 else ""

@@ -1,0 +1,137 @@
+"""One recording of a hand is spoilt: every number of the other hand is as if the person had no such hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pytest
+from planned_subject import PlannedSubject, planned_subject
+from small_study import run_stages
+
+from schemas.catalogue import FINDINGS, POSES, TABLES
+from schemas.parts import part_metadata
+from schemas.results import FIT_TABLES, PRIOR_TABLES, SUBJECT_TABLES
+from schemas.tables import Provenance, columns_from_rows, read_table, write_failure, write_table
+from stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
+from stages.fit_hand.hand_tables import FIT, PRIOR
+from stages.fit_hand.prior import main as fit_prior
+from stages.measure_movement.__main__ import main as measure_movement
+from stages.solve_joints.check_calibration import main as check_calibration
+
+pytestmark = pytest.mark.slow
+
+RIGHT = [("right", "rom", "calibration"), ("right", "opposition", "both")]
+LEFT = [("left", "rom", "calibration"), ("left", "opposition", "evaluation")]
+MODELS = ("paper-fig4", "quick")
+WRITTEN = [name for name in SUBJECT_TABLES if name not in ("findings", "events", "clocks")]
+FORMS = {**TABLES, **FIT, **PRIOR, "projected_joints": TABLES["joint_centres"]}
+ALONE = "fitted without the left hand's bone lengths: "
+
+
+def find(subject: PlannedSubject, **finding: str) -> None:
+    """Write the subject's findings: one on the left hand, or none."""
+    keys = {"subject": "01", "session": "", "hand": "left", "trial": ""}
+    rows = [keys | {"kind": "units", "message": "In inch."} | finding] if finding else []
+    table = subject.plan_file.with_name("findings.parquet")
+    write_table(table, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance())
+
+
+def run(subject: PlannedSubject) -> PlannedSubject:
+    """Run every stage of the subject that comes after the findings, as a study does."""
+    folder = subject.plan_file.parent
+    own = [f"--plan={subject.plan_file}", "--record-failure"]
+    for hand in subject.plan.hands:
+        assert subject.fit(hand, "--record-failure") == 0
+    run_stages(subject.plan_file, "--record-failure")
+    assert fit_prior([*own, f"--out={folder}"]) == 0
+    assert check_calibration([*own, f"--out={folder / 'calibration_advice.parquet'}"]) == 0
+    scores = [f"--out={folder}/skeleton_scores.parquet", f"--out-joints={folder}/joint_errors.parquet"]
+    assert evaluate_skeletons([*own, *scores]) == 0
+    assert measure_movement([*own, f"--out={folder}"]) == 0
+    return subject
+
+
+def made(folder: Path, recordings: Sequence[tuple[str, str, str]]) -> PlannedSubject:
+    return planned_subject(folder, recordings, MODELS, n_frames=100)
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
+    """The right hand of a person of whom nobody recorded the left."""
+    subject = made(tmp_path_factory.mktemp("alone"), RIGHT)
+    find(subject)
+    return run(subject)
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the same person with both hands, of which no stage was run."""
+    return made(tmp_path_factory.mktemp("both"), RIGHT + LEFT).folder
+
+
+def of_the_right_hand(subject: PlannedSubject, name: str) -> pa.Table:
+    """All rows of a table that are of the right hand."""
+    path = subject.plan_file.with_name(f"{name}.parquet")
+    if name in FIT_TABLES:
+        path = subject.fit_folder() / path.name
+    table = read_table(path, FORMS[name]).replace_schema_metadata(None)
+    return table.filter(pc.equal(table.column("hand"), "right"))
+
+
+def notes(subject: PlannedSubject, hand: str = "right") -> set[str]:
+    """What the fit of a hand notes of its parts."""
+    parts = part_metadata(subject.fit_folder(hand) / "receivers.parquet", TABLES["receivers"])
+    return {own.get("note", "") for own in parts.values()}
+
+
+def assert_right_hand_is_alone(subject: PlannedSubject, alone: PlannedSubject) -> None:
+    for name in (*WRITTEN, *PRIOR_TABLES, *FIT_TABLES):
+        expected = of_the_right_hand(alone, name)
+        assert expected.num_rows or name in ("receiver_costs", "movement_cycles", "movement_curves"), name
+        assert of_the_right_hand(subject, name).equals(expected), name
+
+
+@pytest.mark.parametrize(
+    ("task", "severity"), [("rom", "suspect"), ("rom", "refused"), ("opposition", "suspect")]
+)
+def test_a_finding_on_one_hand_changes_no_bit_of_the_other(
+    both: Path, alone: PlannedSubject, tmp_path: Path, task: str, severity: str
+) -> None:
+    subject = PlannedSubject(both).copied(tmp_path)
+    find(subject, task=task, severity=severity)
+    assert_right_hand_is_alone(run(subject), alone)
+    assert notes(subject) == {f"{ALONE}there is a finding on the left hand's {task}"}
+
+
+def test_a_recording_that_cannot_be_read_changes_no_bit_of_the_other_hand(
+    both: Path, alone: PlannedSubject, tmp_path: Path
+) -> None:
+    subject = PlannedSubject(both).copied(tmp_path)
+    find(subject)
+    parameters = {"subject": "01", "hand": "left", "task": "opposition", "trial": ""}
+    write_failure(subject.poses("opposition", "left"), POSES, "b.csv: is cut", Provenance((), parameters))
+    assert_right_hand_is_alone(run(subject), alone)
+    assert notes(subject) == {f"{ALONE}b.csv: is cut"}
+
+
+def test_hands_without_a_finding_or_with_a_note_tell_each_other_their_lengths(
+    both: Path, alone: PlannedSubject, tmp_path: Path
+) -> None:
+    subject = PlannedSubject(both).copied(tmp_path)
+    find(subject, task="rom", severity="note")
+    assert subject.fit("right") == 0
+    assert notes(subject) == {""}
+    sds = [of_the_right_hand(own, "fitted_bones").column("sd_mm").to_pylist() for own in (subject, alone)]
+    assert all(shared < own for shared, own in zip(*sds, strict=True))
+
+
+def test_a_suspect_hand_is_fitted_alone_as_well(both: Path, tmp_path: Path) -> None:
+    subject = PlannedSubject(both).copied(tmp_path)
+    find(subject, task="rom", severity="suspect")
+    assert subject.fit("left") == 0
+    assert notes(subject, "left") == {
+        "fitted without the right hand's bone lengths: there is a finding on the left hand's rom"
+    }

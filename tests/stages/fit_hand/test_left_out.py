@@ -1,0 +1,148 @@
+"""What is left out of a calibration in which receivers were displaced, and what the receivers' rows say."""
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import pytest
+from simulated_poses import recorded
+
+from schemas.layout import Layout
+from schemas.poses import RecordingName
+from skeleton.rotations import Array
+from stages.fit_hand.field_test import Field
+from stages.fit_hand.fingertips import fingertips
+from stages.fit_hand.fit import HandFit, Settings, fit_hand
+from stages.fit_hand.hand_tables import receiver_rows
+from stages.fit_hand.left_out import (
+    Unsteady,
+    field_errors,
+    is_elsewhere,
+    share_left_out,
+    without_displaced,
+)
+from stages.fit_hand.loose_receivers import Displaced, LooseReceiver, Moment
+
+ASIDE = np.array([0.0, 1.0, 0.0])
+
+
+def made_loose(segment: str, recording: int, frame: int) -> LooseReceiver:
+    moment = Moment(recording, frame, float("nan"))
+    return LooseReceiver(segment, moment, moment, np.array([5.0, 0.0, 0.0, 0.0, 0.1, 0.0]))
+
+
+def never_used() -> HandFit:
+    """Only a disturbed field needs the fit."""
+    return cast("HandFit", None)
+
+
+def test_the_longer_part_is_kept() -> None:
+    """Before, after, or between two moments; over all recordings, of which one may lack the receiver."""
+    poses = recorded(seed=5, n_frames=600)[1]
+    valid = poses.valid.copy()
+    valid[:450, poses.index("hand")] = False
+    first, second = replace(poses, valid=valid), poses
+    found = [
+        made_loose("index_distal", 0, 401),
+        made_loose("ring_middle", 0, 101),
+        made_loose("ring_middle", 1, 501),
+        made_loose("hand", 1, 201),
+    ]
+    kept = without_displaced(never_used(), [first, second], Displaced(found))
+    expected = np.array(
+        [
+            [np.arange(600) < 0, np.ones(600, bool)],
+            [np.arange(600) >= 100, np.arange(600) < 500],
+            [np.arange(600) < 0, np.arange(600) >= 200],
+        ]
+    )
+    expected[0, 0, 400:] = True
+    for segment, parts in zip(("index_distal", "ring_middle", "hand"), expected, strict=True):
+        for own, part in zip(kept, parts, strict=True):
+            np.testing.assert_array_equal(own.valid[:, own.index(segment)], part)
+    for before, after in zip((first, second), kept, strict=True):
+        others = [i for i, name in enumerate(before.segments) if name not in {one.segment for one in found}]
+        np.testing.assert_array_equal(after.valid[:, others], before.valid[:, others])
+        assert after.position_mm is before.position_mm
+    assert share_left_out([first, second], kept) == {
+        "index_distal": pytest.approx(400 / 1200),
+        "ring_middle": pytest.approx(200 / 1200),
+        "hand": pytest.approx(350 / 750),
+    }
+
+
+def test_a_slide_leaves_out_only_what_is_elsewhere() -> None:
+    """Of a slide of 5 mm over all of the recording, 3 mm are one place; where it slid 1 mm, all is."""
+    poses = recorded(seed=5, n_frames=600)[1]
+    start, end = Moment(0, int(poses.frame[0]), 0.0), Moment(0, int(poses.frame[-1]), 0.0)
+    for shift_mm, share in ((5.0, 0.4), (1.0, 0.0)):
+        slid = LooseReceiver("hand", start, end, np.array([shift_mm, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        kept = without_displaced(never_used(), [poses], Displaced([slid]))
+        assert share_left_out([poses], kept).get("hand", 0.0) == pytest.approx(share, abs=0.03)
+
+
+@pytest.fixture(scope="module")
+def left(layout: Layout) -> HandFit:
+    """A left hand, which is fitted as its mirror image."""
+    return fit_hand([recorded("left", seed=5)[1]], layout, "left", settings=Settings(n_frames=40, rounds=0))
+
+
+def near_a_tip(fit: HandFit, mm: float) -> tuple[Field, Array]:
+    """Metal 10 mm beside the little finger's tip in the first frame, and where that is in the room."""
+    poses = recorded("left", seed=5)[1]
+    place = poses.position_mm[0, poses.index("little_distal")]
+    nearest = fit.evidence.convention.world(np.eye(3), place)[1]
+    return Field(nearest + 10.0 * ASIDE, nearest, np.array([mm, 0.0, 0.0, 0.0, 0.0, 0.0])), place
+
+
+def test_a_disturbed_field_leaves_out_where_it_harms(left: HandFit) -> None:
+    """Only the receiver that came near, only while it was; nothing where it was near for most of the time."""
+    poses = recorded("left", seed=5)[1]
+    field, _ = near_a_tip(left, 20.0)
+    kept = without_displaced(left, [poses], Displaced(field=field))
+    share = share_left_out([poses], kept)
+    assert 0.0 < share["little_distal"] < 0.5
+    assert "thumb_distal" not in share
+    assert not kept[0].valid[0, poses.index("little_distal")]
+    (error,) = [e for name, e in field_errors(left, [poses], field).items() if name == "little_distal"]
+    np.testing.assert_allclose(error, field.error, atol=0.1)
+    everywhere = replace(field, source=field.nearest + 1e5 * ASIDE)
+    assert not share_left_out([poses], without_displaced(left, [poses], Displaced(field=everywhere)))
+
+
+def test_centres_are_elsewhere_by_more_than_their_error(left: HandFit) -> None:
+    assert not is_elsewhere(left, left)
+    x = left.evidence.posterior.x + 3.0 * np.sqrt(np.diag(left.evidence.posterior.covariance))
+    assert is_elsewhere(left, left.moved_to(x, left.evidence.posterior.covariance))
+
+
+def test_rows_say_what_moved_and_what_was_left_out(left: HandFit) -> None:
+    """A slide with its two moments, a step that changes nothing, and a field with its place in the room."""
+    tips, names = fingertips(left), [RecordingName("01", "left", "rom", "2")]
+    step = np.array([0.0, 8.0, 0.0, 0.1, 0.0, 0.0])
+    slid = LooseReceiver("hand", Moment(0, 720, 3.0), Moment(0, 5040, 21.0), step)
+    fell = LooseReceiver("ring_middle", Moment(0, 99, np.nan), Moment(0, 99, np.nan), step)
+    found = Unsteady(names, Displaced([slid, fell]), {}, {"hand": 0.25})
+    rows = {row["segment"]: row for row in receiver_rows(tips, found)}
+    assert rows["hand"]["message"] == (
+        "slid in rom, 2 between 3.0 s and 21.0 s: it moved 8.0 mm and turned 6 deg on its bone; "
+        "25 % of its frames were left out"
+    )
+    assert rows["ring_middle"]["message"] == (
+        "came loose in rom, 2 at frame 99: it moved 8.0 mm and turned 6 deg on its bone; "
+        "all of its frames were used, as no joint centre is the worse for it"
+    )
+    assert [rows[name]["loose_kind"] for name in ("hand", "ring_middle", "index_middle")] == [
+        "slide",
+        "step",
+        "",
+    ]
+    assert (rows["hand"]["loose_from_frame"], rows["hand"]["loose_until_frame"]) == (720, 5040)
+    field, place = near_a_tip(left, 6.0)
+    near = Unsteady(names, Displaced(field=field), {"little_distal": field.error}, {})
+    row = {row["segment"]: row for row in receiver_rows(tips, near)}["little_distal"]
+    np.testing.assert_allclose([row[f"field_{axis}_mm"] for axis in "xyz"], place)
+    where = ", ".join(f"{value:.0f}" for value in place)
+    assert row["message"].startswith(
+        f"the field is disturbed near ({where}) mm, as by metal: there it is off by 6.0"
+    )
