@@ -28,12 +28,18 @@ def obeyed(brought: Brought, right: Brought) -> tuple[Said, Said]:
     """Follow the first finding's sentence, look again, and so on until nothing new is found: first, last."""
     first = last = said(brought)
     done: set[str] = set()
-    while last.findings and last.findings[0].message not in done and len(done) < MOST_TIMES:
-        sentence = last.findings[0].message
+    while (left := to_do(last)) and left[0] not in done and len(done) < MOST_TIMES:
+        sentence = left[0]
         done.add(sentence)
         brought = followed(sentence, brought, right)
         last = said(brought)
     return first, last
+
+
+def to_do(own: Said) -> list[str]:
+    """Give the sentences that say to do something: a repair says that nothing more has to be."""
+    messages = [finding.message for finding in own.findings]
+    return [message for message in messages if not re.search("nothing (more )?has to be done", message)]
 
 
 def followed(sentence: str, brought: Brought, right: Brought) -> Brought:
