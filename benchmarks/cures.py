@@ -245,7 +245,9 @@ def _other_columns(planted: Planted, door: Door, rng: np.random.Generator) -> Br
     table, receivers = dict(own.table), {}
     for name in (own.mapping or {})["receivers"]:
         titles = [f"{name} channel {number}" for number in range(7)]
-        table |= dict(zip(titles, rng.normal(size=(7, len(own.table["t"]))), strict=True))
+        numbers = rng.normal(0, 20, (len(own.table["t"]), 7))
+        numbers[:, 3:] = unit(numbers[:, 3:])
+        table |= dict(zip(titles, numbers.T, strict=True))
         receivers[name] = {"position": titles[:3], "orientation": titles[3:]}
     return replace(own, table=table, mapping={**(own.mapping or {}), "receivers": receivers})
 
