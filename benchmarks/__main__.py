@@ -20,6 +20,7 @@ BENCHMARKS = {
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
     "displaced_receivers": "receivers that come loose or slide, and metal: how often each is named",
     "believed_joints": "joints that are believed: how far off, and whether the stated error says so",
+    "cures": "mistakes planted in a laboratory's own files, and cured as the sentences say: joints' errors",
     "null_studies": "studies in which nothing differs: false positives, coverage of intervals, power",
     "pianists": "12 pianists, 2 groups, 3 sessions: a known effect, sem of re-donning, the stated sd",
     "bit_flips": "one flipped bit in every kind of file: how often it goes unnoticed",

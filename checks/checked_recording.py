@@ -37,6 +37,8 @@ from skeleton.rotations import Array
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
 OPEN_GAP_MM = 15.0
 MANY_STUCK, MANY_REPEATED = 0.02, 0.4
+MOST_NAMED = 8
+"""Of poses that are where nothing can be."""
 SPEED_LIMIT_RAD_S = 25.0
 """Of a hand's receivers from one frame to the next: fingers that play fast reach a third of it."""
 UNEXPLAINED = -25.0
@@ -78,16 +80,16 @@ def check_recording(
         return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
     if angles := _angles(line, declared):
         return CheckedRecording(tuple(angles), poses_digest(poses), None, None)
-    findings, search = _explained(line, body, layout, segments, hand, declared)
+    findings, search = _explained(line, poses.frame, body, layout, segments, hand, declared)
     if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
         findings = [finding for finding in findings if finding.kind != "hemisphere"]
     late = [
         *_left_out(left_out or {}),
         *_frozen(poses),
         *_zeros(line, segments),
-        *_alike(line, segments),
-        *_stays(line, segments),
-        *_clock(line, clock),
+        *_alike(line, segments, declared),
+        *_stays(line, segments, declared),
+        *_clock(line, clock, declared),
         *([short] if short else []),
     ]
     return CheckedRecording((*findings, *late), poses_digest(poses), body, search.explanation)
@@ -106,6 +108,7 @@ def poses_digest(poses: Poses) -> str:
 
 def _explained(
     line: Timeline,
+    frame: np.ndarray,
     body: ExpectedBody,
     layout: Layout,
     segments: tuple[str, ...],
@@ -125,7 +128,7 @@ def _explained(
     recorded = Recorded(layout, segments, axes, hand, bool(body.known.any()), declared)
     search = find_mistakes(motion, body, [] if jumping else hypotheses(recorded, motion))
     if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
-        return [Finding("spikes", REFUSED, "all")], search
+        return [Finding("spikes", REFUSED, "all", declared.unmapped)], search
     flips = _flips(line, sign, segments)
     if flips:
         as_read = motion_of(declared_mm, line.quaternion, usable, axes, hand)
@@ -137,7 +140,7 @@ def _explained(
         mistakes = mistakes[:1]
     named = [_finding(one) for one in mistakes if not (flips and one.hypothesis.kind == "hemisphere")]
     # angles taken about the wrong axes jump near their poles
-    jumps = [] if "euler-order" in {one.kind for one in named} else _spikes(line, odd, segments)
+    jumps = [] if "euler-order" in {one.kind for one in named} else _spikes(line, frame, odd, segments)
     return [*flips, *named, *jumps], search
 
 
@@ -172,19 +175,29 @@ def _flips(line: Timeline, sign: Array, segments: Sequence[str]) -> list[Finding
     return [Finding("hemisphere", SUSPECT, "jumps", seen)]
 
 
-def _spikes(line: Timeline, odd: np.ndarray, segments: Sequence[str]) -> list[Finding]:
+def _spikes(line: Timeline, frame: np.ndarray, odd: np.ndarray, segments: Sequence[str]) -> list[Finding]:
+    """Name the poses; frame : (T,) as the file or the mapping counts them."""
     if not odd.any():
         return []
     place = int(np.argmax(odd.sum(0)))
     row = int(np.argmax(odd[:, place]))
     seen = {"segment": segments[place], "count": int(odd.sum()), **_first(line, row)}
-    return [Finding("spikes", SUSPECT, "some", seen)]
+    spiked = [
+        [
+            segments[place],
+            int(frame[row]),
+            *([float(time_s)] if np.isfinite(time_s := line.time_s[row]) else []),
+        ]
+        for row, place in np.argwhere(odd)[:MOST_NAMED]
+    ]
+    return [Finding("spikes", SUSPECT, "some", {**seen, "spiked": spiked})]
 
 
-def _stays(line: Timeline, segments: Sequence[str]) -> list[Finding]:
+def _stays(line: Timeline, segments: Sequence[str], declared: Declared) -> list[Finding]:
     repeated = repeated_share(line)
     if repeated > MANY_REPEATED:
-        return [Finding("receiver-stuck", NOTE, "repeated", {"percent": 100 * float(repeated)})]
+        seen = {"percent": 100 * float(repeated), **declared.unmapped}
+        return [Finding("receiver-stuck", NOTE, "repeated", seen)]
     still = stuck(line)
     share = still.sum(0) / np.maximum(line.valid.sum(0), 1)
     if not still.any():
@@ -206,7 +219,7 @@ def _zeros(line: Timeline, segments: Sequence[str]) -> list[Finding]:
     return [Finding("zeros", SUSPECT, "", seen)]
 
 
-def _alike(line: Timeline, segments: Sequence[str]) -> list[Finding]:
+def _alike(line: Timeline, segments: Sequence[str], declared: Declared) -> list[Finding]:
     empty = zeros(line)
     pairs = alike(replace(line, valid=line.valid & ~empty) if empty.any() else line)
     if not pairs:
@@ -214,7 +227,7 @@ def _alike(line: Timeline, segments: Sequence[str]) -> list[Finding]:
     (first, second), rows = max(pairs.items(), key=lambda pair: len(pair[1]))
     share = len(rows) / max(1, int(line.valid[:, [first, second]].all(1).sum()))
     pair = {"segment": segments[first], "segment_2": segments[second]}
-    seen = {**pair, "percent": 100 * share, **_first(line, int(rows[0]))}
+    seen = {**pair, "percent": 100 * share, **_first(line, int(rows[0])), **declared.unmapped}
     return [Finding("receivers-alike", SUSPECT, "", seen)]
 
 
@@ -247,13 +260,21 @@ def _frozen(poses: Poses) -> list[Finding]:
     return [Finding("receiver-stuck", NOTE, "all-along", {"segment": name}) for name in names[:1]]
 
 
-def _clock(line: Timeline, clock: tuple[float, str] | None) -> list[Finding]:
-    if clock is None:
+_SECONDS = {"us": (1e-6, "microseconds"), "ms": (1e-3, "milliseconds"), "s": (1.0, "seconds")}
+"""Of the units that a mapping knows, and their names."""
+
+
+def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Finding]:
+    if factor is None:
         return []
-    factor, unit = clock
-    read = "seconds" if factor < 1 else ("milliseconds" if factor < 1e4 else "microseconds")
-    seen = {"rate_hz": 1 / line.interval_s, "unit": unit, "read": read}
-    return [Finding("time-unit", SUSPECT, "", seen)]
+    seconds, read = _SECONDS.get(declared.time_unit, _SECONDS["s"])
+    unit = next((name for name, (own, _) in _SECONDS.items() if np.isclose(own, factor * seconds)), "")
+    rate_hz = 1 / line.interval_s
+    seen = {"rate_hz": rate_hz, "unit": unit, "read": read, "factor": factor, **declared.unmapped}
+    if declared.rate_hz and not declared.time_unit:
+        return [Finding("time-unit", SUSPECT, "rate", {**seen, "true_hz": declared.rate_hz / factor})]
+    readable = unit and (declared.time_unit or not declared.format)
+    return [Finding("time-unit", SUSPECT, "" if readable else "scaled", seen)]
 
 
 def _angles(line: Timeline, declared: Declared) -> list[Finding]:

@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from schemas.finding_sentences import Values
+
 
 @dataclass(frozen=True)
 class Declared:
     """What a mapping says; the defaults are what a tidy table says by its columns' names.
 
     format : of the mapping; empty without one. kind, order, rotates, axes, angle_unit : of its orientation.
-    has_fixed : whether a segment stands still by declaration.
+    has_fixed : whether a segment stands still by declaration. time_unit, rate_hz : empty and 0 where it says
+    nothing of them. position_axes : what of the file's positions was taken for x, y and z.
     """
 
     format: str = ""
@@ -23,11 +26,24 @@ class Declared:
     axes: str = ""
     angle_unit: str = ""
     has_fixed: bool = False
+    time_unit: str = ""
+    rate_hz: float = 0.0
+    position_axes: tuple[str, ...] = ("x", "y", "z")
 
     @property
     def has_orientations(self) -> bool:
         """Whether the file has orientations, which could be inverse: clusters of markers have none."""
         return self.format != "c3d"
+
+    @property
+    def is_inverted(self) -> bool:
+        """Whether the file's rotations were inverted as they were read."""
+        return self.rotates == "transmitter-to-receiver"
+
+    @property
+    def unmapped(self) -> Values:
+        """What says to a finding's sentence that there is no mapping to write a cure into."""
+        return {} if self.format else {"unmapped": True}
 
     @property
     def other_sense(self) -> str:
@@ -52,6 +68,9 @@ class Declared:
             orientation.get("axes", "") if kind == "euler" else "",
             orientation.get("unit", ""),
             bool(mapping.get("fixed")),
+            mapping.get("csv", {}).get("time_unit", ""),
+            mapping.get("rate_hz", 0.0),
+            tuple(mapping.get("position_axes", cls.position_axes)),
         )
 
 

@@ -58,7 +58,11 @@ def hypotheses(recorded: Recorded, motion: Motion) -> list[Hypothesis]:
         found += [_other_hand(recorded), *_digit_swaps(recorded), *_turns(recorded)]
     rivals = Counter((one.kind, one.places is None) for one in found)
     return [
-        replace(one, penalty=float(np.log(rivals[one.kind, one.places is None] / SHARES[one.kind])))
+        replace(
+            one,
+            penalty=float(np.log(rivals[one.kind, one.places is None] / SHARES[one.kind])),
+            values={**one.values, **recorded.declared.unmapped},
+        )
         for one in found
     ]
 
@@ -78,30 +82,52 @@ SHARES = {
 """Of a laboratory's recordings that have the mistake (ours): what they share, its hypotheses share alike."""
 
 
+INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
+"""Of a unit quaternion, its conjugate."""
+
+
 def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Callable[[Motion], Motion]:
+    """Undo a mistake of the file's own quaternions, which its mapping may have inverted."""
+    sense = INVERSE if recorded.declared.is_inverted else np.ones(4)
+
     def undo(motion: Motion) -> Motion:
         mirror = recorded.mirror
         own = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
-        turned = matrix(change(from_matrix(own))) @ recorded.axes
+        turned = matrix(change(from_matrix(own) * sense) * sense) @ recorded.axes
         return replace(motion, rotation=turned * mirror[:, None] * mirror)
+
+    return undo
+
+
+def _inverted(recorded: Recorded) -> Callable[[Motion], Motion]:
+    """Invert whole poses, as a mapping does to 4x4 matrices: positions too."""
+
+    def undo(motion: Motion) -> Motion:
+        mirror = recorded.mirror
+        own = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
+        position = -np.einsum("ksji,ksj->ksi", own, motion.position_mm * mirror) * mirror
+        turned = np.swapaxes(own, 2, 3) @ recorded.axes
+        return replace(motion, position_mm=position, rotation=turned * mirror[:, None] * mirror)
 
     return undo
 
 
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
     """Quaternions in the other order, rotations the other way round; only where the file could have it so."""
-    declared, inverse = recorded.declared, np.array([1, -1, -1, -1])
+    declared = recorded.declared
     rotates = declared.other_sense
     if declared.kind == "quaternion":
         order = {"wxyz": "xyzw", "xyzw": "wxyz"}[declared.order]
         read, true = ", ".join(declared.order), ", ".join(order)
         columns = [3, 0, 1, 2] if order == "xyzw" else [1, 2, 3, 0]
         values = {"read": read, "true": true, "order": order, "rotates": rotates}
-        for variant, sign in (("order", np.ones(4)), ("inverse-too", inverse)):
+        for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE)):
             change = _reordered_quaternion(columns, sign)
             yield Hypothesis("quaternion-order", _requaternioned(recorded, change), variant, values)
-    if declared.has_orientations:
-        undo = _requaternioned(recorded, lambda q: q * inverse)
+    if declared.format == "matrices":
+        yield Hypothesis("quaternion-inverse", _inverted(recorded), "matrices", {"rotates": rotates})
+    elif declared.has_orientations:
+        undo = _requaternioned(recorded, lambda q: q * INVERSE)
         yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})
 
 
@@ -175,14 +201,19 @@ def _units(declared: Declared) -> Iterator[Hypothesis]:
 
 
 def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
-    """Positions whose axes are exchanged or negated while the rotations' are not."""
-    names = "xyz"
+    """Positions whose axes are exchanged or negated while the rotations' are not.
+
+    Markers of a C3D file give rotations, so that there is nothing to write for it.
+    """
+    if recorded.declared.format == "c3d":
+        return
+    names, read = "xyz", recorded.declared.position_axes
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
             if order == (0, 1, 2) and min(signs) > 0:
                 continue
             sign = np.array(signs) * recorded.mirror * recorded.mirror[list(order)]
-            columns = [f"{'-' if s < 0 else ''}{names[i]}" for i, s in zip(order, signs, strict=True)]
+            columns = [read[i] if s > 0 else _negated(read[i]) for i, s in zip(order, signs, strict=True)]
             values: dict[str, Any] = {"columns": ", ".join(columns)}
             mirrored = order == (0, 1, 2)
             if mirrored:
@@ -192,9 +223,13 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
             yield Hypothesis("axes-mirrored", _moved(sign, order), variant, values)
 
 
+def _negated(axis: str) -> str:
+    return axis[1:] if axis.startswith("-") else f"-{axis}"
+
+
 def _other_hand(recorded: Recorded) -> Hypothesis:
     other = "left" if recorded.hand == "right" else "right"
-    return Hypothesis("wrong-hand", Motion.mirrored, "", {"hand": other})
+    return Hypothesis("wrong-hand", Motion.mirrored, "", {"hand": other, "hand_2": recorded.hand})
 
 
 def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
@@ -239,7 +274,8 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
             order[one], order[other] = other, one
         yield Hypothesis(
             "digits-swapped", _permuted(recorded, order),
-            "two", _thumb_first(first, second), frozenset({*worn[first], *worn[second]}),
+            "two", _thumb_first(first, second) | {"pairs": _pairs(recorded, worn[first], worn[second])},
+            frozenset({*worn[first], *worn[second]}),
         )  # fmt: skip
     fingers = [own for name, own in worn.items() if name != "thumb"]
     if len(fingers) > 2 and len({len(own) for own in fingers}) == 1:
@@ -247,10 +283,18 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         for worn_on, stands_for in zip(fingers, fingers[::-1], strict=True):
             for one, two in zip(worn_on, stands_for, strict=True):
                 order[one] = two
-        yield Hypothesis("digits-swapped", _permuted(recorded, order), "reversed")
+        half = len(fingers) // 2
+        ends = zip(fingers[:half], fingers[: -half - 1 : -1], strict=True)
+        pairs = [pair for one, other in ends for pair in _pairs(recorded, one, other)]
+        yield Hypothesis("digits-swapped", _permuted(recorded, order), "reversed", {"pairs": pairs})
 
 
-def _thumb_first(first: str, second: str) -> dict[str, str]:
+def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> list[list[str]]:
+    """Names of two digits' segments, each with the one that stands for it."""
+    return [[recorded.segments[i] for i in pair] for pair in zip(first, second, strict=True)]
+
+
+def _thumb_first(first: str, second: str) -> dict[str, Any]:
     """Two digits as the sentence has them, in which the second is a finger."""
     one, other = (second, first) if second == "thumb" else (first, second)
     return {"digit": one, "digit_2": other}
@@ -274,15 +318,29 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
     every = len(recorded.segments)
     for turn in _quarter_turns():
         values: dict[str, Any] = _turn_values(turn, recorded.mirror)
-        axes = (turn * recorded.mirror[:, None] * recorded.mirror).round().astype(int)
-        # a column of `turn` is where the bone's axis points in the receiver's frame
-        values |= {n: axes[:, i].tolist() for i, n in enumerate(("distal", "lateral", "dorsal"))}
-        yield Hypothesis("receiver-turned", _turned(np.tile(turn, (every, 1, 1))), "all", values)
+        # a column is where the bone's axis points in the receiver's frame
+        axes = recorded.axes @ (turn * recorded.mirror[:, None] * recorded.mirror)
+        if np.ptp(axes, axis=0).max() < ALIKE:
+            all_turned = _turned(np.tile(turn, (every, 1, 1)))
+            yield Hypothesis("receiver-turned", all_turned, "all", values | _axes_values(axes[0]))
         for place, segment in enumerate(recorded.segments):
             yield Hypothesis(
-                "receiver-turned", _turned_at(place, turn), "one", values | {"segment": segment},
-                frozenset({place}),
+                "receiver-turned", _turned_at(place, turn), "one",
+                values | _axes_values(axes[place]) | {"segment": segment}, frozenset({place}),
             )  # fmt: skip
+
+
+ALIKE = 1e-6
+"""Of the axes of receivers that the layout has mounted alike, so that one line can turn all of them."""
+
+
+def _axes_values(axes: Array) -> dict[str, Any]:
+    """Receiver axes (3, 3) as the layout has them: whole numbers where they are."""
+    whole = axes.round(6) + 0.0
+    return {
+        name: [int(v) if v == int(v) else float(v) for v in whole[:, i]]
+        for i, name in enumerate(("distal", "lateral", "dorsal"))
+    }
 
 
 def _turned(turns: Array) -> Callable[[Motion], Motion]:

@@ -19,7 +19,7 @@ STUCK_S, STUCK_FRAMES = 0.25, 20
 MOVED_MM, ALL_ALONG = 5.0, 0.99
 RATE_HZ, RATE_LOG_SD = 100.0, 1.1
 SPEED_RAD_S, SPEED_LOG_SD = 1.5, 1.3
-CLOCKS = ((1e-3, "ms"), (1e-6, "us"), (1e3, "s"), (1e6, "s"))
+CLOCKS = (1e-3, 1e-6, 1e3, 1e6)
 CLOCK_MARGIN = 8.0
 JUMP_MM, JUMP_DEG = 5.0, 30.0
 
@@ -158,8 +158,8 @@ def repeated_share(line: Timeline) -> float:
     return float(same.mean()) if same.size else 0.0
 
 
-def true_clock(line: Timeline) -> tuple[float, str] | None:
-    """Give the factor and the unit by which times are better seconds; None where they are right."""
+def true_clock(line: Timeline) -> float | None:
+    """Give the factor by which times are better seconds; None where they are right."""
     interval, speed = line.interval_s, turning_speed(line)
     if not (np.isfinite(interval) and speed > 0):
         return None
@@ -169,8 +169,8 @@ def true_clock(line: Timeline) -> tuple[float, str] | None:
         turning = np.log(speed / factor / SPEED_RAD_S) / SPEED_LOG_SD
         return float(-0.5 * (rate**2 + turning**2))
 
-    best = max(CLOCKS, key=lambda clock: log_likelihood(clock[0]))
-    return best if log_likelihood(best[0]) - log_likelihood(1.0) > CLOCK_MARGIN else None
+    best = max(CLOCKS, key=log_likelihood)
+    return best if log_likelihood(best) - log_likelihood(1.0) > CLOCK_MARGIN else None
 
 
 def turning_speed(line: Timeline, most_frames: int = 12) -> float:

@@ -16,31 +16,54 @@ Say = Callable[..., str]
 
 @dataclass(frozen=True)
 class Sentence:
-    """Templates. what : is seen, and probably is. cure : what to do. one : `what` of a `count` of 1."""
+    """Templates. what : is seen, and probably is. cure : what to do, word for word. one : `what` of a `count`
+    of 1. table : what to do where the recording came without a mapping, `unmapped` among the values.
+    """
 
     what: str
     cure: str
     one: str = ""
+    table: str = ""
 
 
-_POSITION_UNIT = "write `position_unit: {true}` in the mapping, or give positions in mm"
-_ORDER = "write `order: {order}` under `orientation` in the mapping, or put qw, qx, qy, qz in that order"
+_POSITION_UNIT = "write `position_unit: {true}` in the mapping"
+_IN_MM = "multiply x_mm, y_mm and z_mm by {factor:g} in the file"
+_RENAMED = "name the file's columns qw, qx, qy, qz anew: qx, qy, qz, qw"
+_POSITION_AXES = "write `position_axes: [{columns}]` in the mapping"
+_IN_PLACE = "put {millimetres} in place of x_mm, y_mm, z_mm in the file"
+_OTHER_HAND = "write `{code}` in the column hand of the recordings sheet (or --hand {code})"
+_MIRRORED = ", or, if it is a {hand_2} hand and the file mirrored, "
 _REPAIR = "write `repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere)"
-_EMPTY_ROWS = "leave the seven numbers of these rows empty"
+_EMPTY = "leave the numbers of these poses empty in the file"
+_NAMES = "exchange these names in `receivers` of the mapping: {exchanged}"
+_NAMES_IN_FILE = (
+    "exchange these names in the file's column segment or, where the file has stations, their station "
+    "numbers in the layout: {exchanged}"
+)
 _AGAIN = "record it again, or give a reason under `exclude` in the recordings sheet"
 
 SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
     "quaternion-order": {
-        "order": Sentence("the quaternions are read as {read} and seem to be {true}", _ORDER),
+        "order": Sentence(
+            "the quaternions are read as {read} and seem to be {true}",
+            "write `order: {order}` under `orientation` in the mapping",
+            table=_RENAMED,
+        ),
         "inverse-too": Sentence(
             "the quaternions seem to be {true} of the inverse rotation",
             "write `order: {order}` and `rotates: {rotates}` under `orientation` in the mapping",
+            table=f"{_RENAMED}, and negate qx, qy and qz",
         ),
     },
     "quaternion-inverse": {
         "": Sentence(
             "the rotations seem to be the inverse of what is declared",
-            "write `rotates: {rotates}` under `orientation` in the mapping, or negate qx, qy and qz",
+            "write `rotates: {rotates}` under `orientation` in the mapping",
+            table="negate qx, qy and qz in the file",
+        ),
+        "matrices": Sentence(
+            "the matrices seem to be the inverse of what is declared",
+            "write `orientation: {{kind: matrix, rotates: {rotates}}}` in the mapping",
         ),
     },
     "euler-order": {
@@ -50,12 +73,15 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
         ),
         "fixed": Sentence(
             "the angles are read as {read} about turning axes and seem to be about fixed ones",
-            "write `axes: {true}` under `orientation` in the mapping, the columns in that order",
+            "write `axes: {true}` under `orientation` in the mapping, and the columns of each receiver's "
+            "`orientation` in the opposite order",
         ),
     },
     "units": {
         "positions-small": Sentence(
-            "the positions are {factor:.4g} times too small, in {true} and read as {read}", _POSITION_UNIT
+            "the positions are {factor:.4g} times too small, in {true} and read as {read}",
+            _POSITION_UNIT,
+            table=_IN_MM,
         ),
         "positions-large": Sentence(
             "the positions are {factor:.4g} times too large, in {true} and read as {read}", _POSITION_UNIT
@@ -73,7 +99,17 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
     "time-unit": {
         "": Sentence(
             "the times make {rate_hz:.3g} frames a second: they seem to be in {unit} and are read as {read}",
-            "write `time_unit: {unit}` under `csv` in the mapping, or give time_s in seconds",
+            "write `time_unit: {unit}` under `csv` in the mapping",
+            table="multiply time_s by {factor:g} in the file",
+        ),
+        "scaled": Sentence(
+            "the times make {rate_hz:.3g} frames a second: they seem to be in another unit than {read}",
+            "multiply the times by {factor:g} in the file",
+        ),
+        "rate": Sentence(
+            "the times make {rate_hz:.3g} frames a second, as `rate_hz` says, and there seem to be "
+            "{true_hz:.3g}",
+            "write `rate_hz: {true_hz:g}` in the mapping",
         ),
     },
     "hemisphere": {
@@ -108,7 +144,7 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
         "undecided": Sentence(
             "{count} poses ({which}) are of a receiver that was on both sides of the transmitter, or on "
             "another than its neighbours, and nothing tells which is right; they are kept as recorded",
-            f"{_EMPTY_ROWS} where they are on the wrong side, or give a reason under `exclude` in the "
+            f"{_EMPTY} where they are on the wrong side, or give a reason under `exclude` in the "
             "recordings sheet",
         ),
     },
@@ -117,11 +153,13 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "in {percent:.0f} % of the frames every receiver stands as in the frame before: probably the "
             "program repeats the last values",
             "write `in_step: false` under `csv` and the tracker's `rate_hz` in the mapping",
+            table="leave the rows out of the file that repeat those of the frame before",
         ),
         "at-times": Sentence(
             "the receiver {segment} gives one and the same pose in {percent:.0f} % of its frames, first "
             "{at}, while others move: probably its channel hung",
-            f"{_EMPTY_ROWS}, or leave the recording out with `exclude` in the recordings sheet",
+            "leave its numbers empty in the file where they repeat those before, or leave the recording out "
+            "with `exclude` in the recordings sheet",
         ),
         "all-along": Sentence(
             "the receiver {segment} gives one and the same pose all along while others move, and is not "
@@ -131,11 +169,11 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
     },
     "spikes": {
         "some": Sentence(
-            "{count} poses are where nothing can be, such as that of {segment} {at}: probably the tracker's "
-            "field was disturbed or a row is damaged",
-            _EMPTY_ROWS,
-            "one pose is where nothing can be, such as that of {segment} {at}: probably the tracker's field "
-            "was disturbed or a row is damaged",
+            "{count} poses are where nothing can be, such as {spiked}: probably the tracker's field was "
+            "disturbed or a row is damaged",
+            f"{_EMPTY}, and check again",
+            "one pose is where nothing can be, {spiked}: probably the tracker's field was disturbed or a row "
+            "is damaged",
         ),
         "left-out": Sentence(
             "{count} poses ({which}) are where nothing can be and left out: the tracker's field was probably "
@@ -148,40 +186,47 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "the poses jump about from frame to frame as no body moves, and no joint closes: these are "
             "probably not the columns of positions and orientations",
             "name the right ones in the mapping",
+            table="put the right ones into the file",
         ),
     },
     "receivers-swapped": {
         "": Sentence(
             "the receivers {segment} and {segment_2} seem to be swapped",
-            "exchange them in the layout or the mapping",
+            "exchange their names in `receivers` of the mapping",
+            table="exchange their names in the file's column segment or, where the file has stations, their "
+            "station numbers in the layout",
         ),
     },
     "digits-swapped": {
         "two": Sentence(
             "the {digit} and the {digit_2} finger seem to be swapped",
-            "exchange their receivers in the layout or the mapping",
+            _NAMES,
+            table=_NAMES_IN_FILE,
         ),
         "reversed": Sentence(
             "the fingers seem to be named in the opposite order",
-            "name them from index to little finger in the layout or the mapping",
+            _NAMES,
+            table=_NAMES_IN_FILE,
         ),
     },
     "wrong-hand": {
         "": Sentence(
             "this seems to be a {hand} hand",
-            "write `{code}` in the column hand of the recordings sheet (or --hand {code}), or mirror the "
-            "positions and rotations back",
+            f"{_OTHER_HAND}{_MIRRORED}export it from a right-handed frame",
+            table=f"{_OTHER_HAND}{_MIRRORED}negate y_mm, qx and qz in it",
         ),
     },
     "axes-mirrored": {
         "negated": Sentence(
             "the positions' {negated} seem to be negated",
-            "write the positions' columns as {columns}, so that positions and rotations share a frame",
+            _POSITION_AXES,
             "the positions' {negated} seems to be negated",
+            _IN_PLACE,
         ),
         "exchanged": Sentence(
-            "the positions' axes x, y, z seem to be {columns} of the rotations' frame",
-            "write the positions' columns as {columns}, so that positions and rotations share a frame",
+            "the x, y, z of the rotations' frame seem to be {columns} of the positions",
+            _POSITION_AXES,
+            table=_IN_PLACE,
         ),
     },
     "receiver-turned": {
@@ -203,7 +248,7 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
         "put-on-anew": Sentence(
             "the receivers sit elsewhere on the bones than in {other}, and the bones are about as long: "
             "probably they were put on anew",
-            "name two sessions in the column session of the recordings sheet",
+            "give this recording a session of its own in the column session of the recordings sheet",
         ),
     },
     "same-file": {
@@ -224,7 +269,7 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
         "": Sentence(
             "{count} poses, most of {segment}, first {at}, are at 0, 0, 0 and not turned, to the last bit: "
             "probably the program writes zeros where it has no value",
-            _EMPTY_ROWS,
+            _EMPTY,
             "one pose, of {segment}, first {at}, is at 0, 0, 0 and not turned, to the last bit: probably the "
             "program writes zeros where it has no value",
         ),
@@ -239,7 +284,8 @@ SENTENCES: Mapping[str, Mapping[str, Sentence]] = {
             "the receivers {segment} and {segment_2} have one and the same pose in {percent:.0f} % of their "
             "frames, first {at}, which two receivers cannot: probably one is read, or was exported, in place "
             "of the other",
-            "name each one's own columns or station, or export the file again",
+            "name each one's own columns or `value` in the mapping, or export the file again",
+            table="export the file again, each receiver with numbers of its own",
         ),
     },
 }
@@ -282,6 +328,8 @@ _EVIDENCE_AND_EFFECT, _EFFECT_ALONE = "{evidence} ({effect})", "put right, {effe
 _WHOLE, _WITHOUT_EVIDENCE = "{what}: {evidence}; {cure}.", "{what}; {cure}."
 _WITH_EFFECT = "{what} ({evidence}); {cure}."
 _ACCEPTED = "{finding} Accepted: {given}"
+_POSE, _POSE_AND_TIME = "{segment} in frame {n}", "{segment} in frame {n} ({time_s:.2f} s)"
+_PAIR = "{code} with {code_2}"
 _TIME, _ROW = "at {time_s:.2f} s", "in row {row} of its rows"
 _ONE_OTHER, _OTHERS = ", and so does another receiver", ", and so do {n} other receivers"
 _FRAMES, _FRAMES_AND_TIME = "{frames} frames", "{frames} frames and {duration_s:.2g} s"
@@ -295,14 +343,14 @@ def templates() -> Iterator[str]:
     """Give every template, for catalogues of other languages."""
     for variants in SENTENCES.values():
         for sentence in variants.values():
-            yield from filter(None, (sentence.what, sentence.cure, sentence.one))
+            yield from filter(None, (sentence.what, sentence.cure, sentence.one, sentence.table))
     for texts in OTHER_PROBLEMS.values():
         yield from texts.values()
     yield from (*EVIDENCE.values(), *EFFECTS.values())
     yield from (_EVIDENCE_AND_EFFECT, _EFFECT_ALONE)
     yield from (_WHOLE, _WITH_EFFECT, _WITHOUT_EVIDENCE, _ACCEPTED, _TIME, _ROW, _ONE_OTHER, _OTHERS, _FRAMES)
-    yield from (_OF_SEGMENT, _FRAMES_AND_TIME, _ABOUT_AXIS, _ABOUT_DIAGONAL, _OWN_RECORDING, _RECORDING)
-    yield _RECORDING_IN_SESSION
+    yield from (_OF_SEGMENT, _POSE, _POSE_AND_TIME, _PAIR, _FRAMES_AND_TIME, _ABOUT_AXIS, _ABOUT_DIAGONAL)
+    yield from (_OWN_RECORDING, _RECORDING, _RECORDING_IN_SESSION)
 
 
 def english(template: str, **values: Any) -> str:
@@ -352,7 +400,9 @@ def what_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
 
 def cure_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
     """What to do about it."""
-    return say(SENTENCES[kind][variant].cure, **_placeholders(values, say))
+    sentence = SENTENCES[kind][variant]
+    template = sentence.table if sentence.table and values.get("unmapped") else sentence.cure
+    return say(template, **_placeholders(values, say))
 
 
 def evidence_of(values: Values, say: Say = english) -> str:
@@ -383,6 +433,12 @@ def _placeholders(values: Values, say: Say) -> dict[str, Any]:
         given["which"] = ", ".join(say(_OF_SEGMENT, n=count, segment=name) for count, name in of)
     if "negated" in values:
         given["negated"] = _listed(values["negated"], say)
+    if "spiked" in values:
+        given["spiked"] = ", ".join(_pose(*one, say=say) for one in values["spiked"])
+    if "pairs" in values:
+        given["exchanged"] = ", ".join(say(_PAIR, code=one, code_2=two) for one, two in values["pairs"])
+    if "columns" in values:
+        given["millimetres"] = ", ".join(f"{axis}_mm" for axis in values["columns"].split(", "))
     if "frames" in values:
         given["length"] = say(_FRAMES_AND_TIME if "duration_s" in values else _FRAMES, **values)
     if "turn_deg" in values:
@@ -395,6 +451,12 @@ def _placeholders(values: Values, say: Say) -> dict[str, Any]:
     # what is to be written into a file stays as it is, whatever the language
     given["code"] = values.get("segment", values.get("hand", ""))
     return given
+
+
+def _pose(segment: str, frame: int, time_s: float | None = None, *, say: Say) -> str:
+    if time_s is None:
+        return say(_POSE, segment=segment, n=frame)
+    return say(_POSE_AND_TIME, segment=segment, n=frame, time_s=time_s)
 
 
 def _also(others: int, say: Say) -> str:

@@ -113,17 +113,17 @@ KINDS: Mapping[str, Kind] = {
     "euler-order": Kind(
         "The three angles turn about other axes, or in another order, than the mapping says.",
         "Azimuth, elevation and roll are ZYX; motion-capture programs let one choose among many orders.",
-        "`axes` under `orientation` in the mapping.",
+        "`axes` under `orientation` in the mapping; of angles about fixed axes, in the opposite order.",
     ),
     "units": Kind(
         "Positions or angles are in another unit than was declared.",
         "Metres, centimetres or inches given as millimetres; radians given as degrees.",
-        "`position_unit`, or `unit` under `orientation`, in the mapping.",
+        "`position_unit`, or `unit` under `orientation`, in the mapping; in a tidy table, positions in mm.",
     ),
     "time-unit": Kind(
         "Times are in another unit than was declared.",
         "Milliseconds or microseconds given as seconds, or the other way round.",
-        "`time_unit` under `csv` in the mapping; in a tidy table, give `time_s` in seconds.",
+        "`time_unit` under `csv`, or `rate_hz`, in the mapping; in a tidy table, `time_s` in seconds.",
     ),
     "hemisphere": Kind(
         "A receiver's position jumps to the other side of the transmitter, or is there all along.",
@@ -134,33 +134,35 @@ KINDS: Mapping[str, Kind] = {
     "receiver-stuck": Kind(
         "A receiver gives one and the same pose while the others move.",
         "A cable or a channel that hung; a program that repeats the last value.",
-        "Cut the recording or leave the rows out (empty numbers are gaps); `csv.in_step: false` in the "
-        "mapping where a program repeats values.",
+        "Leave the numbers empty where they repeat those before, which makes them gaps; `csv.in_step: false` "
+        "in the mapping where a program repeats values.",
     ),
     "spikes": Kind(
         "Single poses are where nothing can be, or all of them jump about.",
         "Metal or a motor near the transmitter, bytes lost on the line, a column that is no position.",
-        "Leave the seven numbers of these rows empty; where all poses jump, look for the right columns.",
+        "Leave the numbers of these poses empty; where all poses jump, look for the right columns.",
     ),
     "receivers-swapped": Kind(
         "Two receivers stand for each other's segments.",
         "Two plugs or two lines of a layout exchanged.",
-        "Exchange the two in the layout (`receiver`) or the mapping (`receivers`).",
+        "Exchange the two names in the mapping (`receivers`) or the file's column `segment`; of a file with "
+        "stations, the two numbers in the layout (`receiver`).",
     ),
     "digits-swapped": Kind(
         "All receivers of two digits stand for each other's segments.",
         "Two bundles of cables exchanged, or digits counted from the other side.",
-        "Exchange the digits' receivers in the layout or the mapping.",
+        "Exchange the names of their segments, as for two receivers.",
     ),
     "wrong-hand": Kind(
         "The hand is the other one than was declared, or the recording is mirrored.",
         "A wrong word in the recordings sheet; an export with a left-handed frame.",
-        "The column `hand` of the recordings sheet (or `--hand`); mirror positions and rotations back.",
+        "The column `hand` of the recordings sheet (or `--hand`); a mirrored file is mirrored back: `y_mm`, "
+        "`qx` and `qz` negated.",
     ),
     "axes-mirrored": Kind(
         "Axes of the positions are negated or exchanged while those of the rotations are not.",
         "Columns in another order; one of two frames with z up, the other with y up; a left-handed frame.",
-        "Name the position's columns in the right order, and negate what is negated, before importing.",
+        "`position_axes` in the mapping; in a tidy table, the columns exchanged and negated.",
     ),
     "receiver-turned": Kind(
         "A receiver is turned on its bone by quarter turns against what the layout says, or sits on another.",
@@ -185,7 +187,7 @@ KINDS: Mapping[str, Kind] = {
     "zeros": Kind(
         "Poses are at 0, 0, 0 and not turned, to the last bit.",
         "Programs that write zeros, or no rotation, for a receiver that they do not see.",
-        "Leave the seven numbers of these rows empty, which makes them gaps.",
+        "Leave the numbers of these poses empty, which makes them gaps.",
     ),
     "receivers-alike": Kind(
         "Two receivers have one and the same pose, to the last bit.",

@@ -33,6 +33,9 @@ def build_parser() -> argparse.ArgumentParser:
     recording.add_argument(
         "--mapping", type=Path, help="how to read a file of another program, as `shukotsu inspect` drafts it"
     )
+    recording.add_argument(
+        "--repair-hemisphere", action="store_true", help="put back what is on the transmitter's other side"
+    )
     return parser
 
 
@@ -43,10 +46,18 @@ def check(arguments: argparse.Namespace) -> None:
 
         check_study(arguments.file)
     else:
-        check_recording(arguments.file, arguments.hand, arguments.layout, arguments.mapping)
+        check_recording(
+            arguments.file,
+            arguments.hand,
+            arguments.layout,
+            arguments.mapping,
+            repair_hemisphere=arguments.repair_hemisphere,
+        )
 
 
-def check_recording(path: Path, hand: str | None, layout: str, mapping: Path | None) -> None:
+def check_recording(
+    path: Path, hand: str | None, layout: str, mapping: Path | None, *, repair_hemisphere: bool = False
+) -> None:
     """Import a recording into a folder that is removed again; print its findings, or else joints' advice."""
     from schemas.finding_sentences import in_quotes
     from schemas.findings import SUSPECT
@@ -60,6 +71,7 @@ def check_recording(path: Path, hand: str | None, layout: str, mapping: Path | N
         poses = Path(folder, "poses.parquet")
         who = [f"--in={path}", f"--layout={layout}", f"--hand={hand}", "--subject=-", "--task=-"]
         who += [] if mapping is None else [f"--mapping={mapping}"]
+        who += ["--repair-hemisphere"] if repair_hemisphere else []
         silent = ["--record-failure", f"--out={poses}"]  # leaves findings to the lines below
         try:
             import_recording.import_recording(import_recording.build_parser().parse_args([*who, *silent]))

@@ -8,6 +8,9 @@ from schemas.findings import SUSPECT, Finding
 
 AT = {"first_s": 3.25}
 PAIR = {"segment": "index_middle", "segment_2": "index_distal"}
+PAIRS = [["thumb_proximal", "index_middle"], ["thumb_distal", "index_distal"]]
+OTHER_HAND = {"hand": "left", "hand_2": "right"}
+CLOCK = {"rate_hz": 0.24, "unit": "ms", "read": "seconds", "factor": 0.001}
 TURNED = {"turn_deg": -90, "turn_axis": "y", "distal": [0, 1, 0], "lateral": [-1, 0, 0], "dorsal": [0, 0, 1]}
 OTHER = {"subject": "", "session": "", "hand": "right", "task": "rom"}
 COUNTED = {"count": 43, "of": ["hand", "index_distal"], "counts": [40, 3]}
@@ -31,14 +34,17 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("quaternion-order", "inverse-too"): [
         {"true": "x, y, z, w", "order": "xyzw", "rotates": "transmitter-to-receiver"}
     ],
-    ("quaternion-inverse", ""): [{"rotates": "receiver-to-transmitter"}],
+    ("quaternion-inverse", ""): [{"rotates": "receiver-to-transmitter"}, {"unmapped": True}],
+    ("quaternion-inverse", "matrices"): [{"rotates": "transmitter-to-receiver"}],
     ("euler-order", "axes"): [{"read": "ZYX", "true": "XYZ"}],
     ("euler-order", "fixed"): [{"read": "ZYX", "true": "XYZ"}],
     ("units", "positions-small"): [{"factor": 10.0, **READ_AS}],
     ("units", "positions-large"): [{"factor": 10.0, **READ_AS}],
     ("units", "radians"): [{}],
     ("units", "degrees"): [{"speed_rad_s": 171.0}],
-    ("time-unit", ""): [{"rate_hz": 0.24, "unit": "ms", "read": "seconds"}],
+    ("time-unit", ""): [CLOCK, CLOCK | {"unmapped": True}],
+    ("time-unit", "scaled"): [CLOCK],
+    ("time-unit", "rate"): [{"rate_hz": 0.24, "true_hz": 240.0}],
     ("hemisphere", "jumps"): [
         {"segment": "hand", "count": 2, "others": 3, **AT},
         {"segment": "hand", "count": 1, "others": 1, "first_row": 12},
@@ -55,19 +61,25 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("receiver-stuck", "repeated"): [{"percent": 50.0}],
     ("receiver-stuck", "at-times"): [{"segment": "hand", "percent": 3.4, **AT}],
     ("receiver-stuck", "all-along"): [{"segment": "hand"}],
-    ("spikes", "some"): [{"segment": "hand", "count": 1, **AT}, {"segment": "hand", "count": 9, **AT}],
+    ("spikes", "some"): [
+        {"segment": "hand", "count": 1, "spiked": [["hand", 780, 3.25]], **AT},
+        {"segment": "hand", "count": 9, "spiked": [["hand", 780], ["index_distal", 12]], **AT},
+    ],
     ("spikes", "left-out"): [ONE, COUNTED],
-    ("spikes", "all"): [{}],
+    ("spikes", "all"): [{}, {"unmapped": True}],
     ("unchecked", ""): [{"reason": "internal error in check_recordings (KeyError: 1)"}],
-    ("receivers-swapped", ""): [PAIR],
-    ("digits-swapped", "two"): [{"digit": "thumb", "digit_2": "index"}],
-    ("digits-swapped", "reversed"): [{}],
-    ("wrong-hand", ""): [{"hand": "left"}],
+    ("receivers-swapped", ""): [PAIR, PAIR | {"unmapped": True}],
+    ("digits-swapped", "two"): [
+        {"digit": "thumb", "digit_2": "index", "pairs": PAIRS},
+        {"digit": "thumb", "digit_2": "index", "pairs": PAIRS, "unmapped": True},
+    ],
+    ("digits-swapped", "reversed"): [{"pairs": PAIRS}],
+    ("wrong-hand", ""): [OTHER_HAND, OTHER_HAND | {"unmapped": True}],
     ("axes-mirrored", "negated"): [
         {"negated": ["z"], "count": 1, "columns": "x, y, -z"},
         {"negated": ["x", "y", "z"], "count": 3, "columns": "-x, -y, -z"},
     ],
-    ("axes-mirrored", "exchanged"): [{"columns": "z, -y, -x"}],
+    ("axes-mirrored", "exchanged"): [{"columns": "z, -y, -x"}, {"columns": "z, -y, -x", "unmapped": True}],
     ("receiver-turned", "all"): [TURNED, TURNED | {"turn_deg": 120, "turn_axis": ""}],
     ("receiver-turned", "one"): [TURNED | {"segment": "hand"}],
     ("other-person", "another"): [OTHER | {"scale": 0.92, "usual": 1.03}],

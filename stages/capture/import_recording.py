@@ -151,10 +151,12 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 def _declared(mapping: FileMapping) -> dict[str, Any]:
     """What the mapping says of the numbers, for the checks."""
-    return {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
+    declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
+    unit = mapping.config.get("csv", {}).get("time_unit")
+    return declared if unit is None else {**declared, "csv": {"time_unit": unit}}
 
 
-_DECLARED = ("format", "position_unit", "orientation", "fixed")
+_DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
 
 
 def _parameters(arguments: argparse.Namespace, layout: str, absent: list[str]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from schemas.config_files import config_path, read_config
 from schemas.findings import KINDS, NOTE, REFUSED, SUSPECT
 from schemas.layout import layout_from_config, read_layout
 from schemas.poses import Poses
-from skeleton.rotations import from_matrix, matrix, multiply
+from skeleton.rotations import conjugate, from_matrix, matrix, multiply
 from stages.capture.formats.readers import find_parts_reader
 from stages.capture.samples import joined
 
@@ -50,9 +50,10 @@ def test_a_mistake_in_a_hand_drawn_otherwise_is_named(name: str) -> None:
 def test_a_cure_is_never_what_stands_there_already(planted: Planted) -> None:
     """The other sense, the other order and another unit than the mapping's own."""
     declared = Declared("csv", position_unit="cm", order="xyzw", rotates="transmitter-to-receiver")
+    other_order = MISTAKES["w, x, y, z read as x, y, z, w"][1]
     plant = {
         "write `rotates: receiver-to-transmitter`": MISTAKES["inverse rotations"][1],
-        "write `order: wxyz`": MISTAKES["w, x, y, z read as x, y, z, w"][1],
+        "write `order: wxyz`": lambda own, rng: inverted(other_order(inverted(own), rng)),
         "write `position_unit: m`": lambda own, _: changed(own, position_mm=own.poses.position_mm / 100),
     }
     for cure, mistake in plant.items():
@@ -61,11 +62,18 @@ def test_a_cure_is_never_what_stands_there_already(planted: Planted) -> None:
         assert cure in finding.message
 
 
+def inverted(planted: Planted) -> Planted:
+    return changed(planted, quaternion=conjugate(planted.poses.quaternion))
+
+
 def test_matrices_and_markers_have_no_order_of_quaternions(planted: Planted) -> None:
     wrong = MISTAKES["x, y, z, w read as w, x, y, z"][1](planted, np.random.default_rng(1))
     for declared in (Declared("matrices", kind="matrix"), Declared("c3d", kind="matrix")):
         kinds = {finding.kind for finding in replace(wrong, declared=declared).findings()}
         assert "quaternion-order" not in kinds
+    negated = MISTAKES["positions negated"][1](planted, np.random.default_rng(1))
+    markers = replace(negated, declared=Declared("c3d", kind="matrix")).findings()
+    assert "axes-mirrored" not in {finding.kind for finding in markers}
 
 
 def exchanged(planted: Planted, one: str, other: str) -> Planted:
@@ -81,11 +89,13 @@ def test_a_sentence_says_what_is_seen_and_what_to_write(planted: Planted) -> Non
     (swapped,) = exchanged(planted, "index_proximal", "index_middle").findings()
     assert swapped.message.startswith("The receivers index_proximal and index_middle seem to be swapped: ")
     assert "put right" in swapped.message
-    assert swapped.message.endswith("; exchange them in the layout or the mapping.")
+    assert swapped.message.endswith("their station numbers in the layout.")
     small = replace(planted.poses, position_mm=planted.poses.position_mm / 1000)
     (metres,) = replace(planted, poses=small).findings()
     assert "1000 times too small, in m and read as mm: the hand comes out 0.01 times" in metres.message
-    assert "`position_unit: m`" in metres.message
+    assert "multiply x_mm, y_mm and z_mm by 1000 in the file" in metres.message
+    (mapped,) = replace(planted, poses=small, declared=Declared("csv")).findings()
+    assert "write `position_unit: m` in the mapping" in mapped.message
 
 
 def test_two_mistakes_are_named_and_nothing_else(planted: Planted) -> None:

@@ -103,11 +103,9 @@ def test_poses_that_are_written_twice() -> None:
     assert repeated_share(twice) == pytest.approx(0.5, abs=0.01)
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1e-3, "s"), (1e-6, "s")])
-def test_a_clock_in_another_unit(factor: float, unit: str) -> None:
-    found = true_clock(replace(moving(), time_s=T * factor))
-    assert found is not None
-    assert found == (pytest.approx(1 / factor), unit)
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e-3, 1e-6])
+def test_a_clock_in_another_unit(factor: float) -> None:
+    assert true_clock(replace(moving(), time_s=T * factor)) == pytest.approx(1 / factor)
 
 
 def test_slow_recordings_and_those_without_times_are_left_alone() -> None:

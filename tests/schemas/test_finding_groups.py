@@ -24,7 +24,7 @@ def test_one_fault_in_eleven_recordings_is_one_item() -> None:
     (fault,) = faults(each)
     assert fault.text == (
         "The positions are 10 times too small, in cm and read as mm; write `position_unit: cm` in the "
-        "mapping, or give positions in mm."
+        "mapping."
     )
     assert [seen.row["subject"] for seen in fault.seen] == [f"S{i}" for i in range(11)]
     assert not any(seen.what for seen in fault.seen)
@@ -46,7 +46,7 @@ def test_other_receivers_are_the_same_fault_and_named_for_each() -> None:
     ]
     (fault,) = faults(each)
     assert fault.text == (
-        "Two receivers stand for each other's segments; exchange them in the layout or the mapping."
+        "Two receivers stand for each other's segments; exchange their names in `receivers` of the mapping."
     )
     assert [seen.what for seen in fault.seen] == [
         f"The receivers {a} and {b} seem to be swapped" for a, b in pairs
@@ -70,7 +70,7 @@ def test_another_cure_variant_severity_or_reason_is_another_item() -> None:
 def test_an_accepted_fault_has_its_reason_once() -> None:
     (fault,) = faults(rows(units(0.1).accept("a doll"), 3))
     assert (fault.severity, fault.accepted) == (NOTE, "a doll")
-    assert fault.text.endswith("or give positions in mm. Accepted: a doll")
+    assert fault.text.endswith("in the mapping. Accepted: a doll")
     assert all("doll" not in seen.evidence for seen in fault.seen)
 
 

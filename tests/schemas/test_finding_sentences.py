@@ -41,7 +41,7 @@ def test_a_sentence_says_how_much_it_matters() -> None:
     assert swapped.message == (
         "The receivers index_middle and index_distal seem to be swapped: put right, the gap of index_pip "
         "falls from 31.2 to 1.4 mm (the median gap of the joints concerned falls from 12.1 to 1.3 mm, "
-        "centres that move by more than 2 mm: 5 of 16); exchange them in the layout or the mapping."
+        "centres that move by more than 2 mm: 5 of 16); exchange their names in `receivers` of the mapping."
     )
 
 

@@ -39,6 +39,19 @@ def test_of_the_other_hand_only_that_is_said(rom: Path, capsys: pytest.CaptureFi
     assert "thumb_cmc" not in out
 
 
+def test_a_receiver_on_the_other_side_is_put_back_if_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = simulate("P1", "right", "rom", 3, Realism.full(), 900)
+    made.position_mm[300:500, 0] *= -1
+    write_recording(tmp_path / "rom.csv", made)
+    asked = [str(tmp_path / "rom.csv"), "--hand", "right"]
+    assert check(asked) == 0
+    assert "hemisphere" in capsys.readouterr().out
+    assert check([*asked, "--repair-hemisphere"]) == 0
+    assert capsys.readouterr().out.startswith("no finding")
+
+
 def test_of_another_program_s_file_it_says_how_a_mapping_is_had(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

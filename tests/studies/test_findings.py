@@ -44,7 +44,7 @@ def test_the_mistake_is_named_with_what_to_write(study: StudyRun) -> None:
         "index_distal and index_middle" in problem["message"]
         or "index_middle and index_distal" in problem["message"]
     )
-    assert "exchange them" in problem["message"]
+    assert "exchange their names" in problem["message"]
     values = values_of(problem["values"])
     assert {values["segment"], values["segment_2"]} == {*SWAPPED}
     assert values["moved"] > 0

@@ -383,7 +383,7 @@ def test_a_finding_is_said_whole_in_another_language(finding: Finding) -> None:
 
 
 def test_a_finding_that_a_message_quotes_is_said_by_its_values() -> None:
-    finding = Finding("wrong-hand", NOTE, "", {"hand": "right"}, "seen on video")
+    finding = Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}, "seen on video")
     message = f"axis uncertain by 6 deg; {finding.message}"
     with speaking("ja"):
         assert FOREIGN in told(message)
@@ -398,7 +398,7 @@ def test_a_finding_that_a_message_quotes_is_said_by_its_values() -> None:
 
 def test_what_is_to_be_written_into_a_file_stays_as_files_have_it() -> None:
     with speaking("ja"):
-        text = row_sentence(Finding("wrong-hand", NOTE, "", {"hand": "right"}).columns, say)
+        text = row_sentence(Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}).columns, say)
     assert "右手" in text
     assert "`right`" in text
     assert "--hand right" in text

@@ -1,0 +1,220 @@
+"""What a laboratory brings of a recording: file, mapping, layout, row of the sheet; what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import redirect_stderr
+from dataclasses import dataclass, field, replace
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import yaml
+
+from benchmarks.faultless_hands import Planted
+from schemas.config_files import config_path, read_config
+from schemas.findings import Finding
+from schemas.layout import Layout, read_layout
+from schemas.mapping import MM_PER_UNIT
+from schemas.poses import Poses, read_poses
+from skeleton.rotations import Array, conjugate, matrix
+from stages import command_line
+from stages.capture import import_recording
+from stages.simulate.simulation import LAYOUT
+from stages.solve_joints.anatomical import HandSample, solve_hand
+from stages.solve_joints.moments import JointMoments
+from stages.solve_joints.solve import add_block
+
+NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+PARTS = {"quaternion": ("1", "2", "3", "4"), "euler": ("az", "el", "ro")}
+SECONDS = {"s": 1.0, "ms": 1e-3}
+
+
+@dataclass(frozen=True)
+class Brought:
+    """A recording as its laboratory has it.
+
+    table : the file's columns by title, a row a receiver and frame where there is no mapping, else a row a
+    frame. mapping, layout : as their YAML files. sheet : the recording's row, by column.
+    """
+
+    table: Mapping[str, Any]
+    mapping: Mapping[str, Any] | None
+    layout: Mapping[str, Any]
+    sheet: Mapping[str, str]
+
+    def columns(self, segment: str) -> list[str]:
+        """Titles of the receiver's numbers."""
+        if self.mapping is None:
+            return [*NUMBERS]
+        own = self.mapping["receivers"][segment]
+        return [*own["position"], *own["orientation"]]
+
+    def rows(self, segment: str) -> Any:
+        """Which rows are the receiver's."""
+        if self.mapping is not None:
+            return slice(None)
+        if "segment" in self.table:
+            return self.table["segment"] == segment
+        return self.table["receiver"] == self.layout["segments"][segment]["receiver"]
+
+    def numbers(self, segment: str) -> Array:
+        """The receiver's numbers, (frames, N)."""
+        return np.stack([self.table[title][self.rows(segment)] for title in self.columns(segment)], -1)
+
+    def emptied(self, segment: str, frames: Any) -> Brought:
+        """Leave the receiver's numbers empty in those of its frames."""
+        table = {title: column.copy() for title, column in self.table.items()}
+        for title in self.columns(segment):
+            own = table[title][self.rows(segment)]
+            own[frames] = np.nan
+            table[title][self.rows(segment)] = own
+        return replace(self, table=table)
+
+    def with_columns(self, **columns: Any) -> Brought:
+        """Give the file with other columns."""
+        return replace(self, table={**self.table, **columns})
+
+
+def tidy(planted: Planted) -> Brought:
+    """Bring a table of the project's own form."""
+    poses = planted.poses
+    frames, segments = poses.valid.shape
+    numbers = np.concatenate([poses.position_mm, poses.quaternion], -1).reshape(-1, 7)
+    table = {
+        "frame": np.repeat(poses.frame, segments),
+        "time_s": np.repeat(poses.time_s, segments),
+        "segment": np.tile(poses.segments, frames),
+        **dict(zip(NUMBERS, numbers.T, strict=True)),
+    }
+    return Brought(table, None, _layout(), {"hand": planted.hand})
+
+
+def with_stations(planted: Planted) -> Brought:
+    """Bring a table of the project's own form that names the tracker's stations."""
+    own = tidy(planted)
+    station = {name: part["receiver"] for name, part in own.layout["segments"].items() if "receiver" in part}
+    table = dict(own.table)
+    table["receiver"] = np.array([station[name] for name in table.pop("segment")])
+    return replace(own, table=table)
+
+
+def wide(planted: Planted) -> Brought:
+    """Bring a row a frame: centimetres, milliseconds, quaternions x, y, z, w of the inverse rotation."""
+    orientation = {"kind": "quaternion", "order": "xyzw", "rotates": "transmitter-to-receiver"}
+    numbers = conjugate(planted.poses.quaternion)[..., [1, 2, 3, 0]]
+    return _row_a_frame(planted, numbers, orientation, "cm", "ms")
+
+
+def angles(planted: Planted) -> Brought:
+    """Bring a row a frame: inches, seconds, azimuth, elevation and roll in degrees."""
+    from scipy.spatial.transform import Rotation
+
+    turned = matrix(planted.poses.quaternion)
+    numbers = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True)
+    orientation = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
+    return _row_a_frame(planted, numbers.reshape(*turned.shape[:2], 3), orientation, "inch", "s")
+
+
+def matrices(planted: Planted) -> Brought:
+    """Bring 4x4 matrices as text, in metres, one for each receiver in turn."""
+    poses = planted.poses
+    whole = np.zeros((*poses.valid.shape, 4, 4))
+    whole[..., :3, :3], whole[..., :3, 3], whole[..., 3, 3] = (
+        matrix(poses.quaternion),
+        poses.position_mm / 1000,
+        1,
+    )
+    receivers: dict[str, Any] = {name: {} for name in poses.segments}
+    rate_hz = float(1 / np.median(np.diff(poses.time_s)))
+    mapping = {"format": "matrices", "position_unit": "m", "rate_hz": rate_hz, "receivers": receivers}
+    return Brought({"matrices": whole}, mapping, _layout(), {"hand": planted.hand})
+
+
+Door = Callable[[Planted], Brought]
+
+
+def _layout() -> dict[str, Any]:
+    return read_config(config_path(LAYOUT, "layout", Path()), "layout")
+
+
+def _row_a_frame(
+    planted: Planted, turning: Array, orientation: Mapping[str, str], unit: str, time_unit: str
+) -> Brought:
+    poses = planted.poses
+    table = {"t": poses.time_s / SECONDS[time_unit]}
+    receivers = {}
+    for place, segment in enumerate(poses.segments):
+        position = [f"{segment} {axis}" for axis in "xyz"]
+        turns = [f"{segment} {part}" for part in PARTS[orientation["kind"]]]
+        table |= dict(zip(position, poses.position_mm[:, place].T / MM_PER_UNIT[unit], strict=True))
+        table |= dict(zip(turns, turning[:, place].T, strict=True))
+        receivers[segment] = {"position": position, "orientation": turns}
+    mapping = {
+        "format": "csv",
+        "position_unit": unit,
+        "orientation": dict(orientation),
+        "receivers": receivers,
+        "csv": {"time": "t", "time_unit": time_unit},
+    }
+    return Brought(table, mapping, _layout(), {"hand": planted.hand})
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is said of what was brought. centre_mm : by joint (2, 3), along the axes of its two bones."""
+
+    findings: tuple[Finding, ...] = ()
+    centre_mm: Mapping[str, Array] = field(default_factory=dict)
+
+
+def said(brought: Brought) -> Said:
+    """Import and check a recording as `shukotsu check FILE` does, and solve its joints."""
+    if brought.sheet.get("exclude"):
+        return Said()
+    with TemporaryDirectory() as folder:
+        poses, layout = Path(folder, "poses.parquet"), Path(folder, "own.yaml")
+        options = [*_written(brought, Path(folder)), f"--out={poses}", f"--layout={layout}"]
+        options += [f"--hand={brought.sheet['hand']}", "--subject=-", "--task=-", "--record-failure"]
+        with redirect_stderr(StringIO()):  # notes of the import
+            import_recording.import_recording(import_recording.build_parser().parse_args(options))
+        worn = read_layout(layout)
+        checked = command_line.checked_poses(poses, worn.of_hand(brought.sheet["hand"]))
+        seen = tuple(name for name in worn.expected if name != "forearm")
+        joints = centres([read_poses(poses, seen)], worn, brought.sheet["hand"])
+        return Said(checked.findings, dict(joints))
+
+
+def _written(brought: Brought, folder: Path) -> Iterator[str]:
+    """Write what was brought; give the options that name it."""
+    file = folder / "recording.csv"
+    (folder / "own.yaml").write_text(yaml.safe_dump({**brought.layout, "layout": "own"}), "utf-8")
+    if "matrices" in brought.table:
+        file = folder / "recording.txt"
+        np.savetxt(file, brought.table["matrices"].reshape(-1, 16), "%.12g")
+    else:
+        columns = {title: pa.array(column, from_pandas=True) for title, column in brought.table.items()}
+        pyarrow.csv.write_csv(pa.table(columns), file)
+    yield f"--in={file}"
+    if brought.mapping is not None:
+        (folder / "mapping.yaml").write_text(yaml.safe_dump(brought.mapping, sort_keys=False), "utf-8")
+        yield f"--mapping={folder / 'mapping.yaml'}"
+    if brought.sheet.get("hemisphere") == "repair":
+        yield "--repair-hemisphere"
+
+
+def centres(poses: Sequence[Poses], layout: Layout, hand: str) -> Iterator[tuple[str, Array]]:
+    """Solve joints of recordings under the model anatomical: (2, 3) mm, along the axes of the two bones."""
+    seen = {*poses[0].segments}
+    joints = [one for one in layout.solvable if {one.parent_receiver, one.child} <= seen]
+    total, sample = JointMoments(len(joints)), HandSample(joints)
+    for own in poses:
+        sample.add(add_block(total, own, joints))
+    for name, solution in solve_hand(sample, total, layout, hand, None).items():
+        ends = (layout.joints[name].parent_receiver, layout.joints[name].child)
+        own_mm = zip(ends, (solution.p_mm, solution.q_mm), strict=True)
+        yield name, np.array([layout.segments[end].axes.T @ centre for end, centre in own_mm])

@@ -1,0 +1,79 @@
+"""Cures are true: done word for word nothing is found, and joints are where they were without the mistake."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from checked_hands import hand_of
+
+from benchmarks.brought_files import Door, Said, said, tidy
+from benchmarks.cures import CASES, Case
+from benchmarks.followed_cures import NoSuchCureError, followed, obeyed, to_do
+from benchmarks.sheet_cures import SHEET_CASES, Files, SheetCase, files_of, obeyed_in_sheet, said_of_sheet
+from schemas.findings import KINDS
+
+FAR_MM, FAR_OF_OTHER_FRAMES_MM = 0.1, 2.5
+"""How far a joint's centre may be from that without the mistake; the latter: solved from other frames."""
+
+QUICK = {case.kind: case.name for case in reversed(CASES)}.values()
+"""One of each kind, for every run of the tests."""
+
+
+@cache
+def without_mistake(door: Door) -> Said:
+    return said(door(hand_of(7)))
+
+
+def apart_mm(one: Said, other: Said) -> float:
+    assert {*one.centre_mm} == {*other.centre_mm}
+    return max(float(np.abs(own - other.centre_mm[name]).max()) for name, own in one.centre_mm.items())
+
+
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(own, marks=() if own.name in QUICK else pytest.mark.slow, id=own.name) for own in CASES],
+)
+def test_a_cure_done_word_for_word_cures(case: Case) -> None:
+    planted, clean = hand_of(7), without_mistake(case.door)
+    assert clean.findings == ()
+    wrong, cured = obeyed(case.plant(planted, case.door, np.random.default_rng(3)), case.door(planted))
+    assert wrong.findings[0].kind in case.kind.split(" and ")
+    assert to_do(cured) == []
+    if case.kind != "too-short":  # which leaves the recording out, so that there is no joint
+        assert apart_mm(cured, clean) < (FAR_OF_OTHER_FRAMES_MM if case.other_frames else FAR_MM)
+
+
+@pytest.fixture(scope="module")
+def files() -> Files:
+    return files_of("own", 9001, "right")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", SHEET_CASES, ids=lambda own: f"{own.kind}, {own.planted}")
+def test_a_cure_done_in_the_sheet_cures(case: SheetCase, files: Files) -> None:
+    right = said_of_sheet(case.right, files)
+    assert right.findings == ()
+    wrong, cured = obeyed_in_sheet(case, files)
+    assert [one.kind for one in wrong.findings] == [case.kind]
+    assert cured.findings == ()
+    assert apart_mm(cured, right) < FAR_MM
+    assert obeyed_in_sheet(case, files, second=True)[1].findings == ()
+
+
+def test_every_kind_is_cured() -> None:
+    """But for that of a recording whose check failed, of which nothing is known."""
+    assert {*KINDS} - {"unchecked"} == {
+        case.kind for case in (*CASES, *SHEET_CASES) if " and " not in case.kind
+    }
+
+
+def test_what_no_rule_reads_is_not_done() -> None:
+    """Of sentences too that say what to do about the next recording, not about this one."""
+    own = tidy(hand_of(7))
+    for sentence in ("Rain fell.", "The receiver hand is not used; check its plug, and record again."):
+        with pytest.raises(NoSuchCureError):
+            followed(sentence, own, own)
+    with pytest.raises(NoSuchCureError, match="no mapping"):
+        followed("write `position_unit: cm` in the mapping.", own, own)
