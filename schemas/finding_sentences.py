@@ -392,6 +392,8 @@ def in_quotes(text: str) -> str:
 
 def what_of(kind: str, variant: str, values: Values, say: Say = english) -> str:
     """What is seen and what it probably is, as a sentence begins."""
+    if "text" in values:
+        return str(values["text"])
     sentence = SENTENCES[kind][variant]
     template = sentence.one if sentence.one and values["count"] == 1 else sentence.what
     text = say(template, **_placeholders(values, say))

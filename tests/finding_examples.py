@@ -68,6 +68,12 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("spikes", "left-out"): [ONE, COUNTED],
     ("spikes", "all"): [{}, {"unmapped": True}],
     ("unchecked", ""): [{"reason": "internal error in check_recordings (KeyError: 1)"}],
+    ("receiver-loose", ""): [{"segment": "hand", "message": "came loose"}],
+    ("receiver-slid", ""): [{"segment": "hand", "message": "slid"}],
+    ("field-disturbed", ""): [
+        {"x": 220.0, "y": -80.0, "z": -50.0, "count": 2, "mm": 6.2, "deg": 3.0, "percent": 4.0,
+         "segments": ["index_distal", "index_middle"]}
+    ],
     ("receivers-swapped", ""): [PAIR, PAIR | {"unmapped": True}],
     ("digits-swapped", "two"): [
         {"digit": "thumb", "digit_2": "index", "pairs": PAIRS},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -129,15 +130,17 @@ def _recording_page(results: StudyResults, recording: Recording) -> str:
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write pages that say why there is none."""
+    """Write pages that say why there is none; where the plan cannot be read, that of the subject alone."""
     from schemas.files import write_text
     from schemas.plan import read_plan
     from stages.report.study_page import render_failure
     from stages.report.wording import speaking
 
     known = arguments.language in _languages()
-    plan = read_plan(arguments.plan)
-    shown = [own for hand in plan.hands for own in plan.evaluated(hand)]
+    shown: list[Recording] = []
+    with suppress(InputError):
+        plan = read_plan(arguments.plan)
+        shown = [own for hand in plan.hands for own in plan.evaluated(hand)]
     with speaking(arguments.language if known else "en"):
         for page in (Path("subject.html"), *map(_page, shown)):
             write_text(arguments.out / page, render_failure(message))

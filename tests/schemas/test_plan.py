@@ -9,6 +9,7 @@ from small_study import write_plans, write_study
 
 from schemas.catalogue import FINDINGS, POSES
 from schemas.errors import InputError
+from schemas.findings import worded
 from schemas.layout import read_layout
 from schemas.model import read_model
 from schemas.parts import Part
@@ -270,7 +271,7 @@ def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(
     plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
     for severity, doubted in (("note", ""), ("suspect", "grip"), ("refused", "grip")):
         row = {"subject": "01", "session": "", "hand": "left", "task": "grip", "trial": ""}
-        row |= {"kind": "units", "severity": severity, "message": "In inch."}
+        row |= worded("units", severity, "In inch.").columns
         write_table(plan.table("findings"), FINDINGS, columns_from_rows(FINDINGS, [row]), Provenance())
         found = plan.with_findings()
         assert (found.doubted("left"), found.doubted("right")) == (doubted, "")

@@ -49,7 +49,7 @@ def test_a_receiver_on_the_other_side_is_put_back_if_asked(
     assert check(asked) == 0
     assert "hemisphere" in capsys.readouterr().out
     assert check([*asked, "--repair-hemisphere"]) == 0
-    assert capsys.readouterr().out.startswith("no finding")
+    assert capsys.readouterr().out.startswith("note: hemisphere: 200 poses (200 of hand) were put back")
 
 
 def test_of_another_program_s_file_it_says_how_a_mapping_is_had(

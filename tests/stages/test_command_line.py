@@ -21,13 +21,14 @@ from schemas.parquet_files import naming_damage
 from schemas.parts import Part, part_metadata, parts_writer, read_part
 from schemas.plan import read_plan
 from schemas.tables import Provenance, columns_from_rows, write_table, write_table_in_parts
+from schemas.verdict import UNJUDGED
 from stages import command_line
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 RIGHT, LEFT = Part("right", "rigid", "", "01"), Part("left", "rigid", "", "01")
 NO_ROWS = columns_from_rows(POSES, [])
 ROW = {"joint": "wrist", "parent_segment": "", "child_segment": "hand", "dof": 0, "n_frames": 0}
-ROW |= {"source": "", "status": "ok", "message": ""}
+ROW |= {"source": "", "status": "ok", "message": "", **UNJUDGED}
 
 
 # --- which hands ------------------------------------------------------------------------------------------

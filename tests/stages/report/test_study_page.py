@@ -246,7 +246,8 @@ def test_links_name_trial_and_hand(results: StudyResults) -> None:
 
 
 def _study_of_one_fault(fitted: StudyResults, accepted: str = "") -> StudyResults:
-    finding = Finding("quaternion-inverse", SUSPECT, "", {"seen": "gap", **EVIDENCE["gap"]}).accept(accepted)
+    seen = {"rotates": "transmitter-to-receiver", "seen": "gap", **EVIDENCE["gap"]}
+    finding = Finding("quaternion-inverse", SUSPECT, "", seen).accept(accepted)
     where = [{"subject": f"S{i:02}", "hand": "left", "task": "rom"} for i in range(11)]
     return replace(fitted, problems=[problem_row(STAGE, finding, **own) for own in where])
 

@@ -18,9 +18,9 @@ from report_samples.rendered import whole_report
 from schemas.advice import ADVICE, ENOUGH, MOVE, advice_text
 from schemas.config_files import json_schema
 from schemas.errors import InputError
-from schemas.finding_groups import row_sentence
+from schemas.finding_groups import row_sentence, row_what
 from schemas.finding_sentences import templates as templates_of_findings
-from schemas.findings import KINDS, NOTE, Finding
+from schemas.findings import KINDS, NOTE, Finding, same_file
 from schemas.study import Hand, Study, read_study
 from stages.report import subject, templates, wording
 from stages.report.movement_page.movement_page import render_movement
@@ -209,6 +209,9 @@ def test_every_pattern_is_of_a_sentence_that_the_project_makes(catalogue: Catalo
         assert any(run.strip(",.;:") in made for run in runs), pattern.pattern
 
 
+STANDS = same_file("right", "rom").columns
+"""A finding that advice quotes."""
+
 ADVICE_VALUES = {
     "wanted_deg": 30.0,
     "gap_mm": 8.71,
@@ -216,7 +219,7 @@ ADVICE_VALUES = {
     "enough_mm": 3.4,
     "parent": "hand",
     "child": "index_proximal",
-    "finding": "All poses are those of another recording",
+    "finding": row_what(STANDS),
 }
 EXAMPLES = (
     *(advice_text("index_mcp", kind, ADVICE_VALUES) for kind in ADVICE if kind != ENOUGH),
@@ -230,7 +233,7 @@ EXAMPLES = (
 
 @pytest.mark.parametrize("message", EXAMPLES)
 def test_sentences_that_come_with_the_tables_are_told_whole(message: str) -> None:
-    with speaking("ja"):
+    with speaking("ja", [STANDS]):
         said = told(message)
     assert FOREIGN not in said
     assert re.search("[ぁ-ん]", said)
@@ -384,7 +387,7 @@ def test_a_finding_is_said_whole_in_another_language(finding: Finding) -> None:
 
 def test_a_finding_that_a_message_quotes_is_said_by_its_values() -> None:
     finding = Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}, "seen on video")
-    message = f"axis uncertain by 6 deg; {finding.message}"
+    message = f"no valid pose in the calibration; {finding.message}"
     with speaking("ja"):
         assert FOREIGN in told(message)
     with speaking("ja", [finding.columns]):

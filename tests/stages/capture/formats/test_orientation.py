@@ -54,7 +54,8 @@ def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> 
     """As the page of configuration says; the matrix written out as in the guide of the Flock of Birds."""
     keys = json_schema("mapping")["properties"]["orientation"]["properties"]
     assert (
-        "A trakSTAR's quaternions and matrices do the second, its angles (ZYX) the first."
+        "Azimuth, elevation and roll (ZYX) of a Polhemus tracker or a trakSTAR and a Polhemus tracker's "
+        "quaternions do the first, a trakSTAR's quaternions and matrices the second."
         in (keys["rotates"]["description"])
     )
     angles = np.array([[30.0, -20.0, 50.0], [-170.0, 80.0, 5.0]])

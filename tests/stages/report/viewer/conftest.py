@@ -22,11 +22,12 @@ from schemas.catalogue import (
     RECEIVERS,
     TIPS,
 )
-from schemas.layout import read_layout
+from schemas.layout import FINGER_MM, read_layout
 from schemas.model import read_model
 from schemas.results import Results
 from schemas.study import Hand, Recording
 from schemas.tables import Provenance, read_table, rows_of, write_table
+from schemas.verdict import judged_joint
 from stages.report.hand_motion import HandMotion
 from stages.report.recording_results import read_recording
 from stages.report.study_results import StudyResults
@@ -88,7 +89,7 @@ def make_hand(folder: Path, hand: str, n_frames: int) -> KnownHand:
     write_truth(folder / "truth", made, Provenance())
     of_truth = {
         table: [
-            row | {"model": model} | ({"sd_mm": 1.5} if "sd_mm" in row else {})
+            (judged_joint(row | {"sd_mm": 1.5}, FINGER_MM) if "sd_mm" in row else row) | {"model": model}
             for model in MODELS
             for row in rows_of(read_table(folder / "truth" / f"{table.name}.parquet", table))
         ]

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from schemas.errors import InputError
-from schemas.layout import read_layout
+from schemas.layout import FINGER_MM, read_layout
 from schemas.model import read_model
 from schemas.poses import read_poses
+from schemas.verdict import UNJUDGED, judged_joint
 from stages.report.belief import NOT
 from stages.report.hand_motion import hand_motion, ridden_skeleton, seen, shown_first, thinned
 from stages.simulate.random_hand import BONES, DIGITS
@@ -91,6 +92,7 @@ def test_a_failed_joint_has_no_place(right: Any) -> None:
     model = read_model("paper-fig4")
     errors = np.zeros((len(poses.frame), 5))
     row = {"status": "failed", "child_segment": "", "parent_segment": "", "axis_child_x": None, "sd_mm": None}
+    row = judged_joint(row | UNJUDGED, FINGER_MM)
     skeleton = ridden_skeleton(LAYOUT, model, 0, {"ring_pip": row}, errors, poses)
     assert np.isnan(skeleton.position_mm[:, skeleton.points.index("ring_pip")]).all()
     assert skeleton.believed[skeleton.points.index("ring_pip")] == NOT
