@@ -12,6 +12,7 @@ from planned_subject import PlannedSubject, planned_subject
 from small_study import run_stages
 
 from schemas.catalogue import FINDINGS, POSES, TABLES
+from schemas.findings import SUSPECT, worded
 from schemas.parts import part_metadata
 from schemas.results import FIT_TABLES, PRIOR_TABLES, SUBJECT_TABLES
 from schemas.tables import Provenance, columns_from_rows, read_table, write_failure, write_table
@@ -34,7 +35,7 @@ ALONE = "fitted without the left hand's bone lengths: "
 def find(subject: PlannedSubject, **finding: str) -> None:
     """Write the subject's findings: one on the left hand, or none."""
     keys = {"subject": "01", "session": "", "hand": "left", "trial": ""}
-    rows = [keys | {"kind": "units", "message": "In inch."} | finding] if finding else []
+    rows = [keys | worded("units", SUSPECT, "In inch.").columns | finding] if finding else []
     table = subject.plan_file.with_name("findings.parquet")
     write_table(table, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance())
 
