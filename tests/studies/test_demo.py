@@ -168,8 +168,8 @@ def test_every_column_of_the_tables_is_filled(demo: StudyRun) -> None:
             pq.read_table(path, columns=[column.name])[0].null_count == n_rows(path) for path in files[name]
         )
     }
-    loose = {f"receivers.loose_{what}" for what in ("from_frame", "shift_mm", "turn_deg")}
-    assert empty == loose
+    loose = {f"receivers.loose_{what}" for what in ("from_frame", "until_frame", "shift_mm", "turn_deg")}
+    assert empty == loose | {f"receivers.field_{axis}_mm" for axis in "xyz"}
 
 
 def test_nothing_went_wrong(demo: StudyRun) -> None:
