@@ -14,8 +14,8 @@ class Declared:
     """What a mapping says; the defaults are what a tidy table says by its columns' names.
 
     format : of the mapping; empty without one. kind, order, rotates, axes, angle_unit : of its orientation.
-    has_fixed : whether a segment stands still by declaration. time_unit, rate_hz : empty and 0 where it says
-    nothing of them. position_axes : what of the file's positions was taken for x, y and z.
+    time_unit, rate_hz : empty and 0 where it says nothing of them. position_axes : what of the file's
+    positions was taken for x, y and z.
     """
 
     format: str = ""
@@ -25,7 +25,6 @@ class Declared:
     rotates: str = "receiver-to-transmitter"
     axes: str = ""
     angle_unit: str = ""
-    has_fixed: bool = False
     time_unit: str = ""
     rate_hz: float = 0.0
     position_axes: tuple[str, ...] = ("x", "y", "z")
@@ -67,7 +66,6 @@ class Declared:
             orientation.get("rotates", cls.rotates),
             orientation.get("axes", "") if kind == "euler" else "",
             orientation.get("unit", ""),
-            bool(mapping.get("fixed")),
             mapping.get("csv", {}).get("time_unit", ""),
             mapping.get("rate_hz", 0.0),
             tuple(mapping.get("position_axes", cls.position_axes)),

@@ -99,9 +99,8 @@ def _turned(
     angles_deg = np.zeros((len(joint), facings, 3, 3))
     turning = np.zeros((len(joint), facings))
     for facing in range(facings):
-        own = body.faced[joint] | (
-            facing == 0
-        )  # the others turn alike, whichever way a thumb's receiver faces
+        # the others turn alike, whichever way a thumb's receiver faces
+        own = body.faced[joint] | (facing == 0)
         rest = np.swapaxes(body.rest[joint[own], facing], 1, 2)[:, None]
         angles = np.where(seen[own][..., None], _angles_deg(rest @ turn[own]), np.nan)
         low, middle, high = _quantiles(angles)

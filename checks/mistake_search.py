@@ -80,17 +80,22 @@ def _closes(explanation: Explanation, hypotheses: Sequence[Hypothesis]) -> npt.N
 
 
 def _away(motion: Motion, hypotheses: Sequence[Hypothesis]) -> Array:
-    """How much likelier (H,) each hypothesis makes the receivers' distance from the transmitter."""
-    logs = [
-        np.log(_distance_mm(own) / AWAY_MM) for own in (motion, *(one.undo(motion) for one in hypotheses))
-    ]
-    unlikely = 0.5 * (np.array(logs) / AWAY_LOG_SD) ** 2
+    """How much likelier (H,) each hypothesis makes the receivers' distance from the transmitter.
+
+    Where a segment is at the origin all along the others are counted from it, and nothing is known.
+    """
+    distances_mm = [_distance_mm(own) for own in (motion, *(one.undo(motion) for one in hypotheses))]
+    if not all(distances_mm):
+        return np.zeros(len(hypotheses))
+    unlikely = 0.5 * (np.log(np.array(distances_mm) / AWAY_MM) / AWAY_LOG_SD) ** 2
     return np.asarray(unlikely[0] - unlikely[1:])
 
 
 def _distance_mm(motion: Motion) -> float:
-    distance = np.linalg.norm(motion.position_mm, axis=-1)[motion.valid]
-    return max(float(np.median(distance)), 1e-3) if len(distance) else AWAY_MM
+    """The median over receivers that are seen; 0 where one of them is at the origin all along."""
+    distance = np.linalg.norm(motion.position_mm, axis=-1)
+    own = [np.median(d[seen]) for d, seen in zip(distance.T, motion.valid.T, strict=True) if seen.any()]
+    return float(np.median(own)) if own and min(own) > 0 else 0.0
 
 
 def _same_matter(one: Hypothesis, chosen: Hypothesis) -> bool:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chains import chain_layout, random_chain
 from checked_hands import hand_of
 
 from benchmarks.faultless_hands import Planted, changed, faultless, other_hand
@@ -15,7 +16,7 @@ from schemas.config_files import config_path, read_config
 from schemas.findings import KINDS, NOTE, REFUSED, SUSPECT
 from schemas.layout import layout_from_config, read_layout
 from schemas.poses import Poses
-from skeleton.rotations import conjugate, from_matrix, matrix, multiply
+from skeleton.rotations import about_axis, conjugate, from_matrix, matrix, multiply, rotate
 from stages.capture.formats.readers import find_parts_reader
 from stages.capture.samples import joined
 
@@ -266,3 +267,23 @@ def test_the_world_has_no_preferred_direction(planted: Planted) -> None:
     assert there is not None
     np.testing.assert_allclose(there.total[0], here.total[0], atol=1e-6)
     np.testing.assert_allclose(there.centre_mm[0], here.centre_mm[0], atol=1e-6)
+
+
+def test_of_positions_counted_from_a_segment_no_distance_is_expected() -> None:
+    """A small hinge whose one half is at the origin all along is no hinge in metres or centimetres."""
+    rng = np.random.default_rng(4)
+    angle = np.sin(np.linspace(0, 12, 300))
+    turn = about_axis(np.array([0.0, 0.0, 1.0]), angle)
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (300, 1))
+    moving = (
+        np.array([6.0, 2.0, 0.0]) - rotate(turn, np.array([-5.0, 1.0, 0.0])) + rng.normal(0, 0.02, (300, 3))
+    )
+    chain = chain_layout(random_chain(1, 2))
+    position = np.stack([np.zeros((300, 3)), moving], 1)
+    poses = Poses(
+        chain.measured, np.arange(300), np.arange(300) / 100, position, np.stack([still, turn], 1),
+        np.ones((300, 2), bool),
+    )  # fmt: skip
+    assert check_recording(poses, chain, "right").findings == ()
+    away = replace(poses, position_mm=position + np.array([30.0, 0.0, 0.0]))
+    assert [one.kind for one in check_recording(away, chain, "right").findings] == ["units"]
