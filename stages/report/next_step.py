@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from statistics import mean
 
+from schemas.advice import MOVE
 from schemas.study import Hand
 from stages.report.belief import joints_text
 from stages.report.next_recording import doing_text
@@ -129,8 +130,8 @@ def _moving(results: StudyResults) -> Iterator[Step]:
 
 
 def _gain_mm(row: Row) -> float:
-    """By how much a joint's error would fall if it moved as advised; nothing where it moves enough."""
-    if row["advice"].startswith("enough") or row["sd_moved_mm"] is None:
+    """By how much a joint's error would fall if it moved as advised; nothing where that is not advised."""
+    if row["kind"] != MOVE or row["sd_moved_mm"] is None:
         return 0.0
     return max(0.0, float(row["sd_now_mm"] - row["sd_moved_mm"]))
 
