@@ -112,7 +112,7 @@ def _thumb() -> DigitAnatomy:
 
 
 def _finger(
-    joints_mm: tuple[Vector, Vector, Vector, Vector],
+    joints_mm: tuple[Vector, Vector, Vector],
     lengths_mm: tuple[float, float, float, float],
     bone_heights_mm: tuple[float, float, float, float],
     soft_tip_mm: float,
@@ -121,14 +121,16 @@ def _finger(
     twist_deg: float,
     lean_deg: float,
 ) -> DigitAnatomy:
-    """A finger from its CMC, MCP, PIP and DIP joint, of which the palm is taken and directions beyond it.
+    """A finger from its CMC, MCP and PIP joint, of which the palm is taken and the direction beyond it.
+
+    The middle phalanx lies in line with the proximal one, as all who set joints to neutral have it.
 
     oblique_deg : by which the radial end of the PIP and the DIP axis lies distal of a right angle to the bone
     that the joint moves. twist_deg : of the DIP axis after the PIP axis, about the bone between them.
     lean_deg : of the distal phalanx towards the radial side.
     """
-    cmc, mcp, pip, dip = np.array(joints_mm)
-    proximal, middle = unit(pip - mcp), unit(dip - pip)
+    cmc, mcp, pip = np.array(joints_mm)
+    proximal = middle = unit(pip - mcp)
     lateral = unit(np.array(mcp_axis) - (np.array(mcp_axis) @ middle) * middle)
     dorsal = np.cross(middle, lateral)
     oblique, (twist, lean) = np.radians(oblique_deg), np.radians([twist_deg, lean_deg])
@@ -155,7 +157,7 @@ def _finger(
 DIGITS: Mapping[str, DigitAnatomy] = {
     "thumb": _thumb(),
     "index": _finger(
-        ((15.19, 10.16, 1.51), (75.5, 20.3, 10.2), (116.3, 28.3, 17.2), (140.3, 31.3, 18.8)),
+        ((15.19, 10.16, 1.51), (75.5, 20.3, 10.2), (116.3, 28.3, 17.2)),
         (59.0, 43.7, 24.9, 19.6),
         (8.0, 7.0, 3.8, 1.5),
         3.8,
@@ -165,7 +167,7 @@ DIGITS: Mapping[str, DigitAnatomy] = {
         -3.2,
     ),
     "middle": _finger(
-        ((15.35, -0.45, 4.24), (74.4, 0.4, 11.3), (118.9, 2.0, 17.2), (146.7, 3.5, 19.3)),
+        ((15.35, -0.45, 4.24), (74.4, 0.4, 11.3), (118.9, 2.0, 17.2)),
         (58.0, 48.2, 29.4, 21.1),
         (8.0, 7.0, 4.1, 1.4),
         4.0,
@@ -175,7 +177,7 @@ DIGITS: Mapping[str, DigitAnatomy] = {
         -2.5,
     ),
     "ring": _finger(
-        ((16.71, -9.44, 1.97), (73.5, -15.3, 5.0), (112.7, -18.5, 6.1), (137.3, -20.7, 6.9)),
+        ((16.71, -9.44, 1.97), (73.5, -15.3, 5.0), (112.7, -18.5, 6.1)),
         (52.0, 44.7, 28.2, 21.1),
         (8.0, 6.3, 4.0, 1.6),
         4.0,
@@ -185,7 +187,7 @@ DIGITS: Mapping[str, DigitAnatomy] = {
         4.4,
     ),
     "little": _finger(
-        ((14.67, -15.58, -2.73), (65.1, -24.9, -4.8), (100.1, -30.1, -7.4), (120.4, -33.1, -9.3)),
+        ((14.67, -15.58, -2.73), (65.1, -24.9, -4.8), (100.1, -30.1, -7.4)),
         (48.0, 36.3, 20.4, 19.1),
         (8.0, 5.4, 3.4, 1.8),
         3.7,
@@ -254,6 +256,9 @@ direction and the length of its metacarpal come to, which the joint-by-joint est
 DIRECTION_SD_RAD = float(np.radians(3.0))
 """Of a digit's direction in the flat hand, either way (ours: neighbours lie 5 to 8 deg apart)."""
 
+ROLL_SD_RAD, THUMB_ROLL_SD_RAD = np.radians([3.0, 8.0]).tolist()
+"""Of a digit about its own length (ours); thumbs' nail side stands 65 to 85 deg from the back of the hand."""
+
 AXIS_SD_RAD = float(np.radians(5.0))
 """Of a joint's axis either way: that of a finger's hinge varies by about 5 deg even as it turns."""
 
@@ -264,8 +269,12 @@ more."""
 PRO_SUPINATION_SD = 0.35
 """Of the pro-supination per flexion (ours)."""
 
-JOINT_SLIDE_SD_MM = 0.5
-"""Translation of a joint's centre per rad: hinge axes of finger joints move by less than 0.75 mm."""
+LEAN_SD_RAD = float(np.radians(1.5))
+"""Of a straight finger's bone beyond a hinge, sideways: joints are set to neutral by eye (ours)."""
+
+JOINT_SLIDE_SD_MM, HINGE_SLIDE_SD_MM = 1.0, 0.4
+"""Translation of a joint's centre per rad: an MCP joint's moves by 0.5 to 2 mm over 45 deg, a hinge's by 0.06
+to 0.73 mm over its range (PIP joints of cadavers)."""
 
 # --- where receivers sit ---------------------------------------------------------------------------------
 
@@ -278,6 +287,9 @@ HABIT_SHARE = 0.5
 
 MOUNT_TURN_SD_RAD = float(np.radians(6.0 / np.sqrt(3.0)))
 """6 deg away from the bone's axes in all, per component (our trials)."""
+
+FACING_SD_RAD = float(np.radians(20.0))
+"""Of the receiver over the thumb's metacarpal about its bone, from the nearer of its two sides (ours)."""
 
 HAND_MOUNT_SD_MM = (8.0, 5.0, 4.0)
 """Of the receiver on the back of the hand about its nominal place (ours)."""
@@ -294,13 +306,21 @@ SLIDE_SD_MM, JOINTWISE_SLIDE_SD_MM = (1.0, 0.3, 0.4), (1.0, 0.45, 0.45)
 TILT_SD, JOINTWISE_TILT_SD = (0.03, 0.05, 0.03), 0.05
 """Turn of a receiver in rad per rad of an adjacent joint, about x, y, z of its bone (Metcalf)."""
 
-DISTAL_TILT = -0.11 / 2
-"""Of a distal receiver with its own joint: markers under-read DIP flexion by 11 % (Metcalf), of which the
-other half is the middle phalanx's."""
+DISTAL_TILT, DISTAL_TILT_SD = -0.01, 0.02
+"""Of a distal receiver with its own joint: markers on skin under-read DIP flexion by 11 % (Metcalf), of which
+half is the middle phalanx's; on a nail it is a third of that or less."""
+
+PLACE_LAG, PLACE_LAG_SD = -0.10, 0.12
+TURN_LAG, TURN_LAG_SD = -0.15, 0.12
+"""Share of the CMC's motion that the place of a receiver over the thumb's metacarpal adds, which is less than
+none, and what its turn adds to that: the turn is known to lag by 20 to 40 %, of which slide and tilt take
+some; of the place only that it lags less (ours)."""
 
 UNDER_READING, UNDER_READING_SD = -0.25, 0.12
-"""Share of the CMC's motion that a receiver over the thumb's metacarpal adds, which is less than none: it
-is known to lag by 20 to 40 %, of which slide and tilt take some."""
+"""Both together, for the joint-by-joint estimator."""
+
+RELAXED_RAD = float(np.radians(25.0))
+"""Flexion of MCP, PIP, DIP and IP joints at which skin is where the receivers were put on: a hand at rest."""
 
 JOINTWISE_NAIL = 0.6
 """Of the usual slide and tilt: a distal phalanx's, whose nail holds the receiver (ours)."""
@@ -308,20 +328,28 @@ JOINTWISE_NAIL = 0.6
 JOINTWISE_THENAR = 1.5
 """The same of the thumb's metacarpal, where muscles swell (ours)."""
 
-PALM_SLIDE_SD_MM, UNKNOWN_SLIDE_SD_MM = 0.5, 2.0
+PALM_SLIDE_SD_MM, PALM_TILT_SD, UNKNOWN_SLIDE_SD_MM = 0.5, 0.01, 2.0
 """The same of a receiver on the palm, whose skin is tight, and on a segment that is not known (ours)."""
 
 SKIN_BENT = 0.5
 """Share of a slide that is not linear in the angle: the root of what an R^2 of 0.89 leaves (at best 0.97:
 Zhang), with a margin for lag."""
 
+# --- the room --------------------------------------------------------------------------------------------
+
+FIELD_TURN_SD_RAD, FIELD_SLOPE_SD_RAD_PER_MM = float(np.radians(1.0)), float(np.radians(0.3) / 50.0)
+"""By how much a room's field turns receivers, per component: all alike, some 0.3 m from the transmitter, and
+from place to place (0.3 deg for 50 mm, LIBERTY in laboratories)."""
+
 # --- how joints are held in a recording ------------------------------------------------------------------
 
 PHALANX_DEG, METACARPAL_DEG, PALM_DEG, STILL_PALM_DEG = (30.0, 50.0), (0.0, 30.0), (5.0, 10.0), (0.0, 3.0)
+PALM_HELD_SD_RAD = float(np.radians(8.0))
 DIP_PER_PIP, DIP_BY_PIP_SD_DEG = 2 / 3, 15.0
 ABDUCTION_DEG, AXIAL_DEG, HINGE_DEG = (0.0, 15.0), (0.0, 5.0), (0.0, 3.0)
 """Mean and sd of a joint angle over a recording: flexion of MCP, PIP, DIP and IP joints (0 to 100 deg), of a
-thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27) and of CMC 2 and 3 (11 and 7); of a finger's DIP
+thumb's CMC (-30 to 60), of CMC 4 and 5 (ranges 20 and 27) and of CMC 2 and 3 (11 and 7), and of how a person
+holds CMC 4 and 5 all along (ours); of a finger's DIP
 joint given its PIP joint's, a link of free flexion that breaks on contact; abduction (15 to 25 either way);
 axial rotation, which nobody does at will; abduction and axial rotation of a hinge, whose axis varies by about
 5 deg as it turns."""

@@ -149,3 +149,10 @@ def cross_matrix(vector: Array) -> Array:
     zero = np.zeros_like(x)
     rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
     return np.stack([np.stack(row, -1) for row in rows], -2)
+
+
+def exp_rotation(vector: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    K = cross_matrix(vector)
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * K @ K)

@@ -113,6 +113,18 @@ class FirstGuess:
 
 
 @dataclass(frozen=True)
+class Drive:
+    """A joint angle (state) that moves skin, counted from where skin is relaxed, rad."""
+
+    state: int
+    relaxed_rad: float = 0.0
+
+    def terms(self, per_rad: float, unknown: int | None = None) -> tuple[Term, Term]:
+        """What skin does with the angle, that much per rad, times an unknown."""
+        return Term(per_rad, unknown, self.state), Term(-per_rad * self.relaxed_rad, unknown)
+
+
+@dataclass(frozen=True)
 class Parts:
     """Which parts of the model are in use; all but for ablations."""
 
@@ -120,6 +132,7 @@ class Parts:
     palm: bool = True
     pivot: bool = True
     joint_slide: bool = True
+    field: bool = True
 
 
 def bone(segment: str) -> str:
@@ -180,14 +193,17 @@ class Builder:
         self,
         segment: str,
         place: Sequence[Amount],
-        drives: Sequence[int] = (),
+        drives: Sequence[Drive] = (),
         kind: str | None = None,
-        own_tilt: float = 0.0,
+        lag: Sequence[Step] = (),
+        *,
+        faces_anyhow: bool = False,
     ) -> tuple[Step, ...]:
-        """Place of a receiver on its bone, sliding and tilting with the drives (states).
+        """Place of a receiver on its bone, sliding and tilting with the drives.
 
         kind : of the bone; None for the palm. People put receivers on by habit, one for the nails and one for
-        all other bones. own_tilt : with the first drive, rad per rad, in most people.
+        all other bones. lag : by how much less it turns than its place does. faces_anyhow : it may be put on
+        anywhere round its bone.
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
         placed = [
@@ -198,13 +214,16 @@ class Builder:
         for i, axis in enumerate(np.eye(3)):
             skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
+            if i == 0 and faces_anyhow:
+                steps.append(about(axis, self.free(0.0, prior.FACING_SD_RAD, "facing", segment)))
+        steps += lag
         for i, axis in enumerate(np.eye(3)):
             slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
             turn = self._put_on(Amount(slope, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
             skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
-            if i == 1 and own_tilt and drives and self.parts.skin:
+            if i == 1 and kind == "distal" and drives and self.parts.skin:
                 ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # than usual has this hand
-                skin = (*skin, Term(own_tilt, None, drives[0]), Term(own_tilt, more, drives[0]))
+                skin += drives[0].terms(prior.DISTAL_TILT) + drives[0].terms(prior.DISTAL_TILT_SD, more)
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
 
@@ -218,14 +237,15 @@ class Builder:
         own = self.place(mean, (1.0 - prior.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
         return own.plus(self.shared(prior.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
 
-    def skin_terms(self, segment: str, drives: Sequence[int], group: str, sd: float) -> tuple[Term, ...]:
+    def skin_terms(self, segment: str, drives: Sequence[Drive], group: str, sd: float) -> tuple[Term, ...]:
         """Give what the skin adds, an unknown of that sd per rad of each drive."""
         if not self.parts.skin:
             return ()
         sd *= prior.looseness(segment)
-        return tuple(
-            Term(sd, self.unknowns.add(group, f"{segment} {n}"), state) for n, state in enumerate(drives)
-        )
+        terms: tuple[Term, ...] = ()
+        for n, drive in enumerate(drives):
+            terms += drive.terms(sd, self.unknowns.add(group, f"{segment} {n}"))
+        return terms
 
 
 def along(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:

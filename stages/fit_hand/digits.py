@@ -12,6 +12,7 @@ from stages.fit_hand.building import (
     KINDS,
     Amount,
     Builder,
+    Drive,
     FirstGuess,
     about,
     across_of,
@@ -23,7 +24,7 @@ from stages.fit_hand.building import (
 )
 from stages.fit_hand.operations import Mark, Operation, Side, Step, Term, Turn
 
-X = np.array([1.0, 0.0, 0.0])
+X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 def digit_steps(builder: Builder, digit: Digit, anatomy: DigitAnatomy) -> list[Step]:
@@ -55,10 +56,11 @@ class _DigitChain:
             )
             for axis, at_mm, letter in zip(np.eye(3), self.anatomy.base_mm, "xyz", strict=True)
         ]
-        for axis, letter in ((self.frames[0, :, 1], "y"), (self.frames[0, :, 2], "z")):
-            steps.append(
-                about(axis, builder.free(0.0, prior.DIRECTION_SD_RAD, "direction", f"{name} {letter}"))
-            )
+        roll_sd = prior.THUMB_ROLL_SD_RAD if name == "thumb" else prior.ROLL_SD_RAD
+        for axis, sd, letter in zip(
+            self.frames[0].T, (roll_sd, *(prior.DIRECTION_SD_RAD,) * 2), "xyz", strict=True
+        ):
+            steps.append(about(axis, builder.free(0.0, sd, "direction", f"{name} {letter}")))
         self.flexions = self._flexion_states()
         parent, before = self.digit.base, np.eye(3)
         for k, (joint, segment) in enumerate(zip(self.digit.joints, self.digit.segments, strict=True)):
@@ -89,20 +91,20 @@ class _DigitChain:
     def _bone(self, k: int) -> list[Step]:
         """Joint k, the bone that it moves, and that bone's receiver.
 
-        The receiver over a metacarpal does not follow its bone all the way: it sits on a side branch of its
-        own, in which the joint turns less.
+        The receiver over a thumb's metacarpal does not follow its bone all the way: it sits on a side branch
+        of its own, in which the joint turns less, and turns less again.
         """
         builder, joint, segment = self.builder, self.digit.joints[k], self.digit.segments[k]
         skew = self.anatomy.second_axis if k == 0 else None
         second = None if skew is None else self.above[k] @ skew
         moved = _Joint(builder, joint, self.flexions.get(joint), self.axes[k], self.rests[k], second)
         length = builder.length[segment] = self._length(k)
-        steps = [*moved.steps(under_reading=False), Mark(bone(segment))]
+        steps = [*moved.steps(), Mark(bone(segment))]
         builder.centres[joint] = bone(segment)
         if self.measured[k]:
-            ridden = self._receiver(k, length)
-            if k == 0 and builder.parts.pivot:
-                steps = [Side((*moved.steps(under_reading=True), *ridden)), *steps]
+            ridden = self._receiver(k, length, moved)
+            if moved.lags is not None:
+                steps = [Side((*moved.steps(lagging=True), *ridden)), *steps]
             else:
                 steps.append(Side(ridden))
         return [*steps, along(X, length)]
@@ -121,19 +123,27 @@ class _DigitChain:
         length = length.plus(builder.free(0.0, own_sd_mm, "length", self.digit.segments[k]))
         return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
 
-    def _receiver(self, k: int, length: Amount) -> tuple[Step, ...]:
+    def _receiver(self, k: int, length: Amount, moved: _Joint) -> tuple[Step, ...]:
         """The receiver of bone k: at mid-bone, over it, its skin driven by the joints at both ends."""
         is_last = k == len(self.digit.segments) - 1
         share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
         place = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
         drives = [
-            self.flexions[joint]
+            Drive(self.flexions[joint], prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
             for joint, segment in ends
             if joint in self.flexions and segment in self.builder.seen
         ]
-        own_tilt = prior.DISTAL_TILT if is_last else 0.0
-        return self.builder.receiver_steps(self.digit.segments[k], place, drives, self._kind(k), own_tilt)
+        if moved.abducts is not None and self.digit.segments[k] in self.builder.seen:
+            drives.append(Drive(moved.abducts))
+        return self.builder.receiver_steps(
+            self.digit.segments[k],
+            place,
+            drives,
+            self._kind(k),
+            moved.turn_lag(),
+            faces_anyhow=bool(moved.lags),
+        )
 
 
 class _Joint:
@@ -141,10 +151,11 @@ class _Joint:
 
     Flexion about an axis that may be tilted; abduction about the child's dorsal axis, carried by flexion, and
     axial rotation about its long axis, carried by both; a hinge has these too, within a few degrees, since
-    its axis varies as it turns. Skew axes pass each other: the second, in the parent, carries the first, and
-    the centre is half way between them. CMC joints without a receiver pronate as they flex; where the layout
-    has them still, they move too little to be told from skin and are no joint of the tables, but their motion
-    is not taken for that of another.
+    its axis varies as it turns, and its bone may lean sideways at rest. The centre slides as it flexes. Skew
+    axes pass each other: the second, in the parent, carries the first, and the centre is half way between
+    them. CMC joints without a receiver pronate as they flex, and are held flexed a little by each person;
+    where the layout has them still, they move too little to be told from skin and are no joint of the tables,
+    but their motion is not taken for that of another.
     """
 
     def __init__(
@@ -159,7 +170,10 @@ class _Joint:
         self.name, self.rest, self.flexion, self.axis = joint, rest, flexion, axis
         self.others: tuple[int, int] | None = None
         self.ratio: int | None = None
-        self.under: int | None = None
+        self.lags: tuple[int, int] | None = None
+        self.abducts: int | None = None
+        self.bent = Amount(0.0, ())
+        self.lean = Amount(0.0, ())
         self.skew: Amount | None = None
         self.slides: tuple[int, ...] = ()
         if flexion is None:
@@ -171,6 +185,8 @@ class _Joint:
         self.tilts = [free(0.0, sd, "axis", f"{joint} {n}") for n in (1, 2)]
         if not builder.layout.segments[known.child].measured:
             self.ratio = builder.unknowns.add("pro-supination", joint)
+            if self.moves:
+                self.bent = free(0.0, prior.PALM_HELD_SD_RAD, "palm held", joint)
             return
         abduction, axial = (
             (prior.HINGE_DEG,) * 2 if known.dof == 1 else (prior.ABDUCTION_DEG, prior.AXIAL_DEG)
@@ -179,6 +195,11 @@ class _Joint:
             builder.states.add(joint, KINDS[1], *abduction),
             builder.states.add(joint, KINDS[2], *axial),
         )
+        if known.dof == 1:
+            self.lean = free(0.0, prior.LEAN_SD_RAD, "lean", joint)
+        else:
+            self.abducts = self.others[0]
+        self.slide_sd_mm = prior.HINGE_SLIDE_SD_MM if known.dof == 1 else prior.JOINT_SLIDE_SD_MM
         if builder.parts.joint_slide:
             self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
         self.second = rest[:, 2]
@@ -195,19 +216,26 @@ class _Joint:
             builder.free(0.0, prior.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
         ]
         if builder.parts.pivot:
-            self.under = builder.unknowns.add("under-reading", self.name)
+            self.lags = (
+                builder.unknowns.add("place lag", self.name),
+                builder.unknowns.add("turn lag", self.name),
+            )
 
-    def steps(self, *, under_reading: bool) -> list[Step]:
+    def steps(self, *, lagging: bool = False) -> list[Step]:
         """Give the joint's operations from its parent's frame, at its centre, to its child's."""
+        rest: list[Step] = [Turn(self.rest)]
         if self.flexion is None:
-            return [Turn(self.rest)]
+            return rest
+        if self.lean.parts:
+            rest.append(about(Z, self.lean))
         steps: list[Step] = [
-            Operation(False, axis, 0.0, (Term(prior.JOINT_SLIDE_SD_MM, unknown, self.flexion),))
+            Operation(False, axis, 0.0, (Term(self.slide_sd_mm, unknown, self.flexion),))
             for axis, unknown in zip(np.eye(3), self.slides, strict=False)
         ]
-        mark = [] if under_reading or not self.moves else [Mark(axis_frame(self.name))]
-        turn = by_state(self.axis, self.flexion, self._lag(self.flexion, under_reading))
-        flex = tilted(across_of(self.axis), self.tilts, [*mark, turn])
+        mark = [] if lagging or not self.moves else [Mark(axis_frame(self.name))]
+        turn = by_state(self.axis, self.flexion, self._lag(self.flexion, lagging))
+        held = [about(self.axis, self.bent)] if self.bent.parts else []
+        flex = tilted(across_of(self.axis), self.tilts, [*mark, *held, turn])
         if self.ratio is not None:
             pronation = (
                 Term(prior.PRO_SUPINATION, None, self.flexion),
@@ -215,19 +243,30 @@ class _Joint:
             )
             flex.append(Operation(True, self.rest[:, 0], 0.0, pronation))
         if self.others is None:
-            return [*steps, *flex, Turn(self.rest)]
+            return [*steps, *flex, *rest]
         abduction, axial = self.others
-        abduct: list[Step] = [by_state(self.second, abduction, self._lag(abduction, under_reading))]
-        roll = by_state(self.rest[:, 0], axial, self._lag(axial, under_reading))
+        abduct: list[Step] = [by_state(self.second, abduction, self._lag(abduction, lagging))]
+        roll = by_state(self.rest[:, 0], axial, self._lag(axial, lagging))
         if self.skew is None:
-            return [*steps, *flex, *abduct, roll, Turn(self.rest)]
+            return [*steps, *flex, *abduct, roll, *rest]
         back = along(self.skew_axis, self.skew.times(-0.5))
         abduct = tilted(across_of(self.second), self.second_tilts, abduct)
         across = along(self.skew_axis, self.skew)
-        return [*steps, back, *abduct, across, *flex, roll, back, Turn(self.rest)]
+        return [*steps, back, *abduct, across, *flex, roll, back, *rest]
 
-    def _lag(self, state: int, under_reading: bool) -> tuple[Term, ...]:
-        """Share of a joint angle that the receiver does not follow."""
-        if not under_reading or self.under is None:
+    def _lag(self, state: int, lagging: bool) -> tuple[Term, ...]:
+        """Share of a joint angle that the receiver's place does not follow."""
+        if not lagging or self.lags is None:
             return ()
-        return Term(prior.UNDER_READING, None, state), Term(prior.UNDER_READING_SD, self.under, state)
+        return Term(prior.PLACE_LAG, None, state), Term(prior.PLACE_LAG_SD, self.lags[0], state)
+
+    def turn_lag(self) -> tuple[Step, ...]:
+        """By how much less the receiver turns than its place does: about the joint's axes, in the bone."""
+        if self.lags is None or self.flexion is None or self.others is None:
+            return ()
+        steps = []
+        axes = (self.axis, self.second, self.rest[:, 0])
+        for axis, state in zip(axes, (self.flexion, *self.others), strict=True):
+            lag = Term(prior.TURN_LAG, None, state), Term(prior.TURN_LAG_SD, self.lags[1], state)
+            steps.append(Operation(True, self.rest.T @ axis, 0.0, (), lag))
+        return tuple(steps)

@@ -11,7 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from skeleton.rotations import Array
-from stages.fit_hand.normal_equations import Point, Problem, Reduced, reduce, residuals, weighted_jacobian
+from stages.fit_hand.normal_equations import (
+    BranchResiduals,
+    Point,
+    Problem,
+    Reduced,
+    by_unknowns,
+    reduce,
+    residuals,
+    weighted_jacobian,
+)
 
 
 @dataclass(frozen=True)
@@ -47,9 +56,7 @@ class Eliminated:
         reduced = reduce(problem, point, current, np.zeros(len(point.y)))
         branches = []
         for index, part in enumerate(current.branches):
-            r, states, root, by_x = _left(
-                problem, point, reduced, index, weighted_jacobian(problem, index, part, point)
-            )
+            r, states, root, by_x = _left(problem, point, reduced, index, part)
             receivers = tuple(s for _, s in problem.receivers[index])
             seen = np.sqrt(problem.temper * part.weight.T * problem.frames.valid[:, receivers])  # (F, n)
             scale = (seen[..., None] / problem.sd[receivers, :].repeat(3, axis=1)).reshape(r.shape)
@@ -67,17 +74,17 @@ class Eliminated:
 
 
 def _left(
-    problem: Problem, point: Point, reduced: Reduced, index: int, parts: tuple[Array, Array, Array]
+    problem: Problem, point: Point, reduced: Reduced, index: int, part: BranchResiduals
 ) -> tuple[Array, Array, Array, Array]:
     """A branch's residuals (F, m) and their derivatives by x (F, m, G), states and roots eliminated; between
-    them orthonormal derivatives by states (F, m, s) and roots (F, m, 6). parts : its weighted Jacobian.
+    them orthonormal derivatives by states (F, m, s) and roots (F, m, 6).
     """
     branch, gone = problem.branches[index], reduced.eliminated[index]
-    r, by_operation, by_root = parts
+    r, by_operation, by_root = weighted_jacobian(problem, index, part, point)
     states = by_operation @ branch.per_state(point.x) @ gone.inverse.swapaxes(-1, -2)
-    of_branch = branch.by_unknown(by_operation, point.y) - states @ gone.by_rest[..., 6:]
+    of_branch = by_unknowns(problem, index, part, point, by_operation) - states @ gone.by_rest[..., 6:]
     root = (by_root - states @ gone.by_rest[..., :6]) @ reduced.root_inverse.swapaxes(-1, -2)
     by_x = -root @ reduced.root_by_x
-    by_x[..., branch.unknowns] += of_branch
+    by_x[..., gone.unknowns] += of_branch
     r = r - (states @ gone.rhs[..., None])[..., 0] - (root @ reduced.root_rhs[..., None])[..., 0]
     return r, states, root, by_x

@@ -30,6 +30,7 @@ from stages.fit_hand.receiver_frames import (
     postures,
     spread_frames,
 )
+from stages.fit_hand.room_field import RoomField
 from stages.fit_hand.solving import CLOSE, NEARLY, Solution, first_guess, pose, solve
 
 RESIDUAL_SD = (0.5, float(np.radians(0.6)))
@@ -116,8 +117,11 @@ def fit_hand(
     frames, share = _chosen(everything, layout, convention.receivers, settings.n_frames)
     scale = _scale(hand_length_mm, hand_breadth_mm)
     model = _model(layout, convention, everything, frames, scale, settings.parts)
+    field = None
+    if settings.parts.field:
+        field = RoomField.among(model.unknowns, frames.position_mm[frames.valid].mean(0))
     measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
-    problem = _problem(model, frames, measured)
+    problem = _problem(model, frames, measured, field)
     problem, solution = _solved(problem, model, everything, settings)
     reduced = reduce(problem, solution.point, solution.residuals, np.zeros(len(share)))
     posterior = Posterior.of(problem, solution.point, reduced, share)
@@ -160,7 +164,7 @@ def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Ma
     return {**DIGITS, "thumb": nail} if faces_nail(seen, *rests) else DIGITS
 
 
-def _problem(model: HandModel, frames: Frames, measured: Observations) -> Problem:
+def _problem(model: HandModel, frames: Frames, measured: Observations, field: RoomField | None) -> Problem:
     """The problem with every scale as published."""
     return Problem(
         branches=model.branches,
@@ -173,6 +177,7 @@ def _problem(model: HandModel, frames: Frames, measured: Observations) -> Proble
         precision=np.ones(len(model.unknowns.names)),
         observations=measured,
         state_link=model.states.link(),
+        field=field,
     )
 
 

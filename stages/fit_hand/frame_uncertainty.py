@@ -26,7 +26,7 @@ from stages.fit_hand.facing import facing_nails, side_of
 from stages.fit_hand.fingertips import Fingertips
 from stages.fit_hand.normal_equations import Frames, Point, reduce, residuals
 from stages.fit_hand.operations import Index, cross
-from stages.fit_hand.posterior_summary import bent_skin_mm2
+from stages.fit_hand.posterior_summary import unshown_mm2
 from stages.fit_hand.receiver_frames import MIRROR, spread_frames
 from stages.fit_hand.replaying import PosedHand
 from stages.fit_hand.touching import SKIN_SD_MM
@@ -282,7 +282,7 @@ def _spread_of(tips: Fingertips, posed: PosedHand, frames: Frames) -> _Spread:
         problem.branches, reduced.eliminated, current.branches, strict=True
     ):
         inner = part.inverse.swapaxes(-1, -2)
-        dy = -inner @ (part.by_rest[..., :6] @ d_root + part.by_rest[..., 6:] @ dx[branch.unknowns])
+        dy = -inner @ (part.by_rest[..., :6] @ d_root + part.by_rest[..., 6:] @ dx[part.unknowns])
         dy[:, :, n_own + 6 + branch.states] += inner
         states[:, branch.states] = dy
         marks = {name: branch.marks.index(bone(name)) for name in posed.bones if bone(name) in branch.marks}
@@ -363,7 +363,7 @@ def _tip_errors_mm(tips: Fingertips, posed: PosedHand, spread: _Spread, frames: 
     model = tips.fit.evidence.model
     out = np.empty((len(posed.posed), len(tips.digits), 2))
     for index, (digit, tip) in enumerate(tips.digits.items()):
-        skin = 3 * SKIN_SD_MM**2 + np.trace(bent_skin_mm2(tip.receiver, tips.fit.evidence))
+        skin = 3 * SKIN_SD_MM**2 + np.trace(unshown_mm2(tip.receiver, tip.point_mm, tips.fit.evidence))
         seen = frames.valid[:, model.receivers.index(tip.receiver)]
         for part, own in enumerate((tip.covariance_mm2, tip.soft_tip_covariance_mm2)):
             carried = np.sqrt(np.trace(own) + skin)

@@ -16,7 +16,7 @@ from skeleton.rotations import Array
 from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
 from stages.fit_hand.measurements import MOUNT_PARTS, Measurement, observations
 from stages.fit_hand.posterior import Evidence, centre_by_unknowns, places_of
-from stages.fit_hand.posterior_summary import bent_skin_mm2
+from stages.fit_hand.posterior_summary import unshown_mm2
 from stages.fit_hand.touching import SKIN_SD_MM
 
 MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
@@ -114,8 +114,8 @@ def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:
     bent = np.zeros((len(centres), 2))  # what skin adds that no measurement takes away
     for own, skin, joint in zip(centres, bent, tips.fit.joints.values(), strict=True):
         own[:, :n_unknowns] = centre_by_unknowns(evidence.layout.joints[joint.name], places, evidence)[1]
-        sides = (joint.parent_segment, joint.child_segment)
-        skin[:] = [np.trace(bent_skin_mm2(segment, evidence)) for segment in sides]
+        sides = ((joint.parent_segment, joint.parent_mm), (joint.child_segment, joint.child_mm))
+        skin[:] = [np.trace(unshown_mm2(*side, evidence)) for side in sides]
     flat = centres.reshape(-1, len(P))
     variance = ((flat @ P) * flat).sum(-1).reshape(-1, 2, 3).sum(-1)
     PH = (rows.reshape(-1, len(P)) @ P).reshape(rows.shape)  # P is symmetric

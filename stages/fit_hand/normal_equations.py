@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array, cross_matrix
+from skeleton.rotations import Array, cross_matrix, exp_rotation
 from stages.fit_hand.operations import Branch, Index, Reached, cross
+from stages.fit_hand.room_field import RoomField
 
 Rows = Index | npt.NDArray[np.bool_] | slice
 
@@ -77,6 +78,7 @@ class Problem:
     position (mm) and rotation (rad) per component. temper : independent samples per frame.
     state_mean, state_sd : (S,) in rad. precision : (G,) of the prior of x. state_link : (S, S) that takes
     states less their means to what has that sd, where one is expected to follow another in its branch.
+    field : what turns receivers in the room, if that is fitted.
     """
 
     branches: tuple[Branch, ...]
@@ -89,6 +91,19 @@ class Problem:
     precision: Array
     observations: Observations
     state_link: Array | None = None
+    field: RoomField | None = None
+
+    def unknowns_of(self, index: int) -> Index:
+        """Indices into x of what moves the receivers of a branch, or how they are measured."""
+        own = self.branches[index].unknowns
+        return own if self.field is None else np.concatenate([own, self.field.unknowns])
+
+    def back_to(self, s: int, x: Array) -> Array:
+        """Rotations (F, 3, 3) from the transmitter's frame to a receiver's own, the field's turn undone."""
+        rotation = self.frames.rotation[:, s]
+        if self.field is not None:
+            rotation = self.field.undone(rotation, self.frames.position_mm[:, s], x)
+        return np.swapaxes(rotation, -1, -2)
 
     def state_prior(self, states: Index | slice = slice(None)) -> Array:
         """Square root (s, s) of the precision of those states' priors."""
@@ -149,13 +164,6 @@ def log_rotation(rotation: Array) -> Array:
     return np.asarray(v * factor[..., None])
 
 
-def exp_rotation(vector: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of rotation vectors."""
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    K = cross_matrix(vector)
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * K @ K)
-
-
 def _inverse_left_jacobian(vector: Array) -> Array:
     """How a rotation vector changes with a small turn applied on the left, (..., 3, 3)."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
@@ -177,7 +185,7 @@ def residuals(problem: Problem, point: Point) -> Residuals:
         for i, (mark, s) in enumerate(receivers):
             ok = problem.frames.valid[:, s]
             off = reached.position_mm[mark] - problem.frames.position_mm[:, s]
-            back = np.swapaxes(problem.frames.rotation[:, s], -1, -2)
+            back = problem.back_to(s, point.x)
             off, turn = (back @ off[..., None])[..., 0], back @ reached.rotation[mark]
             r[i, :, :3] = np.where(ok[:, None], off / problem.sd[s, 0], 0.0)
             r[i, :, 3:] = np.where(ok[:, None], log_rotation(turn) / problem.sd[s, 1], 0.0)
@@ -210,7 +218,7 @@ def weighted_jacobian(
         root[i, :, :3, :3] = point.root
         root[i, :, :3, 3:] = cross(point.root.swapaxes(-1, -2), arm[:, None]).swapaxes(-1, -2)
         root[i, :, 3:, 3:] = point.root
-        back = np.swapaxes(problem.frames.rotation[:, s], -1, -2)
+        back = problem.back_to(s, point.x)
         spin = _inverse_left_jacobian(r[i, :, 3:] * problem.sd[s, 1]) @ back
         scale = np.sqrt(problem.temper * weight[i]) * problem.frames.valid[:, s]
         for block in (raw[i], root[i]):
@@ -226,16 +234,35 @@ def weighted_jacobian(
     )
 
 
+def by_unknowns(
+    problem: Problem, index: int, part: BranchResiduals, point: Point, by_operation: Array
+) -> Array:
+    """Derivative (F, m, g) of one branch's weighted residuals by the unknowns `Problem.unknowns_of` it."""
+    by_chain = problem.branches[index].by_unknown(by_operation, point.y)
+    if problem.field is None:
+        return by_chain
+    receivers = problem.receivers[index]
+    by_field = np.zeros((len(point.y), len(receivers), 6, len(problem.field.unknowns)))
+    for i, (_, s) in enumerate(receivers):
+        spin = _inverse_left_jacobian(part.r[i, :, 3:] * problem.sd[s, 1]) @ problem.back_to(s, point.x)
+        scale = np.sqrt(problem.temper * part.weight[i]) * problem.frames.valid[:, s] / problem.sd[s, 1]
+        turned = problem.field.by_unknown(problem.frames.position_mm[:, s])
+        by_field[:, i, 3:] = (spin @ turned) * scale[:, None, None]
+    return np.concatenate([by_chain, by_field.reshape(*by_chain.shape[:2], -1)], -1)
+
+
 @dataclass(frozen=True)
 class Elimination:
     """One branch's states eliminated: y = -inverse_root^T (rhs + by_rest @ (root, x)).
 
-    inverse : (F, s, s) inverse Cholesky factor L^-1; by_rest : (F, s, 6 + g) L^-1 B; rhs : (F, s) L^-1 b.
+    inverse : (F, s, s) inverse Cholesky factor L^-1; by_rest : (F, s, 6 + g) L^-1 B; rhs : (F, s) L^-1 b;
+    unknowns : (g,) indices into x.
     """
 
     inverse: Array
     by_rest: Array
     rhs: Array
+    unknowns: Index
 
 
 @dataclass(frozen=True)
@@ -275,7 +302,9 @@ def _eliminate(
     r, by_operation, by_root = weighted_jacobian(problem, index, part, point, which)
     states, per_state = branch.states, branch.per_state(point.x)
     J_y = by_operation @ (per_state if which is None else per_state[which])
-    J = by_root if fixed_x else np.concatenate([by_root, branch.by_unknown(by_operation, point.y)], -1)
+    J = by_root
+    if not fixed_x:
+        J = np.concatenate([by_root, by_unknowns(problem, index, part, point, by_operation)], -1)
     root = problem.state_prior(states)
     prior = problem.temper * root.T @ root
     A = J_y.swapaxes(-1, -2) @ J_y + prior
@@ -283,7 +312,8 @@ def _eliminate(
     b = (J_y * r[..., None]).sum(1) + (point.y[:, states] - problem.state_mean[states]) @ prior
     inverse = _inverse_cholesky(A)
     Z = inverse @ (J_y.swapaxes(-1, -2) @ J)
-    return Elimination(inverse, Z, (inverse @ b[..., None])[..., 0]), J, r
+    gone = Elimination(inverse, Z, (inverse @ b[..., None])[..., 0], problem.unknowns_of(index))
+    return gone, J, r
 
 
 def reduce(
@@ -300,7 +330,7 @@ def reduce(
     H_rx = np.zeros((n_frames, 6, G))
     g_r = np.zeros((n_frames, 6))
     eliminated = []
-    for index, (branch, part) in enumerate(zip(problem.branches, current.branches, strict=True)):
+    for index, part in enumerate(current.branches):
         part_of_branch, J, r = _eliminate(problem, index, part, point, damping, fixed_x=fixed_x)
         eliminated.append(part_of_branch)
         Z, z = part_of_branch.by_rest, part_of_branch.rhs
@@ -309,7 +339,7 @@ def reduce(
         H_rr += J_r.swapaxes(-1, -2) @ J_r - Z_r.swapaxes(-1, -2) @ Z_r
         g_r += (J_r * r[..., None]).sum(1) - (Z_r * z[..., None]).sum(1)
         if not fixed_x:
-            own = branch.unknowns
+            own = part_of_branch.unknowns
             J_x, Z_x = J[..., 6:], Z[..., 6:]
             H_rx[:, :, own] += J_r.swapaxes(-1, -2) @ J_x - Z_r.swapaxes(-1, -2) @ Z_x
             flat = J_x.reshape(n_frames * J_x.shape[1], len(own))
@@ -337,7 +367,7 @@ def back_substitute(problem: Problem, point: Point, reduced: Reduced, dx: Array 
     for branch, part in zip(problem.branches, reduced.eliminated, strict=True):
         own = d_root
         if dx is not None:
-            of_branch = np.broadcast_to(dx[branch.unknowns], (len(y), len(branch.unknowns)))
+            of_branch = np.broadcast_to(dx[part.unknowns], (len(y), len(part.unknowns)))
             own = np.concatenate([d_root, of_branch], -1)
         inner = part.rhs + (part.by_rest @ own[..., None])[..., 0]
         y[:, branch.states] -= (part.inverse.swapaxes(-1, -2) @ inner[..., None])[..., 0]
@@ -358,7 +388,7 @@ def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Ar
         back = part.inverse.swapaxes(-1, -2) * weights[:, None, None]
         by_root = part.by_rest[..., :6]
         out[branch.states] -= np.einsum("fst,ftg->sg", back @ by_root, d_root, optimize=True)
-        out[np.ix_(branch.states, branch.unknowns)] -= (back @ part.by_rest[..., 6:]).sum(0)
+        out[np.ix_(branch.states, part.unknowns)] -= (back @ part.by_rest[..., 6:]).sum(0)
     return out
 
 

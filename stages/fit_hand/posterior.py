@@ -1,8 +1,8 @@
 """The posterior of a fitted hand, and every bone and receiver at the mean posture with its derivatives.
 
-The mean posture is the mean over the recording of every joint angle, with the receivers where they sit when
-nothing is bent. A centre that is fixed in a receiver's frame is the same at any posture; that of an MCP joint
-seen across a palm that moves, or of the thumb's skew CMC axes, is the mean one.
+The mean posture is the mean over the recording of every joint angle. A joint centre is stated where it was
+there, in the receiver's frame as the receiver rode on the skin: how skin carries a receiver away from where it
+sits on a straight digit is an extrapolation that no recording shows.
 """
 
 from __future__ import annotations
@@ -100,10 +100,10 @@ def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
     y = posterior.mean_states[None]
     places = {}
     for branch in model.branches:
-        reached = branch.reach(posterior.x, y, np.eye(3)[None], np.zeros((1, 3)), skin=False)
+        reached = branch.reach(posterior.x, y, np.eye(3)[None], np.zeros((1, 3)))
         raw = branch.by_operation(reached, range(len(branch.marks)))
-        by_x = branch.by_unknown(raw, y, skin=False)[:, 0]
-        by_y = (raw @ branch.per_state(posterior.x, skin=False))[:, 0]
+        by_x = branch.by_unknown(raw, y)[:, 0]
+        by_y = (raw @ branch.per_state(posterior.x))[:, 0]
         for mark, name in enumerate(branch.marks):
             full = by_y[mark] @ posterior.states_by_x[branch.states]
             full[:, branch.unknowns] += by_x[mark]

@@ -11,7 +11,7 @@ from anatomy import average_hand as prior
 from schemas.layout import Joint
 from schemas.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSETTLED, Doubts, Values
 from skeleton.angle_range import angle_range, flattening
-from skeleton.rotations import Array
+from skeleton.rotations import Array, cross_matrix
 from stages.fit_hand.building import KINDS, axis_frame, receiver
 from stages.fit_hand.posterior import Evidence, Place, centre_by_unknowns, places_of
 
@@ -109,20 +109,23 @@ def summarise(evidence: Evidence) -> HandSummary:
     return HandSummary(joints, lone, palm, fixed, bones)
 
 
-def bent_skin_mm2(segment: str, evidence: Evidence) -> Array:
-    """Covariance (3, 3) that a centre gains in a receiver's own frame as skin is not linear in the angles.
+def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
+    """Covariance (3, 3) that a point (3,) gains in a receiver's own frame as skin leaves no residual.
 
     A receiver that slides by c mm per rad moves the centres in its frame by c mm and leaves no gap. The fit
-    has the linear slides of both adjacent joints; of the rest, which nothing shows, it knows only the size.
+    has the linear slides of a digit's receivers with the joints beside them; of the rest, and of all that the
+    receiver on the back of the hand does, it knows only the size.
     """
+    turn = evidence.convention.point_matrix(segment)
+    if segment == evidence.model.receivers[0] and evidence.model.length:
+        tilt = prior.PALM_TILT_SD * cross_matrix(point_mm)
+        return np.asarray(prior.PALM_SLIDE_SD_MM**2 * np.eye(3) + tilt @ tilt.T)
     slides = [i for i, group in enumerate(evidence.model.unknowns.groups) if group == "slide x"]
     own = [i for i in slides if evidence.model.unknowns.names[i].startswith(f"{segment} ")]
     if not own:
         return np.zeros((3, 3))
-    scale = evidence.problem.precision[own[0]] ** -0.5
-    loose = scale * prior.looseness(segment)
+    loose = evidence.problem.precision[own[0]] ** -0.5 * prior.looseness(segment)
     bent = prior.SKIN_BENT * loose * len(own) ** 0.5 * np.array(prior.SLIDE_SD_MM)
-    turn = evidence.convention.point_matrix(segment)
     return np.asarray(turn @ np.diag(bent**2) @ turn.T)
 
 
@@ -140,7 +143,9 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
     axis_by_x = places[receiver(joint.parent_receiver)].sees_axis(axis, axis_at.turned)[1]
     covariance = by_x @ posterior.covariance @ by_x.T
     for half, segment in ((slice(0, 3), joint.parent_receiver), (slice(3, 6), joint.child)):
-        covariance[half, half] += bent_skin_mm2(segment, evidence)
+        if segment in model.receivers:
+            own_mm = convention.point_matrix(segment) @ points[segment]
+            covariance[half, half] += unshown_mm2(segment, own_mm, evidence)
     axis_sd = float(np.degrees(np.sqrt(np.trace(axis_by_x @ posterior.covariance @ axis_by_x.T))))
     flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
     range_deg = angle_range(np.degrees(flexion), flattening(flexion))
@@ -210,8 +215,9 @@ def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -
     weight = evidence.share * (frames.valid[:, a] & frames.valid[:, b])
     if not weight.any():
         return float("nan")
-    apart = frames.rotation[:, a] @ points[joint.parent_receiver] + frames.position_mm[:, a]
-    apart -= frames.rotation[:, b] @ points[joint.child] + frames.position_mm[:, b]
+    x, back = evidence.posterior.x, evidence.problem.back_to
+    apart = back(a, x).swapaxes(-1, -2) @ points[joint.parent_receiver] + frames.position_mm[:, a]
+    apart -= back(b, x).swapaxes(-1, -2) @ points[joint.child] + frames.position_mm[:, b]
     return float(np.sqrt((weight * (apart**2).sum(-1)).sum() / weight.sum()))
 
 

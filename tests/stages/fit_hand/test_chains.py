@@ -7,7 +7,7 @@ import pytest
 
 from anatomy.average_hand import UNDER_READING, UNDER_READING_SD
 from schemas.layout import Layout
-from skeleton.rotations import Array
+from skeleton.rotations import Array, exp_rotation
 from stages.fit_hand.chain import HandModel, hand_model
 from stages.fit_hand.normal_equations import (
     Frames,
@@ -15,7 +15,6 @@ from stages.fit_hand.normal_equations import (
     Point,
     Problem,
     back_substitute,
-    exp_rotation,
     log_rotation,
     pairs,
     reduce,

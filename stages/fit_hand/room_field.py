@@ -1,0 +1,50 @@
+"""The room's field, which turns receivers: alike everywhere and growing with place, as unknowns of the fit.
+
+Metal near a magnetic tracker bends its field. Over the volume of a hand that is smooth: a turn that all
+receivers have in common and one that grows linearly with place, both static in the transmitter's frame. As
+the hand turns in the room they show, since joints hold bones together and a field does not know of joints.
+Left out they are taken for anatomy: a degree is a millimetre at the knuckles, seen from the back of the hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anatomy import average_hand as prior
+from skeleton.rotations import Array, exp_rotation
+from stages.fit_hand.building import Unknowns
+from stages.fit_hand.operations import Index
+
+
+@dataclass(frozen=True)
+class RoomField:
+    """The unknowns (12,) of a room's field: a turn about three axes, and how it grows along three more each.
+
+    centre_mm : (3,) in the transmitter's frame, where the turn is that which all have in common.
+    """
+
+    unknowns: Index
+    centre_mm: Array
+
+    @classmethod
+    def among(cls, unknowns: Unknowns, centre_mm: Array) -> RoomField:
+        """Add the field's unknowns to a hand's."""
+        turns = [unknowns.add("field turn", axis) for axis in "xyz"]
+        slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
+        return cls(np.array(turns + slopes), centre_mm)
+
+    def by_unknown(self, position_mm: Array) -> Array:
+        """Derivative (..., 3, 12) of the turn, a rotation vector in the transmitter's frame, at places."""
+        out = np.zeros((*position_mm.shape[:-1], 3, len(self.unknowns)))
+        slope = prior.FIELD_SLOPE_SD_RAD_PER_MM * (position_mm - self.centre_mm)
+        for axis in range(3):
+            out[..., axis, axis] = prior.FIELD_TURN_SD_RAD
+            out[..., axis, 3 + 3 * axis : 6 + 3 * axis] = slope
+        return out
+
+    def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
+        """Rotations (..., 3, 3) of receivers as they would be measured without the field; x : (G,)."""
+        turn = self.by_unknown(position_mm) @ x[self.unknowns]
+        return np.asarray(exp_rotation(-turn) @ rotation)
