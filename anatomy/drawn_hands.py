@@ -478,16 +478,18 @@ MOUNT_RANGE, NAIL_RANGE = (0.25, 0.75), (0.6, 0.85)
 NAIL_TILT_DEG = 8.0
 """By which the nail slopes towards the pad (ours)."""
 
-HABIT_SD_MM, HABIT_SD_DEG = (1.6, 0.9, 0.6), (1.5, 1.5, 2.5)
-"""Of all receivers of a hand alike, as its helper has the habit: along, across, in height; turn about x, y,
-z. With what follows about as spread as in trials: 3.2, 1.6 and 1.3 mm, 3 to 8 deg."""
+MOUNT_SD_MM, MOUNT_SD_DEG = (3.2, 1.6, 1.1), (3.4, 2.9, 3.5)
+"""Of receivers' places along, across and in height, and of their turns about x, y, z: with the housings'
+heights as spread as in trials, 3.2, 1.6 and 1.3 mm, 3 to 8 deg."""
 
-OWN_SHARE, OWN_SD_MM, OWN_SD_DEG = 0.1, (1.5, 1.2, 0.8), (3.0, 2.5, 2.5)
-"""Of each receiver: at most so far from the middle in shares of the bone, evenly, and besides with heavy
-tails (Student's t, 4 degrees of freedom) and this sd."""
+HABIT_SHARE = (-0.2, 0.6)
+"""Least and largest share of that variance that all receivers of a hand have alike, as its helper has the
+habit; below 0 for people without one, who are a quarter (ours). The rest is each receiver's own, with heavy
+tails (Student's t, 4 degrees of freedom)."""
 
-NAIL_OWN = 0.5
-"""Of that, on a nail, which has the receiver's size and slope (ours)."""
+NAIL_OWN, NAIL_OWN_TURN = (0.5, 1.0, 0.5), 0.5
+"""Of what is a receiver's own, on a nail, which has the receiver's slope and is no longer than it: of its
+place along, across and in height, and of its turn (ours)."""
 
 HAND_MOUNT_MM, FOREARM_MOUNT_MM = (28.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
 """Nominal places of the receivers on the back of the hand and on the forearm, from the wrist centre
