@@ -13,8 +13,8 @@ Sources. CT: the mean of ten right hands (OpenHands 2024, Munyebvu et al., doi 1
 the phalanges, two hands (DiffAutoKin) for thumb and index, centres and axes by our own fits of the joint
 surfaces. MyoHand (Apache-2.0): one hand's meshes, fitted alike, its numbers turned into this frame. Buryanov
 & Kotiuk 2010: X-ray of 66 adults. Buchholz et al. 1992. Chang & Pollard 2008; Hollister et al. 1992;
-El-shennawy et al. 2001; Tang 2018; Yang et al. 2002; Zhang et al. 2003; Metcalf et al. 2020. "Ours": chosen
-by us, from trials or by judgement.
+El-shennawy et al. 2001; Tang 2018; Yang et al. 2002; Zhang et al. 2003; Metcalf et al. 2020; Hess et al.
+2013, doi 10.1155/2013/138063. "Ours": chosen by us, from trials or by judgement.
 """
 
 from __future__ import annotations
@@ -447,6 +447,28 @@ WOBBLE_SD_RAD = 0.05
 
 AXIAL_COUPLING = (0.10, 0.05, 0.05)
 """Axial rotation of MCP joints and the thumb's CMC: per abduction, the sd of that, sd per flexion (ours)."""
+
+GLIDE_MM: Mapping[str, tuple[float, float, float]] = {
+    "thumb_cmc": (0.1, 0.5, 45.0),
+    "mcp": (0.5, 2.0, 45.0),
+    "pip": (0.06, 0.73, 90.0),
+    "ip": (0.05, 0.5, 60.0),
+    "dip": (0.05, 0.5, 60.0),
+}
+"""Least and largest way in mm that the centre which a joint turns about goes across its axis, and the flexion
+in deg over which it does: of PIP joints as in a cadaver's finger (Hess et al.), the others ours."""
+
+GLIDE_ALONG = 0.2
+"""Of that glide, at most, along the axis (ours)."""
+
+RELAXED_DEG: Mapping[str, tuple[float, float]] = {
+    "mcp": (15.0, 45.0),
+    "pip": (20.0, 50.0),
+    "dip": (5.0, 25.0),
+    "thumb": (10.0, 30.0),
+}
+"""Least and largest flexion at which people's hands are relaxed: of fingers by kind of joint, of all of the
+thumb's (ours)."""
 
 # --- where receivers sit ---------------------------------------------------------------------------------
 

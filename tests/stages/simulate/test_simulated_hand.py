@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -236,3 +238,74 @@ def test_axes_are_tilted_in_bones_that_face_as_their_sources_do() -> None:
     exact = hand_of("01", "right", 3, Realism.exact())
     facing = rotations.rotate(rotations.conjugate(exact.rest), exact.axes[:, FLEXION])
     assert np.abs(facing[[JOINTS.index(f"{digit}_mcp") for digit in DIGITS], 2]).max() < 1e-9
+
+
+def relative_poses(hand: Hand, joint: int, flexion_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (T, 3, 3) and origins (T, 3) of a joint's child in its parent, with nothing else moving."""
+    angles = np.zeros((len(flexion_rad), len(JOINTS), 3))
+    angles[:, joint, FLEXION] = flexion_rad
+    place, quaternion = poses_in_hand(hand, angles)
+    turn, parent, child = rotations.matrix(quaternion), PARENT[joint], joint + 1
+    back = np.swapaxes(turn[:, parent], -1, -2)
+    return back @ turn[:, child], np.einsum("tab,tb->ta", back, place[:, child] - place[:, parent])
+
+
+def still_point_mm(hand: Hand, joint: int, flexion_rad: float) -> np.ndarray:
+    """Where the child does not move across the axis, in the parent's frame, as it bends a little there.
+
+    The point nearest the child's origin on the axis of the small motion between two postures.
+    """
+    turn, place = relative_poses(hand, joint, flexion_rad + np.array([-1e-4, 1e-4, 0.0]))
+    small = turn[1] @ turn[0].T
+    axis = rotations.unit(
+        np.array([small[2, 1] - small[1, 2], small[0, 2] - small[2, 0], small[1, 0] - small[0, 1]])
+    )
+    shift = place[1] - small @ place[0]
+    from_origin = np.linalg.lstsq(np.eye(3) - small, shift - (shift @ axis) * axis, rcond=1e-7)[0] - place[2]
+    return np.asarray(place[2] + from_origin - (from_origin @ axis) * axis)
+
+
+def with_axes_that_meet(subject: str, side: str) -> Hand:
+    """A hand whose thumb's CMC turns about one point, too, but for its glide."""
+    return replace(hand_of(subject, side, 3, Realism()), skew_mm=np.zeros((len(JOINTS), 3)))
+
+
+@pytest.mark.parametrize(
+    ("kinds", "over_deg", "least_mm", "most_mm"),
+    [
+        (("mcp",), 45.0, 0.5, 2.0),
+        (("pip",), 90.0, 0.06, 0.73),
+        (("dip", "ip"), 60.0, 0.05, 0.5),
+        (("thumb_cmc",), 45.0, 0.1, 0.5),
+    ],
+)
+def test_what_joints_turn_about_goes_as_far_as_published(
+    kinds: tuple[str, ...], over_deg: float, least_mm: float, most_mm: float
+) -> None:
+    """And in the relaxed posture it is the joint's centre, the origin of the child's frame."""
+    ways_mm = []
+    for i in range(20):
+        hand = with_axes_that_meet(f"{i:02d}", ("right", "left")[i % 2])
+        for joint, name in enumerate(JOINTS):
+            if name in kinds or name.partition("_")[2] in kinds:
+                start = float(hand.relaxed_rad[joint])
+                ends = [still_point_mm(hand, joint, start + way * np.radians(over_deg)) for way in (0, 1)]
+                np.testing.assert_allclose(ends[0], hand.origin_mm[joint], atol=2e-3)
+                ways_mm.append(np.linalg.norm(ends[1] - ends[0]))
+    assert least_mm - 2e-3 < min(ways_mm)
+    assert max(ways_mm) < most_mm + 2e-3
+    assert max(ways_mm) > 2 * min(ways_mm)
+
+
+def test_relaxed_hands_are_bent_as_hands_at_rest_are() -> None:
+    """Each person's own, of both hands alike."""
+    relaxed = np.degrees([hand_of(f"{i:03d}", "right", 3, Realism()).relaxed_rad for i in range(200)])
+    for kind, least, most in (("mcp", 15, 45), ("pip", 20, 50), ("dip", 5, 25)):
+        own = relaxed[:, [JOINTS.index(f"{digit}_{kind}") for digit in FINGERS]]
+        assert least <= own.min() < least + 3
+        assert most - 3 < own.max() <= most
+    thumb = relaxed[:, [JOINTS.index(f"thumb_{kind}") for kind in ("cmc", "mcp", "ip")]]
+    assert 10 <= thumb.min() < 12
+    assert 28 < thumb.max() <= 30
+    other = hand_of("000", "left", 3, Realism())
+    np.testing.assert_allclose(np.degrees(other.relaxed_rad), relaxed[0])
