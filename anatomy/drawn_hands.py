@@ -522,6 +522,8 @@ HAND_RISE_MM, HAND_MOUNT_SD_MM = 4.0, (5.0, 3.0, 2.0)
 its bone's back 8 mm higher, skin and half a receiver), and how hands differ (ours)."""
 
 # --- how skin moves receivers ----------------------------------------------------------------------------
+# Skin rests in the relaxed posture (`RELAXED_DEG`), in which receivers are put on: slides, tilts and lags are
+# counted from there.
 # Markers on a finger keep their spacing to 5 % in a pinch (Yang), 2 mm along a proximal phalanx; excursions
 # are linear in flexion with R^2 of 0.89 to 0.97 (Zhang), mostly along the bone, about a millimetre at
 # mid-bone. Three laws are drawn (`stages.simulate.moving_skin`): one saturates and lags in part; one bends,
@@ -537,8 +539,13 @@ DISTAL_TILT = -0.06
 """Of a distal receiver with its own joint: markers under-read DIP flexion by 11 % (Metcalf), of which the
 other half is the middle phalanx's."""
 
-UNDER_READING = (0.20, 0.40)
-"""Least and largest share of the CMC's motion that a receiver over the thumb's metacarpal does not follow."""
+THUMB_PLACE_LAG = (0.10, 0.35)
+"""Least and largest share of the CMC's motion by which the place of a receiver over the thumb's metacarpal
+stays behind (ours)."""
+
+THUMB_TURN_FURTHER = (-0.05, 0.15)
+"""Least and largest share by which its turn stays further behind than its place (ours): the turn follows the
+bone's less by 20 to 40 % in trials, in the mean of people by 28 % here."""
 
 NAIL = 0.3
 """Of the usual slide and tilt: a distal phalanx's, whose nail holds the receiver (ours)."""
