@@ -13,8 +13,8 @@ Sources. CT: the mean of ten right hands (OpenHands 2024, Munyebvu et al., doi 1
 the phalanges, two hands (DiffAutoKin) for thumb and index, centres and axes by our own fits of the joint
 surfaces. MyoHand (Apache-2.0): one hand's meshes, fitted alike, its numbers turned into this frame. Buryanov
 & Kotiuk 2010: X-ray of 66 adults. Buchholz et al. 1992. Chang & Pollard 2008; Hollister et al. 1992;
-El-shennawy et al. 2001; Tang 2018; Yang et al. 2002; Zhang et al. 2003; Metcalf et al. 2020. "Ours": chosen
-by us, from trials or by judgement.
+El-shennawy et al. 2001; Tang 2018; Yang et al. 2002; Zhang et al. 2003; Metcalf et al. 2020; Hess et al.
+2013, doi 10.1155/2013/138063. "Ours": chosen by us, from trials or by judgement.
 """
 
 from __future__ import annotations
@@ -448,6 +448,28 @@ WOBBLE_SD_RAD = 0.05
 AXIAL_COUPLING = (0.10, 0.05, 0.05)
 """Axial rotation of MCP joints and the thumb's CMC: per abduction, the sd of that, sd per flexion (ours)."""
 
+GLIDE_MM: Mapping[str, tuple[float, float, float]] = {
+    "thumb_cmc": (0.1, 0.5, 45.0),
+    "mcp": (0.5, 2.0, 45.0),
+    "pip": (0.06, 0.73, 90.0),
+    "ip": (0.05, 0.5, 60.0),
+    "dip": (0.05, 0.5, 60.0),
+}
+"""Least and largest way in mm that the centre which a joint turns about goes across its axis, and the flexion
+in deg over which it does: of PIP joints as in a cadaver's finger (Hess et al.), the others ours."""
+
+GLIDE_ALONG = 0.2
+"""Of that glide, at most, along the axis (ours)."""
+
+RELAXED_DEG: Mapping[str, tuple[float, float]] = {
+    "mcp": (15.0, 45.0),
+    "pip": (20.0, 50.0),
+    "dip": (5.0, 25.0),
+    "thumb": (10.0, 30.0),
+}
+"""Least and largest flexion at which people's hands are relaxed: of fingers by kind of joint, of all of the
+thumb's (ours)."""
+
 # --- where receivers sit ---------------------------------------------------------------------------------
 
 BONE_KINDS = ("metacarpal", "proximal", "middle", "distal")
@@ -478,16 +500,18 @@ MOUNT_RANGE, NAIL_RANGE = (0.25, 0.75), (0.6, 0.85)
 NAIL_TILT_DEG = 8.0
 """By which the nail slopes towards the pad (ours)."""
 
-HABIT_SD_MM, HABIT_SD_DEG = (1.6, 0.9, 0.6), (1.5, 1.5, 2.5)
-"""Of all receivers of a hand alike, as its helper has the habit: along, across, in height; turn about x, y,
-z. With what follows about as spread as in trials: 3.2, 1.6 and 1.3 mm, 3 to 8 deg."""
+MOUNT_SD_MM, MOUNT_SD_DEG = (3.2, 1.6, 1.1), (3.4, 2.9, 3.5)
+"""Of receivers' places along, across and in height, and of their turns about x, y, z: with the housings'
+heights as spread as in trials, 3.2, 1.6 and 1.3 mm, 3 to 8 deg."""
 
-OWN_SHARE, OWN_SD_MM, OWN_SD_DEG = 0.1, (1.5, 1.2, 0.8), (3.0, 2.5, 2.5)
-"""Of each receiver: at most so far from the middle in shares of the bone, evenly, and besides with heavy
-tails (Student's t, 4 degrees of freedom) and this sd."""
+HABIT_SHARE = (-0.2, 0.6)
+"""Least and largest share of that variance that all receivers of a hand have alike, as its helper has the
+habit; below 0 for people without one, who are a quarter (ours). The rest is each receiver's own, with heavy
+tails (Student's t, 4 degrees of freedom)."""
 
-NAIL_OWN = 0.5
-"""Of that, on a nail, which has the receiver's size and slope (ours)."""
+NAIL_OWN, NAIL_OWN_TURN = (0.5, 1.0, 0.5), 0.5
+"""Of what is a receiver's own, on a nail, which has the receiver's slope and is no longer than it: of its
+place along, across and in height, and of its turn (ours)."""
 
 HAND_MOUNT_MM, FOREARM_MOUNT_MM = (28.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
 """Nominal places of the receivers on the back of the hand and on the forearm, from the wrist centre
@@ -498,6 +522,8 @@ HAND_RISE_MM, HAND_MOUNT_SD_MM = 4.0, (5.0, 3.0, 2.0)
 its bone's back 8 mm higher, skin and half a receiver), and how hands differ (ours)."""
 
 # --- how skin moves receivers ----------------------------------------------------------------------------
+# Skin rests in the relaxed posture (`RELAXED_DEG`), in which receivers are put on: slides, tilts and lags are
+# counted from there.
 # Markers on a finger keep their spacing to 5 % in a pinch (Yang), 2 mm along a proximal phalanx; excursions
 # are linear in flexion with R^2 of 0.89 to 0.97 (Zhang), mostly along the bone, about a millimetre at
 # mid-bone. Three laws are drawn (`stages.simulate.moving_skin`): one saturates and lags in part; one bends,
@@ -513,8 +539,13 @@ DISTAL_TILT = -0.06
 """Of a distal receiver with its own joint: markers under-read DIP flexion by 11 % (Metcalf), of which the
 other half is the middle phalanx's."""
 
-UNDER_READING = (0.20, 0.40)
-"""Least and largest share of the CMC's motion that a receiver over the thumb's metacarpal does not follow."""
+THUMB_PLACE_LAG = (0.10, 0.35)
+"""Least and largest share of the CMC's motion by which the place of a receiver over the thumb's metacarpal
+stays behind (ours)."""
+
+THUMB_TURN_FURTHER = (-0.05, 0.15)
+"""Least and largest share by which its turn stays further behind than its place (ours): the turn follows the
+bone's less by 20 to 40 % in trials, in the mean of people by 28 % here."""
 
 NAIL = 0.3
 """Of the usual slide and tilt: a distal phalanx's, whose nail holds the receiver (ours)."""

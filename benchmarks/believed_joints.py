@@ -35,8 +35,7 @@ PAGE, MARK = "mistakes-benchmark.md", "believed"
 FIRST_SEED = 9000
 MEANING = (
     "Hands without a fault, each calibrated once. The worse of a centre's two halves. Own: simulated by this "
-    "project, around the anatomy that anatomical and whole-hand weigh in; its truth is of a straight digit. "
-    "Other: its truth is where the centre was, on average, as the receiver rode."
+    "project. Of both drawings the truth is where the centre was, on average, as the receiver rode."
 )
 
 Believed = tuple[str, str, float, bool]

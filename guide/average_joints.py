@@ -45,6 +45,8 @@ def average_joints() -> Hand:
         axes=np.einsum("jab,jib->jia", to_parent, axes),
         order=order,
         skew_mm=np.zeros((len(JOINTS), 3)),
+        relaxed_rad=np.zeros(len(JOINTS)),
+        glide_mm=np.zeros((len(JOINTS), 2, 3)),
         length_mm=lengths_mm,
         soft_tip_mm=soft_tip_mm,
         pad_mm=pads_mm,

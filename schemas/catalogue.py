@@ -167,8 +167,8 @@ JOINT_CENTRES = Table(
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
         Column("dof", pa.int8(), "", "degrees of freedom that the model gave the joint"),
-        *_xyz("parent_", "mm", "joint centre in the parent receiver's frame"),
-        *_xyz("child_", "mm", "joint centre in the child receiver's frame"),
+        *_xyz("parent_", "mm", "joint centre in the parent receiver's frame, on average as it rode on skin"),
+        *_xyz("child_", "mm", "joint centre in the child receiver's frame, on average as it rode on skin"),
         *_xyz("axis_parent_", "", "unit rotation axis in the parent receiver's frame"),
         *_xyz("axis_child_", "", "unit rotation axis in the child receiver's frame"),
         _real(
@@ -526,7 +526,10 @@ JOINT_ERRORS = Table(
         Column("model", TEXT, "", "the skeleton model, or the reference prior-only"),
         CALIBRATED_ON,
         JOINT,
-        _real("error_mm", "distance of the centre to the true one, in the child receiver's frame"),
+        _real(
+            "error_mm",
+            "distance of the centre to the true one, in the child receiver's frame as it rode on skin",
+        ),
         _real("along_mm", "its part along the true axis"),
         _real("across_mm", "its part across the true axis"),
         _real("parent_error_mm", "the distance in the parent receiver's frame"),

@@ -44,7 +44,9 @@ ABLATED = Scenario("parts of the fit left out")
 FOREIGN = Scenario("polynomial skin", realism=Realism(skin=POLYNOMIAL))
 LATE = Scenario("phase-lag skin", realism=Realism(skin=PHASE_LAG))
 OTHER = Scenario("other-anatomy", realism=Realism(anatomy=MIXED_TABLE))
-CLEAN = Scenario("no noise, no skin", realism=Realism(artefact=0.0, noise=0.0, field_distortion=0.0))
+CLEAN = Scenario(
+    "no noise, no skin", realism=Realism(glide=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
+)
 
 _NO_SKIN, _HALF, _DOUBLE = (
     Scenario(f"skin x{scale:g}", realism=Realism(artefact=scale)) for scale in (0.0, 0.5, 2.0)
@@ -62,8 +64,8 @@ SIDE_BY_SIDE = (
     OTHER,
 )
 """The usual recording, and those that differ from it in one thing: whom hands are drawn around, what moves,
-the law and the size of the skin, a tracker with faults, nothing that moves receivers, and hands outside of
-every source."""
+the law and the size of the skin, a tracker with faults, nothing that moves receivers or centres, and hands
+outside of every source."""
 
 BY_KEY = {scenario.key: scenario for scenario in SIDE_BY_SIDE}
 

@@ -14,7 +14,8 @@ from stages.fit_hand.contacts import find_contacts
 from stages.fit_hand.fingertips import TIP, Fingertips, fingertips
 from stages.fit_hand.fit import HandFit
 from stages.fit_hand.touching import TOUCH_SD_MM, touch_in, with_touches
-from stages.simulate.random_hand import DIGITS, TIP_BONES
+from stages.simulate.random_hand import DIGITS, JOINTS, TIP_BONES
+from stages.simulate.simulated_truth import Truth
 
 TIP_EVERY = 10
 TOUCHED, CONTACTS = "whole-hand + one touch a digit", "whole-hand + pad contacts"
@@ -49,12 +50,7 @@ def tip_errors(calibration: Trial, held_out: Trial, fits: Mapping[str, HandFit])
     receivers = [poses.index(f"{digit}_distal") for digit in DIGITS]
     carried, turned = poses.position_mm[:, receivers], poses.quaternion[:, receivers]
     yield from _held_against(held_out, RECEIVER, carried)
-    true = held_out.truth.mounts
-    on = [true.segments.index(f"{digit}_distal") for digit in DIGITS]
-    tip = np.zeros((len(DIGITS), 3))
-    tip[:, 0] = held_out.truth.hand.length_mm[TIP_BONES]
-    seen = rotate(conjugate(true.quaternion[on]), tip - true.position_mm[on])
-    yield from _held_against(held_out, TRUE, carried + rotate(turned, seen))
+    yield from _held_against(held_out, TRUE, carried + rotate(turned, _true_points_mm(held_out.truth)))
     known = {name: fingertips(fit) for name, fit in fits.items()}
     soft = soft_parts_mm(calibration)
     if WHOLE in fits:
@@ -66,6 +62,13 @@ def tip_errors(calibration: Trial, held_out: Trial, fits: Mapping[str, HandFit])
         yield from _held_against(held_out, name, tips.in_transmitter(poses))
     for name in {WHOLE, TOUCHED, CONTACTS} & set(known):
         yield from _held_against(held_out, name + SKIN, known[name].in_transmitter(poses, TIP), soft)
+
+
+def _true_points_mm(truth: Truth) -> Array:
+    """Where the last bones end (5, 3) in the distal receivers' frames, as those rode on average."""
+    on = [truth.mounts.segments.index(f"{digit}_distal") for digit in DIGITS]
+    joint_mm = np.array([truth.joints[JOINTS[bone - 1]].child_mm for bone in TIP_BONES])
+    return np.asarray(joint_mm + truth.hand.length_mm[TIP_BONES][:, None] * truth.along[on])
 
 
 def judged_rows(held_out: Trial) -> slice:

@@ -40,7 +40,7 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None
     """The true skeleton replayed by the receivers as any other: skin and tracker are all that is off.
 
     The metacarpal is the true one in every frame; the tip error is of the replay; the true tip is taken to
-    stay where it is in the distal receiver's frame as mounted. None where the truth knows no such digit.
+    stay where it was on average in the distal receiver's frame. None where the truth knows no such digit.
     """
     true, truth, poses = recording.truth.get(digit.name), recording.stated_truth, recording.poses
     if true is None or truth is None or poses is None or not digit.metacarpal:

@@ -43,7 +43,7 @@ class TrueDigit:
 
 @dataclass(frozen=True)
 class Truth:
-    """A recording's truth. stated : its joints, seen from the receivers as mounted, and its bones."""
+    """A recording's truth. stated : its joints, seen from the receivers as they rode, and its bones."""
 
     folder: Path
     name: RecordingName

@@ -3,34 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from schemas.catalogue import DISTAL_RECEIVER
 from schemas.layout import Layout
-from schemas.tables import vector_of
+from schemas.tables import vector_columns, vector_of
 from schemas.verdict import RADIUS_SD
-from skeleton.rotations import Array
+from skeleton.rotations import Array, unit
 from stages.evaluate_skeletons.scored_skeleton import Row, Stated
 from stages.evaluate_skeletons.truth import Truth
 
 
-def truth_for(tasks: Sequence[str], truths: Sequence[Truth]) -> Truth | None:
-    """The truth that a skeleton's joints are held against: of its first calibration task that has one, else
-    of any; a joint seen across a palm that moves is at its mean over the recording.
+def truth_for(tasks: Sequence[str], truths: Sequence[Truth]) -> Stated | None:
+    """What a skeleton is held against: joints where they were on average over its calibration recordings that
+    have a truth, else over all that have one, each frame of them counted alike. None where none has one.
     """
-    own = [truth for task in tasks for truth in truths if truth.name.task == task]
-    return next(iter([*own, *truths]), None)
+    own = [truth.stated for truth in truths if truth.name.task in tasks]
+    own = own or [truth.stated for truth in truths]
+    if not own:
+        return None
+    joints = {
+        name: _averaged([one.joints[name] for one in own if name in one.joints]) for name in own[0].joints
+    }
+    return replace(own[0], joints=joints)
 
 
-def joint_errors(stated: Stated, truth: Truth, layout: Layout) -> list[Row]:
+def _averaged(rows: Sequence[Mapping[str, Any]]) -> Row:
+    """One joint's rows of several recordings as one."""
+    frames = [row["n_frames"] for row in rows]
+    mean = dict(rows[0])
+    for side in ("parent_", "child_"):
+        mean |= vector_columns(
+            side, np.average([vector_of(row, side, "_mm") for row in rows], 0, frames), "_mm"
+        )
+        axis = np.average([vector_of(row, f"axis_{side}") for row in rows], 0, frames)
+        mean |= vector_columns(f"axis_{side}", unit(axis))
+    return mean
+
+
+def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
     """Rows (subject, hand, model and calibrated_on left out) of every joint between two receivers of which
     the truth is known; without numbers where the skeleton has none.
     """
     rows = []
     for joint in layout.solvable:
-        true = truth.stated.joints.get(joint.name)
+        true = truth.joints.get(joint.name)
         if true is None or not true["parent_segment"]:
             continue
         row: Row = {"joint": joint.name, "bone": ""}
@@ -38,7 +58,7 @@ def joint_errors(stated: Stated, truth: Truth, layout: Layout) -> list[Row]:
         if estimated is not None and estimated["status"] != "failed":
             row |= centre_errors(estimated, true)
         length_mm = stated_length_mm(stated, layout, joint.name)
-        length = truth.stated.bones.get(joint.child, {}).get("length_mm")
+        length = truth.bones.get(joint.child, {}).get("length_mm")
         if length_mm is not None and length is not None:
             off_mm = length_mm - length
             row |= {"bone": joint.child, "bone_error_mm": off_mm, "bone_error_percent": 100 * off_mm / length}

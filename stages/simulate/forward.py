@@ -46,6 +46,13 @@ def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:
     return angles
 
 
+def relaxed_angles(hand: Hand, realism: Realism) -> Array:
+    """Give the joint angles (J, 3) of the relaxed hand."""
+    voluntary = np.zeros((1, len(JOINTS), 3))
+    voluntary[0, :, FLEXION] = hand.relaxed_rad
+    return np.asarray(coupled_angles(voluntary, hand, realism)[0])
+
+
 def bone_poses(
     hand: Hand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
 ) -> tuple[Array, Array]:
@@ -67,13 +74,20 @@ def bone_poses(
         carried = rotations.about_axis(axes[joints, second], angles[:, joints, second])
         turned = rotations.multiply(carrying, carried)
         turned = rotations.multiply(turned, rotations.about_axis(axes[:, AXIAL], angles[..., AXIAL]))
-        origin = np.broadcast_to(hand.origin_mm[level], (n_frames, len(parents), 3))
+        origin = hand.origin_mm[level] + _glided_mm(hand, level, angles[..., FLEXION])
         if skew.any():  # the axes pass half the skew before and behind the centre
             origin = origin - skew / 2 + rotations.rotate(carrying, skew) - rotations.rotate(turned, skew / 2)
         above = quaternion[:, parents]
         position[:, bones] = position[:, parents] + rotations.rotate(above, origin)
         quaternion[:, bones] = rotations.multiply(rotations.multiply(above, turned), hand.rest[level])
     return position, quaternion
+
+
+def _glided_mm(hand: Hand, level: slice, flexion_rad: Array) -> Array:
+    """How far (T, n, 3) joints of a level have glided in their parents' frames, bent by (T, n)."""
+    bent = (flexion_rad - hand.relaxed_rad[level])[..., None]
+    across, along = hand.glide_mm[level, 0], hand.glide_mm[level, 1]
+    return np.asarray((1.0 - np.cos(bent)) * across + np.sin(bent) * along)
 
 
 def poses_in_hand(hand: Hand, angles_rad: Array) -> tuple[Array, Array]:

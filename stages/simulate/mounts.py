@@ -22,7 +22,7 @@ _RECEIVER_HALF_MM = float(np.mean(drawn.RECEIVER_HALF_MM))
 
 @dataclass(frozen=True)
 class Mounts:
-    """Receivers as they sit on the skin at rest, in their bones' frames.
+    """Receivers as they sit on the skin of the relaxed hand, in their bones' frames.
 
     segments : S names; bone : (S,) index into BONES; position_mm : (S, 3) receiver origin; quaternion :
     (S, 4) receiver to bone.
@@ -51,11 +51,12 @@ def mounts_of(
 ) -> Mounts:
     """Put the receivers on the bones' middles and on the nails, as far off as the realism says.
 
-    What is off is in part a habit, the same on every bone, in part the receiver's own; but no receiver leaves
-    the back of its bone for a crease.
+    Where a person has the habit, part of what is off is the same on every bone; the rest is a receiver's own.
+    No receiver leaves the back of its bone for a crease.
     """
     nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
-    place, turn = _off(generator(seed, "mounts", subject, side, *[session] * bool(session)), hand)
+    rng = generator(seed, "mounts", subject, side, *[session] * bool(session))
+    place, turn = _off(rng, habit_share(subject, seed))
     receiver_half = generator(seed, "receivers", subject).uniform(*drawn.RECEIVER_HALF_MM)
     place[FIRST_WORN:, 2] += receiver_half - _RECEIVER_HALF_MM
     position = nominal + realism.mounts * place
@@ -68,17 +69,20 @@ def mounts_of(
     return Mounts(segments, bone, position[bone], quaternion[bone])
 
 
-def _off(rng: np.random.Generator, hand: Hand) -> tuple[Array, Array]:
+def habit_share(subject: str, seed: int) -> float:
+    """Give the share of a person's misplacement, as variance, that all receivers of a hand have alike."""
+    return max(0.0, float(generator(seed, "habit", subject).uniform(*drawn.HABIT_SHARE)))
+
+
+def _off(rng: np.random.Generator, habit: float) -> tuple[Array, Array]:
     """How far receivers are from where they should be: mm and rotation vectors in rad, (B, 3) each."""
-    shape = (len(BONES), 3)
-    habit_mm, habit_deg = rng.standard_normal(3), rng.standard_normal(3)
-    mm, deg = (np.clip(rng.standard_t(4, shape) / np.sqrt(2.0), -4.0, 4.0) for _ in range(2))
-    even = rng.uniform(-drawn.OWN_SHARE, drawn.OWN_SHARE, len(BONES))
-    own = np.array([drawn.NAIL_OWN if _on_nail(bone) else 1.0 for bone in BONES])[:, None]
-    place = habit_mm * drawn.HABIT_SD_MM + own * mm * drawn.OWN_SD_MM
-    place[:, 0] += own[:, 0] * even * hand.length_mm
-    turn = habit_deg * drawn.HABIT_SD_DEG + own * deg * drawn.OWN_SD_DEG
-    turn[[_on_nail(bone) for bone in BONES], 1] += drawn.NAIL_TILT_DEG
+    nails = [_on_nail(bone) for bone in BONES]
+    alike = np.sqrt(habit) * rng.standard_normal((2, 1, 3))
+    own = np.clip(rng.standard_t(4, (2, len(BONES), 3)) / np.sqrt(2.0), -4.0, 4.0) * np.sqrt(1.0 - habit)
+    own[0, nails] *= drawn.NAIL_OWN
+    own[1, nails] *= drawn.NAIL_OWN_TURN
+    place, turn = (alike + own) * np.array([drawn.MOUNT_SD_MM, drawn.MOUNT_SD_DEG])[:, None]
+    turn[nails, 1] += drawn.NAIL_TILT_DEG
     back = BONES.index("hand")
     place[back] = np.clip(rng.standard_normal(3), -2.5, 2.5) * drawn.HAND_MOUNT_SD_MM
     place[back, 2] += drawn.HAND_RISE_MM

@@ -1,10 +1,10 @@
 """How skin moves receivers on their bones: what all its laws share.
 
-A law gives how far each receiver slides (mm) and turns (rotation vectors, rad) from where it sits at rest,
-both (T, S, 3) in its own frame, for joint angles (T, J, 3). It draws a hand's coefficients with one
-generator, and what happens in one recording alone with another. Sizes are those of `anatomy.drawn_hands`.
-Every law is outside of what any estimator of this project assumes, each in another way: none is judged by its
-own assumptions.
+A law gives how far each receiver slides (mm) and turns (rotation vectors, rad) from where it sits on the
+relaxed hand, both (T, S, 3) in its own frame, for joint angles (T, J, 3) counted from there. It draws a
+hand's coefficients with one generator, and what happens in one recording alone with another. Sizes are those
+of `anatomy.drawn_hands`. Every law is outside of what any estimator of this project assumes, each in another
+way: none is judged by its own assumptions.
 """
 
 from __future__ import annotations
@@ -15,7 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from anatomy.drawn_hands import LITTLE, NAIL, THENAR, UNDER_READING, WANDER_S
+from anatomy.drawn_hands import (
+    LITTLE,
+    NAIL,
+    THENAR,
+    THUMB_PLACE_LAG,
+    THUMB_TURN_FURTHER,
+    WANDER_S,
+)
 from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.forward import bone_poses
@@ -32,8 +39,8 @@ class Skin:
 
     bone : (S,) index into BONES. joint : (S, 2) the bone's own (proximal) joint and the one after it; present
     : (S, 2) whether there is one. looseness : (S,) 1 for a typical receiver; scale : of the whole skin, which
-    looseness holds. under_reading : share of the thumb metacarpal's rotation in the CMC joint that its
-    receiver does not follow.
+    looseness holds. thumb_place_lag, thumb_turn_lag : shares of the CMC joint's motion by which the place and
+    the turn of the thumb metacarpal's receiver stay behind.
     """
 
     bone: npt.NDArray[np.int64]
@@ -41,7 +48,8 @@ class Skin:
     present: npt.NDArray[np.bool_]
     looseness: Array
     scale: float
-    under_reading: float
+    thumb_place_lag: float
+    thumb_turn_lag: float
 
     @property
     def distal(self) -> npt.NDArray[np.bool_]:
@@ -55,11 +63,13 @@ SkinLaw = Callable[[Array, Skin, np.random.Generator, np.random.Generator], tupl
 
 def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
     """Draw a hand's skin; the same in each of the hand's recordings."""
-    under_reading = generator(seed, "skin", subject, side).uniform(*UNDER_READING)
+    rng = generator(seed, "skin", subject, side)
+    place_lag = rng.uniform(*THUMB_PLACE_LAG)
+    lags = (min(0.9, scale * lag) for lag in (place_lag, place_lag + rng.uniform(*THUMB_TURN_FURTHER)))
     bone = np.array([BONES.index(segment) for segment in segments])
     joint = np.array([_adjacent_joints(own) for own in bone])
     looseness = scale * np.array([_looseness(segment) for segment in segments])
-    return Skin(bone, np.maximum(joint, 0), joint >= 0, looseness, scale, min(0.9, scale * under_reading))
+    return Skin(bone, np.maximum(joint, 0), joint >= 0, looseness, scale, *lags)
 
 
 def _looseness(bone: str) -> float:
@@ -79,19 +89,21 @@ def _adjacent_joints(bone: int) -> tuple[int, int]:
 
 
 def on_skin(
-    hand: Hand, mounts: Mounts, motion: Motion, bones: tuple[Array, Array], skin: Skin
+    hand: Hand, mounts: Mounts, motion: Motion, relaxed_rad: Array, bones: tuple[Array, Array], skin: Skin
 ) -> tuple[Array, Array]:
     """Give the receivers' poses (T, S, 3), (T, S, 4), all on their bones but the thumb metacarpal's.
 
-    Its receiver sits where the skin would be if the CMC joint turned less.
+    Its receiver has the place that the skin would have if the CMC joint went less far from the relaxed
+    posture (angles (J, 3)), and the turn as if it went less far by another share.
     """
     position, quaternion = mounts.poses(*bones)
     if "thumb_metacarpal" in mounts.segments:
-        followed = motion.angles_rad.copy()
-        followed[:, JOINTS.index("thumb_cmc")] *= 1.0 - skin.under_reading
-        under = mounts.poses(*bone_poses(hand, followed, motion.wrist_mm, motion.forearm))
-        own = mounts.segments.index("thumb_metacarpal")
-        position[:, own], quaternion[:, own] = under[0][:, own], under[1][:, own]
+        own, cmc = mounts.segments.index("thumb_metacarpal"), JOINTS.index("thumb_cmc")
+        for part, lag in enumerate((skin.thumb_place_lag, skin.thumb_turn_lag)):
+            followed = motion.angles_rad.copy()
+            followed[:, cmc] -= lag * (followed[:, cmc] - relaxed_rad[cmc])
+            under = mounts.poses(*bone_poses(hand, followed, motion.wrist_mm, motion.forearm))
+            (position, quaternion)[part][:, own] = under[part][:, own]
     return position, quaternion
 
 

@@ -60,7 +60,10 @@ class Hand:
     B = len(BONES). origin_mm : (J, 3) the joint's centre. rest : (J, 4) child bone to parent bone.
     axes : (J, 3, 3) unit axes of flexion, abduction and axial rotation. order : (J, 2) which of the first two
     turns first, and carries the other; both carry the third. skew_mm : (J, 3) from the axis that turns first
-    to the other, zero but at the thumb's CMC.
+    to the other, zero but at the thumb's CMC. relaxed_rad : (J,) flexion of the relaxed hand. glide_mm :
+    (J, 2, 3) how the joint's centre glides with the flexion f from there: (1 - cos f) of the first, across
+    the axis, and sin f of the second, along it. In the relaxed posture the joint turns about its centre, and
+    the further from there the further beside it.
     length_mm : (B,) to the next joint, or to the bone's tip; 0 for forearm and hand. soft_tip_mm : (5,) skin
     and pulp beyond the last bone of each digit.
     pad_mm : (5, 3) where each digit's pad touches, in its distal bone's frame.
@@ -74,6 +77,8 @@ class Hand:
     axes: Array
     order: npt.NDArray[np.int64]
     skew_mm: Array
+    relaxed_rad: Array
+    glide_mm: Array
     length_mm: Array
     soft_tip_mm: Array
     pad_mm: Array
@@ -87,7 +92,7 @@ class _Straight:
 
     centres_mm : (B, 2, 3) ends of every bone, proximal and distal. axes : (J, 3) of flexion; facing : (J, 3)
     the same untilted, by which the bones' frames face. second_axis : (3,) of the thumb's CMC; carried_flexion
-    : whether the first one is carried by it.
+    : whether the first one is carried by it. glide_mm, relaxed_rad : as in Hand.
     """
 
     centres_mm: Array
@@ -98,6 +103,8 @@ class _Straight:
     lengths_mm: Array
     soft_tip_mm: Array
     coupling: Array
+    glide_mm: Array
+    relaxed_rad: Array
     scale: float
 
     def mirrored(self) -> _Straight:
@@ -109,6 +116,7 @@ class _Straight:
             axes=self.axes * axis,
             facing=self.facing * axis,
             second_axis=self.second_axis * axis,
+            glide_mm=self.glide_mm * [1.0, -1.0, 1.0],
         )
 
 
@@ -127,7 +135,11 @@ def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
     second = average["thumb"].second_axis
     assert second is not None  # of every source
     carried = realism.anatomy != drawn.MIXED_TABLE
-    straight = _Straight(centres, axes, facing, second, carried, lengths, soft_tip, _coupling(rng), scale)
+    coupling, relaxed = _coupling(rng), _relaxed_rad(generator(seed, "relaxed", subject))
+    glide = realism.glide * _glide_mm(generator(seed, "glide", subject), axes)
+    straight = _Straight(
+        centres, axes, facing, second, carried, lengths, soft_tip, coupling, glide, relaxed, scale
+    )
     return _assembled(side, straight.mirrored() if side == "left" else straight, realism)
 
 
@@ -236,6 +248,33 @@ def _coupling(rng: np.random.Generator) -> Array:
     return coupling
 
 
+def _relaxed_rad(rng: np.random.Generator) -> Array:
+    """Flexion (J,) of the relaxed hand: wrist and palm straight, every other joint as the person has it."""
+    relaxed = np.zeros(len(JOINTS))
+    for j, joint in enumerate(JOINTS):
+        digit, _, kind = joint.partition("_")
+        own = drawn.RELAXED_DEG.get("thumb" if digit == "thumb" else kind)
+        if own is not None:
+            relaxed[j] = np.radians(rng.uniform(*own))
+    return relaxed
+
+
+def _glide_mm(rng: np.random.Generator, axes: Array) -> Array:
+    """Glides (J, 2, 3) of a right hand's centres about flexion axes (J, 3), in the hand's frame.
+
+    What a joint that glides by (1 - cos f) of a vector turns about goes round a circle of that radius, by f.
+    """
+    glide = np.zeros((len(JOINTS), 2, 3))
+    for j, joint in enumerate(JOINTS):
+        own = drawn.GLIDE_MM.get(joint) or drawn.GLIDE_MM.get(joint.partition("_")[2])
+        if own is not None:
+            least, most, over_deg = own
+            radius_mm = rng.uniform(least, most) / (2.0 * np.sin(np.radians(over_deg) / 2.0))
+            glide[j, 0] = radius_mm * _perpendicular(rng.standard_normal(3), axes[j])
+            glide[j, 1] = radius_mm * drawn.GLIDE_ALONG * rng.uniform(-1.0, 1.0) * axes[j]
+    return glide
+
+
 def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
     """Turn the neutral hand, given in the hand's frame, into joints in their parents' frames."""
     centres, axes = straight.centres_mm, straight.axes
@@ -263,6 +302,8 @@ def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
         axes=np.einsum("jab,jib->jia", to_parent, triples),
         order=order,
         skew_mm=np.einsum("jab,jb->ja", to_parent, skew),
+        relaxed_rad=straight.relaxed_rad,
+        glide_mm=np.einsum("jab,jkb->jka", to_parent, straight.glide_mm),
         length_mm=straight.lengths_mm,
         soft_tip_mm=straight.soft_tip_mm,
         pad_mm=_pads_mm(straight),

@@ -18,6 +18,7 @@ class Realism:
     joint turns about one fixed axis; MCP, thumb and wrist have no second one. perpendicular_mcp : bones face
     as their axes are, and the MCP axis is at right angles to the vector from the wrist to the MCP joint (for
         the thumb: CMC and MCP axes at right angles to the metacarpal), so that Eq. 11 finds no twist.
+    glide : scale of how far joints' centres glide as they bend.
     anatomy : whom hands are drawn around, one of `anatomy.drawn_hands.ANATOMIES`.
     mounts : scale of how far receivers are misplaced; at 0 they sit exactly: axes along the bone, no lateral
         offset, so that the sagittal plane of the receiver (y = 0) holds the centre of the bone's proximal
@@ -32,6 +33,7 @@ class Realism:
     mobile_palm: bool = True
     hinges_only: bool = False
     perpendicular_mcp: bool = False
+    glide: float = 1.0
     anatomy: str = BLEND
     mounts: float = 1.0
     skin: str = SATURATING
@@ -48,4 +50,4 @@ class Realism:
     @classmethod
     def exact(cls) -> Realism:
         """Give every assumption of the paper, true to rounding."""
-        return cls(False, True, True, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
+        return cls(False, True, True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)

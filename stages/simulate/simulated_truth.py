@@ -1,4 +1,8 @@
-"""What the simulation knows of a recording: bones, tips, and joints as the receivers see them."""
+"""What the simulation knows of a recording: bones, tips, and joints as the receivers see them.
+
+A joint centre is stated where it was on average over the recording, in the receiver's frame as the receiver
+rode on the skin; axes and the bones' directions likewise. Tracker and field have no part in that.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +24,9 @@ from stages.simulate.realism import Realism
 class TrueJoint:
     """A joint between two receivers.
 
-    parent_mm, child_mm : the centre in the parent's and the child's receiver frame; axis_parent, axis_child :
-    the unit flexion axis there; parent values are NaN where the parent carries no receiver. range_deg : of
-    flexion. gap_mm : (T,) distance between the two centres in the recording.
+    parent_mm, child_mm : the centre in the parent's and the child's receiver frame, in the mean; axis_parent,
+    axis_child : the unit flexion axis there; parent values are NaN where the parent carries no receiver.
+    range_deg : of flexion. gap_mm : (T,) distance between the two centres in the recording.
     """
 
     name: str
@@ -44,6 +48,7 @@ class Truth:
     hand, mounts : the hand and where its receivers sit. angles_rad : (T, J, 3). bone_position_mm (T, B, 3)
     and bone_quaternion (T, B, 4) : bone frames in the transmitter frame. tip_mm, skin_tip_mm : (T, 5, 3) tips
     of the bones and, skin and pulp beyond them, of the digits, in the order of DIGITS. joints : by name.
+    along : (S, 3) where the bone of each of the mounts' receivers points, in the receiver's frame.
     """
 
     hand: Hand
@@ -54,6 +59,7 @@ class Truth:
     tip_mm: Array
     skin_tip_mm: Array
     joints: Mapping[str, TrueJoint]
+    along: Array
 
     @classmethod
     def of(
@@ -63,14 +69,21 @@ class Truth:
         mounts: Mounts,
         angles_rad: Array,
         bones: tuple[Array, Array],
+        ridden: tuple[Array, Array],
         recorded: tuple[Array, Array],
         realism: Realism,
     ) -> Truth:
-        """Give the truth of a recording; bones and recorded are positions in mm and quaternions over time."""
-        joints = _joints(layout, hand, mounts, angles_rad, bones, recorded, realism)
+        """Give the truth of a recording.
+
+        bones; ridden, recorded : the receivers on the skin, and as the tracker has them; each positions in mm
+        and quaternions over time.
+        """
+        joints = _joints(layout, hand, mounts, angles_rad, bones, ridden, recorded, realism)
         tip_mm = _ends_mm(hand.length_mm[TIP_BONES], *bones)
         skin_tip_mm = _ends_mm(hand.length_mm[TIP_BONES] + hand.soft_tip_mm, *bones)
-        return cls(hand, mounts, angles_rad, *bones, tip_mm, skin_tip_mm, joints)
+        pointing = rotations.rotate(bones[1][:, mounts.bone], np.array([1.0, 0.0, 0.0]))
+        along = rotations.unit(rotations.rotate(rotations.conjugate(ridden[1]), pointing).mean(0))
+        return cls(hand, mounts, angles_rad, *bones, tip_mm, skin_tip_mm, joints, along)
 
 
 def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) -> Array:
@@ -86,23 +99,23 @@ def _joints(
     mounts: Mounts,
     angles_rad: Array,
     bones: tuple[Array, Array],
+    ridden: tuple[Array, Array],
     recorded: tuple[Array, Array],
     realism: Realism,
 ) -> dict[str, TrueJoint]:
     """Joints of the layout, by name."""
-    riding = mounts.poses(*bones)
     joints = {}
     for joint in layout.solvable:
         index = JOINTS.index(joint.name)
         centre_mm = bones[0][:, index + 1]
         axis = flexion_axis(hand, index, angles_rad, bones[1])
         child = mounts.segments.index(joint.child)
-        child_mm, axis_child = _in_receiver(riding, child, centre_mm, axis)
+        child_mm, axis_child = _in_receiver(ridden, child, centre_mm, axis)
         parent_mm, axis_parent, gap_mm = np.full(3, np.nan), np.full(3, np.nan), np.full(len(axis), np.nan)
         worn = joint.parent_receiver in mounts.segments
         if worn:
             parent = mounts.segments.index(joint.parent_receiver)
-            parent_mm, axis_parent = _in_receiver(riding, parent, centre_mm, axis)
+            parent_mm, axis_parent = _in_receiver(ridden, parent, centre_mm, axis)
             apart = _to_transmitter(recorded, parent, parent_mm) - _to_transmitter(recorded, child, child_mm)
             gap_mm = np.linalg.norm(apart, axis=-1)
         joints[joint.name] = TrueJoint(

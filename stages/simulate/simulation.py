@@ -12,7 +12,7 @@ from schemas.errors import InputError
 from schemas.layout import read_layout
 from schemas.poses import Poses
 from skeleton.rotations import Array
-from stages.simulate.forward import bone_poses
+from stages.simulate.forward import bone_poses, relaxed_angles
 from stages.simulate.mounts import mounts_of
 from stages.simulate.moving_skin import SkinLaw, displaced, on_skin, skin_of
 from stages.simulate.phase_lag_skin import phase_lag
@@ -91,20 +91,21 @@ def simulate(
     if change is not None:
         motion = change(motion)
     bones = bone_poses(anatomy, motion.angles_rad, motion.wrist_mm, motion.forearm)
-    recorded = mounts.poses(*bones)
+    ridden = mounts.poses(*bones)
     if realism.artefact:
         skin = skin_of(subject, hand, seed, segments, realism.artefact)
-        recorded = on_skin(anatomy, mounts, motion, bones, skin)
+        relaxed = relaxed_angles(anatomy, realism)
         of_hand = generator(seed, f"{realism.skin} skin", subject, hand)
         of_recording = generator(seed, "wander", subject, hand, task, *in_session)
-        off = LAWS[realism.skin](motion.angles_rad, skin, of_hand, of_recording)
-        recorded = displaced(*recorded, *off)
+        off = LAWS[realism.skin](motion.angles_rad - relaxed, skin, of_hand, of_recording)
+        ridden = displaced(*on_skin(anatomy, mounts, motion, relaxed, bones, skin), *off)
+    recorded = ridden
     if realism.field_distortion:
         recorded = distorted(*recorded, seed, realism.field_distortion)
     if realism.noise:
         rng = generator(seed, "noise", subject, hand, task, *in_session)
         recorded = noisy(*recorded, realism.noise, rng)
-    truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, recorded, realism)
+    truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, ridden, recorded, realism)
     if realism.faults:
         rng = generator(seed, "faults", subject, hand, task, *in_session)
         recorded = faulty(*recorded, realism.faults, rng)

@@ -23,9 +23,13 @@ changed."""
 SPIKE_SHARE, SPIKE_MM, SPIKE_DEG = 0.002, 30.0, 15.0
 """Share of single poses that are wrong altogether, and the sd of that per axis."""
 
-_FIELD = 2e-3  # strain of the field, per component
-_FIELD_TURN_RAD_PER_MM = float(np.radians(0.3)) / 50.0
-_FIELD_CENTRE_MM = np.array([220.0, 90.0, -110.0])
+FIELD_STRAIN = 2e-3
+"""Sd of the field's distortion: of each component of position, in mm per mm of each component of place."""
+
+FIELD_TURN_DEG_PER_MM = 0.3 / 50.0
+"""The same of each component of rotation: 0.3 deg at 50 mm, as published of such trackers."""
+
+FIELD_CENTRE_MM = np.array([220.0, 90.0, -110.0])
 
 
 def turned(quaternion: Array, rotation_vector_rad: Array) -> Array:
@@ -37,10 +41,10 @@ def turned(quaternion: Array, rotation_vector_rad: Array) -> Array:
 def distorted(position_mm: Array, quaternion: Array, seed: int, scale: float) -> tuple[Array, Array]:
     """See the poses through the room's field: smooth, static, nearly the same for neighbouring receivers."""
     rng = generator(seed, "field")
-    strain = scale * _FIELD * rng.standard_normal((3, 3))
-    turn_per_mm = scale * _FIELD_TURN_RAD_PER_MM * rotations.unit(rng.standard_normal((3, 3)))
-    place = position_mm - _FIELD_CENTRE_MM
-    turn = place @ (turn_per_mm / np.sqrt(3.0)).T
+    strain = scale * FIELD_STRAIN * rng.standard_normal((3, 3))
+    turn_per_mm = scale * np.radians(FIELD_TURN_DEG_PER_MM) * rng.standard_normal((3, 3))
+    place = position_mm - FIELD_CENTRE_MM
+    turn = place @ turn_per_mm.T
     # the field turns the transmitter's frame, not the receiver's
     angle = np.linalg.norm(turn, axis=-1)
     seen = rotations.multiply(rotations.about_axis(rotations.unit(turn), angle), quaternion)

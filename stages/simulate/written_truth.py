@@ -1,10 +1,11 @@
 """The exact truth beside a simulated recording, in the tables of the contract (model "truth").
 
-`joint_centres`: the centre is the origin of the child's bone frame. In the child's receiver frame, and in the
-parent's where the two bones share the joint, it is a constant; else (MCP joints seen from a hand whose palm
-moves, the thumb's skew CMC axes) the mean over the frames. Frames are those of the receivers as mounted,
-without skin artefact; `gap_rms_mm` is the gap that these centres have in the recording as written.
-`bone_lengths`: joint to joint; the last bone of a digit ends at the tip of the BONE, not at a receiver.
+`joint_centres`: a joint centre is stated where it was on average over the recording, in the receiver's frame
+as the receiver rode on the skin; so is its axis. The centre is the origin of the child's bone frame, which
+glides on the parent's bone. Tracker and field have no part in this; `gap_rms_mm` is the gap that these
+centres have in the recording as written.
+`bone_lengths`: joint to joint in the relaxed posture; the last bone of a digit ends at the tip of the BONE,
+not at a receiver.
 `metacarpals`: length_mm is CMC to MCP; swing and twist are estimators' words and stay null.
 `tips`: the tip of the bone, and beside it that of the digit, skin and pulp included; error_mm is the former's
 distance to the distal receiver as recorded, null where that was lost, and a true skeleton has no first-frame
@@ -22,7 +23,6 @@ import numpy as np
 from schemas.catalogue import BONE_LENGTHS, FINGERTIP, JOINT_CENTRES, METACARPALS, TIPS
 from schemas.tables import Column, Provenance, columns_from_rows, vector_columns, write_table
 from schemas.verdict import UNJUDGED
-from skeleton import rotations
 from skeleton.rotations import Array
 from stages.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
 from stages.simulate.simulation import Simulated
@@ -84,7 +84,7 @@ def _keys(simulated: Simulated) -> dict[str, str]:
 
 
 def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:
-    """Rows of the bones; the vector of one that carries a receiver is in that receiver's frame."""
+    """Rows of the bones; the vector of one that carries a receiver is in that receiver's frame as it rode."""
     rows = []
     for bone in range(BONES.index("thumb_metacarpal"), len(BONES)):
         name, length_mm = BONES[bone], float(simulated.truth.hand.length_mm[bone])
@@ -101,9 +101,8 @@ def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:
             "driven_by": name if name in simulated.truth.mounts.segments else "",
         }
         if row["driven_by"]:
-            to_bone = simulated.truth.mounts.quaternion[simulated.truth.mounts.segments.index(name)]
-            along = rotations.rotate(rotations.conjugate(to_bone), np.array([length_mm, 0.0, 0.0]))
-            row |= vector_columns("", along, "_mm")
+            along = simulated.truth.along[simulated.truth.mounts.segments.index(name)]
+            row |= vector_columns("", length_mm * along, "_mm")
         rows.append(row)
     return rows
 

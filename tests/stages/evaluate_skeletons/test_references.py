@@ -31,10 +31,11 @@ def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRe
 
 @pytest.mark.parametrize("hand", ["right", "left"])
 def test_the_true_skeleton_is_exact_where_nothing_disturbs(tmp_path: Path, hand: str) -> None:
-    """Palm and thumb move, receivers are misplaced, but there is no skin and no noise: replay, tip and wrist
-    of the fingers are true. The thumb's CMC axes do not meet, so that its base is true in the mean alone.
+    """Palm and thumb move, receivers are misplaced, but no centre glides and there is no skin and no noise:
+    replay, tip and wrist of the fingers are true. The thumb's CMC axes do not meet, so that
+    its base is true in the mean alone.
     """
-    realism = replace(Realism.full(), artefact=0.0, noise=0.0, field_distortion=0.0)
+    realism = replace(Realism.full(), glide=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
     recording = recorded(tmp_path, realism, hand)
     for name, digit in LAYOUT.digits.items():
         row = true_skeleton_row(recording, digit)

@@ -18,6 +18,7 @@ Row = dict[str, Any]
 
 def centre(joint: str, child: tuple[float, ...], parent: tuple[float, ...], **other: Any) -> Row:
     row: Row = {"joint": joint, "status": "ok", "dof": 1, "sd_mm": None, "parent_segment": "x"}
+    row["n_frames"] = 100
     axes = {"axis_child_": (0.0, 1.0, 0.0), "axis_parent_": (0.0, 1.0, 0.0)}
     for prefix, values in {"child_": child, "parent_": parent}.items():
         row |= {f"{prefix}{axis}_mm": value for axis, value in zip("xyz", values, strict=True)}
@@ -79,7 +80,7 @@ def test_only_bones_that_are_stated_are_compared() -> None:
             bone: {"starts_at": start, "ends_at": end, "length_mm": length_mm}
             for bone, (start, end) in (ends | other).items()
         }
-        rows = joint_errors(Stated(joints, bones), true, LAYOUT)
+        rows = joint_errors(Stated(joints, bones), true.stated, LAYOUT)
         return {r["joint"]: (r["bone"], r.get("bone_error_mm"), r.get("bone_error_percent")) for r in rows}
 
     nothing = ("", None, None)
@@ -104,12 +105,27 @@ def test_a_joint_that_failed_or_is_missing_has_no_number() -> None:
         *(centre(name, (0, 0, 0), (0, 0, 0)) for name in names),
     )
     failed = centre("index_pip", (None,) * 3, (None,) * 3, status="failed")  # type: ignore[arg-type]
-    rows = joint_errors(Stated({"index_pip": failed}, {}), true, LAYOUT)
+    rows = joint_errors(Stated({"index_pip": failed}, {}), true.stated, LAYOUT)
     assert rows == [{"joint": name, "bone": ""} for name in names]
 
 
-def test_the_truth_of_the_first_calibration_task() -> None:
-    rom, grasp = truth_of("rom"), truth_of("grasp")
-    assert truth_for(["opposition", "grasp", "rom"], [rom, grasp]) is grasp
-    assert truth_for(["opposition"], [rom, grasp]) is rom
+def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> None:
+    """Each frame counts alike, 300 against 100; without a truth of its own a skeleton is held against all."""
+    turned = {"axis_child_x": 1.0, "axis_child_y": 0.0}
+    rom = truth_of("rom", centre("index_pip", (1, 0, 0), (0, 0, 0), n_frames=300), index_middle=25.0)
+    grasp = truth_of("grasp", centre("index_pip", (5, 0, 0), (0, 0, 8), **turned), index_middle=25.0)
+    tap = truth_of("tap", centre("index_pip", (90, 0, 0), (0, 0, 0)), index_middle=25.0)
+
+    def true(*tasks: str, of: tuple[Truth, ...] = (rom, grasp, tap)) -> Row:
+        found = truth_for(tasks, of)
+        assert found is not None
+        assert found.bones["index_middle"]["length_mm"] == 25.0
+        return dict(found.joints["index_pip"])
+
+    assert [true("grasp", "other")[f"child_{axis}_mm"] for axis in "xyz"] == [5.0, 0.0, 0.0]
+    both = true("rom", "grasp")
+    assert (both["child_x_mm"], both["parent_z_mm"]) == (2.0, 2.0)
+    axis = np.array([both[f"axis_child_{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(axis, np.array([1.0, 3.0, 0.0]) / np.sqrt(10.0))
+    assert true("other", of=(rom, grasp)) == both
     assert truth_for(["rom"], []) is None

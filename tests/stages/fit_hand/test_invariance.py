@@ -1,6 +1,6 @@
 """What must not matter to the fit of a hand: where the transmitter is, which side it is, how receivers sit.
 
-And what must come out exactly: from a recording without skin, noise and field, everything that it shows.
+And what must come out exactly: from a recording without glides, skin, noise and field, all that it shows.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.receiver_frames import MIRROR
 
 QUICK = Settings(n_frames=40, rounds=1)
-CLEAN = {"artefact": 0.0, "noise": 0.0, "field_distortion": 0.0}
+CLEAN = {"glide": 0.0, "artefact": 0.0, "noise": 0.0, "field_distortion": 0.0}
 
 
 def with_gaps(poses: Poses) -> Poses:

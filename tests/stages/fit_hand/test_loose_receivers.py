@@ -49,7 +49,7 @@ def found_in(layout: Layout, side: str, *recordings: Poses) -> list[LooseReceive
 @pytest.mark.parametrize(
     ("side", "task", "skin"),
     [
-        ("left", "opposition", 2.0),
+        ("left", "opposition", 1.5),
         pytest.param("right", "rom", 2.0, marks=pytest.mark.slow),
         pytest.param("left", "opposition", 1.0, marks=pytest.mark.slow),
         pytest.param("right", "rom", 1.0, marks=pytest.mark.slow),
@@ -91,7 +91,7 @@ def test_one_that_the_fit_swallowed_is_named(layout: Layout) -> None:
     (one,) = displaced_in(fit, [poses]).loose
     assert one.segment == "index_middle"
     assert one.shift_mm == pytest.approx(15.0, abs=1.5)
-    assert one.turn_deg == pytest.approx(25.0, abs=6.0)
+    assert one.turn_deg == pytest.approx(25.0, abs=8.0)
 
 
 @pytest.mark.slow

@@ -4,19 +4,50 @@ from __future__ import annotations
 
 import numpy as np
 
-from skeleton.rotations import angle, conjugate, multiply
+from skeleton.rotations import angle, conjugate, matrix, multiply
 from stages.simulate.tracker_errors import (
+    FIELD_CENTRE_MM,
     FLIPPED_SHARE,
     LOST_S,
     LOST_SHARE,
     SPIKE_MM,
     SPIKE_SHARE,
     bursts,
+    distorted,
     faulty,
 )
 
 SHAPE = (48_000, 8)
 TIMES = 4.0
+
+
+def test_each_component_of_a_field_is_off_as_published() -> None:
+    """50 mm from where it is calibrated: 0.3 deg of rotation and 0.1 mm of place in each component, in any
+    direction, over many rooms; the frame of the transmitter turns, whichever way the receiver faces.
+    """
+    place = FIELD_CENTRE_MM + 50.0 * np.array([[1.0, 0.0, 0.0], [0.6, 0.0, -0.8]])
+    facing = np.array([[0.5, 0.5, -0.5, 0.5], [0.8, 0.0, 0.6, 0.0]])
+    turns, shifts = [], []
+    for room in range(800):
+        seen_mm, seen = distorted(place, facing, room, 1.0)
+        turn = matrix(seen) @ np.swapaxes(matrix(facing), -1, -2)
+        turns.append(np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], -1))  # small: sines are angles
+        shifts.append(seen_mm - place)
+    np.testing.assert_allclose(np.degrees(np.std(turns, 0)), 0.3, rtol=0.12)
+    np.testing.assert_allclose(np.std(shifts, 0), 0.1, rtol=0.12)
+
+
+def test_a_field_is_smooth_and_the_same_in_every_recording() -> None:
+    """From one end of a path of 200 mm to the other no step is larger than another."""
+    path = FIELD_CENTRE_MM + np.linspace(-100, 100, 201)[:, None] * np.array([0.0, 0.6, 0.8])
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (len(path), 1))
+    seen_mm, seen = distorted(path, still, 5, 1.0)
+    again_mm, again = distorted(path[::-1], still, 5, 1.0)
+    np.testing.assert_allclose(again_mm[::-1], seen_mm, atol=1e-12)
+    np.testing.assert_allclose(again[::-1], seen, atol=1e-12)
+    steps = np.degrees(angle(multiply(conjugate(seen[:-1]), seen[1:])))
+    assert steps.max() < 0.05
+    assert steps.max() < 1.2 * steps.min()
 
 
 def test_bursts_are_of_the_share_and_the_length_that_they_should_have() -> None:
