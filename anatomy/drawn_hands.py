@@ -535,9 +535,9 @@ SLIDE_SD_MM = (1.0, 0.25, 0.4)
 TILT_SD = (0.03, 0.04, 0.02)
 """Turn of a receiver in rad per rad of an adjacent joint, about x, y, z of its bone (Metcalf)."""
 
-DISTAL_TILT = -0.06
-"""Of a distal receiver with its own joint: markers under-read DIP flexion by 11 % (Metcalf), of which the
-other half is the middle phalanx's."""
+DISTAL_TILT = -0.02
+"""Of a distal receiver with its own joint: markers on skin under-read DIP flexion by 11 % (Metcalf), of which
+half is the middle phalanx's; a nail gives way a third of that or less."""
 
 THUMB_PLACE_LAG = (0.10, 0.35)
 """Least and largest share of the CMC's motion by which the place of a receiver over the thumb's metacarpal

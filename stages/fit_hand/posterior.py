@@ -1,8 +1,8 @@
 """The posterior of a fitted hand, and every bone and receiver at the mean posture with its derivatives.
 
 The mean posture is the mean over the recording of every joint angle. A joint centre is stated where it was
-there, in the receiver's frame as the receiver rode on the skin: how skin carries a receiver away from where it
-sits on a straight digit is an extrapolation that no recording shows.
+there, in the receiver's frame as the receiver rode on the skin: how skin moved a receiver from where it sits
+on a straight digit is an extrapolation that no recording shows.
 """
 
 from __future__ import annotations
