@@ -19,6 +19,7 @@ BENCHMARKS = {
     "paper_accuracy": "the paper's pipeline on simulated hands: its joints, their status, its tip error",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
     "displaced_receivers": "receivers that come loose or slide, and metal: how often each is named",
+    "two_drawings": "whole hands drawn by us and by others: errors, those all share, stated sd, what is left",
     "believed_joints": "joints that are believed: how far off, and whether the stated error says so",
     "cures": "mistakes planted in a laboratory's own files, and cured as the sentences say: joints' errors",
     "null_studies": "studies in which nothing differs: false positives, coverage of intervals, power",

@@ -1,0 +1,364 @@
+"""Whole hands of two drawings: errors, what of them all hands share, whether the stated sd is true."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import rankdata, spearmanr
+
+from benchmarks import other_hands
+from benchmarks.accuracy.score import COVERED_95_SD, JOINT_TYPES
+from benchmarks.benchmark_table import TextTable, write_tables
+from benchmarks.faultless_hands import FACINGS
+from benchmarks.other_hands import taped_skin
+from benchmarks.other_hands.room import Field
+from schemas.layout import read_layout
+from schemas.poses import Poses
+from schemas.verdict import RADIUS_SD
+from skeleton.rotations import Array
+from stages.fit_hand.building import KINDS
+from stages.fit_hand.fit import HandFit, fit_hand
+from stages.fit_hand.replaying import pose_hand
+from stages.simulate.random_hand import BONES, FLEXION, JOINTS
+from stages.simulate.realism import Realism
+from stages.simulate.simulation import LAYOUT, simulate
+
+PAGE, MARK = "accuracy.md", "two drawings"
+FIRST_SEED, DURATION_S = 9500, 25.0
+FAR_MM, SHARED_MM = 5.0, 0.3
+POSED_FRAMES = 150
+OWN, OTHER = "own", "other"
+
+WITHOUT: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+    OWN: {
+        "field": {"field_distortion": 0.0},
+        "skin": {"artefact": 0.0},
+        "glide": {"glide": 0.0},
+        "misplaced receivers": {"mounts": 0.0},
+        "noise": {"noise": 0.0},
+    },
+    OTHER: {
+        "field": {},
+        "skin": {"pull": 0.0, "pressed": 0.0},
+        "glide": {},
+        "thumb's lag": {"behind_turn": 0.0, "behind_place": 0.0},
+    },
+}
+"""What can be left out of a drawing: switches of the simulator; in the other one factors of its straps."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A recorded calibration and what is true of it.
+
+    truth : joint to its centre (2, 3) in the parent's and the child's receiver, on average as these rode;
+    centre_mm : joint to its centre (T, 3) in the transmitter's frame; flexion_deg : joint to (T,).
+    """
+
+    poses: Poses
+    hand: str
+    truth: Mapping[str, Array]
+    centre_mm: Mapping[str, Array]
+    flexion_deg: Mapping[str, Array]
+    lengths_mm: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """One joint of one hand: off_mm (2, 3) of both halves, as on a right hand, x distal and z dorsal; sd_mm
+    as stated; posed_mm : mean distance, frame by frame, in the transmitter's frame; slope : of the fitted
+    flexion over the true one.
+    """
+
+    drawing: str
+    joint: str
+    off_mm: Array
+    sd_mm: float
+    posed_mm: float
+    slope: float
+
+    @property
+    def child_mm(self) -> float:
+        """Distance in the child's receiver frame."""
+        return float(np.linalg.norm(self.off_mm[1]))
+
+    @property
+    def worse_mm(self) -> float:
+        """Distance of the worse half, which the stated sd is about."""
+        return float(np.linalg.norm(self.off_mm, axis=1).max())
+
+
+Length = tuple[str, str, float, bool]
+"""Drawing, kind of bone, error in percent, whether the stated 95 % hold the true one."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--hands", dest="n_hands", type=int, default=24, help="of each drawing (24)")
+    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first of them ({FIRST_SEED})")
+    parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{PAGE}")
+
+
+def run(
+    n_hands: int = 24, seed: int = FIRST_SEED, write: bool = False, processes: int = 2
+) -> Iterator[TextTable]:
+    """Give the tables over that many hands of each drawing."""
+    seeds, tables = range(seed, seed + n_hands), []
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+
+        def errors(drawing: str, without: str = "") -> tuple[list[JointErrors], list[Length]]:
+            hands = list(pool.map(partial(one_hand, drawing, without=without), seeds))
+            return [own for joints, _ in hands for own in joints], [own for _, all_ in hands for own in all_]
+
+        drawn = [errors(drawing) for drawing in (OWN, OTHER)]
+        joints, lengths = [one for own, _ in drawn for one in own], [one for _, own in drawn for one in own]
+        for table in (errors_table, kinds_table, shared_table, stated_table):
+            tables.append(table(joints, lengths))
+            yield tables[-1]
+        less = {(drawing, w): errors(drawing, w)[0] for drawing, all_ in WITHOUT.items() for w in all_}
+        tables.append(ablation_table(joints, less))
+        yield tables[-1]
+    if write:
+        command = f"python -m benchmarks two_drawings --hands {n_hands} --seed {seed} --write"
+        write_tables(PAGE, tables, command, MARK)
+
+
+def one_hand(drawing: str, seed: int, without: str = "") -> tuple[list[JointErrors], list[Length]]:
+    """Give the errors of a hand that is drawn, calibrated once and fitted."""
+    drawn = (_own if drawing == OWN else _other)(seed, ("right", "left")[seed % 2], without)
+    fit = fit_hand([drawn.poses], read_layout(LAYOUT), drawn.hand)
+    return list(joint_errors(drawing, drawn, fit)), list(length_errors(drawing, drawn, fit))
+
+
+def _own(seed: int, hand: str, without: str) -> Drawn:
+    switches = WITHOUT[OWN].get(without, {})
+    made = simulate("01", hand, "rom", seed, Realism(**switches), round(240 * DURATION_S))
+    truth = made.truth
+    return Drawn(
+        made.poses(),
+        hand,
+        {name: np.array([own.parent_mm, own.child_mm]) for name, own in truth.joints.items()},
+        {name: truth.bone_position_mm[:, JOINTS.index(name) + 1] for name in truth.joints},
+        {name: np.degrees(truth.angles_rad[:, JOINTS.index(name), FLEXION]) for name in truth.joints},
+        {bone: float(truth.hand.length_mm[BONES.index(bone)]) for bone in BONES if "_" in bone},
+    )
+
+
+def _other(seed: int, hand: str, without: str) -> Drawn:
+    person = other_hands.draw_person(seed, thumb_facing=FACINGS[seed % len(FACINGS)])
+    if without == "glide":
+        person = replace(
+            person, joints=tuple(replace(own, glide_mm=np.zeros((3, 2))) for own in person.joints)
+        )
+    with _without_field() if without == "field" else nullcontext(), _straps(WITHOUT[OTHER].get(without, {})):
+        made = other_hands.record(person, hand, "calibration", seed=seed, duration_s=DURATION_S)
+    joints = {joint.name: joint for joint in read_layout(LAYOUT).solvable}
+    ends = {name: (own.parent_receiver, own.child) for name, own in joints.items()}
+    worn = [name for name, own in ends.items() if {*own} <= {*made.poses.segments}]
+    return Drawn(
+        made.poses,
+        hand,
+        {name: np.array([other_hands.true_centres(made, name, end) for end in ends[name]]) for name in worn},
+        made.true_centre_mm,
+        {name: angles[:, 0] for name, angles in made.true_angles_deg.items()},
+        made.true_lengths_mm,
+    )
+
+
+def _without_field() -> AbstractContextManager[Any]:
+    none = Field(np.zeros((1, 3)), np.zeros(1), np.zeros((1, 6)))
+    return mock.patch("benchmarks.other_hands.drawn_recording.draw_field", return_value=none)
+
+
+def _straps(factors: Mapping[str, float]) -> AbstractContextManager[Any]:
+    usual = taped_skin._straps
+
+    def changed(*args: Any) -> taped_skin.Straps:
+        straps = usual(*args)
+        return replace(straps, **{name: factor * getattr(straps, name) for name, factor in factors.items()})
+
+    return mock.patch.object(taped_skin, "_straps", changed)
+
+
+def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErrors]:
+    """Hold the joints of a fit against the truth."""
+    step = max(1, len(drawn.poses.frame) // POSED_FRAMES)
+    rows = np.arange(0, len(drawn.poses.frame), step)
+    posed, convention = pose_hand(fit, drawn.poses.take(rows)), fit.evidence.convention
+    for name, joint in fit.joints.items():
+        if name not in drawn.truth:
+            continue
+        true_mm, sides = drawn.truth[name], (joint.parent_segment, joint.child_segment)
+        halves = zip(sides, (joint.parent_mm, joint.child_mm), true_mm, strict=True)
+        off_mm = [convention.point_matrix(side).T @ (own - true) for side, own, true in halves]
+        at = posed.bone_position_mm[:, posed.bones.index(joint.child_segment)]
+        flexion = np.degrees(posed.angles_rad[:, posed.angle_names.index((name, KINDS[0]))])
+        yield JointErrors(
+            drawing,
+            name,
+            np.array(off_mm),
+            joint.sd_mm,
+            float(np.nanmean(np.linalg.norm(at - drawn.centre_mm[name][rows], axis=1))),
+            float(np.polyfit(drawn.flexion_deg[name][rows], flexion, 1)[0]),
+        )
+
+
+def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[Length]:
+    """Hold the lengths of a fit against the truth, those of last bones aside, which end in soft tissue."""
+    for name, bone in fit.bones.items():
+        kind = name.split("_")[1]
+        if kind != "distal":
+            off_mm = bone.length_mm - drawn.lengths_mm[name]
+            inside = abs(off_mm) <= COVERED_95_SD * bone.sd_mm
+            yield drawing, kind, 100 * off_mm / drawn.lengths_mm[name], inside
+
+
+def _inside(joints: Sequence[JointErrors]) -> float:
+    return 100 * float(np.mean([own.worse_mm <= RADIUS_SD * own.sd_mm for own in joints]))
+
+
+def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
+    return {name: [own for own in joints if own.drawing == name] for name in (OWN, OTHER)}
+
+
+def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> TextTable:
+    """Give errors of centres, lengths and angles by drawing."""
+    rows = []
+    for name, own in _by_drawing(joints).items():
+        child, posed = [one.child_mm for one in own], [one.posed_mm for one in own]
+        bones = [one for one in lengths if one[0] == name]
+        rows.append(
+            (
+                name,
+                float(np.median(child)),
+                float(np.percentile(child, 90)),
+                100 * float(np.mean([mm > FAR_MM for mm in child])),
+                _inside(own),
+                float(np.median(posed)),
+                float(np.percentile(posed, 90)),
+                float(np.mean([percent for _, kind, percent, _ in bones if kind == "middle"])),
+                100 * float(np.mean([inside for *_, inside in bones])),
+                100 * float(np.mean([one.slope - 1 for one in own if one.joint.endswith("_dip")])),
+            )
+        )
+    columns = (
+        "drawing", "median mm:.2f", "p90 mm:.2f", f"> {FAR_MM:.0f} mm %:.1f", "in 95 %:.1f",
+        "posed: median mm:.2f", "p90 mm:.2f", "middle phalanges %:+.1f", "lengths in 95 %:.0f",
+        "DIP flexion %:+.1f",
+    )  # fmt: skip
+    meaning = (
+        "Centres where they were on average, in the child's receiver as it rode; in 95 %: the worse half "
+        "within the stated radius. Posed: the posed hand's centres in the transmitter's frame, mean over "
+        "frames, where the field is off as well. Own: this project's simulator; other: a drawing that "
+        "shares nothing with it."
+    )
+    return TextTable("two drawings: errors", columns, rows, meaning)
+
+
+def kinds_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTable:
+    """Give errors and coverage by kind of joint."""
+    kinds = {joint: kind for kind, names in JOINT_TYPES.items() for joint in names}
+    rows = []
+    for name, own in _by_drawing(joints).items():
+        for kind in JOINT_TYPES:
+            alike = [one for one in own if kinds[one.joint] == kind]
+            mm = [one.child_mm for one in alike]
+            rows.append((name, kind, float(np.median(mm)), float(np.percentile(mm, 90)), _inside(alike)))
+    columns = ("drawing", "joints", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")
+    return TextTable("two drawings: by kind of joint", columns, rows, "As above.")
+
+
+def shared_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTable:
+    """Give the error that all hands share, of each joint, and its share of the mean square."""
+    rows: list[tuple[str | float | None, ...]] = []
+    for name, own in _by_drawing(joints).items():
+        squares, constant = 0.0, 0.0
+        for joint in dict.fromkeys(one.joint for one in own):
+            off = np.array([one.off_mm[1] for one in own if one.joint == joint])
+            mean, se = off.mean(0), off.std(0, ddof=1) / len(off) ** 0.5
+            square, shared = float((off**2).sum(1).mean()), max(0.0, float((mean**2 - se**2).sum()))
+            squares, constant = squares + square, constant + shared
+            far = "x" if (np.abs(mean) > np.maximum(SHARED_MM, 2 * se)).any() else ""
+            rows.append((name, joint, *mean.tolist(), float(se.mean()), 100 * shared / square, far))
+        rows.append((name, "all", None, None, None, None, 100 * constant / squares, ""))
+    columns = ("drawing", "joint", "x mm:+.2f", "y mm:+.2f", "z mm:+.2f", "se mm:.2f", "share %:.0f", "far")
+    meaning = (
+        "Mean over hands of the error in the child's receiver, as on a right hand: x distal, y to the "
+        "thumb's side, z dorsal; se of each; what of the mean square error it makes, noise taken off. "
+        f"Far: beyond {SHARED_MM} mm and two se."
+    )
+    return TextTable("two drawings: the error that all hands share", columns, rows, meaning)
+
+
+def stated_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTable:
+    """Give what the stated sd is worth: calibration, rank, risk by coverage."""
+    rows = []
+    for name, own in _by_drawing(joints).items():
+        error, sd = np.array([one.worse_mm for one in own]), np.array([one.sd_mm for one in own])
+        surest = error[np.argsort(sd)]
+        rows.append(
+            (
+                name,
+                expected_calibration_error(error, sd),
+                float(spearmanr(error, sd).statistic),
+                *(float(surest[: round(share * len(surest))].mean()) for share in (0.25, 0.5, 0.75, 1.0)),
+                area_under_curve(sd, error > 2.0),
+                area_under_curve(sd, error > FAR_MM),
+            )
+        )
+    columns = (
+        "drawing", "ECE:.3f", "Spearman:.2f", "risk at 25 %:.2f", "50 %:.2f", "75 %:.2f", "100 %:.2f",
+        "AUC > 2 mm:.2f", f"AUC > {FAR_MM:.0f} mm:.2f",
+    )  # fmt: skip
+    meaning = (
+        "Of the worse half's error and the stated sd. ECE: mean distance of the share of joints within a "
+        "stated radius from the share stated, over ten levels. Risk: mean error, mm, of the surest share "
+        "of joints. AUC: that the sd of a joint so far off exceeds that of one that is not; - without any."
+    )
+    return TextTable("two drawings: is the stated error true", columns, rows, meaning)
+
+
+def expected_calibration_error(error_mm: Array, sd_mm: Array) -> float:
+    """Mean distance of observed from stated coverage over ten levels; (J,) each, radii of a round normal."""
+    levels = np.arange(0.05, 1.0, 0.1)
+    normal = np.linalg.norm(np.random.default_rng(0).standard_normal((200_000, 3)), axis=1) / 3**0.5
+    within = [(error_mm <= np.quantile(normal, level) * sd_mm).mean() for level in levels]
+    return float(np.abs(np.array(within) - levels).mean())
+
+
+def area_under_curve(score: Array, positive: npt.NDArray[np.bool_]) -> float | None:
+    """Probability that the score of a positive exceeds that of a negative; None without either."""
+    n, m = int(positive.sum()), int((~positive).sum())
+    if not n or not m:
+        return None
+    return float((rankdata(score)[positive].sum() - n * (n + 1) / 2) / (n * m))
+
+
+def ablation_table(
+    joints: Sequence[JointErrors], less: Mapping[tuple[str, str], Sequence[JointErrors]]
+) -> TextTable:
+    """Give what of the mean square error goes with each ingredient of a drawing."""
+    whole = {name: _mean_square(own) for name, own in _by_drawing(joints).items()}
+    rows = [
+        (name, without, square, 100 * (1 - square / whole[name]))
+        for (name, without), square in sorted(
+            ((key, _mean_square(own)) for key, own in less.items()), key=lambda one: (one[0][0], one[1])
+        )
+    ]
+    rows = [*((name, "(nothing)", square, 0.0) for name, square in whole.items()), *rows]
+    columns = ("drawing", "without", "mean square mm2:.2f", "less by %:.0f")
+    meaning = "The same hands drawn without one ingredient: mean square error in the child's receiver."
+    return TextTable("two drawings: what the rest is made of", columns, rows, meaning)
+
+
+def _mean_square(joints: Sequence[JointErrors]) -> float:
+    return float(np.mean([one.child_mm**2 for one in joints]))
