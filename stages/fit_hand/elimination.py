@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skeleton.rotations import Array
-from stages.fit_hand.normal_equations import Point, Problem, Reduced, reduce, residuals, weighted_jacobian
+from stages.fit_hand.compiled_equations import Jacobian, reduce, residuals, weighted_jacobians
+from stages.fit_hand.normal_equations import Point, Problem, Reduced
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,11 @@ class Eliminated:
     @classmethod
     def of(cls, problem: Problem, point: Point) -> Eliminated:
         """Eliminate at a point."""
-        current = residuals(problem, point)
-        reduced = reduce(problem, point, current, np.zeros(len(point.y)))
+        reduced = reduce(problem, point).frames_first()
         branches = []
-        for index, part in enumerate(current.branches):
-            r, states, root, by_x = _left(
-                problem, point, reduced, index, weighted_jacobian(problem, index, part, point)
-            )
+        parts = zip(residuals(problem, point).branches, weighted_jacobians(problem, point), strict=True)
+        for index, (part, jacobian) in enumerate(parts):
+            r, states, root, by_x = _left(problem, reduced, index, jacobian)
             receivers = tuple(s for _, s in problem.receivers[index])
             seen = np.sqrt(problem.temper * part.weight.T * problem.frames.valid[:, receivers])  # (F, n)
             scale = (seen[..., None] / problem.sd[receivers, :].repeat(3, axis=1)).reshape(r.shape)
@@ -67,17 +66,16 @@ class Eliminated:
 
 
 def _left(
-    problem: Problem, point: Point, reduced: Reduced, index: int, parts: tuple[Array, Array, Array]
+    problem: Problem, reduced: Reduced, index: int, jacobian: Jacobian
 ) -> tuple[Array, Array, Array, Array]:
     """A branch's residuals (F, m) and their derivatives by x (F, m, G), states and roots eliminated; between
-    them orthonormal derivatives by states (F, m, s) and roots (F, m, 6). parts : its weighted Jacobian.
+    them orthonormal derivatives by states (F, m, s) and roots (F, m, 6).
     """
     branch, gone = problem.branches[index], reduced.eliminated[index]
-    r, by_operation, by_root = parts
-    states = by_operation @ branch.per_state(point.x) @ gone.inverse.swapaxes(-1, -2)
-    of_branch = branch.by_unknown(by_operation, point.y) - states @ gone.by_rest[..., 6:]
-    root = (by_root - states @ gone.by_rest[..., :6]) @ reduced.root_inverse.swapaxes(-1, -2)
+    states = jacobian.by_states @ gone.inverse.swapaxes(-1, -2)
+    of_branch = jacobian.by_unknowns - states @ gone.by_rest[..., 6:]
+    root = (jacobian.by_root - states @ gone.by_rest[..., :6]) @ reduced.root_inverse.swapaxes(-1, -2)
     by_x = -root @ reduced.root_by_x
     by_x[..., branch.unknowns] += of_branch
-    r = r - (states @ gone.rhs[..., None])[..., 0] - (root @ reduced.root_rhs[..., None])[..., 0]
+    r = jacobian.r - (states @ gone.rhs[..., None])[..., 0] - (root @ reduced.root_rhs[..., None])[..., 0]
     return r, states, root, by_x

@@ -14,9 +14,10 @@ from itertools import product
 import numpy as np
 
 from skeleton.rotations import Array
+from stages.fit_hand.compiled_equations import residuals
 from stages.fit_hand.displacement_test import most_within
 from stages.fit_hand.elimination import Eliminated
-from stages.fit_hand.normal_equations import Frames, Point, Problem, residuals
+from stages.fit_hand.normal_equations import Frames, Point, Problem
 
 DISTANCES_MM = (60.0, 180.0)
 """From the nearest place where a receiver was to a source: a thing beside the hand, or a plate."""
