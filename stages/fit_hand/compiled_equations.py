@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,9 @@ from stages.fit_hand.normal_equations import (
     Residuals,
 )
 from stages.fit_hand.operations import Reached
+
+BLOCK_FRAMES = 96
+"""Frames that are posed together: what they need fits a core's own memory."""
 
 _LEAST_GAIN = 1e-4
 """Share of a frame's cost below which a step is its last."""
@@ -61,6 +64,45 @@ def _last(values: Array) -> Array:
 def _first(values: Array) -> Array:
     """A copy with the frames first instead of last."""
     return np.moveaxis(values, -1, 0).copy()
+
+
+def _reached_room(problem: Problem, n: int) -> kernel.Reached:
+    n_operations = sum(len(branch.operations) for branch in problem.branches)
+    n_marks = sum(len(branch.marks) for branch in problem.branches)
+    return kernel.Reached(
+        np.empty((n_operations, 3, n)),
+        np.empty((n_operations, 3, n)),
+        np.empty((n_marks, 3, 3, n)),
+        np.empty((n_marks, 3, n)),
+    )
+
+
+def _residuals_room(problem: Problem, n: int) -> kernel.Residuals:
+    n_receivers = sum(map(len, problem.receivers))
+    return kernel.Residuals(np.empty((n_receivers, 6, n)), np.empty((n_receivers, n)), np.empty(n))
+
+
+def _posing_room(problem: Problem, n: int) -> kernel.Room:
+    """Room for n frames."""
+    n_branches, m = len(problem.branches), 6 * max(map(len, problem.receivers), default=0)
+    s = max((len(branch.states) for branch in problem.branches), default=0)
+    n_states = len(problem.state_mean)
+    return kernel.Room(
+        kernel.Poses(np.empty((n_states, n)), np.empty((3, 3, n)), np.empty((3, n))),
+        _reached_room(problem, n),
+        _residuals_room(problem, n),
+        np.empty((s, m, n)),
+        np.empty((6, m, n)),
+        np.empty((n_branches, s, s, n)),
+        np.empty((n_branches, 6, s, n)),
+        np.empty((n_branches, s, n)),
+        np.empty((6, 6, n)),
+        np.empty((0, 6, n)),
+        np.empty((6, n)),
+        np.empty((6, 6, n)),
+        np.empty((6, n)),
+        np.empty((6, n)),
+    )
 
 
 def _chains(problem: Problem) -> FlatChains:
@@ -115,10 +157,8 @@ class _Evaluated:
             _measured(problem),
             _prior(problem),
         )
-        reached, found = (
-            kernel.reached_room(chains, len(point.y)),
-            kernel.residuals_room(chains, len(point.y)),
-        )
+        n_frames = len(point.y)
+        reached, found = _reached_room(problem, n_frames), _residuals_room(problem, n_frames)
         kernel.reach(chains, chains.plan, amounts, at, reached)
         kernel.residuals(chains, reached, at, seen, prior, found)
         return cls(chains, amounts, at, seen, prior, reached, found)
@@ -164,7 +204,7 @@ def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
         m, n = 6 * len(receivers), len(point.y)
         J_y, J = np.empty((len(branch.states), m, n)), np.empty((6 + len(branch.unknowns), m, n))
         kernel.jacobian(
-            at.chains, at.amounts, at.reached, at.at, at.seen, at.found, at.prior.temper, b, J_y, J
+            at.chains, at.amounts, at.reached, at.at, at.seen, at.found, problem.temper, b, J_y, J
         )
         own = slice(first, first + len(receivers))
         r = at.found.r[own] * np.sqrt(problem.temper * at.found.weight[own])[:, None]
@@ -190,23 +230,11 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
         own, s = branch.unknowns, len(branch.states)
         J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(own), 6 * len(receivers), n))
         part = kernel.Eliminated(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
-        r = kernel.reduce_branch(
-            at.chains,
-            at.amounts,
-            at.reached,
-            at.at,
-            at.seen,
-            at.found,
-            at.prior,
-            dampings,
-            b,
-            J_y,
-            J,
-            part,
-            H_rr,
-            H_xr,
-            g_r,
+        kernel.jacobian(
+            at.chains, at.amounts, at.reached, at.at, at.seen, at.found, problem.temper, b, J_y, J
         )
+        r = kernel.eliminate(at.chains, at.found, at.at, at.prior, dampings, b, J_y, J, part)
+        kernel.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
         J_x = J[6:].reshape(len(own), r.size)
         Z_x = part.by_rest[6:].reshape(len(own), part.rhs.size)
         matrix[np.ix_(own, own)] += J_x @ J_x.T - Z_x @ Z_x.T
@@ -236,20 +264,16 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     """Fit states and roots of every frame with x as it is: Levenberg-Marquardt, each frame on its own and
     for no longer than it gains.
     """
-    chains, frames = _chains(problem), problem.frames
-    posed = Point(point.x, point.y.copy(), point.root.copy(), point.root_mm.copy())
-    kernel.pose(
-        chains,
-        _amounts(chains, point.x),
-        _prior(problem),
-        frames.rotation.copy(),
-        frames.position_mm.copy(),
-        frames.valid.copy(),
-        problem.sd.copy(),
-        posed.y,
-        posed.root,
-        posed.root_mm,
-        steps,
-        _LEAST_GAIN,
-    )
-    return posed
+    chains, amounts, prior = _chains(problem), _amounts(_chains(problem), point.x), _prior(problem)
+    plan = kernel.condensed(chains, amounts)
+    y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
+    n_blocks = -(-len(y) // BLOCK_FRAMES)
+    rooms = dict[int, kernel.Room]()
+    for rows in np.array_split(np.arange(len(y)), max(1, n_blocks)):
+        block = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
+        room = rooms.setdefault(len(rows), _posing_room(problem, len(rows)))
+        at = _poses(point.take(block))
+        seen = _measured(replace(problem, frames=problem.frames.take(block)))
+        kernel.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, room)
+        y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
+    return Point(point.x, y, root, root_mm)

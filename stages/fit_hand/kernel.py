@@ -19,9 +19,6 @@ from skeleton.rotations import Array
 from stages.fit_hand.flat_chains import LEAVE, MARK, MOVE, ROTATE, TRANSLATE, FlatChains, Plan
 from stages.fit_hand.normal_equations import HUBER
 
-LANES = 96
-"""Frames that are posed together: what they need fits a core's own memory."""
-
 _SMALL = 1e-3
 _NO_TURN = 1e-9
 _SOME_ROOT = 1e-9
@@ -35,6 +32,11 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 def _compiled(function: _Function) -> _Function:
     """Compile when first called; keep the machine code on disk."""
     return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+def _inlined(function: _Function) -> _Function:
+    """Compile as a part of what calls it, which is once as long."""
+    return cast(_Function, numba.njit(inline="always", error_model="numpy")(function))
 
 
 class Amounts(NamedTuple):
@@ -95,6 +97,29 @@ class Eliminated(NamedTuple):
 
 
 @_compiled
+def _copy(values: Array, out: Array) -> None:
+    """Copy (n, F)."""
+    for i in range(len(out)):
+        for f in range(out.shape[1]):
+            out[i, f] = values[i, f]
+
+
+@_compiled
+def _copy_matrices(values: Array, out: Array) -> None:
+    """Copy (n, m, F)."""
+    for i in range(len(out)):
+        _copy(values[i], out[i])
+
+
+@_compiled
+def _fill(value: float, out: Array) -> None:
+    """Set all of (n, F)."""
+    for i in range(len(out)):
+        for f in range(out.shape[1]):
+            out[i, f] = value
+
+
+@_compiled
 def _rotate(R: Array, constant: Array, angle: Array, axis: Array) -> None:
     """Rotate about a constant axis; axis (3, F) : give it in the root's frame."""
     a, b, c = constant[0], constant[1], constant[2]
@@ -141,7 +166,8 @@ def _move(R: Array, t: Array, constant: Array) -> None:
 @_compiled
 def _amount(chains: FlatChains, amounts: Amounts, o: int, y: Array, out: Array) -> None:
     """Amount (F,) of an operation."""
-    out[:] = amounts.steady[o]
+    for f in range(len(out)):
+        out[f] = amounts.steady[o]
     for k in range(chains.terms_from[o], chains.terms_from[o + 1]):
         state = chains.state[k]
         if state >= 0:
@@ -161,25 +187,25 @@ def reach(chains: FlatChains, plan: Plan, amounts: Amounts, at: Poses, reached: 
         kind, place, constant = plan.kind[step], plan.place[step], plan.constant[step]
         if kind == ROTATE:
             _amount(chains, amounts, place, at.y, amount)
-            reached.origin_mm[place] = t
+            _copy(t, reached.origin_mm[place])
             _rotate(R, constant, amount, reached.axis[place])
         elif kind == TRANSLATE:
             _amount(chains, amounts, place, at.y, amount)
-            reached.origin_mm[place] = t
+            _copy(t, reached.origin_mm[place])
             _translate(R, t, constant, amount, reached.axis[place])
         elif kind == MOVE:
             _move(R, t, constant)
         elif kind == MARK:
-            reached.rotation[place] = R
-            reached.position_mm[place] = t
+            _copy_matrices(R, reached.rotation[place])
+            _copy(t, reached.position_mm[place])
         elif kind == LEAVE:
-            left_R[depth] = R
-            left_t[depth] = t
+            _copy_matrices(R, left_R[depth])
+            _copy(t, left_t[depth])
             depth += 1
         else:
             depth -= 1
-            R[:] = left_R[depth]
-            t[:] = left_t[depth]
+            _copy_matrices(left_R[depth], R)
+            _copy(left_t[depth], t)
 
 
 @_compiled
@@ -213,7 +239,8 @@ def residuals(
     chains: FlatChains, reached: Reached, at: Poses, seen: Measured, prior: Prior, out: Residuals
 ) -> None:
     """Residuals of every receiver, zero where not valid, and what each frame costs."""
-    out.cost[:] = 0.0
+    for f in range(len(out.cost)):
+        out.cost[f] = 0.0
     for b in range(len(chains.states_from) - 1):
         own = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
         for i in range(len(own)):
@@ -228,7 +255,8 @@ def residuals(
         r, sd = out.r[n], seen.sd[s]
         for f in range(len(out.cost)):
             if not seen.valid[s, f]:
-                r[:, f] = 0.0
+                for i in range(6):
+                    r[i, f] = 0.0
                 out.weight[n, f] = 1.0
                 continue
             _residual(
@@ -361,8 +389,10 @@ def jacobian(
     first, n_receivers = chains.receivers_from[b], chains.receivers_from[b + 1] - chains.receivers_from[b]
     free_x = len(J) > 6
     velocity = np.empty(at.root_mm.shape)
-    J_y[:] = 0.0
-    J[:] = 0.0
+    for column in range(len(J_y)):
+        _fill(0.0, J_y[column])
+    for column in range(len(J)):
+        _fill(0.0, J[column])
     for i in range(n_receivers):
         n, row = first + i, 6 * i
         top, low = slice(row, row + 3), slice(row + 3, row + 6)
@@ -379,8 +409,9 @@ def jacobian(
             else:
                 _by_terms(chains, amounts, o, at.y, axis, row, J_y, J)
         for k in range(3):
-            J[k, top] = at.root[:, k]
-            J[3 + k, low] = at.root[:, k]
+            for j in range(3):
+                for f in range(J.shape[2]):
+                    J[k, row + j, f] = J[3 + k, row + 3 + j, f] = at.root[j, k, f]
             _cross(J[k, top], place, at.root_mm, J[3 + k, top])
         s = chains.receiver[n]
         by_velocity, by_turn = _to_residuals(
@@ -408,8 +439,8 @@ def _add_product(a: Array, b: Array, rows: slice, factor: float, out: Array) -> 
 def _inverse_cholesky(A: Array, inverse: Array) -> None:
     """Inverses of the lower Cholesky factors of (n, n, F), of which the lower triangles are used up."""
     n, n_frames = len(A), A.shape[2]
-    inverse[:] = 0.0
     for j in range(n):
+        _fill(0.0, inverse[j])
         for i in range(j, n):
             for k in range(j):
                 for f in range(n_frames):
@@ -431,7 +462,7 @@ def _inverse_cholesky(A: Array, inverse: Array) -> None:
 @_compiled
 def _by_lower(inverse: Array, B: Array, out: Array) -> None:
     """Lower triangles (n, n, F) times (n, F)."""
-    out[:] = 0.0
+    _fill(0.0, out)
     for i in range(len(inverse)):
         for j in range(i + 1):
             for f in range(out.shape[1]):
@@ -439,7 +470,7 @@ def _by_lower(inverse: Array, B: Array, out: Array) -> None:
 
 
 @_compiled
-def _eliminate(
+def eliminate(
     chains: FlatChains,
     found: Residuals,
     at: Poses,
@@ -466,8 +497,8 @@ def _eliminate(
         for j in range(n_states):
             precision = prior.precision[b, i, j]
             if precision != 0.0:
-                A[i, j] = precision
                 for f in range(n_frames):
+                    A[i, j, f] = precision
                     B[i, f] += precision * (at.y[own[j], f] - prior.mean[own[j]])
         for n in range(first, last):
             rows = slice(6 * (n - first), 6 * (n - first) + 6)
@@ -481,7 +512,7 @@ def _eliminate(
     _inverse_cholesky(A, out.inverse)
     _by_lower(out.inverse, B, out.rhs)
     for column in range(len(J)):
-        B[:] = 0.0
+        _fill(0.0, B)
         for n in range(first, last):
             if column < 6 or chains.by_unknown[n, column - 6]:
                 rows = slice(6 * (n - first), 6 * (n - first) + 6)
@@ -493,7 +524,7 @@ def _eliminate(
 
 
 @_compiled
-def _add_to_root(
+def add_to_root(
     chains: FlatChains, b: int, J: Array, r: Array, part: Eliminated, H_rr: Array, H_xr: Array, g_r: Array
 ) -> None:
     """Add what a branch says of roots (6, 6, F), also by unknowns (G, 6, F), and their gradient (6, F)."""
@@ -525,31 +556,6 @@ def _solve_root(H_rr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Ar
 
 
 @_compiled
-def reduce_branch(
-    chains: FlatChains,
-    amounts: Amounts,
-    reached: Reached,
-    at: Poses,
-    seen: Measured,
-    found: Residuals,
-    prior: Prior,
-    damping: Array,
-    b: int,
-    J_y: Array,
-    J: Array,
-    part: Eliminated,
-    H_rr: Array,
-    H_xr: Array,
-    g_r: Array,
-) -> Array:
-    """Eliminate one branch's states, add what it says of the rest; give its weighted residuals (m, F)."""
-    jacobian(chains, amounts, reached, at, seen, found, prior.temper, b, J_y, J)
-    r = _eliminate(chains, found, at, prior, damping, b, J_y, J, part)
-    _add_to_root(chains, b, J, r, part, H_rr, H_xr, g_r)
-    return r
-
-
-@_compiled
 def reduce_roots(
     H_rr: Array, H_xr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Array, by_x: Array
 ) -> None:
@@ -562,7 +568,7 @@ def reduce_roots(
 @_compiled
 def _by_upper(inverse: Array, B: Array, out: Array) -> None:
     """Transposed lower triangles (n, n, F) times (n, F)."""
-    out[:] = 0.0
+    _fill(0.0, out)
     for i in range(len(inverse)):
         for j in range(i, len(inverse)):
             for f in range(out.shape[1]):
@@ -620,125 +626,128 @@ def step_root(d_root: Array, root: Array, root_mm: Array) -> None:
 
 
 @_compiled
+def _stay(R: Array, t: Array) -> None:
+    """Make a pose (3, 3, 1), (3, 1) that moves nothing."""
+    for i in range(3):
+        t[i, 0] = 0.0
+        for j in range(3):
+            R[i, j, 0] = 1.0 if i == j else 0.0
+
+
+@_compiled
 def condensed(chains: FlatChains, amounts: Amounts) -> Plan:
     """The plan with what stays between moving operations as one constant move."""
     plan = chains.plan
     kind, place, constant = np.empty_like(plan.kind), np.empty_like(plan.place), np.empty_like(plan.constant)
-    R, t, nothing, no_axis = np.empty((3, 3, 1)), np.zeros((3, 1)), np.empty(1), np.empty((3, 1))
+    R, t, amount, no_axis = np.empty((3, 3, 1)), np.empty((3, 1)), np.empty(1), np.empty((3, 1))
     n, pending = 0, False
-    R[:, :, 0] = np.eye(3)
+    _stay(R, t)
     for step in range(len(plan.kind)):
         what, o = plan.kind[step], plan.place[step]
-        stays = what == MOVE or (what in (ROTATE, TRANSLATE) and not chains.moves[o])
-        if stays:
-            nothing[0] = amounts.steady[o]
+        if what == MOVE or (what in (ROTATE, TRANSLATE) and not chains.moves[o]):
+            amount[0] = amounts.steady[o]
             if what == MOVE:
                 _move(R, t, plan.constant[step])
             elif what == ROTATE:
-                _rotate(R, plan.constant[step], nothing, no_axis)
+                _rotate(R, plan.constant[step], amount, no_axis)
             else:
-                _translate(R, t, plan.constant[step], nothing, no_axis)
+                _translate(R, t, plan.constant[step], amount, no_axis)
             pending = True
             continue
         if pending:
             kind[n], place[n] = MOVE, 0
             for i in range(3):
-                constant[n, 3 * i : 3 * i + 3] = R[i, :, 0]
                 constant[n, 9 + i] = t[i, 0]
-            R[:, :, 0] = np.eye(3)
-            t[:] = 0.0
+                for j in range(3):
+                    constant[n, 3 * i + j] = R[i, j, 0]
+            _stay(R, t)
             n, pending = n + 1, False
         kind[n], place[n] = what, o
-        constant[n] = plan.constant[step]
+        for i in range(12):
+            constant[n, i] = plan.constant[step, i]
         n += 1
-    return Plan(kind[:n].copy(), place[:n].copy(), constant[:n].copy())
+    return Plan(kind[:n], place[:n], constant[:n])
 
 
-class _Room(NamedTuple):
-    """What the solution of a block of frames is worked out in."""
+class Room(NamedTuple):
+    """Where a block of frames is posed: the point that is tried and what `reach` and `residuals` find; one
+    branch's J_y and J; all branches' inverse (B, most s, most s, F), by_rest (B, 6, most s, F) and rhs
+    (B, most s, F) of `Eliminated`; H_rr, g_r, root_inverse and root_rhs of roots; d_root (6, F), their step.
+    """
 
+    tried: Poses
     reached: Reached
     found: Residuals
-    damping: Array
-    cost: Array
+    J_y: Array
+    J: Array
+    inverse: Array
+    by_rest: Array
+    rhs: Array
+    H_rr: Array
+    H_xr: Array
+    g_r: Array
+    root_inverse: Array
+    root_rhs: Array
+    d_root: Array
 
 
-@_compiled
-def _load(first: int, y: Array, root: Array, root_mm: Array, at: Poses) -> None:
-    """Copy poses of a block of frames, of those first; where they end, the last again."""
-    for f in range(at.y.shape[1]):
-        row = min(first + f, len(y) - 1)
-        at.y[:, f] = y[row]
-        at.root[:, :, f] = root[row]
-        at.root_mm[:, f] = root_mm[row]
-
-
-@_compiled
-def _load_measured(first: int, rotation: Array, position_mm: Array, valid: Any, block: Measured) -> None:
-    """The same of measured poses."""
-    for f in range(block.valid.shape[1]):
-        row = min(first + f, len(valid) - 1)
-        for s in range(valid.shape[1]):
-            block.rotation[s, :, :, f] = rotation[row, s]
-            block.position_mm[s, :, f] = position_mm[row, s]
-            block.valid[s, f] = valid[row, s]
-
-
-@_compiled
+@_inlined
 def _step(
-    chains: FlatChains, amounts: Amounts, seen: Measured, prior: Prior, at: Poses, room: _Room, tried: Poses
+    chains: FlatChains,
+    amounts: Amounts,
+    seen: Measured,
+    prior: Prior,
+    damping: Array,
+    at: Poses,
+    room: Room,
 ) -> None:
-    """Where the step from a point leads, x being fixed."""
-    n = at.y.shape[1]
-    H_rr, H_xr, g_r = np.zeros((6, 6, n)), np.zeros((0, 6, n)), np.zeros((6, n))
-    parts = []
+    """Try the step from a point where `reach` and `residuals` were, x being fixed."""
+    for i in range(6):
+        _fill(0.0, room.H_rr[i])
+    _fill(0.0, room.g_r)
     for b in range(len(chains.states_from) - 1):
         n_states = chains.states_from[b + 1] - chains.states_from[b]
-        m = 6 * (chains.receivers_from[b + 1] - chains.receivers_from[b])
-        J_y, J = np.empty((n_states, m, n)), np.empty((6, m, n))
-        part = Eliminated(
-            np.empty((n_states, n_states, n)), np.empty((6, n_states, n)), np.empty((n_states, n))
-        )
-        reduce_branch(
-            chains,
-            amounts,
-            room.reached,
-            at,
-            seen,
-            room.found,
-            prior,
-            room.damping,
-            b,
-            J_y,
-            J,
-            part,
-            H_rr,
-            H_xr,
-            g_r,
-        )
-        parts.append(part)
-    inverse, rhs, d_root = np.empty((6, 6, n)), np.empty((6, n)), np.empty((6, n))
-    _solve_root(H_rr, g_r, room.damping, inverse, rhs)
-    _by_upper(inverse, -rhs, d_root)
-    tried.y[:] = at.y
-    tried.root[:] = at.root
-    tried.root_mm[:] = at.root_mm
-    for b in range(len(parts)):
+        part = Eliminated(room.inverse[b, :n_states], room.by_rest[b], room.rhs[b, :n_states])
+        J_y = room.J_y[:n_states]
+        jacobian(chains, amounts, room.reached, at, seen, room.found, prior.temper, b, J_y, room.J)
+        r = eliminate(chains, room.found, at, prior, damping, b, J_y, room.J, part)
+        add_to_root(chains, b, room.J, r, part, room.H_rr, room.H_xr, room.g_r)
+    _solve_root(room.H_rr, room.g_r, damping, room.root_inverse, room.root_rhs)
+    _by_upper(room.root_inverse, room.root_rhs, room.d_root)
+    for i in range(6):
+        for f in range(len(damping)):
+            room.d_root[i, f] = -room.d_root[i, f]
+    _copy(at.y, room.tried.y)
+    _copy_matrices(at.root, room.tried.root)
+    _copy(at.root_mm, room.tried.root_mm)
+    for b in range(len(chains.states_from) - 1):
         own = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
-        step_states(own, parts[b], d_root, tried.y)
-    step_root(d_root, tried.root, tried.root_mm)
+        part = Eliminated(room.inverse[b, : len(own)], room.by_rest[b], room.rhs[b, : len(own)])
+        step_states(own, part, room.d_root, room.tried.y)
+    step_root(room.d_root, room.tried.root, room.tried.root_mm)
 
 
-@_compiled
+@_inlined
 def _take(f: int, tried: Poses, at: Poses) -> None:
     """Copy one frame of poses."""
-    at.y[:, f] = tried.y[:, f]
-    at.root[:, :, f] = tried.root[:, :, f]
-    at.root_mm[:, f] = tried.root_mm[:, f]
+    for i in range(len(at.y)):
+        at.y[i, f] = tried.y[i, f]
+    for i in range(3):
+        at.root_mm[i, f] = tried.root_mm[i, f]
+        for j in range(3):
+            at.root[i, j, f] = tried.root[i, j, f]
+
+
+@_inlined
+def _evaluate(
+    chains: FlatChains, plan: Plan, amounts: Amounts, seen: Measured, prior: Prior, at: Poses, room: Room
+) -> None:
+    reach(chains, plan, amounts, at, room.reached)
+    residuals(chains, room.reached, at, seen, prior, room.found)
 
 
 @_compiled
-def _pose_block(
+def pose(
     chains: FlatChains,
     plan: Plan,
     amounts: Amounts,
@@ -747,99 +756,31 @@ def _pose_block(
     steps: int,
     least_gain: float,
     at: Poses,
-    tried: Poses,
-    room: _Room,
+    room: Room,
 ) -> None:
-    """Levenberg-Marquardt, each frame on its own and for no longer than it gains."""
-    goes_on = np.ones(len(room.cost), np.bool_)
-    room.damping[:] = _FIRST_DAMPING
-    reach(chains, plan, amounts, at, room.reached)
-    residuals(chains, room.reached, at, seen, prior, room.found)
-    room.cost[:] = room.found.cost
+    """Fit states and roots, in place, with x as it is: Levenberg-Marquardt, each frame on its own and for no
+    longer than a step gains least_gain of its cost. plan : condensed.
+    """
+    n_going = n = len(room.found.cost)
+    goes_on, damping, cost = np.ones(n, np.bool_), np.empty(n), np.empty(n)
+    _evaluate(chains, plan, amounts, seen, prior, at, room)
+    for f in range(n):
+        cost[f], damping[f] = room.found.cost[f], _FIRST_DAMPING
     for _ in range(steps):
-        _step(chains, amounts, seen, prior, at, room, tried)
-        reach(chains, plan, amounts, tried, room.reached)
-        residuals(chains, room.reached, tried, seen, prior, room.found)
+        _step(chains, amounts, seen, prior, damping, at, room)
+        _evaluate(chains, plan, amounts, seen, prior, room.tried, room)
         back = False
-        for f in range(len(goes_on)):
-            if goes_on[f] and room.found.cost[f] <= room.cost[f]:
-                goes_on[f] = room.cost[f] - room.found.cost[f] > least_gain * room.cost[f]
-                room.cost[f] = room.found.cost[f]
-                room.damping[f] /= _DAMPING_STEP
-                _take(f, tried, at)
+        for f in range(n):
+            if goes_on[f] and room.found.cost[f] <= cost[f]:
+                goes_on[f] = cost[f] - room.found.cost[f] > least_gain * cost[f]
+                n_going -= not goes_on[f]
+                cost[f] = room.found.cost[f]
+                damping[f] /= _DAMPING_STEP
+                _take(f, room.tried, at)
             elif goes_on[f]:
-                room.damping[f] *= _DAMPING_STEP
+                damping[f] *= _DAMPING_STEP
                 back = True
-        if not goes_on.any():
+        if not n_going:
             break
         if back:
-            reach(chains, plan, amounts, at, room.reached)
-            residuals(chains, room.reached, at, seen, prior, room.found)
-
-
-@_compiled
-def _poses(n_states: int, n: int) -> Poses:
-    """Room for poses of n frames."""
-    return Poses(np.empty((n_states, n)), np.empty((3, 3, n)), np.empty((3, n)))
-
-
-@_compiled
-def reached_room(chains: FlatChains, n: int) -> Reached:
-    """Room for where chains reach in n frames."""
-    n_operations, n_marks = len(chains.rotates), 0
-    for step in range(len(chains.plan.kind)):
-        n_marks += chains.plan.kind[step] == MARK
-    return Reached(
-        np.empty((n_operations, 3, n)),
-        np.empty((n_operations, 3, n)),
-        np.empty((n_marks, 3, 3, n)),
-        np.empty((n_marks, 3, n)),
-    )
-
-
-@_compiled
-def residuals_room(chains: FlatChains, n: int) -> Residuals:
-    """Room for residuals in n frames."""
-    n_receivers = len(chains.mark)
-    return Residuals(np.empty((n_receivers, 6, n)), np.empty((n_receivers, n)), np.empty(n))
-
-
-@_compiled
-def pose(
-    chains: FlatChains,
-    amounts: Amounts,
-    prior: Prior,
-    rotation: Array,
-    position_mm: Array,
-    valid: npt.NDArray[np.bool_],
-    sd: Array,
-    y: Array,
-    root: Array,
-    root_mm: Array,
-    steps: int,
-    least_gain: float,
-) -> None:
-    """Fit states and roots of every frame, in place, with x as it is.
-
-    Frames first: rotation (F, S, 3, 3), position_mm (F, S, 3), valid (F, S), y (F, S), root (F, 3, 3),
-    root_mm (F, 3). least_gain : share of a frame's cost below which a step is its last.
-    """
-    n_blocks, n_receivers = max(1, -(-len(y) // LANES)), valid.shape[1]
-    n = -(-len(y) // n_blocks)
-    plan = condensed(chains, amounts)
-    seen = Measured(
-        np.empty((n_receivers, 3, 3, n)),
-        np.empty((n_receivers, 3, n)),
-        np.empty((n_receivers, n), np.bool_),
-        sd,
-    )
-    at, tried = _poses(y.shape[1], n), _poses(y.shape[1], n)
-    room = _Room(reached_room(chains, n), residuals_room(chains, n), np.empty(n), np.empty(n))
-    for first in range(0, len(y), max(n, 1)):
-        _load(first, y, root, root_mm, at)
-        _load_measured(first, rotation, position_mm, valid, seen)
-        _pose_block(chains, plan, amounts, seen, prior, steps, least_gain, at, tried, room)
-        for f in range(min(n, len(y) - first)):
-            y[first + f] = at.y[:, f]
-            root[first + f] = at.root[:, :, f]
-            root_mm[first + f] = at.root_mm[:, f]
+            _evaluate(chains, plan, amounts, seen, prior, at, room)
