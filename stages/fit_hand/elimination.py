@@ -33,12 +33,12 @@ class EliminatedBranch:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Every branch of a problem at a point; matrix (G, G) : of the hand's unknowns, all else eliminated, and
-    gradient (G,).
+    """Every branch of a problem at a point; covariance (G, G) : of the hand's unknowns, all else eliminated;
+    gradient (G,) of the cost by them.
     """
 
     branches: tuple[EliminatedBranch, ...]
-    matrix: Array
+    covariance: Array
     gradient: Array
 
     @classmethod
@@ -62,7 +62,7 @@ class Eliminated:
                     scale[..., None] * root,
                 )
             )
-        return cls(tuple(branches), reduced.matrix, reduced.gradient)
+        return cls(tuple(branches), np.asarray(np.linalg.inv(reduced.matrix)), reduced.gradient)
 
 
 def _left(
