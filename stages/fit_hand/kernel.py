@@ -29,13 +29,16 @@ _FIRST_DAMPING, _DAMPING_STEP = 1e-3, 10.0
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def _compiled(function: _Function) -> _Function:
-    """Compile when first called; keep the machine code on disk."""
-    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+def _compiled(function: _Function, signature: str | None = None) -> _Function:
+    """Compile when first called, or for a signature now; keep the machine code on disk where that can be."""
+    try:
+        return cast(_Function, numba.njit(signature, nogil=True, error_model="numpy", cache=True)(function))
+    except RuntimeError:  # neither this folder nor the user's cache may be written
+        return cast(_Function, numba.njit(signature, nogil=True, error_model="numpy")(function))
 
 
 def _inlined(function: _Function) -> _Function:
-    """Compile as a part of what calls it, which is once as long."""
+    """Compile only as a part of what calls it."""
     return cast(_Function, numba.njit(inline="always", error_model="numpy")(function))
 
 
@@ -111,12 +114,15 @@ def _copy_matrices(values: Array, out: Array) -> None:
         _copy(values[i], out[i])
 
 
-@_compiled
 def _fill(value: float, out: Array) -> None:
     """Set all of (n, F)."""
     for i in range(len(out)):
         for f in range(out.shape[1]):
             out[i, f] = value
+
+
+# Compiled now: half a second of what numba then reads is shared by all forks of the warm process.
+_fill = _compiled(_fill, "void(float64, float64[:, ::1])")
 
 
 @_compiled
