@@ -20,7 +20,7 @@ from stages.fit_hand.normal_equations import (
 )
 from stages.fit_hand.operations import Reached
 
-BLOCK_FRAMES = 96
+BLOCK_FRAMES = 128
 """Frames that are posed together: what they need fits a core's own memory."""
 
 _LEAST_GAIN = 1e-4
@@ -271,9 +271,10 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     rooms = dict[int, kernel.Room]()
     for rows in np.array_split(np.arange(len(y)), max(1, n_blocks)):
         block = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
-        room = rooms.setdefault(len(rows), _posing_room(problem, len(rows)))
+        if len(rows) not in rooms:
+            rooms[len(rows)] = _posing_room(problem, len(rows))
         at = _poses(point.take(block))
         seen = _measured(replace(problem, frames=problem.frames.take(block)))
-        kernel.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, room)
+        kernel.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, rooms[len(rows)])
         y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
     return Point(point.x, y, root, root_mm)

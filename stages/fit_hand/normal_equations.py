@@ -3,6 +3,8 @@
 Unknowns of the hand (x, prior variance 1 over `precision`), states of every frame (y, weak priors) and its
 root pose. A frame's states enter only the receivers of their own branch, so that branch by branch they are
 eliminated first, then the root, then what is left is one dense system in x (Schur complement).
+
+In NumPy, for whoever wants to read or to test; what runs is compiled (`compiled_equations`).
 """
 
 from __future__ import annotations
@@ -116,15 +118,6 @@ class Residuals:
     branches: tuple[BranchResiduals, ...]
     cost: float
     frame_cost: Array
-
-    def take(self, rows: Rows) -> Residuals:
-        """Give some of the frames; their cost, and the rest of the whole's."""
-        branches = tuple(
-            BranchResiduals(r[:, rows], weight[:, rows], reached.take(rows))
-            for r, weight, reached in self.branches
-        )
-        own = self.frame_cost[rows]
-        return Residuals(branches, float(self.cost - self.frame_cost.sum() + own.sum()), own)
 
 
 def axial_vector(rotation: Array) -> Array:

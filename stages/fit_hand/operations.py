@@ -79,12 +79,6 @@ class Reached:
     axis: Array
     origin_mm: Array
 
-    def take(self, rows: Index | npt.NDArray[np.bool_] | slice) -> Reached:
-        """Give some of the frames."""
-        return Reached(
-            self.rotation[:, rows], self.position_mm[:, rows], self.axis[:, rows], self.origin_mm[:, rows]
-        )
-
 
 class Branch:
     """A chain of steps from the root with its side branches, ready to be evaluated.

@@ -17,7 +17,7 @@ from stages.fit_hand.fit import HandFit
 from stages.fit_hand.normal_equations import Frames, Problem, Residuals
 from stages.fit_hand.solving import first_guess
 
-CHUNK_FRAMES = 512
+CHUNK_FRAMES = 256
 LEAST_RECEIVERS = 2
 _UNSEEN = 1e9
 """Sd in units of a receiver's own, of what is to count for nothing."""
