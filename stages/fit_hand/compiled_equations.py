@@ -9,8 +9,9 @@ import numpy as np
 
 from skeleton.rotations import Array
 from stages.fit_hand import kernel
-from stages.fit_hand.flat_chains import FlatChains, flat_chains
+from stages.fit_hand.flat_chains import flat_chains
 from stages.fit_hand.normal_equations import (
+    HUBER,
     BranchResiduals,
     Elimination,
     Point,
@@ -105,11 +106,11 @@ def _posing_room(problem: Problem, n: int) -> kernel.Room:
     )
 
 
-def _chains(problem: Problem) -> FlatChains:
+def _chains(problem: Problem) -> kernel.FlatChains:
     return flat_chains(problem.branches, problem.receivers)
 
 
-def _amounts(chains: FlatChains, x: Array) -> kernel.Amounts:
+def _amounts(chains: kernel.FlatChains, x: Array) -> kernel.Amounts:
     """What is steady of every operation's amount, and how much of a state each term adds."""
     slope = chains.coefficient * np.where(chains.unknown >= 0, x[chains.unknown], 1.0)
     running = np.append(0.0, np.cumsum(np.where(chains.state < 0, slope, 0.0)))
@@ -133,14 +134,14 @@ def _prior(problem: Problem) -> kernel.Prior:
     for own, branch in zip(precision, problem.branches, strict=True):
         root, n = problem.state_prior(branch.states), len(branch.states)
         own[:n, :n] = problem.temper * root.T @ root
-    return kernel.Prior(problem.state_mean.copy(), precision, float(problem.temper))
+    return kernel.Prior(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
 
 
 @dataclass(frozen=True)
 class _Evaluated:
     """A problem at a point, as the kernel sees it."""
 
-    chains: FlatChains
+    chains: kernel.FlatChains
     amounts: kernel.Amounts
     at: kernel.Poses
     seen: kernel.Measured

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from skeleton.rotations import Array
+from stages.fit_hand.kernel import LEAVE, MARK, MOVE, RETURN, ROTATE, TRANSLATE, FlatChains, Plan
 from stages.fit_hand.operations import Branch, Index, Operation
 
-ROTATE, TRANSLATE, MOVE, MARK, LEAVE, RETURN = range(6)
 _KINDS = {
     "rotate": ROTATE,
     "translate": TRANSLATE,
@@ -21,52 +20,6 @@ _KINDS = {
     "leave": LEAVE,
     "return": RETURN,
 }
-
-
-class Plan(NamedTuple):
-    """Steps in a row: kind (P,); place (P,) of the operation or mark; constant (P, 12), an axis, or a
-    rotation row by row and then a translation (mm).
-    """
-
-    kind: Index
-    place: Index
-    constant: Array
-
-
-class FlatChains(NamedTuple):
-    """B branches with O operations, K terms, M marks and N measured receivers, numbered throughout.
-
-    plan : all steps, every branch begins at the root; depth : side branches within each other at most.
-    rotates, moves : (O,) whether an operation rotates, and depends on the states. amount : (O,) constants.
-    terms_from : (O + 1,) where an operation's terms begin; coefficient, unknown, state : (K,), -1 where a
-    factor is left out; x_column, y_column : (K,) their places among those of their branch.
-    mark, receiver : (N,) of a receiver, its place in frames. upstream_from : (N + 1,) where the operations
-    `upstream` begin that move it; by_state (N, most s), by_unknown (N, most g) : whether a branch's states
-    and unknowns do. receivers_from, states_from, unknowns_from : (B + 1,) where those of a branch begin.
-    """
-
-    plan: Plan
-    depth: int
-    rotates: npt.NDArray[np.bool_]
-    moves: npt.NDArray[np.bool_]
-    amount: Array
-    terms_from: Index
-    coefficient: Array
-    unknown: Index
-    state: Index
-    x_column: Index
-    y_column: Index
-    mark: Index
-    receiver: Index
-    upstream_from: Index
-    upstream: Index
-    by_state: npt.NDArray[np.bool_]
-    by_unknown: npt.NDArray[np.bool_]
-    receivers_from: Index
-    states_from: Index
-    states: Index
-    unknowns_from: Index
-    unknowns: Index
 
 
 @lru_cache(maxsize=64)

@@ -3,6 +3,8 @@
 Every array has its frames last, so that the inner loops run over neighbours in memory and become vector
 instructions. What is computed is in `operations` and `normal_equations`, frame by frame in NumPy; names are
 theirs. m : rows of a branch's residuals, six of each receiver; columns of derivatives : root, then unknowns.
+
+Numba keeps compiled code until this file changes, so constants and types that it reads are defined here.
 """
 
 from __future__ import annotations
@@ -16,8 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from skeleton.rotations import Array
-from stages.fit_hand.flat_chains import LEAVE, MARK, MOVE, ROTATE, TRANSLATE, FlatChains, Plan
-from stages.fit_hand.normal_equations import HUBER
+from stages.fit_hand.operations import Index
+
+ROTATE, TRANSLATE, MOVE, MARK, LEAVE, RETURN = range(6)
+"""Kinds of a plan's steps."""
 
 _SMALL = 1e-3
 _NO_TURN = 1e-9
@@ -40,6 +44,52 @@ def _compiled(function: _Function, signature: str | None = None) -> _Function:
 def _inlined(function: _Function) -> _Function:
     """Compile only as a part of what calls it."""
     return cast(_Function, numba.njit(inline="always", error_model="numpy")(function))
+
+
+class Plan(NamedTuple):
+    """Steps in a row: kind (P,); place (P,) of the operation or mark; constant (P, 12), an axis, or a
+    rotation row by row and then a translation (mm).
+    """
+
+    kind: Index
+    place: Index
+    constant: Array
+
+
+class FlatChains(NamedTuple):
+    """B branches with O operations, K terms, M marks and N measured receivers, numbered throughout.
+
+    plan : all steps, every branch begins at the root; depth : side branches within each other at most.
+    rotates, moves : (O,) whether an operation rotates, and depends on the states. amount : (O,) constants.
+    terms_from : (O + 1,) where an operation's terms begin; coefficient, unknown, state : (K,), -1 where a
+    factor is left out; x_column, y_column : (K,) their places among those of their branch.
+    mark, receiver : (N,) of a receiver, its place in frames. upstream_from : (N + 1,) where the operations
+    `upstream` begin that move it; by_state (N, most s), by_unknown (N, most g) : whether a branch's states
+    and unknowns do. receivers_from, states_from, unknowns_from : (B + 1,) where those of a branch begin.
+    """
+
+    plan: Plan
+    depth: int
+    rotates: npt.NDArray[np.bool_]
+    moves: npt.NDArray[np.bool_]
+    amount: Array
+    terms_from: Index
+    coefficient: Array
+    unknown: Index
+    state: Index
+    x_column: Index
+    y_column: Index
+    mark: Index
+    receiver: Index
+    upstream_from: Index
+    upstream: Index
+    by_state: npt.NDArray[np.bool_]
+    by_unknown: npt.NDArray[np.bool_]
+    receivers_from: Index
+    states_from: Index
+    states: Index
+    unknowns_from: Index
+    unknowns: Index
 
 
 class Amounts(NamedTuple):
@@ -67,11 +117,14 @@ class Measured(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Of the states: mean (S,), precision (B, most s, most s) branch by branch; temper of residuals."""
+    """Of the states: mean (S,), precision (B, most s, most s) branch by branch. Of residuals: their temper,
+    and the norm beyond which they count less.
+    """
 
     mean: Array
     precision: Array
     temper: float
+    huber: float
 
 
 class Reached(NamedTuple):
@@ -278,8 +331,8 @@ def residuals(
             for i in range(6):
                 square += r[i, f] * r[i, f]
             norm = math.sqrt(square)
-            out.weight[n, f] = min(1.0, HUBER / max(norm, HUBER))
-            rho = HUBER * norm - HUBER**2 / 2 if norm > HUBER else square / 2
+            out.weight[n, f] = min(1.0, prior.huber / max(norm, prior.huber))
+            rho = prior.huber * (norm - prior.huber / 2) if norm > prior.huber else square / 2
             out.cost[f] += prior.temper * rho
 
 
