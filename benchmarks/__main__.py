@@ -12,6 +12,7 @@ BENCHMARKS = {
     "studies": "whole studies of 1, 10 and 100 subjects: seconds, where they go, what a change costs",
     "long_recordings": "recordings of a minute and an hour through the stages: seconds and memory",
     "joint_solve": "one joint and a hand's: closed form, stacked SVD, biobuddy and qmt on the same data",
+    "hand_cost": "a whole hand fitted, posed and judged: time, start-up, memory, compiled beside NumPy",
     "captures": "an hour of a tracker's bytes to Parquet; recording live: loss, load, delay",
     "accuracy": "every estimator, and published software, on simulated hands against their truth",
     "measured_movement": "ranges of motion, ways of fingertips: how far off, and the sd stated of it",

@@ -15,6 +15,7 @@ from schemas.poses import Poses
 from schemas.verdict import RADIUS_SD
 from skeleton.joint_angles import angles_of_hand
 from skeleton.rotations import Array
+from stages.fit_hand.compiled_equations import pose
 from stages.fit_hand.facing import facing_nails
 from stages.fit_hand.fingertips import Fingertips, fingertips
 from stages.fit_hand.fit import HandFit, fit_hand
@@ -22,7 +23,7 @@ from stages.fit_hand.frame_uncertainty import posed_errors
 from stages.fit_hand.normal_equations import reduce, residuals
 from stages.fit_hand.posterior import Posterior
 from stages.fit_hand.replaying import PosedHand, pose_hand
-from stages.fit_hand.solving import first_guess, pose
+from stages.fit_hand.solving import first_guess
 from stages.simulate.random_hand import BONES, FINGERS
 from stages.simulate.realism import Realism
 from stages.simulate.simulation import LAYOUT, Simulated, simulate

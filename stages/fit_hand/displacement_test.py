@@ -264,12 +264,11 @@ def _by_interval(
     """
     n_frames, n, n_ways, _ = skin.shape
     by_x = branch.by_x.reshape(6 * n * n_frames, -1)
-    solved = np.linalg.solve(left.matrix, np.concatenate([by_x, left.gradient[None]]).T)
-    slope = (branch.slope.ravel() - by_x @ solved[:, -1]).reshape(n_frames, n, 6)
+    slope = (branch.slope.ravel() - by_x @ (left.covariance @ left.gradient)).reshape(n_frames, n, 6)
     columns = branch.curvature.reshape(n_frames, 6 * n, n, 1, 6) * skin[:, None]
     pull = np.einsum("fiag,fira->gira", branch.by_x.reshape(n_frames, n, 6, -1), skin, optimize=True)
     n_skin = 6 * n * n_ways
-    by_skin = columns.reshape(-1, n_skin) - solved[:, :-1].T @ pull.reshape(-1, n_skin)
+    by_skin = columns.reshape(-1, n_skin) - by_x @ (left.covariance @ pull.reshape(-1, n_skin))
     of_skin = by_skin.reshape(n_frames, n, 6, n_skin)
     inner = np.eye(n_skin) + np.einsum("fira,fias->iras", skin, of_skin, optimize=True).reshape(n_skin, -1)
     rhs = np.einsum("fira,fia->ira", skin, slope, optimize=True).ravel()
@@ -282,7 +281,7 @@ def _by_interval(
     found = {}
     for i, s in enumerate(branch.receivers):
         with_x, by_s = pulls[:, i].reshape(6 * len(cuts), -1), taken[:, :-1].reshape(n_skin, n, -1)[:, i]
-        curvature = -with_x @ np.linalg.solve(left.matrix, with_x.T) - own[i] @ by_s
+        curvature = -with_x @ (left.covariance @ with_x.T) - own[i] @ by_s
         curvature.reshape(len(cuts), 6, len(cuts), 6)[every, :, every] += blocks[:, i, :, i]
         found[s] = slopes[:, i] - (own[i] @ taken[:, -1]).reshape(-1, 6), curvature
     return found

@@ -11,16 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skeleton.rotations import Array
-from stages.fit_hand.normal_equations import (
-    BranchResiduals,
-    Point,
-    Problem,
-    Reduced,
-    by_unknowns,
-    reduce,
-    residuals,
-    weighted_jacobian,
-)
+from stages.fit_hand.compiled_equations import Jacobian, reduce, residuals, weighted_jacobians
+from stages.fit_hand.normal_equations import Point, Problem, Reduced
 
 
 @dataclass(frozen=True)
@@ -41,22 +33,22 @@ class EliminatedBranch:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Every branch of a problem at a point; matrix (G, G) : of the hand's unknowns, all else eliminated, and
-    gradient (G,).
+    """Every branch of a problem at a point; covariance (G, G) : of the hand's unknowns, all else eliminated;
+    gradient (G,) of the cost by them.
     """
 
     branches: tuple[EliminatedBranch, ...]
-    matrix: Array
+    covariance: Array
     gradient: Array
 
     @classmethod
     def of(cls, problem: Problem, point: Point) -> Eliminated:
         """Eliminate at a point."""
-        current = residuals(problem, point)
-        reduced = reduce(problem, point, current, np.zeros(len(point.y)))
+        reduced = reduce(problem, point).frames_first()
         branches = []
-        for index, part in enumerate(current.branches):
-            r, states, root, by_x = _left(problem, point, reduced, index, part)
+        parts = zip(residuals(problem, point).branches, weighted_jacobians(problem, point), strict=True)
+        for index, (part, jacobian) in enumerate(parts):
+            r, states, root, by_x = _left(reduced, index, jacobian)
             receivers = tuple(s for _, s in problem.receivers[index])
             seen = np.sqrt(problem.temper * part.weight.T * problem.frames.valid[:, receivers])  # (F, n)
             scale = (seen[..., None] / problem.sd[receivers, :].repeat(3, axis=1)).reshape(r.shape)
@@ -70,21 +62,18 @@ class Eliminated:
                     scale[..., None] * root,
                 )
             )
-        return cls(tuple(branches), reduced.matrix, reduced.gradient)
+        return cls(tuple(branches), np.asarray(np.linalg.inv(reduced.matrix)), reduced.gradient)
 
 
-def _left(
-    problem: Problem, point: Point, reduced: Reduced, index: int, part: BranchResiduals
-) -> tuple[Array, Array, Array, Array]:
+def _left(reduced: Reduced, index: int, jacobian: Jacobian) -> tuple[Array, Array, Array, Array]:
     """A branch's residuals (F, m) and their derivatives by x (F, m, G), states and roots eliminated; between
     them orthonormal derivatives by states (F, m, s) and roots (F, m, 6).
     """
-    branch, gone = problem.branches[index], reduced.eliminated[index]
-    r, by_operation, by_root = weighted_jacobian(problem, index, part, point)
-    states = by_operation @ branch.per_state(point.x) @ gone.inverse.swapaxes(-1, -2)
-    of_branch = by_unknowns(problem, index, part, point, by_operation) - states @ gone.by_rest[..., 6:]
-    root = (by_root - states @ gone.by_rest[..., :6]) @ reduced.root_inverse.swapaxes(-1, -2)
+    gone = reduced.eliminated[index]
+    states = jacobian.by_states @ gone.inverse.swapaxes(-1, -2)
+    of_branch = jacobian.by_unknowns - states @ gone.by_rest[..., 6:]
+    root = (jacobian.by_root - states @ gone.by_rest[..., :6]) @ reduced.root_inverse.swapaxes(-1, -2)
     by_x = -root @ reduced.root_by_x
     by_x[..., gone.unknowns] += of_branch
-    r = r - (states @ gone.rhs[..., None])[..., 0] - (root @ reduced.root_rhs[..., None])[..., 0]
+    r = jacobian.r - (states @ gone.rhs[..., None])[..., 0] - (root @ reduced.root_rhs[..., None])[..., 0]
     return r, states, root, by_x

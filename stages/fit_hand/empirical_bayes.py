@@ -13,7 +13,8 @@ import numpy as np
 
 from skeleton.effective_samples import effective_samples
 from skeleton.rotations import Array
-from stages.fit_hand.normal_equations import Point, Problem, Reduced, Residuals, weighted_jacobian
+from stages.fit_hand.compiled_equations import Jacobian
+from stages.fit_hand.normal_equations import Problem, Reduced, Residuals
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
     "mount": ("mount",),
@@ -77,21 +78,18 @@ def independent_samples(problem: Problem, current: Residuals) -> float:
 
 
 def residual_sd(
-    problem: Problem, point: Point, current: Residuals, reduced: Reduced, published: Array
+    problem: Problem, current: Residuals, jacobians: Sequence[Jacobian], reduced: Reduced, published: Array
 ) -> Array:
     """Sd (S, 2) of every receiver's residuals, position in mm and rotation in rad.
 
     The squares are divided by the degrees of freedom that the frame's own unknowns leave, as their leverage
-    says. published : (S, 2) the published ones.
+    says. jacobians : every branch's. published : (S, 2) the published ones.
     """
     out = published.copy()
-    for index, part in enumerate(current.branches):
-        r, weight, _ = part
-        _, by_operation, by_root = weighted_jacobian(problem, index, part, point)
-        branch, eliminated = problem.branches[index], reduced.eliminated[index]
-        J_y = by_operation @ branch.per_state(point.x)
-        own = J_y @ eliminated.inverse.swapaxes(-1, -2)
-        rest = by_root - own @ eliminated.by_rest[..., :6]
+    for index, ((r, weight, _), jacobian) in enumerate(zip(current.branches, jacobians, strict=True)):
+        eliminated = reduced.eliminated[index]
+        own = jacobian.by_states @ eliminated.inverse.swapaxes(-1, -2)
+        rest = jacobian.by_root - own @ eliminated.by_rest[..., :6]
         leverage = (own**2).sum(-1) + ((rest @ reduced.root_inverse.swapaxes(-1, -2)) ** 2).sum(-1)
         for i, (_, s) in enumerate(problem.receivers[index]):
             ok = problem.frames.valid[:, s]

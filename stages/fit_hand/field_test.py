@@ -14,9 +14,10 @@ from itertools import product
 import numpy as np
 
 from skeleton.rotations import Array
+from stages.fit_hand.compiled_equations import residuals
 from stages.fit_hand.displacement_test import most_within
 from stages.fit_hand.elimination import Eliminated
-from stages.fit_hand.normal_equations import Frames, Point, Problem, residuals
+from stages.fit_hand.normal_equations import Frames, Point, Problem
 
 DISTANCES_MM = (60.0, 180.0)
 """From the nearest place where a receiver was to a source: a thing beside the hand, or a plate."""
@@ -148,5 +149,5 @@ def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Ar
         by_x += np.tensordot(flat, branch.by_x, ((0, 1), (0, 1)))
         slope += np.tensordot(flat, branch.slope, ((0, 1), (0, 1)))
     curvature -= np.tensordot(by_root, by_root, ((0, 1), (0, 1)))
-    solved = np.linalg.solve(left.matrix, np.concatenate([by_x, left.gradient[None]]).T)
-    return slope - by_x @ solved[:, -1], curvature - by_x @ solved[:, :-1]
+    known = by_x @ left.covariance
+    return slope - known @ left.gradient, curvature - known @ by_x.T

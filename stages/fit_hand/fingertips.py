@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -76,6 +77,11 @@ class Fingertips:
     digits: Mapping[str, Fingertip]
     refused: tuple[str, ...] = ()
 
+    @cached_property
+    def root(self) -> Array:
+        """A square root of the covariance."""
+        return square_root(self.covariance)
+
     def __getitem__(self, digit: str) -> Fingertip:
         """One digit's; InputError where it has none."""
         if digit not in self.digits:
@@ -94,6 +100,12 @@ class Fingertips:
             point = {BONE: tip.point_mm, TIP: tip.soft_tip_mm, PAD: tip.pad_mm}[part]
             out[ok, i] = poses.position_mm[ok, column] + rotate(poses.quaternion[ok, column], point)
         return out
+
+
+def square_root(covariance: Array) -> Array:
+    """A matrix (n, n) whose product with its transpose is the covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def fingertips(fit: HandFit) -> Fingertips:

@@ -17,10 +17,11 @@ from skeleton.rotations import Array
 from skeleton.thumb_facing import faces_nail
 from stages.fit_hand.building import Parts
 from stages.fit_hand.chain import HandModel, hand_model
+from stages.fit_hand.compiled_equations import pose, reduce, residuals, weighted_jacobians
 from stages.fit_hand.empirical_bayes import independent_samples, prior_precision, residual_sd
 from stages.fit_hand.free_joints import free_joints
 from stages.fit_hand.measurements import Measurement, observations, planes
-from stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs, reduce, residuals
+from stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs
 from stages.fit_hand.posterior import Evidence, Posterior
 from stages.fit_hand.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
 from stages.fit_hand.receiver_frames import (
@@ -31,7 +32,7 @@ from stages.fit_hand.receiver_frames import (
     spread_frames,
 )
 from stages.fit_hand.room_field import RoomField
-from stages.fit_hand.solving import CLOSE, NEARLY, Solution, first_guess, pose, solve
+from stages.fit_hand.solving import CLOSE, NEARLY, Solution, first_guess, solve
 
 RESIDUAL_SD = (0.5, float(np.radians(0.6)))
 """Of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its states
@@ -123,8 +124,7 @@ def fit_hand(
     measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
     problem = _problem(model, frames, measured, field)
     problem, solution = _solved(problem, model, everything, settings)
-    reduced = reduce(problem, solution.point, solution.residuals, np.zeros(len(share)))
-    posterior = Posterior.of(problem, solution.point, reduced, share)
+    posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
     evidence = Evidence(
         layout, model, convention, problem, posterior, share, solution.point.y, solution.converged
     )
@@ -253,11 +253,11 @@ def _temper(problem: Problem, model: HandModel, solution: Solution, everything: 
 
 def _with_own_scales(problem: Problem, model: HandModel, solution: Solution, published_sd: Array) -> Problem:
     """The problem with the scales of priors and residuals that this hand shows."""
-    point, current = solution.point, solution.residuals
-    reduced = reduce(problem, point, current, np.zeros(len(point.y)))
+    point, reduced = solution.point, reduce(problem, solution.point).frames_first()
     covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
     precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
-    sd = residual_sd(problem, point, current, reduced, published_sd)
+    jacobians = weighted_jacobians(problem, point)
+    sd = residual_sd(problem, solution.residuals, jacobians, reduced, published_sd)
     return replace(problem, sd=sd, precision=precision)
 
 

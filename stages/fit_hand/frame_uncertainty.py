@@ -22,10 +22,11 @@ from schemas.layout import Digit
 from skeleton.joint_angles import joint_angles
 from skeleton.rotations import Array, about_axis, matrix, multiply
 from stages.fit_hand.building import bone
+from stages.fit_hand.compiled_equations import reduce
 from stages.fit_hand.facing import facing_nails, side_of
-from stages.fit_hand.fingertips import Fingertips
-from stages.fit_hand.normal_equations import Frames, Point, reduce, residuals
-from stages.fit_hand.operations import Index, cross
+from stages.fit_hand.fingertips import Fingertips, square_root
+from stages.fit_hand.normal_equations import Frames, Point
+from stages.fit_hand.operations import Branch, Index, cross
 from stages.fit_hand.posterior_summary import unshown_mm2
 from stages.fit_hand.receiver_frames import MIRROR, spread_frames
 from stages.fit_hand.replaying import PosedHand
@@ -34,8 +35,8 @@ from stages.fit_hand.touching import SKIN_SD_MM
 POSTURES = 96
 """Of a block of frames, for which the map is made; each set of valid receivers has one at least."""
 
-_MOST_AT_ONCE = 128
-"""Postures whose maps are in memory together: 50 MB."""
+_MOST_AT_ONCE = 32
+"""Postures whose maps are in memory together: 15 MB."""
 
 _NUDGE_RAD = 1e-5
 
@@ -56,11 +57,10 @@ The rest is how skin follows the posture, which repeats."""
 class _Spread:
     """Errors of F posed frames as linear maps of N standard normal numbers, of a right hand always.
 
-    bones : names; shift_mm, turn_rad : (F, B, 3, N) of each bone's proximal joint and of its rotation;
-    states_rad : (F, S, N); unknowns : (G + 6 D, N) of the hand's unknowns and the soft parts' offsets.
+    shift_mm, turn_rad : (F, B, 3, N) of each bone's proximal joint and of its rotation; states_rad :
+    (F, S, N); unknowns : (G + 6 D, N) of the hand's unknowns and the soft parts' offsets.
     """
 
-    bones: tuple[str, ...]
     shift_mm: Array
     turn_rad: Array
     states_rad: Array
@@ -68,12 +68,23 @@ class _Spread:
 
 
 @dataclass(frozen=True)
-class PosedErrors:
+class BoneErrors:
     """1-sigma errors of posed frames; NaN where a frame was not posed.
 
     centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`; angles_deg : joint to (F, 3), flexion,
-    abduction and rotation, NaN of an axis that the joint lacks; tips_mm : (F, D, 2) in 3-D of the ends of
-    bone and skin of known digits.
+    abduction and rotation, NaN of an axis that the joint lacks.
+    """
+
+    centre_mm: Array
+    turn_deg: Array
+    angles_deg: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class PosedErrors(BoneErrors):
+    """The same, and errors of what else is said of frames.
+
+    tips_mm : (F, D, 2) in 3-D of the ends of bone and skin of known digits.
 
     changes_deg : joint to (F, 3), of how far an angle is from the reference: what the hand's unknowns do to
     both alike is no error of the change. reference_deg : joint to (3, H), what they do to the reference, as
@@ -83,9 +94,6 @@ class PosedErrors:
     hand puts the receivers on anew.
     """
 
-    centre_mm: Array
-    turn_deg: Array
-    angles_deg: Mapping[str, Array]
     tips_mm: Array
     by_hand_deg: Mapping[str, Array] = field(default_factory=dict)
     changes_deg: Mapping[str, Array] = field(default_factory=dict)
@@ -108,7 +116,7 @@ def posed_errors(
     chosen, nearest = _postures(posed, frames.valid)
     few = _joined(
         [
-            _errors(tips, posed_frames(posed, rows), frames.take(rows))
+            _errors(Postures.of(tips, posed_frames(posed, rows)), frames.take(rows))
             for rows in np.split(chosen, range(_MOST_AT_ONCE, len(chosen), _MOST_AT_ONCE))
         ]
     )
@@ -122,9 +130,10 @@ def posed_errors(
         for joint, own in few.by_hand_deg.items()
     }
     anew = _new_in_a_session(tips)
-    session_deg = {joint: _norms(own @ anew) for joint, own in few.by_hand_deg.items()}
+    in_session = {joint: _times(own, anew) for joint, own in few.by_hand_deg.items()}
+    session_deg = {joint: _norms(own) for joint, own in in_session.items()}
     session_changes_deg = {
-        joint: _norms((own - reference_deg[joint]) @ anew) for joint, own in few.by_hand_deg.items()
+        joint: _norms(own - reference_deg[joint] @ anew) for joint, own in in_session.items()
     }
 
     def of_all(values: Array) -> Array:
@@ -157,7 +166,7 @@ def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
 def _new_in_a_session(tips: Fingertips) -> Array:
     """Take maps of H standard normal numbers, of the hand, to what differs in another session, (H, H)."""
     evidence = tips.fit.evidence
-    root = _square_root(tips.covariance)[: len(evidence.posterior.x)]
+    root = tips.root[: len(evidence.posterior.x)]
     put_on = np.isin(evidence.model.unknowns.groups, PUT_ON)
     return new_in_a_session(root, evidence.problem.precision, put_on, _NEW_SHARE)
 
@@ -170,12 +179,12 @@ def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_
     another session the pull on what is put on anew is another, and new_share of the residuals' part.
     """
     pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
-    return _square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
+    return square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
 
 
 def _norms(maps: Array) -> Array:
     """1-sigma errors (...) of numbers given as maps (..., N)."""
-    return np.asarray(np.sqrt((maps**2).sum(-1)))
+    return np.asarray(np.sqrt(np.einsum("...n,...n->...", maps, maps)))
 
 
 def _change_errors_deg(
@@ -226,74 +235,146 @@ def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
     return replace(posed, **{name: getattr(posed, name)[rows] for name in names})
 
 
-def errors_with(tips: Fingertips, posed: PosedHand, worn: Sequence[str]) -> PosedErrors:
-    """Errors of postures, were just these receivers worn and measured where the hand has them."""
-    model, convention, point = tips.fit.evidence.model, tips.fit.evidence.convention, _point(tips, posed)
-    shape = (len(posed.posed), len(model.receivers))
+def measured_as_posed(postures: Postures) -> Frames:
+    """Poses of all receivers, measured where the hand has them."""
+    evidence, point = postures.tips.fit.evidence, postures.point
+    shape = (len(point.y), len(evidence.model.receivers))
     rotation, place_mm = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
-    for branch, receivers in zip(model.branches, tips.fit.evidence.problem.receivers, strict=True):
+    for branch, receivers in zip(evidence.model.branches, evidence.problem.receivers, strict=True):
         reached = branch.reach(point.x, point.y, point.root, point.root_mm)
         for mark, s in receivers:
             rotation[:, s], place_mm[:, s] = reached.rotation[mark], reached.position_mm[mark]
-    valid = np.broadcast_to([name in worn for name in convention.receivers], shape)
-    return _errors(tips, posed, Frames(rotation, place_mm, valid))
+    return Frames(rotation, place_mm, np.ones(shape, bool))
 
 
-def _errors(tips: Fingertips, posed: PosedHand, frames: Frames) -> PosedErrors:
+def errors_with(postures: Postures, frames: Frames, worn: Sequence[str]) -> BoneErrors:
+    """Errors of postures, were just these receivers worn; frames : `measured_as_posed`."""
+    valid = np.tile(
+        [name in worn for name in postures.tips.fit.evidence.model.receivers], (len(frames.valid), 1)
+    )
+    spread = _spread_of(postures, replace(frames, valid=valid))
+    return _bone_errors(postures, spread, dict(_angle_errors_deg(postures, spread)))
+
+
+def _errors(postures: Postures, frames: Frames) -> PosedErrors:
     """Errors of every frame by a map of its own."""
-    spread, n_hand = _spread_of(tips, posed, frames), len(tips.covariance)
-    angles_deg = dict(_angle_errors_deg(tips, posed, spread))
-    neutral_deg = _neutral_sd_deg(tips)
+    spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
+    angles_deg = dict(_angle_errors_deg(postures, spread))
+    errors = _bone_errors(postures, spread, angles_deg)
     return PosedErrors(
+        errors.centre_mm,
+        errors.turn_deg,
+        errors.angles_deg,
+        _tip_errors_mm(postures, spread, frames),
+        {joint: own[..., :n_hand].copy() for joint, own in angles_deg.items()},
+    )
+
+
+def _bone_errors(postures: Postures, spread: _Spread, angles_deg: Mapping[str, Array]) -> BoneErrors:
+    neutral_deg = _neutral_sd_deg(postures.tips)
+    return BoneErrors(
         _norm(spread.shift_mm),
         np.degrees(_norm(spread.turn_rad)),
         {joint: np.hypot(_norms(own), neutral_deg[joint]) for joint, own in angles_deg.items()},
-        _tip_errors_mm(tips, posed, spread, frames),
-        {joint: own[..., :n_hand] for joint, own in angles_deg.items()},
     )
 
 
 def _norm(maps: Array) -> Array:
     """1-sigma error in 3-D (...) of vectors given as maps (..., 3, N)."""
-    return np.asarray(np.sqrt((maps**2).sum((-1, -2))))
+    return np.asarray(np.sqrt(np.einsum("...in,...in->...", maps, maps)))
 
 
-def _spread_of(tips: Fingertips, posed: PosedHand, frames: Frames) -> _Spread:
-    """How posed frames may be off. frames : the receivers' poses, of which those valid count."""
-    evidence = tips.fit.evidence
+@dataclass(frozen=True)
+class _BranchBones:
+    """Derivatives of the places and rotations of a branch's bones: by its unknowns (n, F, 6, g), and by its
+    states and the root (n, F, 6, s + 6); columns : which of all bones these are.
+    """
+
+    columns: tuple[int, ...]
+    by_unknowns: Array
+    by_own: Array
+
+
+@dataclass(frozen=True)
+class Postures:
+    """Posed frames, and what of their errors does not depend on which receivers show them.
+
+    point : the frames as they were solved, of a right hand always. by_turn : joint to the columns of its
+    bones and the derivative (F, 3, 3) of its angles, deg, by a turn of the second against the first, rad.
+    """
+
+    tips: Fingertips
+    posed: PosedHand
+    point: Point
+    bones: tuple[_BranchBones, ...]
+    by_turn: Mapping[str, tuple[int, int, Array]]
+
+    @classmethod
+    def of(cls, tips: Fingertips, posed: PosedHand) -> Postures:
+        """Differentiate posed frames."""
+        point = _point(tips, posed)
+        bones = tuple(
+            _branch_bones(branch, point, posed.bones) for branch in tips.fit.evidence.model.branches
+        )
+        return cls(tips, posed, point, bones, dict(_by_turns(tips, posed)))
+
+
+def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _BranchBones:
+    columns = [place for place, name in enumerate(bones) if bone(name) in branch.marks]
+    marks = [branch.marks.index(bone(bones[place])) for place in columns]
+    reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+    raw = branch.by_operation(reached, marks)
+    arms = reached.position_mm[marks] - point.root_mm
+    by_root = np.array([_by_root(point, arm) for arm in arms]).reshape(*raw.shape[:-1], 6)
+    by_states = raw @ branch.per_state(point.x, skin=False)
+    return _BranchBones(
+        tuple(columns),
+        branch.by_unknown(raw, point.y, skin=False),
+        np.concatenate([by_states, by_root], -1),
+    )
+
+
+def _spread_of(postures: Postures, frames: Frames) -> _Spread:
+    """How posed frames may be off. frames : the receivers' poses, of which those valid count.
+
+    Its numbers are those of the hand, then six of the root and one of each state.
+    """
+    evidence, point, root = postures.tips.fit.evidence, postures.point, postures.tips.root
     problem = replace(
         evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
     )
-    point = _point(tips, posed)
-    current = residuals(problem, point)
-    reduced = reduce(problem, point, current, np.zeros(len(point.y)))
-    root_of_tips = _square_root(tips.covariance)
-    n_x, n_own = len(point.x), root_of_tips.shape[1]
-    n_numbers = n_own + 6 + point.y.shape[1]
-    unknowns = np.zeros((len(root_of_tips), n_numbers))
-    unknowns[:, :n_own] = root_of_tips
-    dx = unknowns[:n_x]
+    reduced = reduce(problem, point).frames_first()
+    (n_frames, n_states), n_hand = point.y.shape, root.shape[1]
+    n_numbers, by_hand, of_root = n_hand + 6 + n_states, slice(0, n_hand), slice(n_hand, n_hand + 6)
+    dx = root[: len(point.x)]
     back = reduced.root_inverse.swapaxes(-1, -2)
-    d_root = -back @ (reduced.root_by_x @ dx)
-    d_root[:, :, n_own : n_own + 6] += back
-    states = np.zeros((*point.y.shape, n_numbers))
-    spread = {posed.bones[0]: _by_root(point, np.zeros_like(point.root_mm)) @ d_root}
-    for branch, part, (_, _, reached) in zip(
-        problem.branches, reduced.eliminated, current.branches, strict=True
-    ):
-        inner = part.inverse.swapaxes(-1, -2)
-        dy = -inner @ (part.by_rest[..., :6] @ d_root + part.by_rest[..., 6:] @ dx[part.unknowns])
-        dy[:, :, n_own + 6 + branch.states] += inner
+    d_root = np.zeros((n_frames, 6, n_numbers))
+    d_root[:, :, by_hand] = -back @ _times(reduced.root_by_x, dx)
+    d_root[:, :, of_root] = back
+    states, moved = (
+        np.zeros((n_frames, n_states, n_numbers)),
+        np.zeros((n_frames, len(postures.posed.bones), 6, n_numbers)),
+    )
+    moved[:, 0] = _by_root(point, np.zeros_like(point.root_mm)) @ d_root
+    for branch, part, own in zip(problem.branches, reduced.eliminated, postures.bones, strict=True):
+        inner, of_x = part.inverse.swapaxes(-1, -2), dx[branch.unknowns]
+        dy = part.by_rest[..., :6] @ d_root
+        dy[:, :, by_hand] += _times(part.by_rest[..., 6:], dx[part.unknowns])
+        dy = -inner @ dy
+        dy[:, :, n_hand + 6 + branch.states] += inner
         states[:, branch.states] = dy
-        marks = {name: branch.marks.index(bone(name)) for name in posed.bones if bone(name) in branch.marks}
-        raw = branch.by_operation(reached, list(marks.values()))
-        by_x = branch.by_unknown(raw, point.y, skin=False)
-        by_y = raw @ branch.per_state(point.x, skin=False)
-        for index, (name, mark) in enumerate(marks.items()):
-            by_root = _by_root(point, reached.position_mm[mark] - point.root_mm)
-            spread[name] = by_x[index] @ dx[branch.unknowns] + by_y[index] @ dy + by_root @ d_root
-    together = np.stack([spread[name] for name in posed.bones], 1)
-    return _Spread(posed.bones, together[:, :, :3], together[:, :, 3:], states, unknowns)
+        both = np.concatenate([dy, d_root], 1)
+        for by_unknowns, by_own, column in zip(own.by_unknowns, own.by_own, own.columns, strict=True):
+            np.matmul(by_own, both, out=moved[:, column])
+            moved[:, column, :, by_hand] += _times(by_unknowns, of_x)
+    unknowns = np.zeros((len(root), n_numbers))
+    unknowns[:, by_hand] = root
+    return _Spread(moved[:, :, :3], moved[:, :, 3:], states, unknowns)
+
+
+def _times(values: Array, matrix: Array) -> Array:
+    """Matrices (F, n, g), all of them at once, times one (g, N)."""
+    return (values.reshape(-1, values.shape[-1]) @ matrix).reshape(*values.shape[:-1], matrix.shape[-1])
 
 
 def _point(tips: Fingertips, posed: PosedHand) -> Point:
@@ -305,12 +386,6 @@ def _point(tips: Fingertips, posed: PosedHand) -> Point:
     return Point(evidence.posterior.x, posed.angles_rad, root, root_mm)
 
 
-def _square_root(covariance: Array) -> Array:
-    """A matrix (n, n) whose product with its transpose is the covariance."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
 def _by_root(point: Point, arm_mm: Array) -> Array:
     """Derivative (F, 6, 6) of a frame's place and rotation, that far from the root's, by the root's pose."""
     out = np.zeros((len(arm_mm), 6, 6))
@@ -319,27 +394,32 @@ def _by_root(point: Point, arm_mm: Array) -> Array:
     return out
 
 
-def _angle_errors_deg(tips: Fingertips, posed: PosedHand, spread: _Spread) -> Iterator[tuple[str, Array]]:
-    """Errors (F, 3, N) of the angles of each joint that moves, as maps; NaN of an axis that it lacks."""
-    layout = tips.fit.evidence.layout
+def _by_turns(tips: Fingertips, posed: PosedHand) -> Iterator[tuple[str, tuple[int, int, Array]]]:
+    """Joints of known anatomy that move, as in `Postures`."""
+    layout, hand = tips.fit.evidence.layout, side_of(tips.fit)
     facing, rests = facing_nails(tips.fit, posed)
-    hand, known = side_of(tips.fit), known_digits(layout)
-    for digit in known:
+    for digit in known_digits(layout):
         for parent, child, joint in zip(
             (digit.base, *digit.segments), digit.segments, digit.joints, strict=False
         ):
             if layout.joints[joint].dof:
                 a, b = posed.bones.index(parent), posed.bones.index(child)
-                turned = spread.turn_rad[:, b] - spread.turn_rad[:, a]
-                if hand == "left":
-                    turned = turned * -MIRROR[:, None]  # rotations are pseudo-vectors
                 by_turn = _by_turn(facing[:, a], facing[:, b], hand, rests[joint])
-                yield joint, by_turn @ turned
-    others = [name for name, _ in posed.angle_names]
+                if hand == "left":
+                    by_turn = by_turn * -MIRROR  # rotations are pseudo-vectors
+                yield joint, (a, b, by_turn)
+
+
+def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str, Array]]:
+    """Errors (F, 3, N) of the angles of each joint that moves, as maps; NaN of an axis that it lacks."""
+    for joint, (a, b, by_turn) in postures.by_turn.items():
+        yield joint, by_turn @ (spread.turn_rad[:, b] - spread.turn_rad[:, a])
+    known = {name for digit in known_digits(postures.tips.fit.evidence.layout) for name in digit.joints}
+    others = [name for name, _ in postures.posed.angle_names]
     for joint in dict.fromkeys(others):
-        if joint not in {name for digit in known for name in digit.joints}:
+        if joint not in known:
             own = [index for index, name in enumerate(others) if name == joint]
-            errors = np.full((len(posed.posed), 3, spread.states_rad.shape[-1]), np.nan)
+            errors = np.full((len(spread.states_rad), 3, spread.states_rad.shape[-1]), np.nan)
             errors[:, : len(own)] = np.degrees(spread.states_rad[:, own])
             yield joint, errors
 
@@ -356,10 +436,11 @@ def _by_turn(parent: Array, child: Array, hand: str, rest: Array) -> Array:
     return np.stack(columns, -1)
 
 
-def _tip_errors_mm(tips: Fingertips, posed: PosedHand, spread: _Spread, frames: Frames) -> Array:
+def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array:
     """Errors (F, D, 2) in 3-D of the ends of bone and skin: carried by the distal receiver where it is valid
     (`Fingertip`), else by the posed bone.
     """
+    tips, posed = postures.tips, postures.posed
     model = tips.fit.evidence.model
     out = np.empty((len(posed.posed), len(tips.digits), 2))
     for index, (digit, tip) in enumerate(tips.digits.items()):

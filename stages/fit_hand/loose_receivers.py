@@ -17,15 +17,16 @@ from anatomy.known_digits import known_digits, root_of
 from schemas.poses import Poses
 from skeleton.rotations import Array, exp_rotation
 from stages.fit_hand.chain import HandModel
+from stages.fit_hand.compiled_equations import pose, residuals
 from stages.fit_hand.displacement_test import Displacement, ScoreTest
 from stages.fit_hand.empirical_bayes import FAMILIES
 from stages.fit_hand.field_test import LEAST_FIELD_GAIN, Field, likeliest_field
 from stages.fit_hand.fit import HandFit
-from stages.fit_hand.normal_equations import Frames, Point, Problem, Residuals, residuals
+from stages.fit_hand.normal_equations import Frames, Point, Problem, Residuals
 from stages.fit_hand.operations import Index
 from stages.fit_hand.posterior import Evidence
 from stages.fit_hand.receiver_frames import concatenated
-from stages.fit_hand.solving import NEARLY, first_guess, pose, solve
+from stages.fit_hand.solving import NEARLY, first_guess, solve
 
 EVEN_FRAMES = 120
 """Evenly spaced over all recordings, several for each independent sample."""

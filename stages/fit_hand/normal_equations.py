@@ -3,6 +3,8 @@
 Unknowns of the hand (x, prior variance 1 over `precision`), states of every frame (y, weak priors) and its
 root pose. A frame's states enter only the receivers of their own branch, so that branch by branch they are
 eliminated first, then the root, then what is left is one dense system in x (Schur complement).
+
+In NumPy, for whoever wants to read or to test; what runs is compiled (`compiled_equations`).
 """
 
 from __future__ import annotations
@@ -98,12 +100,15 @@ class Problem:
         own = self.branches[index].unknowns
         return own if self.field is None else np.concatenate([own, self.field.unknowns])
 
+    def rotation(self, x: Array) -> Array:
+        """Rotations (F, S, 3, 3) of the receivers, the field's turn undone."""
+        if self.field is None:
+            return self.frames.rotation
+        return self.field.undone(self.frames.rotation, self.frames.position_mm, x)
+
     def back_to(self, s: int, x: Array) -> Array:
         """Rotations (F, 3, 3) from the transmitter's frame to a receiver's own, the field's turn undone."""
-        rotation = self.frames.rotation[:, s]
-        if self.field is not None:
-            rotation = self.field.undone(rotation, self.frames.position_mm[:, s], x)
-        return np.swapaxes(rotation, -1, -2)
+        return np.swapaxes(self.rotation(x)[:, s], -1, -2)
 
     def state_prior(self, states: Index | slice = slice(None)) -> Array:
         """Square root (s, s) of the precision of those states' priors."""
@@ -131,15 +136,6 @@ class Residuals:
     branches: tuple[BranchResiduals, ...]
     cost: float
     frame_cost: Array
-
-    def take(self, rows: Rows) -> Residuals:
-        """Give some of the frames; their cost, and the rest of the whole's."""
-        branches = tuple(
-            BranchResiduals(r[:, rows], weight[:, rows], reached.take(rows))
-            for r, weight, reached in self.branches
-        )
-        own = self.frame_cost[rows]
-        return Residuals(branches, float(self.cost - self.frame_cost.sum() + own.sum()), own)
 
 
 def axial_vector(rotation: Array) -> Array:
@@ -176,7 +172,7 @@ def _inverse_left_jacobian(vector: Array) -> Array:
 
 def residuals(problem: Problem, point: Point) -> Residuals:
     """Residuals of every receiver and the cost: half the tempered robust squares, the priors' included."""
-    parts = []
+    parts, rotation = [], problem.rotation(point.x)
     y_off = (point.y - problem.state_mean) @ problem.state_prior().T
     frame_cost = problem.temper * (y_off**2).sum(1) / 2
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
@@ -185,7 +181,7 @@ def residuals(problem: Problem, point: Point) -> Residuals:
         for i, (mark, s) in enumerate(receivers):
             ok = problem.frames.valid[:, s]
             off = reached.position_mm[mark] - problem.frames.position_mm[:, s]
-            back = problem.back_to(s, point.x)
+            back = np.swapaxes(rotation[:, s], -1, -2)
             off, turn = (back @ off[..., None])[..., 0], back @ reached.rotation[mark]
             r[i, :, :3] = np.where(ok[:, None], off / problem.sd[s, 0], 0.0)
             r[i, :, 3:] = np.where(ok[:, None], log_rotation(turn) / problem.sd[s, 1], 0.0)

@@ -79,30 +79,26 @@ class Reached:
     axis: Array
     origin_mm: Array
 
-    def take(self, rows: Index | npt.NDArray[np.bool_] | slice) -> Reached:
-        """Give some of the frames."""
-        return Reached(
-            self.rotation[:, rows], self.position_mm[:, rows], self.axis[:, rows], self.origin_mm[:, rows]
-        )
-
 
 class Branch:
     """A chain of steps from the root with its side branches, ready to be evaluated.
 
     marks : names in order. unknowns : indices into x, states : indices into y, of those that occur.
-    moving : operations that depend on the states.
+    moving : operations that depend on the states. plan : what is done in turn, with the number of the
+    operation or mark, and its constant. upstream : (M, O) which operations a mark follows.
     """
 
     def __init__(self, steps: Sequence[Step]) -> None:
-        self._plan: list[tuple[str, int, Array]] = []
+        self.plan: list[tuple[str, int, Array]] = []
         operations: list[Operation] = []
         upstream: dict[str, list[int]] = {}
         self._lay_out(steps, [], operations, upstream)
         self.marks = tuple(upstream)
+        self.operations = tuple(operations)
         self._rotates = np.array([operation.rotates for operation in operations], bool)
-        self._upstream = np.zeros((len(upstream), len(operations)), bool)
+        self.upstream = np.zeros((len(upstream), len(operations)), bool)
         for mark, before in enumerate(upstream.values()):
-            self._upstream[mark, before] = True
+            self.upstream[mark, before] = True
         axes = np.array([operation.axis for operation in operations]).reshape(-1, 3)
         self._cross = np.cross(axes[:, None, :], -np.eye(3))  # row i of [a]x is a x -e_i, read backwards
         self._square = self._cross @ self._cross
@@ -128,17 +124,17 @@ class Branch:
         for step in steps:
             if isinstance(step, Operation):
                 before.append(len(operations))
-                self._plan.append(("rotate" if step.rotates else "translate", len(operations), step.axis))
+                self.plan.append(("rotate" if step.rotates else "translate", len(operations), step.axis))
                 operations.append(step)
             elif isinstance(step, Turn):
-                self._plan.append(("turn", 0, step.rotation))
+                self.plan.append(("turn", 0, step.rotation))
             elif isinstance(step, Mark):
-                self._plan.append(("mark", len(upstream), NOTHING))
+                self.plan.append(("mark", len(upstream), NOTHING))
                 upstream[step.name] = list(before)
             else:
-                self._plan.append(("leave", 0, NOTHING))
+                self.plan.append(("leave", 0, NOTHING))
                 self._lay_out(step.steps, before, operations, upstream)
-                self._plan.append(("return", 0, NOTHING))
+                self.plan.append(("return", 0, NOTHING))
 
     def _set_terms(self, terms: Sequence[tuple[int, Term, bool]]) -> None:
         """Sort all terms (operation, term, whether it is skin) into the matrices of the derivatives."""
@@ -196,7 +192,7 @@ class Branch:
         axis = np.empty((len(self._rotates), n_frames, 3))
         origin = np.empty((len(self._rotates), n_frames, 3))
         left = []
-        for what, index, constant in self._plan:
+        for what, index, constant in self.plan:
             if what == "rotate":
                 axis[index], origin[index] = _times(R, constant), t
                 R = R @ turning[index] if self._moves[index] else _times(R, turning[index])
@@ -236,7 +232,7 @@ class Branch:
         chosen = np.arange(len(self._rotates)) if which is None else which
         out = np.zeros((len(marks), reached.axis.shape[1], 6, len(chosen)))
         for i, mark in enumerate(marks):
-            before = self._upstream[mark, chosen]
+            before = self.upstream[mark, chosen]
             turning, sliding = before & self._rotates[chosen], before & ~self._rotates[chosen]
             axis, origin_mm = reached.axis[chosen[turning]], reached.origin_mm[chosen[turning]]
             out[i, :, :3, turning] = cross(axis, reached.position_mm[mark] - origin_mm)

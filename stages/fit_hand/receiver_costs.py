@@ -17,7 +17,13 @@ from schemas.layout import Layout, read_layout
 from schemas.poses import Poses
 from skeleton.rotations import Array
 from stages.fit_hand.fingertips import Fingertips
-from stages.fit_hand.frame_uncertainty import PosedErrors, errors_with, posed_frames
+from stages.fit_hand.frame_uncertainty import (
+    BoneErrors,
+    Postures,
+    errors_with,
+    measured_as_posed,
+    posed_frames,
+)
 from stages.fit_hand.replaying import pose_hand
 
 FRAMES = 24
@@ -57,12 +63,13 @@ def receiver_costs(tips: Fingertips, task: Poses) -> list[ReceiverCost]:
     worn = [s for s in fit.evidence.model.receivers if np.isfinite(fit.residual_rms[s][0])]
     if not tips.digits or not len(rows):
         return []
-    postures = posed_frames(posed, rows)
+    postures = Postures.of(tips, posed_frames(posed, rows))
+    frames = measured_as_posed(postures)
     options: list[tuple[str, str, Sequence[str]]] = [("", "", worn)]
     options += [(left_out, "", [s for s in worn if s != left_out]) for left_out in worn]
     options += [("", layout.name, layout.expected) for layout in _smaller(fit.evidence.layout, worn)]
     known = [option for option in options if len(option[2]) >= LEAST_RECEIVERS]
-    errors = [errors_with(tips, postures, receivers) for *_, receivers in known]
+    errors = [errors_with(postures, frames, receivers) for *_, receivers in known]
     costs = [
         _cost(tips, without, layout, len(receivers), own, errors[0])
         for (without, layout, receivers), own in zip(known, errors, strict=True)
@@ -81,7 +88,7 @@ def _smaller(layout: Layout, worn: Sequence[str]) -> list[Layout]:
 
 
 def _cost(
-    tips: Fingertips, without: str, layout: str, n_receivers: int, errors: PosedErrors, with_all: PosedErrors
+    tips: Fingertips, without: str, layout: str, n_receivers: int, errors: BoneErrors, with_all: BoneErrors
 ) -> ReceiverCost:
     evidence = tips.fit.evidence
     bones = evidence.model.length

@@ -12,11 +12,12 @@ from anatomy.known_digits import root_of
 from schemas.poses import Poses
 from skeleton.rotations import Array, from_matrix
 from stages.fit_hand.building import bone, receiver
+from stages.fit_hand.compiled_equations import pose, residuals
 from stages.fit_hand.fit import HandFit
-from stages.fit_hand.normal_equations import Frames, Problem, Residuals, residuals
-from stages.fit_hand.solving import first_guess, pose
+from stages.fit_hand.normal_equations import Frames, Problem, Residuals
+from stages.fit_hand.solving import first_guess
 
-CHUNK_FRAMES = 512
+CHUNK_FRAMES = 256
 LEAST_RECEIVERS = 2
 _UNSEEN = 1e9
 """Sd in units of a receiver's own, of what is to count for nothing."""

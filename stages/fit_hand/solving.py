@@ -12,15 +12,8 @@ import numpy.typing as npt
 from skeleton.rotations import Array
 from stages.fit_hand.building import KINDS
 from stages.fit_hand.chain import HandModel
-from stages.fit_hand.normal_equations import (
-    Point,
-    Problem,
-    Residuals,
-    axial_vector,
-    back_substitute,
-    reduce,
-    residuals,
-)
+from stages.fit_hand.compiled_equations import back_substitute, reduce, residuals
+from stages.fit_hand.normal_equations import Point, Problem, Residuals, axial_vector
 
 CLOSE = 1e-3
 """Newton decrement, the drop in log posterior that a next step promises: statistically nothing is left."""
@@ -32,7 +25,6 @@ _FULL_STEP = 1e-3
 """Damping below which a step is as long as the normal equations say."""
 
 _LEAST_DAMPING, _MOST_DAMPING = 1e-8, 1e4
-_POSING_STEPS, _LEAST_GAIN = 12, 1e-4
 
 _BENDS_RAD = tuple(np.radians([5.0, 40.0, 75.0]))
 """Flexions that are tried where no two receivers show one."""
@@ -59,17 +51,19 @@ def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
         shown[:, guess.state] = frames.valid[:, a] & frames.valid[:, b]
         y[:, guess.state] = np.where(shown[:, guess.state], angle, y[:, guess.state])
     root, root_mm = np.tile(np.eye(3), (n_frames, 1, 1)), np.zeros((n_frames, 3))
-    placed, at_origin = np.zeros(n_frames, bool), (root.copy(), root_mm.copy())
+    placed = np.zeros(n_frames, bool)
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
-        reached = branch.reach(x, y, *at_origin)
+        rows = np.flatnonzero(~placed)
+        if not len(rows):
+            break
+        reached = branch.reach(x, y[rows], np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3)))
         for mark, s in receivers:
-            now = frames.valid[:, s] & ~placed
-            turn = frames.rotation[now, s] @ reached.rotation[mark, now].swapaxes(-1, -2)
-            root[now] = turn
-            root_mm[now] = (
-                frames.position_mm[now, s] - (turn @ reached.position_mm[mark, now, :, None])[..., 0]
-            )
-            placed |= now
+            found = frames.valid[rows, s] & ~placed[rows]
+            now = rows[found]
+            root[now] = frames.rotation[now, s] @ reached.rotation[mark, found].swapaxes(-1, -2)
+            arm = (root[now] @ reached.position_mm[mark, found, :, None])[..., 0]
+            root_mm[now] = frames.position_mm[now, s] - arm
+            placed[now] = True
     bends = [
         state
         for state, (_, kind) in enumerate(model.states.names)
@@ -108,35 +102,6 @@ def _with_likeliest_bends(
     return replace(point, y=y)
 
 
-def pose(problem: Problem, point: Point, steps: int = _POSING_STEPS) -> Point:
-    """Fit states and roots of every frame with x as it is: Levenberg-Marquardt, each frame on its own and
-    for no longer than it gains.
-    """
-    whole = Point(point.x, point.y.copy(), point.root.copy(), point.root_mm.copy())
-    rows = np.arange(len(point.y))
-    damping = np.full(len(rows), 1e-3)
-    current = residuals(problem, point)
-    for _ in range(steps):
-        reduced = reduce(problem, point, current, damping, fixed_x=True)
-        tried = back_substitute(problem, point, reduced, None)
-        new = residuals(problem, tried)
-        better = new.frame_cost <= current.frame_cost
-        for values, of_tried in (
-            (whole.y, tried.y),
-            (whole.root, tried.root),
-            (whole.root_mm, tried.root_mm),
-        ):
-            values[rows[better]] = of_tried[better]
-        goes_on = ~better | (current.frame_cost - new.frame_cost > _LEAST_GAIN * current.frame_cost)
-        if not goes_on.any():
-            break
-        rows, damping = rows[goes_on], np.where(better, damping / 10, damping * 10)[goes_on]
-        problem = replace(problem, frames=problem.frames.take(goes_on))
-        point = whole.take(rows)
-        current = new.take(goes_on) if better[goes_on].all() else residuals(problem, point)
-    return whole
-
-
 @dataclass(frozen=True)
 class Solution:
     """Where the fit ended; converged : whether because nothing moved any more."""
@@ -151,7 +116,7 @@ def solve(problem: Problem, point: Point, most_steps: int, close: float = CLOSE)
     current = residuals(problem, point)
     damping = 1e-4
     for _ in range(most_steps):
-        reduced = reduce(problem, point, current, np.full(len(point.y), damping))
+        reduced = reduce(problem, point, damping)
         diagonal = np.diag(np.diag(reduced.matrix)) * damping
         dx = np.asarray(-np.linalg.solve(reduced.matrix + diagonal, reduced.gradient), float)
         tried = back_substitute(problem, point, reduced, dx)

@@ -16,6 +16,7 @@ from benchmarks import (
     benchmark_table,
     bit_flips,
     fewer_receivers,
+    hand_cost,
     joint_solve,
     paper_accuracy,
     peers,
@@ -232,6 +233,13 @@ def test_wrong_options_are_refused(argv: str, expected: str, capsys: pytest.Capt
         main(argv.split())
     assert stopped.value.code == 2
     assert expected in capsys.readouterr().err
+
+
+def test_the_cost_of_a_hand_is_told_with_how_far_the_compiled_equations_are_off() -> None:
+    stages, twins, start = hand_cost.run(1, frames=(600, 60))
+    assert all(isinstance(ms, float) and ms > 0 for ms in column(stages, "ms"))
+    assert all(isinstance(off, float) and off < 1e-9 for off in column(twins, "largest difference"))
+    assert len(start.rows) == 3
 
 
 @pytest.mark.slow

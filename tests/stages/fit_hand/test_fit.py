@@ -13,10 +13,11 @@ from schemas.layout import Layout
 from schemas.poses import Poses
 from schemas.verdict import FAR, LITTLE_RANGE_DEG, NO_POSE
 from skeleton.rotations import exp_rotation, from_matrix, multiply
+from stages.fit_hand.compiled_equations import pose
 from stages.fit_hand.fit import HandFit, Settings, fit_hand
 from stages.fit_hand.measurements import Measurement
 from stages.fit_hand.normal_equations import reduce, residuals
-from stages.fit_hand.solving import first_guess, pose, solve
+from stages.fit_hand.solving import first_guess, solve
 from stages.simulate.random_hand import BONES
 from stages.simulate.simulation import Simulated
 from stages.solve_joints.closed import solve_closed

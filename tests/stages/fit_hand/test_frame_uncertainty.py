@@ -19,9 +19,11 @@ from stages.fit_hand.fit import Settings, fit_hand
 from stages.fit_hand.frame_uncertainty import (
     NEUTRAL_SD_DEG,
     PosedErrors,
+    Postures,
     _point,
     _spread_of,
     errors_with,
+    measured_as_posed,
     new_in_a_session,
     posed_errors,
     posed_frames,
@@ -64,7 +66,7 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
     poses, posed = task_of(tips, worn)
     evidence = tips.fit.evidence
     frames = evidence.convention.frames(poses)
-    spread = _spread_of(tips, posed, frames)
+    spread = _spread_of(Postures.of(tips, posed), frames)
     problem = replace(
         evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
     )
@@ -118,10 +120,12 @@ def test_fewer_receivers_never_say_more(tips: Fingertips) -> None:
     _, posed = task_of(tips)
     rng, worn = np.random.default_rng(1), np.array(tips.fit.evidence.model.receivers)
     known = replace(tips, covariance=np.zeros_like(tips.covariance))
-    before = errors_with(known, posed, worn)
+    postures = Postures.of(known, posed)
+    frames = measured_as_posed(postures)
+    before = errors_with(postures, frames, worn)
     while len(worn) > 3:
         worn = np.delete(worn, rng.integers(len(worn), size=4))
-        after = errors_with(known, posed, worn)
+        after = errors_with(postures, frames, worn)
         assert (after.centre_mm > before.centre_mm * (1 - 1e-6)).all()
         assert (after.turn_deg > before.turn_deg * (1 - 1e-6)).all()
         before = after
@@ -130,7 +134,9 @@ def test_fewer_receivers_never_say_more(tips: Fingertips) -> None:
 def test_six_receivers_say_less_of_a_pip_joint_than_all(tips: Fingertips) -> None:
     _, posed = task_of(tips)
     receivers = tips.fit.evidence.model.receivers
-    with_all, with_six = (errors_with(tips, posed, own).angles_deg for own in (receivers, SIX))
+    postures = Postures.of(tips, posed)
+    frames = measured_as_posed(postures)
+    with_all, with_six = (errors_with(postures, frames, own).angles_deg for own in (receivers, SIX))
     for digit in FINGERS:
         joint = f"{digit}_pip"
         assert 1.2 < with_six[joint][:, 0].mean() / with_all[joint][:, 0].mean() < 5

@@ -1,0 +1,51 @@
+"""Command line: compile what fitting and posing a hand need, once, so that no study waits for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schemas.layout import read_layout
+from stages.fit_hand import compiled_equations
+from stages.fit_hand.chain import hand_model
+from stages.fit_hand.normal_equations import Frames, Observations, Point, Problem, pairs
+
+LAYOUT = "liberty16"
+
+
+def compile_all() -> None:
+    """Call every compiled function on one frame; numba keeps what it compiles beside the code, or where
+    NUMBA_CACHE_DIR or the user's cache is.
+    """
+    problem, point = one_frame()
+    compiled_equations.residuals(problem, point)
+    compiled_equations.weighted_jacobians(problem, point)
+    steps = compiled_equations.reduce(problem, point)
+    compiled_equations.back_substitute(problem, point, steps, np.zeros(len(point.x)))
+    compiled_equations.pose(problem, point)
+
+
+def one_frame() -> tuple[Problem, Point]:
+    """An average hand, flat, and nothing measured of it."""
+    layout = read_layout(LAYOUT)
+    names = [name for name in layout.measured if not layout.segments[name].optional]
+    model = hand_model(layout, names, names, np.zeros(3))
+    n_unknowns, n_receivers = len(model.unknowns.names), len(names)
+    turns, valid = np.tile(np.eye(3), (1, n_receivers, 1, 1)), np.zeros((1, n_receivers), bool)
+    unseen = Frames(turns, np.zeros((1, n_receivers, 3)), valid)
+    mean = np.array(model.states.mean)
+    problem = Problem(
+        model.branches,
+        pairs(model.branches, model.receivers),
+        unseen,
+        np.ones((n_receivers, 2)),
+        1.0,
+        mean,
+        np.array(model.states.sd),
+        np.ones(n_unknowns),
+        Observations.of([], [], n_unknowns),
+    )
+    return problem, Point(np.zeros(n_unknowns), mean[None].copy(), np.eye(3)[None].copy(), np.zeros((1, 3)))
+
+
+if __name__ == "__main__":
+    compile_all()
