@@ -250,17 +250,17 @@ class Builder:
 
 def along(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:
     """Translation by an amount."""
-    return Operation(False, axis, amount.constant, tuple(Term(c, i) for c, i in amount.parts), skin)
+    return Operation(False, axis, amount.constant, (*(Term(c, i) for c, i in amount.parts), *skin))
 
 
 def about(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:
     """Rotation by an amount."""
-    return Operation(True, axis, amount.constant, tuple(Term(c, i) for c, i in amount.parts), skin)
+    return Operation(True, axis, amount.constant, (*(Term(c, i) for c, i in amount.parts), *skin))
 
 
 def by_state(axis: Array, state: int, skin: tuple[Term, ...] = ()) -> Operation:
     """Rotation by a joint angle."""
-    return Operation(True, axis, 0.0, (Term(1.0, None, state),), skin)
+    return Operation(True, axis, 0.0, (Term(1.0, None, state), *skin))
 
 
 def across_of(axis: Array) -> tuple[Array, Array]:

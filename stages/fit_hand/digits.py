@@ -268,5 +268,5 @@ class _Joint:
         axes = (self.axis, self.second, self.rest[:, 0])
         for axis, state in zip(axes, (self.flexion, *self.others), strict=True):
             lag = Term(prior.TURN_LAG, None, state), Term(prior.TURN_LAG_SD, self.lags[1], state)
-            steps.append(Operation(True, self.rest.T @ axis, 0.0, (), lag))
+            steps.append(Operation(True, self.rest.T @ axis, 0.0, lag))
         return tuple(steps)

@@ -79,7 +79,7 @@ def _terms(operation: Operation) -> list[tuple[float, int, int]]:
             -1 if term.unknown is None else term.unknown,
             -1 if term.state is None else term.state,
         )
-        for term in (*operation.terms, *operation.skin)
+        for term in operation.terms
     ]
 
 

@@ -326,10 +326,10 @@ def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _Branch
     raw = branch.by_operation(reached, marks)
     arms = reached.position_mm[marks] - point.root_mm
     by_root = np.array([_by_root(point, arm) for arm in arms]).reshape(*raw.shape[:-1], 6)
-    by_states = raw @ branch.per_state(point.x, skin=False)
+    by_states = raw @ branch.per_state(point.x)
     return _BranchBones(
         tuple(columns),
-        branch.by_unknown(raw, point.y, skin=False),
+        branch.by_unknown(raw, point.y),
         np.concatenate([by_states, by_root], -1),
     )
 

@@ -33,14 +33,13 @@ class Term:
 class Operation:
     """A rotation about (rad) or a translation along (mm) a constant unit axis in the frame reached so far.
 
-    The amount is the constant and the terms; skin : terms that are the skin's doing, not the bones'.
+    The amount is the constant and the terms.
     """
 
     rotates: bool
     axis: Array
     constant: float = 0.0
     terms: tuple[Term, ...] = ()
-    skin: tuple[Term, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,12 +103,7 @@ class Branch:
         self._square = self._cross @ self._cross
         self._constant = np.array([operation.constant for operation in operations])
         self._set_terms(
-            [
-                (index, term, is_skin)
-                for index, operation in enumerate(operations)
-                for is_skin, terms in ((False, operation.terms), (True, operation.skin))
-                for term in terms
-            ]
+            [(index, term) for index, operation in enumerate(operations) for term in operation.terms]
         )
 
     def _lay_out(
@@ -136,54 +130,54 @@ class Branch:
                 self._lay_out(step.steps, before, operations, upstream)
                 self.plan.append(("return", 0, NOTHING))
 
-    def _set_terms(self, terms: Sequence[tuple[int, Term, bool]]) -> None:
-        """Sort all terms (operation, term, whether it is skin) into the matrices of the derivatives."""
+    def _set_terms(self, terms: Sequence[tuple[int, Term]]) -> None:
+        """Sort all terms (operation, term) into the matrices of the derivatives."""
         self.unknowns: Index = np.array(
-            sorted({term.unknown for _, term, _ in terms if term.unknown is not None}), int
+            sorted({term.unknown for _, term in terms if term.unknown is not None}), int
         )
         self.states: Index = np.array(
-            sorted({term.state for _, term, _ in terms if term.state is not None}), int
+            sorted({term.state for _, term in terms if term.state is not None}), int
         )
         x_at = {int(index): i for i, index in enumerate(self.unknowns)}
         y_at = {int(index): i for i, index in enumerate(self.states)}
         n_operations = len(self._rotates)
         self._by_unknown = np.zeros((n_operations, len(self.unknowns)))
-        self._by_state = np.zeros((2, n_operations, len(self.states)))  # bones', skin's
+        self._by_state = np.zeros((n_operations, len(self.states)))
         products = []
-        for o, term, is_skin in terms:
+        for o, term in terms:
             if term.unknown is None and term.state is not None:
-                self._by_state[int(is_skin), o, y_at[term.state]] += term.coefficient
+                self._by_state[o, y_at[term.state]] += term.coefficient
             elif term.unknown is not None and term.state is None:
                 self._by_unknown[o, x_at[term.unknown]] += term.coefficient
-            elif term.unknown is not None and term.state is not None:
-                products.append((o, x_at[term.unknown], y_at[term.state], term.coefficient, is_skin))
+            elif term.unknown is None:
+                self._constant[o] += term.coefficient
+            elif term.state is not None:
+                products.append((o, x_at[term.unknown], y_at[term.state], term.coefficient))
         self._product_at: Index = np.array([p[:3] for p in products], int).reshape(-1, 3)
         self._product = np.array([p[3] for p in products])
-        self._product_skin = np.array([p[4] for p in products], bool)
-        self._moves = np.any(self._by_state != 0, axis=(0, 2))
+        self._moves = np.any(self._by_state != 0, axis=1)
         self._moves[self._product_at[:, 0]] = True
         self.moving: Index = np.flatnonzero(self._moves)
         select = np.zeros((len(products), len(self.unknowns)))
         select[np.arange(len(products)), self._product_at[:, 1]] = self._product
         self._by_unknown_and_product = np.concatenate([self._by_unknown, select])
 
-    def per_state(self, x: Array, *, skin: bool = True) -> Array:
+    def per_state(self, x: Array) -> Array:
         """Derivative (O, states) of every amount with respect to the branch's own states."""
-        by_state = self._by_state[0] + self._by_state[1] if skin else self._by_state[0].copy()
+        by_state = self._by_state.copy()
         o, g, s = self._product_at.T
-        used = slice(None) if skin else ~self._product_skin
-        np.add.at(by_state, (o[used], s[used]), (self._product * x[self.unknowns][g])[used])
+        np.add.at(by_state, (o, s), self._product * x[self.unknowns][g])
         return np.asarray(by_state)
 
-    def reach(self, x: Array, y: Array, root: Array, root_mm: Array, *, skin: bool = True) -> Reached:
+    def reach(self, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
         """Go through the chain.
 
         x : (G,) unknowns; y : (F, S) states of the frames; root : (F, 3, 3), root_mm : (F, 3) pose of the
-        root. skin : False to leave the receivers where they are on the bones when no joint is bent.
+        root.
         """
         own = y[:, self.states]
         steady = self._constant + self._by_unknown @ x[self.unknowns]
-        amount = steady[:, None] + self.per_state(x, skin=skin) @ own.T
+        amount = steady[:, None] + self.per_state(x) @ own.T
         turning = self._turning(steady, amount)
         R, t = root, root_mm
         n_frames = len(y)
@@ -240,16 +234,10 @@ class Branch:
             out[i, :, :3, sliding] = reached.axis[chosen[sliding]]
         return out
 
-    def by_unknown(self, by_operation: Array, y: Array, *, skin: bool = True) -> Array:
-        """Derivative (..., F, 6, unknowns) by the branch's own unknowns from that by the operations.
-
-        skin : as in `reach`.
-        """
+    def by_unknown(self, by_operation: Array, y: Array) -> Array:
+        """Derivative (..., F, 6, unknowns) by the branch's own unknowns from that by the operations."""
         o, _, s = self._product_at.T
-        angles = y[:, self.states][:, s]
-        if not skin:
-            angles = np.where(self._product_skin, 0.0, angles)
-        products = by_operation[..., o] * angles[:, None, :]
+        products = by_operation[..., o] * y[:, self.states][:, s][:, None, :]
         return np.asarray(np.concatenate([by_operation, products], -1) @ self._by_unknown_and_product)
 
 

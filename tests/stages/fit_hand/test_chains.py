@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anatomy.average_hand import UNDER_READING, UNDER_READING_SD
+from anatomy import average_hand as prior
 from schemas.layout import Layout
 from skeleton.rotations import Array, exp_rotation
 from stages.fit_hand.chain import HandModel, hand_model
@@ -69,21 +69,20 @@ def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> P
     )
 
 
-@pytest.mark.parametrize("skin", [True, False])
-def test_every_branch(layout: Layout, skin: bool) -> None:
-    """Poses of all marks by all unknowns and states, with the skin's motion and without."""
+def test_every_branch(layout: Layout) -> None:
+    """Poses of all marks by all unknowns and states."""
     model = model_of(layout)
     point = random_point(model, 3)
 
     def reach(x: Array, y: Array, branch_index: int) -> tuple[Array, Array]:
-        reached = model.branches[branch_index].reach(x, y, point.root, point.root_mm, skin=skin)
+        reached = model.branches[branch_index].reach(x, y, point.root, point.root_mm)
         return reached.rotation, reached.position_mm
 
     for index, branch in enumerate(model.branches):
-        reached = branch.reach(point.x, point.y, point.root, point.root_mm, skin=skin)
+        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
         raw = branch.by_operation(reached, range(len(branch.marks)))
-        by_x = branch.by_unknown(raw, point.y, skin=skin)
-        by_y = raw @ branch.per_state(point.x, skin=skin)
+        by_x = branch.by_unknown(raw, point.y)
+        by_y = raw @ branch.per_state(point.x)
         for own, by, of_x in ((branch.unknowns, by_x, True), (branch.states, by_y, False)):
             for column, unknown in enumerate(own):
                 nudge = np.zeros(len(point.x) if of_x else point.y.shape[1])
@@ -119,21 +118,29 @@ def test_residuals_turn_as_their_jacobian_says(layout: Layout) -> None:
 
 
 def test_the_thumbs_receiver_lags_behind_its_bone(layout: Layout) -> None:
-    """Where the CMC flexes, the receiver over the metacarpal turns by the share that the unknown says."""
+    """Where the CMC flexes, its place follows by one share of the angle, and its turn by less."""
     model = model_of(layout)
     cmc = model.states.names.index(("thumb_cmc", "flexion"))
-    unknown = model.unknowns.groups.index("under-reading")
+    place, turn = (model.unknowns.groups.index(group) for group in ("place lag", "turn lag"))
     branch = next(b for b in model.branches if "receiver thumb_metacarpal" in b.marks)
     x, y = np.zeros(len(model.unknowns.names)), np.zeros((2, len(model.states.names)))
-    x[unknown], y[1, cmc] = 0.5, 0.4
+    x[place], x[turn], y[1, cmc] = 0.5, -0.3, 0.4
     reached = branch.reach(x, y, np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
     turned = {}
     for name in ("receiver thumb_metacarpal", "bone thumb_metacarpal"):
         first, second = reached.rotation[branch.marks.index(name)]
         turned[name] = np.linalg.norm(log_rotation(second @ first.T))
-    share = 1 + UNDER_READING + 0.5 * UNDER_READING_SD
+    place_share = 1 + prior.PLACE_LAG + 0.5 * prior.PLACE_LAG_SD
+    turn_share = place_share + prior.TURN_LAG - 0.3 * prior.TURN_LAG_SD
     assert turned["bone thumb_metacarpal"] == pytest.approx(0.4)
-    assert turned["receiver thumb_metacarpal"] == pytest.approx(0.4 * share, abs=1e-9)
+    assert turned["receiver thumb_metacarpal"] == pytest.approx(0.4 * turn_share, abs=1e-9)
+    y[1, cmc] *= place_share  # were it fixed to the bone
+    x[place] = -prior.PLACE_LAG / prior.PLACE_LAG_SD
+    fixed = branch.reach(x, y, np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
+    mark = branch.marks.index("receiver thumb_metacarpal")
+    way_mm = reached.position_mm[mark, 1] - fixed.position_mm[mark, 1]
+    skin_mm = 0.4 * (1 - place_share) * np.linalg.norm(prior.SLIDE_SD_MM)
+    assert np.linalg.norm(way_mm) < max(1e-9, 1e-3 * skin_mm)
 
 
 def test_gradient_of_the_cost(layout: Layout) -> None:

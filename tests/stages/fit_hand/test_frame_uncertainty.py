@@ -81,7 +81,7 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
         solved = back_substitute(problem, point, reduced, None)
         places = {posed.bones[0]: solved.root_mm}
         for branch in problem.branches:
-            reached = branch.reach(x, solved.y, solved.root, solved.root_mm, skin=False)
+            reached = branch.reach(x, solved.y, solved.root, solved.root_mm)
             places |= dict(zip(branch.marks, reached.position_mm, strict=True))
         return np.stack([places.get(f"bone {name}", places[posed.bones[0]]) for name in posed.bones], 1)
 

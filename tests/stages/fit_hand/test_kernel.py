@@ -5,19 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skeleton.rotations import Array, unit
+from skeleton.rotations import Array, exp_rotation, unit
 from stages.fit_hand import compiled_equations, kernel, normal_equations
-from stages.fit_hand.normal_equations import Frames, Observations, Point, Problem, exp_rotation, pairs
+from stages.fit_hand.normal_equations import Frames, Observations, Point, Problem, pairs
 from stages.fit_hand.operations import Branch, Mark, Operation, Side, Step, Term, Turn
+from stages.fit_hand.room_field import RoomField
 
 UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6
 """Of a random hand; states of each branch are its own, unknowns are anybody's."""
+
+FIELD = RoomField(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]))
+ALL = UNKNOWNS + 12
+"""The room's field has as many unknowns again."""
 
 CLOSE = 1e-9
 
 
 def random_operation(rng: np.random.Generator, states: range) -> Operation:
-    """Any amount: constant, by unknowns, by states, by their products, the bones' or the skin's."""
+    """Any amount: constant, by unknowns, by states, by their products."""
 
     def terms(most: int) -> tuple[Term, ...]:
         unknowns = [None, *range(UNKNOWNS)]
@@ -25,14 +30,10 @@ def random_operation(rng: np.random.Generator, states: range) -> Operation:
             (rng.choice(np.array(unknowns, object)), rng.choice(np.array([None, *states], object)))
             for _ in range(rng.integers(0, most + 1))
         ]
-        return tuple(
-            Term(0.2 * rng.normal(), *factors) for factors in drawn if any(f is not None for f in factors)
-        )
+        return tuple(Term(0.2 * rng.normal(), *factors) for factors in drawn)
 
     rotates = bool(rng.integers(2))
-    return Operation(
-        rotates, unit(rng.normal(size=3)), (1 if rotates else 20) * rng.normal(), terms(3), terms(2)
-    )
+    return Operation(rotates, unit(rng.normal(size=3)), (1 if rotates else 20) * rng.normal(), terms(5))
 
 
 def random_steps(rng: np.random.Generator, states: range, marks: list[str], depth: int) -> list[Step]:
@@ -61,7 +62,7 @@ def random_problem(seed: int, n_frames: int) -> tuple[Problem, Point]:
     link = np.eye(n_states)
     link[1, 0], link[5, 4] = -0.6, 0.3
     point = Point(
-        0.5 * rng.normal(size=UNKNOWNS),
+        0.5 * rng.normal(size=ALL),
         0.4 * rng.normal(size=(n_frames, n_states)),
         exp_rotation(rng.normal(size=(n_frames, 3))),
         100 * rng.normal(size=(n_frames, 3)),
@@ -76,9 +77,10 @@ def random_problem(seed: int, n_frames: int) -> tuple[Problem, Point]:
         0.4,
         0.1 * rng.normal(size=n_states),
         rng.uniform(0.2, 0.6, n_states),
-        rng.uniform(0.5, 2.0, UNKNOWNS),
-        Observations(rng.normal(size=(2, UNKNOWNS)), rng.normal(size=2)),
+        rng.uniform(0.5, 2.0, ALL),
+        Observations(rng.normal(size=(2, ALL)), rng.normal(size=2)),
         link,
+        None if seed % 2 else FIELD,
     )
     return problem, replace(point, y=point.y + 0.05 * rng.normal(size=point.y.shape))
 
@@ -130,14 +132,13 @@ def test_derivatives(seed: int) -> None:
     problem, point = random_problem(seed, 7)
     current = normal_equations.residuals(problem, point)
     for index, jacobian in enumerate(compiled_equations.weighted_jacobians(problem, point)):
-        branch = problem.branches[index]
-        r, by_operation, by_root = normal_equations.weighted_jacobian(
-            problem, index, current.branches[index], point
-        )
+        branch, part = problem.branches[index], current.branches[index]
+        r, by_operation, by_root = normal_equations.weighted_jacobian(problem, index, part, point)
         assert_same(jacobian.r, r)
         assert_same(jacobian.by_root, by_root)
         assert_same(jacobian.by_states, by_operation @ branch.per_state(point.x))
-        assert_same(jacobian.by_unknowns, branch.by_unknown(by_operation, point.y))
+        by_unknowns = normal_equations.by_unknowns(problem, index, part, point, by_operation)
+        assert_same(jacobian.by_unknowns, by_unknowns)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -203,7 +204,7 @@ def test_every_function_is_compiled_once() -> None:
         compiled_equations.residuals(problem, own)
         compiled_equations.pose(problem, own)
         steps = compiled_equations.reduce(problem, own)
-        compiled_equations.back_substitute(problem, own, steps, np.zeros(UNKNOWNS))
+        compiled_equations.back_substitute(problem, own, steps, np.zeros(ALL))
     versions = {
         name: len(function.signatures)
         for name, function in vars(kernel).items()

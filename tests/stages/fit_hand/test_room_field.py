@@ -1,0 +1,64 @@
+"""The room's field as the fit has it: undone where it was put on, and found where a hand turns in it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from anatomy import average_hand as prior
+from schemas.layout import Layout
+from stages.fit_hand.building import Parts, Unknowns
+from stages.fit_hand.fit import Settings, fit_hand
+from stages.fit_hand.room_field import RoomField
+from stages.simulate.realism import Realism
+from stages.simulate.simulation import simulate
+
+TURN_DEG = np.array([0.9, -1.1, 0.7])
+
+
+def test_the_fields_turn_is_undone() -> None:
+    """A constant turn and a slope, put on by hand, leave the rotations as they were."""
+    rng = np.random.default_rng(4)
+    unknowns = Unknowns()
+    unknowns.add("scale", "hand")
+    field = RoomField.among(unknowns, np.array([100.0, 50.0, -20.0]))
+    x = np.append(0.0, rng.normal(size=12))
+    place_mm = rng.uniform(-200, 200, (5, 3, 3))
+    turn = x[1:4] * prior.FIELD_TURN_SD_RAD
+    slope = x[4:].reshape(3, 3) * prior.FIELD_SLOPE_SD_RAD_PER_MM
+    turned = Rotation.from_rotvec((turn + (place_mm - field.centre_mm) @ slope.T).reshape(-1, 3))
+    true = Rotation.random(15, random_state=1)
+    measured = (turned * true).as_matrix().reshape(5, 3, 3, 3)
+    assert field.undone(measured, place_mm, x) == pytest.approx(true.as_matrix().reshape(5, 3, 3, 3))
+
+
+def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
+    """A turn that all receivers have in common, static in the room, is found; without a field none is."""
+    realism = Realism(artefact=0.0, field_distortion=0.0, glide=0.0)
+    poses = simulate("01", "right", "rom", 12, realism, 1500).poses()
+    rng, frames = np.random.default_rng(2), len(poses.frame)
+    time = np.linspace(0, 2 * np.pi, frames)
+    arm = Rotation.from_rotvec(np.stack([np.sin(time), np.cos(2 * time), np.sin(3 * time)], 1) * 0.7)
+    everywhere = Rotation.from_matrix(np.repeat(arm.as_matrix(), len(poses.segments), axis=0))
+    middle_mm = poses.position_mm.mean(1, keepdims=True)
+    moved_mm = everywhere.apply((poses.position_mm - middle_mm).reshape(-1, 3)).reshape(frames, -1, 3)
+    riding = everywhere * Rotation.from_quat(poses.quaternion.reshape(-1, 4), scalar_first=True)
+    field = Rotation.from_rotvec(np.radians(TURN_DEG))
+    found = {}
+    for name, turn in (("none", Rotation.identity()), ("turned", field)):
+        quaternion = (turn * riding).as_quat(scalar_first=True).reshape(poses.quaternion.shape)
+        noise_mm = rng.normal(0, 0.05, moved_mm.shape)
+        held = replace(poses, position_mm=moved_mm + middle_mm + noise_mm, quaternion=quaternion)
+        evidence = fit_hand([held], layout, "right").evidence
+        own = np.array(evidence.model.unknowns.groups) == "field turn"
+        found[name] = np.degrees(evidence.posterior.x[own] * prior.FIELD_TURN_SD_RAD)
+    assert np.abs(found["none"]).max() < 0.25
+    assert found["turned"] - found["none"] == pytest.approx(TURN_DEG, abs=0.35)
+
+
+def test_the_field_can_be_left_out(layout: Layout) -> None:
+    poses = simulate("01", "right", "rom", 12, Realism(), 600).poses()
+    fit = fit_hand([poses], layout, "right", settings=Settings(parts=Parts(field=False)))
+    assert fit.evidence.problem.field is None
+    assert "field turn" not in fit.evidence.model.unknowns.groups
