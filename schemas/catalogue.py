@@ -108,6 +108,8 @@ FINDINGS = Table(
     ("subject", "session", "hand", "task", "trial", "kind", "message"),
 )
 
+AS_IT_RODE = "where it was on average over the recording, as the receiver rode on the skin"
+
 JOINT_SOLUTIONS = Table(
     "joint_solutions",
     4,
@@ -117,8 +119,8 @@ JOINT_SOLUTIONS = Table(
         JOINT,
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
-        *_xyz("parent_", "mm", "joint centre in the parent receiver's frame"),
-        *_xyz("child_", "mm", "joint centre in the child receiver's frame"),
+        *_xyz("parent_", "mm", f"joint centre in the parent receiver's frame, {AS_IT_RODE}"),
+        *_xyz("child_", "mm", f"joint centre in the child receiver's frame, {AS_IT_RODE}"),
         *_xyz(
             "null_parent_", "", "parent half of the stack's last right singular vector (scaled to length 1)"
         ),
@@ -167,8 +169,8 @@ JOINT_CENTRES = Table(
         Column("parent_segment", TEXT, "", "segment of the parent receiver; empty where none is worn"),
         Column("child_segment", TEXT, "", "segment of the child receiver"),
         Column("dof", pa.int8(), "", "degrees of freedom that the model gave the joint"),
-        *_xyz("parent_", "mm", "joint centre in the parent receiver's frame, on average as it rode on skin"),
-        *_xyz("child_", "mm", "joint centre in the child receiver's frame, on average as it rode on skin"),
+        *_xyz("parent_", "mm", f"joint centre in the parent receiver's frame, {AS_IT_RODE}"),
+        *_xyz("child_", "mm", f"joint centre in the child receiver's frame, {AS_IT_RODE}"),
         *_xyz("axis_parent_", "", "unit rotation axis in the parent receiver's frame"),
         *_xyz("axis_child_", "", "unit rotation axis in the child receiver's frame"),
         _real(
@@ -263,7 +265,7 @@ TIP_ERRORS = Table(
     ("subject", "session", "hand", "task", "trial", "model", "made_without", "digit", "binding"),
 )
 
-FINGERTIP, DISTAL_RECEIVER = "fingertip", "distal receiver"
+BONE_TIP, DISTAL_RECEIVER = "bone tip", "distal receiver"
 """Where a digit's last bone may end."""
 
 BONE_LENGTHS = Table(
@@ -281,8 +283,8 @@ BONE_LENGTHS = Table(
             "ends_at",
             TEXT,
             "",
-            f"joint at whose centre it ends; of a digit's last bone {FINGERTIP!r} where the whole hand was "
-            f"fitted, else {DISTAL_RECEIVER!r}, which the paper takes for the tip",
+            f"joint at whose centre it ends; of a digit's last bone {BONE_TIP!r} where the whole hand was "
+            f"fitted, else {DISTAL_RECEIVER!r}, which the paper takes for the tip; skin and pulp end beyond either",
         ),
         _real("length_mm", "distance between the two"),
         _real("sd_mm", "1-sigma error of the length"),

@@ -139,11 +139,11 @@ def tipped_digits(evidence: Evidence) -> list[Digit]:
 
 
 def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[str, str], tuple[Array, Array]]:
-    """Every digit's bone, tip and pad in its distal receiver's own frame, with the receiver where it sits
-    when no joint is bent: the point (3,) and its derivative (3, G + 6 D) by the unknowns x and the offsets.
+    """Every digit's bone, tip and pad in its distal receiver's own frame, as that rode at the mean posture:
+    the point (3,) and its derivative (3, G + 6 D) by the unknowns x and the offsets.
     """
     model = evidence.model
-    places = places_of(model, replace(evidence.posterior, x=x))
+    places = places_of(model, evidence.posterior.moved_to(x, evidence.posterior.covariance))
     seen = {}
     for i, digit in enumerate(tipped_digits(evidence)):
         seat, last = places[receiver(digit.tip)], places[bone(digit.tip)]

@@ -13,7 +13,7 @@ import numpy as np
 from schemas.catalogue import (
     BONE_LENGTHS,
     BONE_POSES,
-    FINGERTIP,
+    BONE_TIP,
     GAINS,
     JOINT_ANGLES,
     JOINT_CENTRES,
@@ -113,7 +113,7 @@ def bone_rows(fit: HandFit) -> list[Row]:
             "digit": digit.name,
             "bone": segment,
             "starts_at": digit.joints[index],
-            "ends_at": (*digit.joints, FINGERTIP)[index + 1],
+            "ends_at": (*digit.joints, BONE_TIP)[index + 1],
             "length_mm": fit.bones[segment].length_mm,
             "sd_mm": fit.bones[segment].sd_mm,
             "driven_by": "",

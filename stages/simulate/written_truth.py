@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from schemas.catalogue import BONE_LENGTHS, FINGERTIP, JOINT_CENTRES, METACARPALS, TIPS
+from schemas.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
 from schemas.tables import Column, Provenance, columns_from_rows, vector_columns, write_table
 from schemas.verdict import UNJUDGED
 from skeleton.rotations import Array
@@ -93,7 +93,7 @@ def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:
             "digit": name.split("_")[0],
             "bone": name,
             "starts_at": JOINTS[bone - 1],
-            "ends_at": FINGERTIP if bone in TIP_BONES else JOINTS[list(PARENT).index(bone)],
+            "ends_at": BONE_TIP if bone in TIP_BONES else JOINTS[list(PARENT).index(bone)],
             "length_mm": length_mm,
             "sd_mm": 0.0,
             **UNJUDGED,

@@ -24,7 +24,7 @@ from report_samples.made_scores import (
     score_rows,
     spoiled,
 )
-from schemas.catalogue import DISTAL_RECEIVER, FINGERTIP, POSES, TABLES
+from schemas.catalogue import DISTAL_RECEIVER, BONE_TIP, POSES, TABLES
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.results import STUDY_TABLES
@@ -254,7 +254,7 @@ def _bone_rows(
         for place, bone in enumerate(digit.segments):
             length = float(np.linalg.norm(centres[digit.joints[-1]])) / (1 + place)
             row = _who(key) | {"model": model.name, "digit": digit.name, "bone": bone, "driven_by": bone}
-            ends = (*digit.joints, DISTAL_RECEIVER if model.fitting is None else FINGERTIP)
+            ends = (*digit.joints, DISTAL_RECEIVER if model.fitting is None else BONE_TIP)
             row |= {"starts_at": ends[place], "ends_at": ends[place + 1]}
             varies = 0.8 if bone.endswith("metacarpal") else None
             numbers = {"length_mm": length, "sd_mm": 0.456, "sd_over_frames_mm": varies}

@@ -123,7 +123,7 @@ BONE |= {"length_mm": 40.0, "sd_mm": 0.6}
         ({"sd_mm": 2.1}, (BELIEVE, BELIEVE), True, CARE, "uncertain"),
         ({"sd_mm": None}, (BELIEVE, BELIEVE), True, CARE, "no-error-stated"),
         ({"length_mm": None}, (BELIEVE, BELIEVE), True, NO, "no-length"),
-        ({"ends_at": "fingertip"}, (BELIEVE, NO), True, BELIEVE, ""),
+        ({"ends_at": "bone tip"}, (BELIEVE, NO), True, BELIEVE, ""),
         ({}, (BELIEVE, BELIEVE), False, CARE, "not-the-bone"),
     ],
 )

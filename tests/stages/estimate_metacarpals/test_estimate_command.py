@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 
-from schemas.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER, FINGERTIP, JOINT_CENTRES, METACARPALS
+from schemas.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER, BONE_TIP, JOINT_CENTRES, METACARPALS
 from schemas.model import read_model
 from schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
 from schemas.plan import SubjectPlan, read_plan
@@ -147,7 +147,7 @@ def fit(plan: SubjectPlan, tmp_path: Path) -> Path:
     fitted += [{**base, **own, "joint": f"{name}_cmc", "gap_rms_free_mm": None} for name in FINGERS]
     lengths = [{**row, **own, "length_mm": row["length_mm"] + 1, "sd_mm": 0.5} for row in bones]
     for row in lengths:
-        row["ends_at"] = FINGERTIP if row["ends_at"] == DISTAL_RECEIVER else row["ends_at"]
+        row["ends_at"] = BONE_TIP if row["ends_at"] == DISTAL_RECEIVER else row["ends_at"]
     for name, table, rows in (
         ("projected_joints", JOINT_CENTRES, [{**row, **own} for row in joints]),
         ("fitted_joints", JOINT_CENTRES, fitted),
@@ -189,7 +189,7 @@ def test_a_fitted_hand_has_the_fits_joints_lengths_and_postures(plan: SubjectPla
     for row in given:
         for name in ("starts_at", "ends_at", "length_mm", "sd_mm"):
             assert bones[row["bone"]][name] == row[name]
-    assert bones["index_distal"]["ends_at"] == FINGERTIP
+    assert bones["index_distal"]["ends_at"] == BONE_TIP
     found = read_part(fit / "out/metacarpals.parquet", METACARPALS, FITTED)
     thumb = found.filter(pc.equal(found.column("digit"), "thumb"))
     np.testing.assert_array_equal(np.stack([thumb.column(name).to_numpy() for name in TURNS], -1), TURN)

@@ -91,7 +91,7 @@ def test_only_bones_that_are_stated_are_compared() -> None:
     }
     own_cmc = errors(24.0, thumb_metacarpal=("thumb_cmc", "thumb_mcp"))
     assert own_cmc["thumb_cmc"] == ("thumb_metacarpal", -26.0, -52.0)
-    whole = errors(21.0, index_distal=("index_dip", "fingertip"))
+    whole = errors(21.0, index_distal=("index_dip", "bone tip"))
     assert whole["index_dip"] == ("index_distal", 1.0, 5.0)
     assert set(errors(None).values()) == {nothing}
 

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from anatomy import drawn_hands
-from schemas.catalogue import BONE_LENGTHS, FINGERTIP, JOINT_CENTRES, METACARPALS, POSES, TIPS
+from schemas.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, POSES, TIPS
 from schemas.tables import read_metadata, read_table, rows_of
 from stages.capture import import_recording
 from stages.simulate import realism
@@ -59,7 +59,7 @@ def test_truth_tables_are_tables_of_the_contract(tmp_path: Path) -> None:
     assert all(abs(row["child_y_mm"]) < 1e-9 for row in joints.values())
     bones = {row["bone"]: row for row in rows_of(read_table(truth / "bone_lengths.parquet", BONE_LENGTHS))}
     assert len(bones) == 19
-    assert bones["index_distal"]["ends_at"] == FINGERTIP
+    assert bones["index_distal"]["ends_at"] == BONE_TIP
     assert bones["index_metacarpal"]["ends_at"] == "index_mcp"
     centre = [joints["index_pip"][f"parent_{axis}_mm"] for axis in "xyz"]
     start = [joints["index_mcp"][f"child_{axis}_mm"] for axis in "xyz"]
