@@ -284,7 +284,7 @@ BONE_LENGTHS = Table(
             TEXT,
             "",
             f"joint at whose centre it ends; of a digit's last bone {BONE_TIP!r} where the whole hand was "
-            f"fitted, else {DISTAL_RECEIVER!r}, which the paper takes for the tip; skin and pulp end beyond either",
+            f"fitted, else {DISTAL_RECEIVER!r}, the paper's tip; skin and pulp end beyond either",
         ),
         _real("length_mm", "distance between the two"),
         _real("sd_mm", "1-sigma error of the length"),

@@ -85,7 +85,7 @@ def test_pads_meet_in_opposition_finger_after_finger() -> None:
     pads = position[:, TIP_BONES] + rotate(turn[:, TIP_BONES], average_joints().pad_mm)
     apart = np.linalg.norm(pads[:, 1:] - pads[:, :1], axis=-1)
     assert apart[::2].argmin(-1).tolist() == [0, 1, 2, 3]
-    assert (apart[::2].min(-1) < 4).all()  # pads are soft, and 6 mm deep
+    assert (apart[::2].min(-1) < 6).all()  # pads are soft, and 6 mm deep
     assert (apart[1::2] > 30).all()
 
 

@@ -24,7 +24,7 @@ from report_samples.made_scores import (
     score_rows,
     spoiled,
 )
-from schemas.catalogue import DISTAL_RECEIVER, BONE_TIP, POSES, TABLES
+from schemas.catalogue import BONE_TIP, DISTAL_RECEIVER, POSES, TABLES
 from schemas.layout import Layout, read_layout
 from schemas.model import SkeletonModel, read_model
 from schemas.results import STUDY_TABLES

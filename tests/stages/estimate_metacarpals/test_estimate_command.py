@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 
-from schemas.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER, BONE_TIP, JOINT_CENTRES, METACARPALS
+from schemas.catalogue import BONE_LENGTHS, BONE_POSES, BONE_TIP, DISTAL_RECEIVER, JOINT_CENTRES, METACARPALS
 from schemas.model import read_model
 from schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
 from schemas.plan import SubjectPlan, read_plan

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from schemas.advice import ENOUGH, MOVE
 from schemas.findings import STAGE
 from schemas.study import Hand
 from stages.report.next_step import hands_text, next_step
@@ -52,9 +53,9 @@ def test_motion_that_gains_more_than_any_measurement(fitted: StudyResults) -> No
     """Joints that gain least of it are not named, and the number is of those that are."""
     moved = {"index_mcp": 0.5, "ring_mcp": 0.5, "thumb_ip": 4.4}
     advice = [
-        row | {"sd_now_mm": 4.5, "sd_moved_mm": moved[row["joint"]], "advice": "bend it"}
+        row | {"sd_now_mm": 4.5, "sd_moved_mm": moved[row["joint"]], "kind": MOVE}
         if row["joint"] in moved
-        else row | {"sd_now_mm": 4.5, "advice": "enough"}
+        else row | {"sd_now_mm": 4.5, "kind": ENOUGH}
         for row in fitted.advice
     ]
     after = 4.5 - 8.0 / len({row["joint"] for row in advice})
