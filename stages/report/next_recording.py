@@ -4,7 +4,9 @@ fewer receivers would cost.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from statistics import mean
 
 from schemas.advice import MOVE, NOTHING_TO_DO
 from schemas.study import Hand
@@ -101,7 +103,12 @@ def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
         )
         if rows
         else None,
-        tuple(_gains(model, results.gains_of.get((hand, model), [])) for model in results.fitted),
+        tuple(
+            _gains(
+                model, results.gains_of.get((hand, model), []), results.receivers_of.get((hand, model), [])
+            )
+            for model in results.fitted
+        ),
         tuple(
             Folded(
                 say("What a task would lose with fewer receivers, {model}", model=model),
@@ -159,7 +166,7 @@ def _table(caption: str, rows: list[Row]) -> DataTable:
     return DataTable(caption, (Block(_HEADER, cells),), (), frozenset({0, 4}))
 
 
-def _gains(model: str, rows: list[Row]) -> ModelGains:
+def _gains(model: str, rows: list[Row], receivers: list[Row]) -> ModelGains:
     if not rows:
         return ModelGains(
             say("What one more measurement on the hand would gain with {model} is not known.", model=model),
@@ -172,7 +179,18 @@ def _gains(model: str, rows: list[Row]) -> ModelGains:
         n_best=len(best),
         n_rows=len(rows),
     )
-    return ModelGains(remark, tuple(_sentence(row) for row in best))
+    return ModelGains(remark, (*map(_sentence, best), *_of_fingertips(receivers)))
+
+
+def _of_fingertips(receivers: list[Row]) -> Iterator[str]:
+    """What would make fingertips better, whose error no joint's tells."""
+    sd_mm = [row["soft_tip_sd_mm"] for row in receivers if row["soft_tip_sd_mm"] is not None]
+    if sd_mm:
+        yield say(
+            "Fingertips are known to {sd_mm} mm. Where they matter, one touch of each on a known point is the "
+            "cheapest next step.",
+            sd_mm=number(mean(sd_mm)),
+        )
 
 
 def _sentence(row: Row) -> str:

@@ -104,6 +104,8 @@ def receiver_rows(key: dict[str, str], layout: Layout, model: str) -> Rows:
         row |= {f"{name}_mm": 12.34 for name in ("along", "lateral", "height")}
         row |= {f"{name}_sd_mm": 0.56 for name in ("along", "lateral", "height")}
         row |= {"residual_mm": 0.3, "residual_deg": 0.4, "loose_task": "", "loose_kind": ""}
+        if segment.endswith("_distal"):
+            row["soft_tip_sd_mm"] = 2.57
         if spoiled(key) and segment == "ring_middle":
             row |= {"loose_from_frame": 123, "loose_task": "opposition", "loose_shift_mm": 3.21}
             row |= {

@@ -198,6 +198,7 @@ def test_the_best_gains_are_told_in_words(fitted_page: str) -> None:
     assert text.count(first) == 2
     assert text.count("would take its") == 6
     assert "What one more measurement on the hand would gain with whole-hand, the best 3 of 6:" in text
+    assert "Fingertips are known to 2.57 mm. Where they matter, one touch of each on a known point" in text
 
 
 def test_what_fewer_receivers_cost_is_a_table(fitted_page: str) -> None:
