@@ -120,7 +120,7 @@ def fit_hand(
     model = _model(layout, convention, everything, frames, scale, settings.parts)
     field = None
     if settings.parts.field:
-        field = RoomField.among(model.unknowns, frames.position_mm[frames.valid].mean(0))
+        field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
     measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
     problem = _problem(model, frames, measured, field)
     problem, solution = _solved(problem, model, everything, settings)

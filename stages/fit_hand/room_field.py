@@ -22,23 +22,29 @@ from stages.fit_hand.operations import Index
 class RoomField:
     """The unknowns (12,) of a room's field: a turn about three axes, and how it grows along three more each.
 
-    centre_mm : (3,) in the transmitter's frame, where the turn is that which all have in common.
+    centre_mm : (3,) in the transmitter's frame, where the turn is that which all have in common; reach_mm :
+    how far from there it grows, which is where receivers were. Beyond, nothing is known of it.
     """
 
     unknowns: Index
     centre_mm: Array
+    reach_mm: float
 
     @classmethod
-    def among(cls, unknowns: Unknowns, centre_mm: Array) -> RoomField:
-        """Add the field's unknowns to a hand's."""
+    def among(cls, unknowns: Unknowns, places_mm: Array) -> RoomField:
+        """Add the field's unknowns to a hand's; places_mm : (N, 3) where receivers were."""
         turns = [unknowns.add("field turn", axis) for axis in "xyz"]
         slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
-        return cls(np.array(turns + slopes), centre_mm)
+        centre_mm = places_mm.mean(0)
+        reach_mm = float(np.linalg.norm(places_mm - centre_mm, axis=1).max())
+        return cls(np.array(turns + slopes), centre_mm, reach_mm)
 
     def by_unknown(self, position_mm: Array) -> Array:
         """Derivative (..., 3, 12) of the turn, a rotation vector in the transmitter's frame, at places."""
         out = np.zeros((*position_mm.shape[:-1], 3, len(self.unknowns)))
-        slope = prior.FIELD_SLOPE_SD_RAD_PER_MM * (position_mm - self.centre_mm)
+        off_mm = position_mm - self.centre_mm
+        far = np.linalg.norm(off_mm, axis=-1, keepdims=True) / max(self.reach_mm, 1.0)
+        slope = prior.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0)
         for axis in range(3):
             out[..., axis, axis] = prior.FIELD_TURN_SD_RAD
             out[..., axis, 3 + 3 * axis : 6 + 3 * axis] = slope

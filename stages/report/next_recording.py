@@ -187,8 +187,8 @@ def _of_fingertips(receivers: list[Row]) -> Iterator[str]:
     sd_mm = [row["soft_tip_sd_mm"] for row in receivers if row["soft_tip_sd_mm"] is not None]
     if sd_mm:
         yield say(
-            "Fingertips are known to {sd_mm} mm. Where they matter, one touch of each on a known point is the "
-            "cheapest next step.",
+            "Fingertips are known to {sd_mm} mm. Where they matter, one touch of each on a known point is "
+            "the cheapest next step.",
             sd_mm=number(mean(sd_mm)),
         )
 

@@ -14,7 +14,7 @@ from stages.fit_hand.room_field import RoomField
 UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6
 """Of a random hand; states of each branch are its own, unknowns are anybody's."""
 
-FIELD = RoomField(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]))
+FIELD = RoomField(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]), 100.0)
 ALL = UNKNOWNS + 12
 """The room's field has as many unknowns again."""
 

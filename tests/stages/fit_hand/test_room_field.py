@@ -22,15 +22,24 @@ def test_the_fields_turn_is_undone() -> None:
     rng = np.random.default_rng(4)
     unknowns = Unknowns()
     unknowns.add("scale", "hand")
-    field = RoomField.among(unknowns, np.array([100.0, 50.0, -20.0]))
-    x = np.append(0.0, rng.normal(size=12))
     place_mm = rng.uniform(-200, 200, (5, 3, 3))
+    field = RoomField.among(unknowns, place_mm.reshape(-1, 3))
+    x = np.append(0.0, rng.normal(size=12))
     turn = x[1:4] * prior.FIELD_TURN_SD_RAD
     slope = x[4:].reshape(3, 3) * prior.FIELD_SLOPE_SD_RAD_PER_MM
     turned = Rotation.from_rotvec((turn + (place_mm - field.centre_mm) @ slope.T).reshape(-1, 3))
     true = Rotation.random(15, random_state=1)
     measured = (turned * true).as_matrix().reshape(5, 3, 3, 3)
     assert field.undone(measured, place_mm, x) == pytest.approx(true.as_matrix().reshape(5, 3, 3, 3))
+
+
+def test_the_field_grows_no_farther_than_receivers_were() -> None:
+    """A task elsewhere in the room is not turned by what a slope would come to there."""
+    field = RoomField.among(Unknowns(), np.array([[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0]]))
+    within, edge, beyond = field.by_unknown(np.array([[50.0, 0, 0], [100.0, 0, 0], [900.0, 0, 0]]))
+    np.testing.assert_allclose(beyond, edge)
+    np.testing.assert_allclose(2 * within[:, 3:], edge[:, 3:])
+    np.testing.assert_allclose(within[:, :3], prior.FIELD_TURN_SD_RAD * np.eye(3))
 
 
 def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
