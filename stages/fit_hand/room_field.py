@@ -17,6 +17,9 @@ from skeleton.rotations import Array, exp_rotation
 from stages.fit_hand.building import Unknowns
 from stages.fit_hand.operations import Index
 
+_FAR, _TIMES_WITHOUT_FAR = 2.5, 4
+"""Times the median distance from the middle beyond which a place is none of the hand's: a flip, a spike."""
+
 
 @dataclass(frozen=True)
 class RoomField:
@@ -35,9 +38,7 @@ class RoomField:
         """Add the field's unknowns to a hand's; places_mm : (N, 3) where receivers were."""
         turns = [unknowns.add("field turn", axis) for axis in "xyz"]
         slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
-        centre_mm = places_mm.mean(0)
-        reach_mm = float(np.linalg.norm(places_mm - centre_mm, axis=1).max())
-        return cls(np.array(turns + slopes), centre_mm, reach_mm)
+        return cls(np.array(turns + slopes), *_middle(places_mm))
 
     def by_unknown(self, position_mm: Array) -> Array:
         """Derivative (..., 3, 12) of the turn, a rotation vector in the transmitter's frame, at places."""
@@ -54,3 +55,12 @@ class RoomField:
         """Rotations (..., 3, 3) of receivers as they would be measured without the field; x : (G,)."""
         turn = self.by_unknown(position_mm) @ x[self.unknowns]
         return np.asarray(exp_rotation(-turn) @ rotation)
+
+
+def _middle(places_mm: Array) -> tuple[Array, float]:
+    """Middle (3,) of places and how far they reach from it, without those that a tracker put elsewhere."""
+    near = places_mm
+    for _ in range(_TIMES_WITHOUT_FAR):
+        off_mm = np.linalg.norm(places_mm - near.mean(0), axis=1)
+        near = places_mm[off_mm <= _FAR * np.median(off_mm)]
+    return near.mean(0), float(np.linalg.norm(near - near.mean(0), axis=1).max())

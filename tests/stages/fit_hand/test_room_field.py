@@ -42,6 +42,16 @@ def test_the_field_grows_no_farther_than_receivers_were() -> None:
     np.testing.assert_allclose(within[:, :3], prior.FIELD_TURN_SD_RAD * np.eye(3))
 
 
+def test_flips_and_spikes_do_not_move_its_middle() -> None:
+    """A tenth of the poses on the other side of the transmitter, some metres off."""
+    rng = np.random.default_rng(7)
+    hand_mm = rng.normal([300.0, 50.0, -40.0], 60.0, (1000, 3))
+    wrong_mm = np.concatenate([-hand_mm[:100], hand_mm[100:120] * 10.0, hand_mm[120:]])
+    field = RoomField.among(Unknowns(), wrong_mm)
+    np.testing.assert_allclose(field.centre_mm, hand_mm.mean(0), atol=10.0)
+    assert field.reach_mm < 400.0
+
+
 def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
     """A turn that all receivers have in common, static in the room, is found; without a field none is."""
     realism = Realism(artefact=0.0, field_distortion=0.0, glide=0.0)
