@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import TextTable, write_tables
+from benchmarks.benchmark_table import TextTable, add_people, write_tables
 from benchmarks.faultless_hands import other_hand, own_hand
 from benchmarks.solvers import moments, solved_joints
 from schemas.layout import Layout, read_layout
@@ -43,9 +43,7 @@ Believed = tuple[str, str, float, bool]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--hands", dest="n_hands", type=int, default=100, help="of each drawing (100)")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first of them ({FIRST_SEED})")
-    parser.add_argument("--write", action="store_true", help=f"put the table into docs/{PAGE}")
+    add_people(parser, 100, FIRST_SEED, PAGE)
 
 
 def run(

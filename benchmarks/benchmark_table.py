@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import platform
 import textwrap
@@ -84,3 +85,12 @@ def _entry(file: str, name: str) -> str:
     path = Path(file)
     lines = path.read_text("utf-8").splitlines() if path.is_file() else []
     return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
+
+
+def add_people(parser: argparse.ArgumentParser, n_hands: int, seed: int, page: str) -> None:
+    """Declare how many people are drawn, from which seed on, and whether the tables are written to a page."""
+    parser.add_argument(
+        "--hands", dest="n_hands", type=int, default=n_hands, help=f"drawn people ({n_hands})"
+    )
+    parser.add_argument("--seed", type=int, default=seed, help=f"of the first of them ({seed})")
+    parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{page}")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import Cell, TextTable, write_tables
+from benchmarks.benchmark_table import Cell, TextTable, add_people, write_tables
 from benchmarks.brought_files import Brought, Door, Said, angles, matrices, said, tidy, wide, with_stations
 from benchmarks.faultless_hands import Planted, changed
 from benchmarks.followed_cures import exchanged, obeyed, to_do
@@ -58,9 +58,7 @@ class Outcome:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--hands", dest="n_hands", type=int, default=2, help="people of each drawing (2)")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first of them ({FIRST_SEED})")
-    parser.add_argument("--write", action="store_true", help=f"put the table into docs/{PAGE}")
+    add_people(parser, 2, FIRST_SEED, PAGE)
 
 
 def run(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import TextTable, write_tables
+from benchmarks.benchmark_table import TextTable, add_people, write_tables
 from benchmarks.faultless_hands import FINGERS, other_hand, own_hand
 from schemas.layout import read_layout
 from schemas.poses import Poses
@@ -29,9 +29,7 @@ Named = tuple[str, str, str, float]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--hands", dest="n_hands", type=int, default=20, help="drawn people (20)")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first of them ({FIRST_SEED})")
-    parser.add_argument("--write", action="store_true", help=f"put the table into docs/{PAGE}")
+    add_people(parser, 20, FIRST_SEED, PAGE)
 
 
 def run(

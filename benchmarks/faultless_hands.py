@@ -74,13 +74,16 @@ FACINGS: tuple[Facing, ...] = ("nail", "between", "hand")
 def _other(person: other_hands.Person, seed: int, hand: str, task: str, **recorded: Any) -> Planted:
     movement = "calibration" if task == "rom" else task
     own = other_hands.record(person, hand, movement, seed=seed, **{"duration_s": 7.5, **recorded})
-    layout = read_layout(LAYOUT)
-    truth = {
-        joint.name: np.array([other_hands.true_centres(own, joint.name, end) for end in ends])
-        for joint in layout.solvable
-        if {*(ends := (joint.parent_receiver, joint.child))} <= {*own.poses.segments}
+    return Planted(own.poses, hand, truth=true_halves(own))
+
+
+def true_halves(recording: other_hands.Recording) -> dict[str, Array]:
+    """Give by joint its true centre (2, 3) in the parent's and the child's receiver, mm."""
+    return {
+        joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
+        for joint in read_layout(LAYOUT).solvable
+        if {*(ends := (joint.parent_receiver, joint.child))} <= {*recording.poses.segments}
     }
-    return Planted(own.poses, hand, truth=truth)
 
 
 def _other_odd(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, Planted]]:

@@ -12,7 +12,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from benchmarks.benchmark_table import Cell, TextTable, write_tables
+from benchmarks.benchmark_table import Cell, TextTable, add_people, write_tables
 from benchmarks.faultless_hands import FINGERS, Planted, changed, faultless, other_hand, own_hand
 from checks.checked_recording import CheckedRecording, check_recording
 from checks.compared_recordings import compared
@@ -45,9 +45,7 @@ Mistake = Callable[[Planted, np.random.Generator], Planted]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--hands", dest="n_hands", type=int, default=30, help="simulated people (30)")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first of them ({FIRST_SEED})")
-    parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{PAGE}")
+    add_people(parser, 30, FIRST_SEED, PAGE)
 
 
 def run(

@@ -18,8 +18,8 @@ from scipy.stats import rankdata, spearmanr
 
 from benchmarks import other_hands
 from benchmarks.accuracy.score import COVERED_95_SD, JOINT_TYPES
-from benchmarks.benchmark_table import TextTable, write_tables
-from benchmarks.faultless_hands import FACINGS
+from benchmarks.benchmark_table import TextTable, add_people, write_tables
+from benchmarks.faultless_hands import FACINGS, true_halves
 from benchmarks.other_hands import taped_skin
 from benchmarks.other_hands.room import Field
 from schemas.layout import read_layout
@@ -103,9 +103,7 @@ Length = tuple[str, str, float, bool]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--hands", dest="n_hands", type=int, default=24, help="of each drawing (24)")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first of them ({FIRST_SEED})")
-    parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{PAGE}")
+    add_people(parser, 24, FIRST_SEED, PAGE)
 
 
 def run(
@@ -161,13 +159,10 @@ def _other(seed: int, hand: str, without: str) -> Drawn:
         )
     with _without_field() if without == "field" else nullcontext(), _straps(WITHOUT[OTHER].get(without, {})):
         made = other_hands.record(person, hand, "calibration", seed=seed, duration_s=DURATION_S)
-    joints = {joint.name: joint for joint in read_layout(LAYOUT).solvable}
-    ends = {name: (own.parent_receiver, own.child) for name, own in joints.items()}
-    worn = [name for name, own in ends.items() if {*own} <= {*made.poses.segments}]
     return Drawn(
         made.poses,
         hand,
-        {name: np.array([other_hands.true_centres(made, name, end) for end in ends[name]]) for name in worn},
+        true_halves(made),
         made.true_centre_mm,
         {name: angles[:, 0] for name, angles in made.true_angles_deg.items()},
         made.true_lengths_mm,

@@ -236,7 +236,7 @@ def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
 
 
 def measured_as_posed(postures: Postures) -> Frames:
-    """Poses of all receivers, measured where the hand has them."""
+    """Poses of all receivers, measured where the hand has them and as the room's field turns them."""
     evidence, point = postures.tips.fit.evidence, postures.point
     shape = (len(point.y), len(evidence.model.receivers))
     rotation, place_mm = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
@@ -244,6 +244,8 @@ def measured_as_posed(postures: Postures) -> Frames:
         reached = branch.reach(point.x, point.y, point.root, point.root_mm)
         for mark, s in receivers:
             rotation[:, s], place_mm[:, s] = reached.rotation[mark], reached.position_mm[mark]
+    if evidence.problem.field is not None:
+        rotation = evidence.problem.field.turn(place_mm, point.x) @ rotation
     return Frames(rotation, place_mm, np.ones(shape, bool))
 
 

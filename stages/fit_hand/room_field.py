@@ -51,10 +51,13 @@ class RoomField:
             out[..., axis, 3 + 3 * axis : 6 + 3 * axis] = slope
         return out
 
+    def turn(self, position_mm: Array, x: Array) -> Array:
+        """How the field turns what is measured at places (..., 3): rotations (..., 3, 3); x : (G,)."""
+        return exp_rotation(self.by_unknown(position_mm) @ x[self.unknowns])
+
     def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
         """Rotations (..., 3, 3) of receivers as they would be measured without the field; x : (G,)."""
-        turn = self.by_unknown(position_mm) @ x[self.unknowns]
-        return np.asarray(exp_rotation(-turn) @ rotation)
+        return np.asarray(self.turn(position_mm, x).swapaxes(-1, -2) @ rotation)
 
 
 def _middle(places_mm: Array) -> tuple[Array, float]:

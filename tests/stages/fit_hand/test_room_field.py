@@ -31,6 +31,7 @@ def test_the_fields_turn_is_undone() -> None:
     true = Rotation.random(15, random_state=1)
     measured = (turned * true).as_matrix().reshape(5, 3, 3, 3)
     assert field.undone(measured, place_mm, x) == pytest.approx(true.as_matrix().reshape(5, 3, 3, 3))
+    assert field.turn(place_mm, x) == pytest.approx(turned.as_matrix().reshape(5, 3, 3, 3))
 
 
 def test_the_field_grows_no_farther_than_receivers_were() -> None:
