@@ -6,87 +6,84 @@ python := .venv/bin/python
 # Tests, and the processes that they start, share the cores already.
 pytest := OMP_NUM_THREADS=1 $(python) -m pytest
 cores ?= all
-inputs ?= 20000
+inputs ?= 500
+users := .venv/requirements.lock
+developers := .venv/requirements-dev.lock
 
 help: ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' Makefile
 
-demo: ## run the demo study, print its four tables and name its report
-	@./bootstrap requirements.lock
-	@.venv/bin/snakemake --cores $(cores) --quiet rules
-	@$(python) -m stages.report --study config/demo.yaml --results results/demo --print
+# Needs uv, or a Python 3.11 or newer that has venv.
+$(python):
+	@if command -v uv >/dev/null; then uv venv --quiet --allow-existing --python ">=3.11" .venv; exit; fi; \
+	for python in $(PYTHON) python3 python3.14 python3.13 python3.12 python3.11; do \
+		$$python -c "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))" 2>/dev/null || continue; \
+		exec $$python -m venv .venv; \
+	done; \
+	echo "error: needs Python 3.11 or newer with venv, or uv; found neither" >&2; exit 2
 
-test: ## run the fast tests
-	@./bootstrap requirements-dev.lock
+# What a lock names, each by its hash, and this folder itself; anew only when the lock has changed.
+.venv/%.lock: %.lock | $(python)
+	@echo "Installing $<, and compiling what fits hands"
+	@if command -v uv >/dev/null; then install="uv pip install --python $(python)"; \
+	else install="$(python) -m pip install --disable-pip-version-check"; fi; \
+	$$install --quiet --require-hashes -r $< && $$install --quiet --no-deps --no-build-isolation --editable .
+	@$(python) -m shukotsu.stages.fit_hand.compile_kernel
+	@cp $< $@
+
+demo: $(users) ## run the demo study, print its four tables and name its report
+	@.venv/bin/shukotsu demo --cores $(cores)
+
+test: $(developers) ## run the fast tests
 	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile
 
-test-slow: fuzz ## run the rest: damaged input, whole studies through Snakemake, planted wrong signs
-	@./bootstrap requirements-dev.lock
-	@./bootstrap requirements-site.lock .venv-site
-	@$(pytest) -m slow --ignore=tests/studies -n auto --dist loadfile
-	@$(pytest) -m slow tests/studies # each has all cores
+test-slow: $(developers) ## run the rest: damaged input, whole studies through Snakemake, planted wrong signs
+	@$(pytest) -m slow -n auto --dist loadfile
 
-fuzz: ## feed damaged input to every reader, guided by coverage (inputs=20000)
-	@./bootstrap requirements-fuzz.lock .venv-fuzz
-	@.venv-fuzz/bin/python -m benchmarks fuzz --inputs $(inputs)
+fuzz: $(developers) ## feed damaged input to every reader (inputs=500 each)
+	@FUZZ_INPUTS=$(inputs) $(pytest) -m slow tests/fuzzing -n auto
 
 tools: ## put programs by others that read exports into .tools (some 1.4 GB), and a browser
 	@./tests/export_tools/install
 
-test-tools: tools ## read exported files with these programs
-	@./bootstrap requirements-dev.lock
-	@./bootstrap requirements-site.lock .venv-site
-	@$(pytest) -m tools
+test-tools: $(developers) tools ## read exported files with these programs
+	@$(pytest) -m tools -n auto --dist loadfile
 
-test-slurm: ## run a study on a private Slurm (root, Debian's slurm-wlm and munge)
-	@./bootstrap requirements-dev.lock
-	@./bootstrap requirements-cluster.lock
+test-slurm: $(developers) ## run a study on a private Slurm (root, Debian's slurm-wlm and munge)
 	@$(pytest) -m slurm
 
-coverage: ## run the fast tests and print the lines that none of them reaches
-	@./bootstrap requirements-dev.lock
+coverage: $(developers) ## run the fast tests and print the lines that none of them reaches
 	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
 
-lint: ## check style, types and the Snakefile
-	@./bootstrap requirements-dev.lock
+lint: $(developers) ## check style, types and the Snakefile
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
-	@.venv/bin/snakefmt --check Snakefile
+	@.venv/bin/snakefmt --check Snakefile workflow
+	@.venv/bin/snakemake --lint
 
-format: ## put style right
-	@./bootstrap requirements-dev.lock
+format: $(developers) ## put style right
 	@.venv/bin/ruff check --fix .
 	@.venv/bin/ruff format .
 	@.venv/bin/snakefmt Snakefile
 
-docs: ## write what is generated of the guide: pages from the schemas, the diagram from the rules, licences
-	@./bootstrap requirements-dev.lock
-	@$(python) -m schemas.reference_pages docs
-	@$(python) -m workflow.diagram
-	@$(python) -m workflow.licences
+docs: $(developers) ## write what is generated of the guide: pages from the schemas, the diagram from the rules
+	@$(python) -m guide.reference_pages docs
+	@$(python) -m guide.diagram
 
-site: ## make the guide a site of pages, site/index.html, that needs no server and no network
-	@./bootstrap requirements-site.lock .venv-site
-	@.venv-site/bin/python -m guide.pictures docs/pictures
-	@NO_MKDOCS_2_WARNING=1 .venv-site/bin/mkdocs build --quiet
+site: $(developers) ## make the guide a site of pages, site/index.html, that needs no server and no network
+	@NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --quiet
 
-audit: ## ask whether an advisory is known of what the lock files install
-	@./bootstrap requirements.lock
-	@$(python) .ci/audit.py
+audit: $(developers) ## ask whether an advisory is known of what is installed
+	@.venv/bin/pip-audit --skip-editable --progress-spinner off
 
-bench: ## measure what studies and stages cost, beside others, into docs/benchmarks.md
-	@./bootstrap requirements-bench.lock
-	@$(python) -m benchmarks cost
+bench: $(developers) ## measure what studies cost, into docs/benchmarks.md
+	@$(python) -m benchmarks studies --write
 
+lock := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade
 lock: ## resolve the dependencies anew (needs uv)
-	uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
-	uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-dev.lock
-	uv pip compile pyproject.toml --group cluster --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-cluster.lock
-	uv pip compile pyproject.toml --group fuzz --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-fuzz.lock
-	uv pip compile pyproject.toml --group dev --group bench --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements-dev.lock --upgrade -o requirements-bench.lock
-	uv pip compile pyproject.toml --group site --universal --python-version 3.11 --generate-hashes --no-annotate --no-header -c requirements.lock --upgrade -o requirements-site.lock
-	uv pip compile --group audit --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-audit.lock
+	$(lock) --group build -o requirements.lock
+	$(lock) --group dev -c requirements.lock -o requirements-dev.lock
 
 clean: ## remove results, the demo's recordings and the site
-	rm -rf results data/demo/recordings .snakemake site docs/pictures
+	rm -rf results data/demo/recordings .snakemake site

@@ -4,34 +4,32 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import TextTable, add_people, write_tables
+from benchmarks.benchmark_table import TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import other_hand, own_hand
 from benchmarks.solvers import moments, solved_joints
-from schemas.layout import Layout, read_layout
-from schemas.model import read_model
-from schemas.poses import Poses
-from schemas.tables import vector_of
-from schemas.verdict import BELIEVE, RADIUS_SD, judged_joint
-from stages.fit_hand.fit import fit_hand
-from stages.fit_hand.hand_tables import joint_rows
-from stages.project_planes.place import place_joint
-from stages.simulate.simulation import LAYOUT
-from stages.solve_joints.anatomical import HandSample, solve_hand
-from stages.solve_joints.closed import is_solvable, solve_closed
-from stages.solve_joints.moments import JointMoments
-from stages.solve_joints.solution_rows import solution_row
-from stages.solve_joints.solve import add_block
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.tables import vector_of
+from shukotsu.schemas.verdict import BELIEVE, RADIUS_SD, judged_joint
+from shukotsu.stages.fit_hand.fit import fit_hand
+from shukotsu.stages.fit_hand.hand_tables import joint_rows
+from shukotsu.stages.project_planes.place import place_joint
+from shukotsu.stages.simulate.simulation import LAYOUT
+from shukotsu.stages.solve_joints.anatomical import HandSample, solve_hand
+from shukotsu.stages.solve_joints.closed import is_solvable, solve_closed
+from shukotsu.stages.solve_joints.moments import JointMoments
+from shukotsu.stages.solve_joints.solution_rows import solution_row
+from shukotsu.stages.solve_joints.solve import add_block
 
 FAR_MM = 5.0
 PAPER, ANATOMICAL, WHOLE = "paper-fig4", "anatomical", "whole-hand"
 
-PAGE, MARK = "mistakes-benchmark.md", "believed"
+WRITTEN_TO = "mistakes-benchmark.md", "believed"
 FIRST_SEED = 9000
 MEANING = (
     "Hands without a fault, each calibrated once. The worse of a centre's two halves. Own: simulated by this "
@@ -43,24 +41,17 @@ Believed = tuple[str, str, float, bool]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 100, FIRST_SEED, PAGE)
+    add_people(parser, 100, FIRST_SEED)
 
 
-def run(
-    n_hands: int = 100, seed: int = FIRST_SEED, write: bool = False, processes: int = 2
-) -> Iterator[TextTable]:
+def run(n_hands: int = 100, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     """Give the table over that many hands of each drawing."""
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        people = pool.map(one_person, range(seed, seed + n_hands))
-        table = believed_table([row for person in people for row in person])
-    yield table
-    if write:
-        command = f"python -m benchmarks believed_joints --hands {n_hands} --seed {seed} --write"
-        write_tables(PAGE, [table], command, MARK)
+    people = of_each_person(one_person, n_hands, seed)
+    yield believed_table([row for person in people for row in person])
 
 
 def one_person(seed: int) -> list[Believed]:
-    """Give what is believed of a person's calibration, drawn twice."""
+    """List the believed joints of a person's calibration, drawn twice."""
     hand = ("right", "left")[seed % 2]
     recorded = {"own": own_hand(seed, hand, "rom"), "other": other_hand(seed, hand, "rom", duration_s=25.0)}
     return [
@@ -109,7 +100,7 @@ def _anatomical(layout: Layout, poses: Poses, hand: str) -> Iterator[Mapping[str
 
 
 def believed_table(joints: Sequence[Believed]) -> TextTable:
-    """Give how far believed joints are off, by drawing and model."""
+    """Tabulate the errors of believed joints, by drawing and model."""
     groups: dict[tuple[str, str], list[Believed]] = {}
     for row in joints:
         groups.setdefault(row[:2], []).append(row)

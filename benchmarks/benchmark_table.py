@@ -6,19 +6,21 @@ import argparse
 import os
 import platform
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
-from schemas.files import write_text
-from schemas.marked_text import replaced_between
+from shukotsu.files.marked_text import replaced_between
+from shukotsu.files.whole_files import write_text
 
+T = TypeVar("T")
 Cell = str | float | int | None
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-MARK = "tables"
-START, END = f"<!-- {MARK}: start -->", f"<!-- {MARK}: end -->"
 _WIDTH = 110
 
 
@@ -57,15 +59,15 @@ def _text(cell: Cell, form: str) -> str:
     return cell if isinstance(cell, str) else format(cell, form)
 
 
-def write_tables(page: str, tables: Sequence[TextTable], command: str, mark: str = MARK) -> None:
+def write_tables(page: str, tables: Sequence[TextTable], command: str, section: str) -> None:
     """Put the tables of a command into docs/PAGE between its marks, with the machine that they are of.
 
-    mark : what the marks are called, in a page that holds the tables of several commands.
+    section : what the marks are called, in a page that holds the tables of several commands.
     """
     path = DOCS / page
     blocks = [f"As printed by `{command}` on {machine()}."]
     blocks += [f"```text\n{table}\n```" for table in tables]
-    start, end = START.replace(MARK, mark), END.replace(MARK, mark)
+    start, end = (f"<!-- {section}: {end} -->" for end in ("start", "end"))
     write_text(path, replaced_between(path.read_text("utf-8"), start, end, "\n\n".join(blocks)))
 
 
@@ -87,10 +89,20 @@ def _entry(file: str, name: str) -> str:
     return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
 
 
-def add_people(parser: argparse.ArgumentParser, n_hands: int, seed: int, page: str) -> None:
-    """Declare how many people are drawn, from which seed on, and whether the tables are written to a page."""
+def add_people(parser: argparse.ArgumentParser, n_hands: int, seed: int) -> None:
+    """Declare how many people are drawn, and from which seed on."""
     parser.add_argument(
         "--hands", dest="n_hands", type=int, default=n_hands, help=f"drawn people ({n_hands})"
     )
     parser.add_argument("--seed", type=int, default=seed, help=f"of the first of them ({seed})")
-    parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{page}")
+
+
+def of_each_person(measured: Callable[[int], T], n_people: int, seed: int) -> list[T]:
+    """Measure each drawn person, by seed."""
+    with workers() as pool:
+        return list(pool.map(measured, range(seed, seed + n_people)))
+
+
+def workers() -> ProcessPoolExecutor:
+    """Give two processes to work in, that start anew."""
+    return ProcessPoolExecutor(2, mp_context=get_context("spawn"))

@@ -1,4 +1,4 @@
-"""What a laboratory brings of a recording: file, mapping, layout, row of the sheet; what is said of it."""
+"""Model what a laboratory has of a recording: file, mapping, layout, row of the sheet; and its findings."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ import pyarrow.csv
 import yaml
 
 from benchmarks.faultless_hands import Planted
-from schemas.config_files import config_path, read_config
-from schemas.findings import Finding
-from schemas.layout import Layout, read_layout
-from schemas.mapping import MM_PER_UNIT
-from schemas.poses import Poses, read_poses
-from skeleton.rotations import Array, conjugate, matrix
-from stages import command_line
-from stages.capture import import_recording
-from stages.simulate.simulation import LAYOUT
-from stages.solve_joints.anatomical import HandSample, solve_hand
-from stages.solve_joints.moments import JointMoments
-from stages.solve_joints.solve import add_block
+from shukotsu.checks.checked_poses import checked_poses
+from shukotsu.schemas.config_files import config_path, read_config
+from shukotsu.schemas.findings import Finding
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.schemas.poses import Poses, read_poses
+from shukotsu.skeleton.rotations import Array, conjugate, matrix
+from shukotsu.stages.capture import import_recording
+from shukotsu.stages.simulate.simulation import LAYOUT
+from shukotsu.stages.solve_joints.anatomical import HandSample, solve_hand
+from shukotsu.stages.solve_joints.moments import JointMoments
+from shukotsu.stages.solve_joints.solve import add_block
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 PARTS = {"quaternion": ("1", "2", "3", "4"), "euler": ("az", "el", "ro")}
@@ -165,17 +165,17 @@ def _row_a_frame(
 
 
 @dataclass(frozen=True)
-class Said:
-    """What is said of what was brought. centre_mm : by joint (2, 3), along the axes of its two bones."""
+class Result:
+    """Hold the findings in what was brought. centre_mm : by joint (2, 3), along the axes of its two bones."""
 
     findings: tuple[Finding, ...] = ()
     centre_mm: Mapping[str, Array] = field(default_factory=dict)
 
 
-def said(brought: Brought) -> Said:
+def check(brought: Brought) -> Result:
     """Import and check a recording as `shukotsu check FILE` does, and solve its joints."""
     if brought.sheet.get("exclude"):
-        return Said()
+        return Result()
     with TemporaryDirectory() as folder:
         poses, layout = Path(folder, "poses.parquet"), Path(folder, "own.yaml")
         options = [*_written(brought, Path(folder)), f"--out={poses}", f"--layout={layout}"]
@@ -183,10 +183,10 @@ def said(brought: Brought) -> Said:
         with redirect_stderr(StringIO()):  # notes of the import
             import_recording.import_recording(import_recording.build_parser().parse_args(options))
         worn = read_layout(layout)
-        checked = command_line.checked_poses(poses, worn.of_hand(brought.sheet["hand"]))
+        checked = checked_poses(poses, worn.of_hand(brought.sheet["hand"]))
         seen = tuple(name for name in worn.expected if name != "forearm")
         joints = centres([read_poses(poses, seen)], worn, brought.sheet["hand"])
-        return Said(checked.findings, dict(joints))
+        return Result(checked.findings, dict(joints))
 
 
 def _written(brought: Brought, folder: Path) -> Iterator[str]:

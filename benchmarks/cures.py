@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import Cell, TextTable, add_people, write_tables
-from benchmarks.brought_files import Brought, Door, Said, angles, matrices, said, tidy, wide, with_stations
+from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
+from benchmarks.brought_files import Brought, Door, Result, angles, check, matrices, tidy, wide, with_stations
 from benchmarks.faultless_hands import Planted, changed
 from benchmarks.followed_cures import exchanged, obeyed, to_do
 from benchmarks.mistakes import MISTAKES, RECORDERS
-from benchmarks.sheet_cures import SHEET_CASES, files_of, obeyed_in_sheet, said_of_sheet
-from skeleton.rotations import Array, about_axis, conjugate, matrix, multiply, unit
+from benchmarks.sheet_cures import SHEET_CASES, check_sheet, files_of, obeyed_in_sheet
+from shukotsu.skeleton.rotations import Array, about_axis, conjugate, matrix, multiply, unit
 
-PAGE, MARK = "mistakes-benchmark.md", "cures"
+WRITTEN_TO = "mistakes-benchmark.md", "cures"
 FIRST_SEED = 9500
 
 Plant = Callable[[Planted, Door, np.random.Generator], Brought]
@@ -47,7 +46,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of a case: median errors of joints' centres in mm, NaN without a joint; whether nothing is left."""
+    """Hold a case's median errors of joints' centres, mm, NaN without a joint; whether nothing is left."""
 
     case: str
     drawing: str
@@ -58,29 +57,26 @@ class Outcome:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 2, FIRST_SEED, PAGE)
+    add_people(parser, 2, FIRST_SEED)
 
 
-def run(
-    n_hands: int = 2, write: bool = False, processes: int = 2, seed: int = FIRST_SEED
-) -> Iterator[TextTable]:
+def run(n_hands: int = 2, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     """Give the table over that many people of each drawing."""
-    drawings = [*RECORDERS] * n_hands
-    seeds = [seed + place for place in range(n_hands) for _ in RECORDERS]
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        outcomes = [one for own in pool.map(one_person, drawings, seeds) for one in own]
-    table = table_of(outcomes)
-    yield table
-    if write:
-        command = f"python -m benchmarks cures --hands {n_hands} --seed {seed} --write"
-        write_tables(PAGE, [table], command, mark=MARK)
+    yield table_of(
+        [
+            one
+            for drawing in RECORDERS
+            for own in of_each_person(partial(one_person, drawing), n_hands, seed)
+            for one in own
+        ]
+    )
 
 
 def one_person(drawing: str, seed: int) -> list[Outcome]:
     """Plant and cure every case in a person's recording."""
     hand = ("right", "left")[seed % 2]
     planted = RECORDERS[drawing](seed, hand, "rom")
-    clean = {door: said(door(planted)) for door in dict.fromkeys(case.door for case in CASES)}
+    clean = {door: check(door(planted)) for door in dict.fromkeys(case.door for case in CASES)}
     outcomes = []
     for case in CASES:
         rng = np.random.default_rng(seed)
@@ -91,14 +87,14 @@ def one_person(drawing: str, seed: int) -> list[Outcome]:
         outcomes.append(Outcome(case.name, drawing, right_mm, wrong_mm, cured_mm, not to_do(cured)))
     files = files_of(drawing, seed, hand)
     for sheet in SHEET_CASES:
-        every = (said_of_sheet(sheet.right, files), *obeyed_in_sheet(sheet, files))
+        every = (check_sheet(sheet.right, files), *obeyed_in_sheet(sheet, files))
         right_mm, wrong_mm, cured_mm = (error_mm(own, planted.truth) for own in every)
         name = f"{sheet.kind}, sheet: {sheet.planted}"
         outcomes.append(Outcome(name, drawing, right_mm, wrong_mm, cured_mm, not to_do(every[2])))
     return outcomes
 
 
-def error_mm(own: Said, truth: Mapping[str, Array]) -> float:
+def error_mm(own: Result, truth: Mapping[str, Array]) -> float:
     """Median over joints of how far the worse half of a centre is off; NaN where no joint is solved."""
     far = [np.linalg.norm(centre - truth[name], axis=-1).max() for name, centre in own.centre_mm.items()]
     return float(np.median(far)) if far else float("nan")

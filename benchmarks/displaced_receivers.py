@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import TextTable, add_people, write_tables
+from benchmarks.benchmark_table import TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import FINGERS, other_hand, own_hand
-from schemas.layout import read_layout
-from schemas.poses import Poses
-from stages.fit_hand.fit import fit_hand
-from stages.fit_hand.left_out import is_elsewhere, share_left_out, without_displaced
-from stages.fit_hand.loose_receivers import displaced_in
-from stages.simulate.simulation import LAYOUT
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.stages.fit_hand.fit import fit_hand
+from shukotsu.stages.fit_hand.left_out import is_elsewhere, share_left_out, without_displaced
+from shukotsu.stages.fit_hand.loose_receivers import displaced_in
+from shukotsu.stages.simulate.simulation import LAYOUT
 
-PAGE, MARK = "mistakes-benchmark.md", "displaced"
+WRITTEN_TO = "mistakes-benchmark.md", "displaced"
 FIRST_SEED = 9000
 DURATION_S = 25.0
 FAULTLESS = "nothing"
@@ -29,24 +27,17 @@ Named = tuple[str, str, str, float]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 20, FIRST_SEED, PAGE)
+    add_people(parser, 20, FIRST_SEED)
 
 
-def run(
-    n_hands: int = 20, seed: int = FIRST_SEED, write: bool = False, processes: int = 2
-) -> Iterator[TextTable]:
+def run(n_hands: int = 20, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     """Give the table over that many people."""
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        people = pool.map(one_person, range(seed, seed + n_hands))
-        table = table_of([row for person in people for row in person])
-    yield table
-    if write:
-        command = f"python -m benchmarks displaced_receivers --hands {n_hands} --seed {seed} --write"
-        write_tables(PAGE, [table], command, MARK)
+    people = of_each_person(one_person, n_hands, seed)
+    yield table_of([row for person in people for row in person])
 
 
 def one_person(seed: int) -> list[Named]:
-    """Give what is named in a person's calibrations, with nothing planted and with one thing each."""
+    """List the findings in a person's calibrations, with nothing planted and with one thing each."""
     rng = np.random.default_rng(seed)
     hand, finger = ("right", "left")[seed % 2], FINGERS[rng.integers(4)]
     segment = f"{finger}_{rng.choice(['proximal', 'middle'])}"
@@ -70,7 +61,7 @@ def _other(seed: int, hand: str, **options: Any) -> Poses:
 
 
 def named_in(poses: Poses, hand: str) -> tuple[str, float]:
-    """Give what is named in a calibration, and the largest share of a receiver's frames that is left out."""
+    """Name the findings in a calibration, and the largest share of a receiver's frames that is left out."""
     layout = read_layout(LAYOUT)
     fit = fit_hand([poses], layout, hand)
     displaced = displaced_in(fit, [poses])
@@ -84,7 +75,7 @@ def named_in(poses: Poses, hand: str) -> tuple[str, float]:
 
 
 def table_of(rows: Sequence[Named]) -> TextTable:
-    """Give how often the right thing, and nothing else, is named."""
+    """Count how often the right thing, and nothing else, is named."""
     names = [*dict.fromkeys(row[0] for row in rows)]
     groups = {name: [row for row in rows if row[0] == name] for name in names}
     columns = ("planted", "recordings:d", "named right %:.1f", "most left out %:.1f")

@@ -12,16 +12,16 @@ import numpy as np
 from benchmarks import other_hands
 from benchmarks.other_hands.person import Facing
 from benchmarks.thumb_receiver import facing_the_nail
-from checks.checked_recording import check_recording
-from checks.declared import TIDY, Declared
-from schemas.findings import NOTE, Finding
-from schemas.layout import read_layout
-from schemas.poses import Poses
-from skeleton.rotations import Array, about_axis, multiply
-from stages.simulate import random_hand, task_motion
-from stages.simulate.random_hand import JOINTS, Hand
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import LAYOUT, simulate
+from shukotsu.checks.checked_recording import check_recording
+from shukotsu.checks.declared import TIDY, Declared
+from shukotsu.schemas.findings import NOTE, Finding
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array, about_axis, multiply
+from shukotsu.stages.simulate import random_hand, task_motion
+from shukotsu.stages.simulate.random_hand import JOINTS, Hand
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import LAYOUT, simulate
 
 FRAMES = {"rom": 1800, "opposition": 1200}
 FINGERS = ("index", "middle", "ring", "little")
@@ -40,7 +40,7 @@ class Planted:
     truth: Mapping[str, Array] = field(default_factory=dict)
 
     def findings(self) -> list[Finding]:
-        """Give what is found, notes left out but those of receivers that hang."""
+        """Return the findings, notes left out but those of receivers that hang."""
         found = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.declared).findings
         return [one for one in found if one.severity != NOTE or one.kind == "receiver-stuck"]
 
@@ -171,7 +171,7 @@ def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
             angles[:, place] = angles[0, place] + 0.1 * (angles[:, place] - angles[0, place])
         return replace(motion, angles_rad=angles)
 
-    with mock.patch("stages.simulate.simulation.move", move):
+    with mock.patch("shukotsu.stages.simulate.simulation.move", move):
         return _own(seed, hand, task)
 
 
@@ -188,5 +188,5 @@ def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Plan
             rest[place] = multiply(rest[place], drift)
         return replace(own, length_mm=length, rest=rest)
 
-    with mock.patch("stages.simulate.simulation.hand_of", hand_of):
+    with mock.patch("shukotsu.stages.simulate.simulation.hand_of", hand_of):
         return _own(seed, hand, task)

@@ -10,23 +10,22 @@ import numpy as np
 
 from benchmarks.accuracy import add_people
 from benchmarks.benchmark_table import TextTable
-from schemas.layout import Layout, read_layout
-from schemas.poses import Poses
-from schemas.verdict import RADIUS_SD
-from skeleton.joint_angles import angles_of_hand
-from skeleton.rotations import Array
-from stages.fit_hand.compiled_equations import pose
-from stages.fit_hand.facing import facing_nails
-from stages.fit_hand.fingertips import Fingertips, fingertips
-from stages.fit_hand.fit import HandFit, fit_hand
-from stages.fit_hand.frame_uncertainty import posed_errors
-from stages.fit_hand.normal_equations import reduce, residuals
-from stages.fit_hand.posterior import Posterior
-from stages.fit_hand.replaying import PosedHand, pose_hand
-from stages.fit_hand.solving import first_guess
-from stages.simulate.random_hand import BONES, FINGERS
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import LAYOUT, Simulated, simulate
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.verdict import RADIUS_SD
+from shukotsu.skeleton.joint_angles import angles_of_hand
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.angle_bones import angle_bones
+from shukotsu.stages.fit_hand.compiled_equations import pose, reduce
+from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
+from shukotsu.stages.fit_hand.fit import HandFit, fit_hand
+from shukotsu.stages.fit_hand.fitted_motion import PosedHand, pose_hand
+from shukotsu.stages.fit_hand.frame_uncertainty import posed_errors
+from shukotsu.stages.fit_hand.gauss_newton import first_guess
+from shukotsu.stages.fit_hand.posterior import Posterior
+from shukotsu.stages.simulate.random_hand import BONES, FINGERS
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import LAYOUT, Simulated, simulate
 
 HANDS = ("right", "left")
 SUBJECT, CALIBRATION, TASK = "01", "rom", "opposition"
@@ -99,9 +98,7 @@ def at_truth(fit: HandFit, true: HandFit) -> HandFit:
     place = {name: index for index, name in enumerate(true.evidence.model.unknowns.names)}
     x = np.array([known[place[name]] if name in place else 0.0 for name in evidence.model.unknowns.names])
     point = pose(evidence.problem, first_guess(evidence.problem, evidence.model, x))
-    reduced = reduce(
-        evidence.problem, point, residuals(evidence.problem, point), np.zeros(len(evidence.share))
-    )
+    reduced = reduce(evidence.problem, point).frames_first()
     posterior = Posterior.of(evidence.problem, point, reduced, evidence.share)
     return replace(fit, evidence=replace(evidence, posterior=posterior, states=point.y))
 
@@ -128,7 +125,7 @@ def task_errors(
 
 
 def _angles_deg(fit: HandFit, posed: PosedHand, side: str) -> dict[str, Array]:
-    bones, rests = facing_nails(fit, posed)
+    bones, rests = angle_bones(fit, posed)
     return angles_of_hand(posed.bones, bones, bones[:, 0], fit.evidence.layout, side, rests)
 
 

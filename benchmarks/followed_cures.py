@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from benchmarks.brought_files import SECONDS, Brought, Said, said
+from benchmarks.brought_files import SECONDS, Brought, Result, check
 
 MOST_TIMES = 6
 
@@ -24,19 +24,19 @@ class NoSuchCureError(Exception):
     """The sentence says nothing that can be done to the letter."""
 
 
-def obeyed(brought: Brought, right: Brought) -> tuple[Said, Said]:
+def obeyed(brought: Brought, right: Brought) -> tuple[Result, Result]:
     """Follow the first finding's sentence, look again, and so on until nothing new is found: first, last."""
-    first = last = said(brought)
+    first = last = check(brought)
     done: set[str] = set()
     while (left := to_do(last)) and left[0] not in done and len(done) < MOST_TIMES:
         sentence = left[0]
         done.add(sentence)
         brought = followed(sentence, brought, right)
-        last = said(brought)
+        last = check(brought)
     return first, last
 
 
-def to_do(own: Said) -> list[str]:
+def to_do(own: Result) -> list[str]:
     """Give the sentences that say to do something: a repair says that nothing more has to be."""
     messages = [finding.message for finding in own.findings]
     return [message for message in messages if not re.search("nothing (more )?has to be done", message)]
@@ -54,7 +54,7 @@ def followed(sentence: str, brought: Brought, right: Brought) -> Brought:
 
 
 def _written(text: str) -> dict[str, Any]:
-    """What stands between backticks, as YAML has it."""
+    """Read the text between backticks as YAML."""
     return {
         key: value for code in re.findall("`([^`]+)`", text) for key, value in yaml.safe_load(code).items()
     }
@@ -92,7 +92,7 @@ def _not_in_step(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
 
 
 def exchanged(names: Mapping[str, Any], pairs: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """Give what stands under the names, those of each pair exchanged."""
+    """Exchange the values under the names of each pair."""
     other = dict(pairs) | {two: one for one, two in pairs}
     return {other.get(name, name): own for name, own in names.items()}
 
@@ -220,7 +220,7 @@ def _other_hand(words: re.Match[str], brought: Brought, right: Brought) -> Broug
 
 
 def _looked_up(_words: re.Match[str], _brought: Brought, right: Brought) -> Brought:
-    """What only its laboratory knows: which columns are which receiver's, or the file exported anew."""
+    """Return the right file, as only its laboratory knows the receivers' columns or can export it anew."""
     return right
 
 

@@ -11,48 +11,34 @@ from statistics import median
 
 import numpy as np
 
-from benchmarks.benchmark_table import Cell, TextTable, write_tables
+from benchmarks.benchmark_table import Cell, TextTable
 from benchmarks.processes import run_process
-from schemas.layout import read_layout
-from schemas.poses import Poses
-from skeleton.rotations import Array
-from stages.fit_hand import compiled_equations, normal_equations
-from stages.fit_hand.fingertips import Fingertips, fingertips
-from stages.fit_hand.fit import HandFit, fit_hand
-from stages.fit_hand.frame_uncertainty import posed_errors
-from stages.fit_hand.gains import gains
-from stages.fit_hand.loose_receivers import displaced_in
-from stages.fit_hand.normal_equations import Point, Problem
-from stages.fit_hand.receiver_costs import FRAMES, receiver_costs
-from stages.fit_hand.replaying import pose_hand
-from stages.fit_hand.solving import first_guess
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import LAYOUT, simulate
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
+from shukotsu.stages.fit_hand.fit import fit_hand
+from shukotsu.stages.fit_hand.fitted_motion import pose_hand
+from shukotsu.stages.fit_hand.frame_uncertainty import posed_errors
+from shukotsu.stages.fit_hand.gains import gains
+from shukotsu.stages.fit_hand.loose_receivers import displaced_in
+from shukotsu.stages.fit_hand.receiver_costs import FRAMES, receiver_costs
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import LAYOUT, simulate
 
-PAGE, MARK = "benchmarks.md", "hand_cost"
+WRITTEN_TO = "benchmarks.md", "hand_cost"
 CALIBRATION_FRAMES, TASK_FRAMES = 6000, 4000
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rounds", type=int, default=5, help="of each measurement, in turns (5)")
-    parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{PAGE}")
 
 
-def run(
-    rounds: int = 5, write: bool = False, frames: tuple[int, int] = (CALIBRATION_FRAMES, TASK_FRAMES)
-) -> Iterator[TextTable]:
+def run(rounds: int = 5, frames: tuple[int, int] = (CALIBRATION_FRAMES, TASK_FRAMES)) -> Iterator[TextTable]:
     """Give the tables; frames : of the calibration and of the task that is posed."""
     calibration, task = (recorded(name, n) for name, n in zip(("rom", "opposition"), frames, strict=True))
     fit = fit_hand([calibration], read_layout(LAYOUT), "right")
-    tips = fingertips(fit)
-    tables = [
-        _stages(tips, calibration, task, rounds),
-        _twins(fit, rounds),
-        _start_up(),
-    ]
-    yield from tables
-    if write:
-        write_tables(PAGE, tables, f"python -m benchmarks hand_cost --rounds {rounds} --write", MARK)
+    yield _stages(fingertips(fit), calibration, task, rounds)
+    yield _start_up()
 
 
 def recorded(task: str, n_frames: int) -> Poses:
@@ -94,63 +80,22 @@ def _stages(tips: Fingertips, calibration: Poses, task: Poses, rounds: int) -> T
     )
 
 
-def _twins(fit: HandFit, rounds: int) -> TextTable:
-    """The compiled equations beside NumPy's, on the frames that were fitted, before they are posed."""
-    problem = fit.evidence.problem
-    point = first_guess(problem, fit.evidence.model, fit.evidence.posterior.x)
-    current = normal_equations.residuals(problem, point)
-    none = np.zeros(len(point.y))
-    work: dict[str, tuple[Callable[[], Array], Callable[[], Array]]] = {
-        "residuals": (
-            lambda: compiled_equations.residuals(problem, point).frame_cost,
-            lambda: normal_equations.residuals(problem, point).frame_cost,
-        ),
-        "normal equations": (
-            lambda: compiled_equations.reduce(problem, point).matrix,
-            lambda: normal_equations.reduce(problem, point, current, none).matrix,
-        ),
-        "posing, one step": (
-            lambda: compiled_equations.pose(problem, point, 1).y,
-            lambda: _posed_once(problem, point),
-        ),
-    }
-    rows: list[tuple[Cell, ...]] = []
-    for name, (compiled, plain) in work.items():
-        off = np.abs(compiled() - plain()).max() / np.abs(plain()).max()
-        ours, theirs = _seconds({"ours": compiled, "theirs": plain}, rounds).values()
-        rows.append((name, 1e3 * ours, 1e3 * theirs, theirs / ours, float(off)))
-    return TextTable(
-        f"hand_cost: compiled and in NumPy, {len(point.y)} frames, {rounds} rounds in turns",
-        ("equations", "compiled ms:.2f", "NumPy ms:.2f", "x:.1f", "largest difference:.0e"),
-        rows,
-        "The difference is relative to the largest number.",
-    )
-
-
-def _posed_once(problem: Problem, point: Point) -> Array:
-    """States after one step, taken where it goes downhill."""
-    current = normal_equations.residuals(problem, point)
-    damping = np.full(len(point.y), 1e-3)
-    reduced = normal_equations.reduce(problem, point, current, damping, fixed_x=True)
-    tried = normal_equations.back_substitute(problem, point, reduced, None)
-    better = normal_equations.residuals(problem, tried).frame_cost <= current.frame_cost
-    return np.where(better[:, None], tried.y, point.y)
-
-
 def _start_up() -> TextTable:
     """Processes that compile, that find what was compiled, and that need none of it."""
-    compiling = [sys.executable, "-m", "stages.fit_hand.compile_kernel"]
+    compiling = [sys.executable, "-m", "shukotsu.stages.fit_hand.compile_kernel"]
     with tempfile.TemporaryDirectory() as folder:
         usages = {
             "compiling": run_process(compiling, NUMBA_CACHE_DIR=folder),
             "compiled before": run_process(compiling, NUMBA_CACHE_DIR=folder),
         }
-    usages["without compiled code"] = run_process([sys.executable, "-c", "import stages.fit_hand.chain"])
+    usages["without compiled code"] = run_process(
+        [sys.executable, "-c", "import shukotsu.stages.fit_hand.chain"]
+    )
     return TextTable(
         "hand_cost: start of a process that fits hands",
         ("process", "processor s:.2f", "memory MB:.0f"),
         [(name, usage.processor_s, usage.memory_mb) for name, usage in usages.items()],
-        "The first is what ./bootstrap does once; the last imports chains, which are NumPy, and no more.",
+        "The first is what make demo does once; the last imports chains, which are NumPy, and no more.",
     )
 
 

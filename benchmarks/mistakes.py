@@ -5,23 +5,21 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import permutations
-from multiprocessing import get_context
 
 import numpy as np
 
-from benchmarks.benchmark_table import Cell, TextTable, add_people, write_tables
+from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import FINGERS, Planted, changed, faultless, other_hand, own_hand
-from checks.checked_recording import CheckedRecording, check_recording
-from checks.compared_recordings import compared
-from checks.declared import Declared
-from schemas.layout import read_layout
-from skeleton.rotations import Array, about_axis, conjugate, from_matrix, matrix, multiply, unit
-from stages.simulate.simulation import LAYOUT
+from shukotsu.checks.checked_recording import CheckedRecording, check_recording
+from shukotsu.checks.compared_recordings import compared
+from shukotsu.checks.declared import Declared
+from shukotsu.schemas.layout import read_layout
+from shukotsu.skeleton.rotations import Array, about_axis, conjugate, from_matrix, matrix, multiply, unit
+from shukotsu.stages.simulate.simulation import LAYOUT
 
-PAGE = "mistakes-benchmark.md"
+WRITTEN_TO = "mistakes-benchmark.md", "tables"
 FIRST_SEED = 9000
 PAIRS = 4
 
@@ -34,7 +32,7 @@ Alarm = tuple[str, str, tuple[str, ...]]
 
 @dataclass(frozen=True)
 class Person:
-    """Of one: what is found where nothing is wrong, and tallies of one mistake and of two at once."""
+    """Hold what is found of one where nothing is wrong, and tallies of one mistake and of two at once."""
 
     alarms: list[Alarm]
     single: list[Tally]
@@ -45,19 +43,12 @@ Mistake = Callable[[Planted, np.random.Generator], Planted]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 30, FIRST_SEED, PAGE)
+    add_people(parser, 30, FIRST_SEED)
 
 
-def run(
-    n_hands: int = 30, write: bool = False, processes: int = 2, seed: int = FIRST_SEED
-) -> Iterator[TextTable]:
+def run(n_hands: int = 30, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     """Give the tables over that many people."""
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        people = list(pool.map(one_person, range(seed, seed + n_hands)))
-    tables = tables_of(people)
-    yield from tables
-    if write:
-        write_tables(PAGE, tables, f"python -m benchmarks mistakes --hands {n_hands} --seed {seed} --write")
+    yield from tables_of(of_each_person(one_person, n_hands, seed))
 
 
 def tables_of(people: Sequence[Person]) -> list[TextTable]:
@@ -72,7 +63,7 @@ def tables_of(people: Sequence[Person]) -> list[TextTable]:
 
 
 def one_person(seed: int) -> Person:
-    """Give what is found in a person's recordings, without a mistake and with one or two."""
+    """Check a person's recordings without a mistake and with one or two."""
     rng = np.random.default_rng(seed)
     hand = ("right", "left")[seed // 2 % 2]
     alarms = [

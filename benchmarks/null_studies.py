@@ -11,17 +11,17 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.benchmark_table import Cell, TextTable, write_tables
-from subject_statistics.curve_statistics import CurveTest, curves_between, curves_within
-from subject_statistics.group_statistics import assignments, is_enumerated, permutation_p, two_groups
-from subject_statistics.multiple_comparisons import LEVEL, holm
-from subject_statistics.paired_statistics import MOST_ENUMERATED, paired
-from subject_statistics.reliability_statistics import bland_altman, reliability
+from benchmarks.benchmark_table import Cell, TextTable
+from shukotsu.statistics.curve_statistics import CurveTest, curves_between, curves_within
+from shukotsu.statistics.group_statistics import assignments, is_enumerated, permutation_p, two_groups
+from shukotsu.statistics.multiple_comparisons import LEVEL, holm
+from shukotsu.statistics.paired_statistics import MOST_ENUMERATED, paired
+from shukotsu.statistics.reliability_statistics import bland_altman, reliability
 
 Array = npt.NDArray[np.float64]
 Draw = Callable[[np.random.Generator, tuple[int, ...]], Array]
 
-PAGE = "statistics.md"
+WRITTEN_TO = "statistics.md", "tables"
 STUDIES = 2000
 SEED = 7100
 N_JOINTS = 20
@@ -47,17 +47,12 @@ def smooth(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--studies", type=int, default=STUDIES, help=f"studies a row ({STUDIES})")
-    parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{PAGE}")
 
 
-def run(studies: int = STUDIES, write: bool = False) -> Iterator[TextTable]:
+def run(studies: int = STUDIES) -> Iterator[TextTable]:
     """Give the tables over that many studies a row."""
-    tables = []
     for make in (same_subjects, two_groups_of, over_joints, over_curves, repeated):
-        tables.append(make(studies))
-        yield tables[-1]
-    if write:
-        write_tables(PAGE, tables, f"python -m benchmarks null_studies --studies {studies} --write")
+        yield make(studies)
 
 
 def same_subjects(studies: int) -> TextTable:

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.accuracy.score import JOINT_TYPES
 from benchmarks.benchmark_table import Cell, TextTable
-from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS
-from schemas.layout import FINGER_MM
-from schemas.parts import Part, parts_writer
-from schemas.tables import Provenance, read_table, rows_of
-from schemas.verdict import RADIUS_SD, VERDICTS, judged_joint
-from stages.evaluate_skeletons.truth_errors import centre_errors
-from stages.simulate.realism import Realism
-from stages.simulate.recording import write_recording
-from stages.simulate.simulation import LAYOUT, Simulated, simulate
-from stages.simulate.written_truth import write_truth
+from shukotsu.schemas.catalogue import JOINT_CENTRES, TIP_ERRORS
+from shukotsu.schemas.layout import FINGER_MM
+from shukotsu.schemas.parts import Part, parts_writer
+from shukotsu.schemas.tables import Provenance, read_table, rows_of
+from shukotsu.schemas.verdict import RADIUS_SD, VERDICTS, judged_joint
+from shukotsu.stages.evaluate_skeletons.truth_errors import centre_errors
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.recording import write_recording
+from shukotsu.stages.simulate.simulation import LAYOUT, Simulated, simulate
+from shukotsu.stages.simulate.written_truth import write_truth
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,7 +90,7 @@ def paper_hand(seed: int, hand: str, n_frames: int | None = None) -> tuple[list[
 def _stage(name: str, *argv: str, **options: object) -> None:
     """Run a stage in this process; RuntimeError where it fails."""
     argv = (*argv, *(f"--{option.replace('_', '-')}={value}" for option, value in options.items()))
-    if status := import_module(f"stages.{name}.__main__").main(list(argv)):
+    if status := import_module(f"shukotsu.stages.{name}.__main__").main(list(argv)):
         raise RuntimeError(f"stages.{name} {' '.join(argv)} ended with {status}")
 
 

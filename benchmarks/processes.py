@@ -24,8 +24,8 @@ print(code, time.perf_counter() - started, usage.ru_utime + usage.ru_stime, usag
 
 @dataclass(frozen=True)
 class Usage:
-    """What a process took: seconds by the clock, processor seconds of it and its children, the memory of the
-    largest of them in MB; and what they printed.
+    """Hold what a process used: seconds by the clock, processor seconds of it and its children, the memory of
+    the largest of them in MB; and what they printed.
     """
 
     seconds: float

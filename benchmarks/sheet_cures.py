@@ -6,14 +6,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmarks.brought_files import Said, centres
+from benchmarks.brought_files import Result, centres
 from benchmarks.faultless_hands import Planted, changed
 from benchmarks.followed_cures import NoSuchCureError
 from benchmarks.mistakes import RECORDERS
-from checks.checked_recording import CheckedRecording, check_recording
-from checks.compared_recordings import compared
-from schemas.layout import read_layout
-from stages.simulate.simulation import LAYOUT
+from shukotsu.checks.checked_recording import CheckedRecording, check_recording
+from shukotsu.checks.compared_recordings import compared
+from shukotsu.schemas.layout import read_layout
+from shukotsu.stages.simulate.simulation import LAYOUT
 
 Row = Mapping[str, str]
 """Of a recordings sheet, by column."""
@@ -77,8 +77,8 @@ def _second_half(planted: Planted) -> Planted:
     return Planted(half, planted.hand, planted.declared, planted.truth)
 
 
-def said_of_sheet(rows: Sequence[Row], files: Files) -> Said:
-    """What is said of recordings that are a subject's in one session; the first one's joints, of all."""
+def check_sheet(rows: Sequence[Row], files: Files) -> Result:
+    """Check recordings, those of a subject's session together; the joints are those of the first session."""
     used = [row for row in rows if not row["exclude"]]
     whose = [(row["subject"], row["session"]) for row in used]
     findings = []
@@ -88,13 +88,13 @@ def said_of_sheet(rows: Sequence[Row], files: Files) -> Said:
         findings += [finding for one in compared(named) for finding in one.findings]
     first = [files.planted[row["file"]] for row, of in zip(used, whose, strict=True) if of == whose[0]]
     layout = read_layout(LAYOUT)
-    return Said(tuple(findings), dict(centres([one.poses for one in first], layout, first[0].hand)))
+    return Result(tuple(findings), dict(centres([one.poses for one in first], layout, first[0].hand)))
 
 
-def obeyed_in_sheet(case: SheetCase, files: Files, *, second: bool = False) -> tuple[Said, Said]:
-    """What is said before and after the sentence's cure; second : the other one where it leaves a choice."""
-    before = said_of_sheet(case.wrong, files)
-    return before, said_of_sheet(_followed(before.findings[0].message, case, second=second), files)
+def obeyed_in_sheet(case: SheetCase, files: Files, *, second: bool = False) -> tuple[Result, Result]:
+    """Check before and after the sentence's cure; second : take the other one where it leaves a choice."""
+    before = check_sheet(case.wrong, files)
+    return before, check_sheet(_followed(before.findings[0].message, case, second=second), files)
 
 
 def _followed(sentence: str, case: SheetCase, *, second: bool) -> Sequence[Row]:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import yaml
 
-from benchmarks import report_pages
 from benchmarks.benchmark_table import Cell, TextTable
 from benchmarks.processes import Usage
 from benchmarks.study_runs import (
@@ -27,6 +26,7 @@ from benchmarks.study_runs import (
     simulate_recordings,
 )
 
+WRITTEN_TO = "benchmarks.md", "tables"
 SUBJECTS = (1, 10, 100)
 FITTED_SUBJECTS = (4, 12)
 FIT = "fit_hand"
@@ -57,7 +57,6 @@ def run(subjects: Sequence[int] = SUBJECTS, fitted: Sequence[int] = FITTED_SUBJE
             study.write_subjects(simulated, count)
             cold = study.run()
             rows.append(_row(f"{count} subjects, cold", cold, count))
-        pages = list(report_pages.run(study.results))
         for change, make in changes(study, simulated, count).items():
             make()
             rows.append(_row(f"then {change}", study.run()))
@@ -68,7 +67,6 @@ def run(subjects: Sequence[int] = SUBJECTS, fitted: Sequence[int] = FITTED_SUBJE
             "The first subject's jobs and those of the whole study, each run again as a process, start-up "
             "included; all jobs of a rule are taken to cost what that subject's do.",
         )
-        yield from pages
         yield _fitted([_fitted_row(Study(folder / f"fit-{n}", ALL_MODELS), simulated, n) for n in fitted])
 
 
@@ -138,7 +136,7 @@ def _whole(rows: list[tuple[Cell, ...]]) -> TextTable:
 
 
 def rule_table(costs: Mapping[str, RuleCost], title: str, meaning: str) -> TextTable:
-    """What the rules of a study cost."""
+    """Tabulate the cost of the rules of a study."""
     heads = ("jobs:d", "processor s a job:.2f", "of all jobs:.0f", "largest MB:.0f")
     rows: list[tuple[Cell, ...]] = [
         (rule, cost.jobs, cost.processor_s, cost.total_s, cost.memory_mb) for rule, cost in costs.items()

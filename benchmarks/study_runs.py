@@ -56,7 +56,7 @@ class Study:
 
     @property
     def results(self) -> Path:
-        """Where its results are."""
+        """Return the folder of its results."""
         return self.folder / "results" / "study"
 
     def write(self, rows: Sequence[Sequence[str]]) -> None:
@@ -120,7 +120,7 @@ def simulate_recordings(folder: Path) -> Path:
         for hand, task in hand_tasks():
             out = folder / f"{subject}_{hand}_{task}.parquet"
             names = (f"--subject={subject}", f"--hand={hand}", f"--task={task}", f"--seed={SEED}")
-            run_python("-m", "stages.simulate", *names, f"--frames={FRAMES[task]}", f"--out={out}")
+            run_python("-m", "shukotsu.stages.simulate", *names, f"--frames={FRAMES[task]}", f"--out={out}")
     return folder
 
 

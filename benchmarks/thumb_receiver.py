@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from skeleton.rotations import Array, about_axis, conjugate, multiply, rotate
-from stages.simulate.random_hand import FLEXION, JOINTS
-from stages.simulate.simulation import Simulated
+from shukotsu.skeleton.rotations import Array, about_axis, conjugate, multiply, rotate
+from shukotsu.stages.simulate.random_hand import FLEXION, JOINTS
+from shukotsu.stages.simulate.simulation import Simulated
 
 OWN = "thumb_metacarpal"
 X = np.array([1.0, 0.0, 0.0])

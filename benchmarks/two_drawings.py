@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from typing import Any
 from unittest import mock
 
@@ -18,22 +16,22 @@ from scipy.stats import rankdata, spearmanr
 
 from benchmarks import other_hands
 from benchmarks.accuracy.score import COVERED_95_SD, JOINT_TYPES
-from benchmarks.benchmark_table import TextTable, add_people, write_tables
+from benchmarks.benchmark_table import TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import FACINGS, true_halves
 from benchmarks.other_hands import taped_skin
 from benchmarks.other_hands.room import Field
-from schemas.layout import read_layout
-from schemas.poses import Poses
-from schemas.verdict import RADIUS_SD
-from skeleton.rotations import Array
-from stages.fit_hand.building import KINDS
-from stages.fit_hand.fit import HandFit, fit_hand
-from stages.fit_hand.replaying import pose_hand
-from stages.simulate.random_hand import BONES, FLEXION, JOINTS
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import LAYOUT, simulate
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.verdict import RADIUS_SD
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.chain_builder import KINDS
+from shukotsu.stages.fit_hand.fit import HandFit, fit_hand
+from shukotsu.stages.fit_hand.fitted_motion import pose_hand
+from shukotsu.stages.simulate.random_hand import BONES, FLEXION, JOINTS
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import LAYOUT, simulate
 
-PAGE, MARK = "accuracy.md", "two drawings"
+WRITTEN_TO = "accuracy.md", "two drawings"
 FIRST_SEED, DURATION_S = 9500, 25.0
 FAR_MM, SHARED_MM = 5.0, 0.3
 POSED_FRAMES = 150
@@ -103,31 +101,22 @@ Length = tuple[str, str, float, bool]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 24, FIRST_SEED, PAGE)
+    add_people(parser, 24, FIRST_SEED)
 
 
-def run(
-    n_hands: int = 24, seed: int = FIRST_SEED, write: bool = False, processes: int = 2
-) -> Iterator[TextTable]:
+def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     """Give the tables over that many hands of each drawing."""
-    seeds, tables = range(seed, seed + n_hands), []
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
 
-        def errors(drawing: str, without: str = "") -> tuple[list[JointErrors], list[Length]]:
-            hands = list(pool.map(partial(one_hand, drawing, without=without), seeds))
-            return [own for joints, _ in hands for own in joints], [own for _, all_ in hands for own in all_]
+    def errors(drawing: str, without: str = "") -> tuple[list[JointErrors], list[Length]]:
+        hands = of_each_person(partial(one_hand, drawing, without=without), n_hands, seed)
+        return [own for joints, _ in hands for own in joints], [own for _, all_ in hands for own in all_]
 
-        drawn = [errors(drawing) for drawing in (OWN, OTHER)]
-        joints, lengths = [one for own, _ in drawn for one in own], [one for _, own in drawn for one in own]
-        for table in (errors_table, kinds_table, shared_table, stated_table):
-            tables.append(table(joints, lengths))
-            yield tables[-1]
-        less = {(drawing, w): errors(drawing, w)[0] for drawing, all_ in WITHOUT.items() for w in all_}
-        tables.append(ablation_table(joints, less))
-        yield tables[-1]
-    if write:
-        command = f"python -m benchmarks two_drawings --hands {n_hands} --seed {seed} --write"
-        write_tables(PAGE, tables, command, MARK)
+    drawn = [errors(drawing) for drawing in (OWN, OTHER)]
+    joints, lengths = [one for own, _ in drawn for one in own], [one for _, own in drawn for one in own]
+    for table in (errors_table, kinds_table, shared_table, stated_table):
+        yield table(joints, lengths)
+    less = {(drawing, w): errors(drawing, w)[0] for drawing, all_ in WITHOUT.items() for w in all_}
+    yield ablation_table(joints, less)
 
 
 def one_hand(drawing: str, seed: int, without: str = "") -> tuple[list[JointErrors], list[Length]]:
@@ -295,7 +284,7 @@ def shared_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTabl
 
 
 def stated_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTable:
-    """Give what the stated sd is worth: calibration, rank, risk by coverage."""
+    """Compare the stated sd with errors: calibration, rank, risk by coverage."""
     rows = []
     for name, own in _by_drawing(joints).items():
         error, sd = np.array([one.worse_mm for one in own]), np.array([one.sd_mm for one in own])
@@ -341,7 +330,7 @@ def area_under_curve(score: Array, positive: npt.NDArray[np.bool_]) -> float | N
 def ablation_table(
     joints: Sequence[JointErrors], less: Mapping[tuple[str, str], Sequence[JointErrors]]
 ) -> TextTable:
-    """Give what of the mean square error goes with each ingredient of a drawing."""
+    """Tabulate how much of the mean square error goes with each ingredient of a drawing."""
     whole = {name: _mean_square(own) for name, own in _by_drawing(joints).items()}
     rows = [
         (name, without, square, 100 * (1 - square / whole[name]))

@@ -1,1 +1,1 @@
-"""What draws the guide's pictures: the average hand, its receivers, its movements and the room around it."""
+"""Make pages of the guide: reference pages from the schemas, and hooks of the site."""

@@ -25,8 +25,8 @@ def cells_as_markdown(notebook: dict[str, Any]) -> str:
 def on_page_markdown(markdown: str, *, config: MkDocsConfig, **_: object) -> str:
     """Put the cells of a page's notebooks where its marks are; a mark's path is below docs/."""
 
-    def cells(mark: re.Match[str]) -> str:
-        path = Path(config.docs_dir, mark[1])
+    def cells(match: re.Match[str]) -> str:
+        path = Path(config.docs_dir, match[1])
         return cells_as_markdown(json.loads(path.read_text("utf-8")))
 
     return MARK.sub(cells, markdown)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import pyarrow as pa
 
-from schemas.movement_tables import MOVEMENT_TABLES
-from schemas.table_columns import (
+from shukotsu.schemas.model_tables import MODEL_TABLES
+from shukotsu.schemas.movement_tables import MOVEMENT_TABLES
+from shukotsu.schemas.table_columns import (
     DIGIT,
     FRAME,
     HAND,
@@ -30,10 +31,10 @@ from schemas.table_columns import (
     WHOLE,
     YES_NO,
 )
-from schemas.table_columns import quaternion as _quaternion
-from schemas.table_columns import real as _real
-from schemas.table_columns import xyz as _xyz
-from schemas.tables import Column, Table
+from shukotsu.schemas.table_columns import quaternion as _quaternion
+from shukotsu.schemas.table_columns import real as _real
+from shukotsu.schemas.table_columns import xyz as _xyz
+from shukotsu.schemas.tables import Column, Table
 
 POSES = Table(
     "poses",
@@ -53,7 +54,7 @@ POSES = Table(
 
 CAPTURE_RECORDS = Table(
     "capture_records",
-    1,
+    2,
     "record that the tracker sent, in the order of its bytes",
     (
         Column("station", pa.int16(), "", "the tracker's station number"),
@@ -64,16 +65,6 @@ CAPTURE_RECORDS = Table(
         *(
             Column(f"q{part}", SINGLE, "", f"receiver to transmitter frame, as sent, {part}", True)
             for part in "wxyz"
-        ),
-        *(
-            Column(
-                f"repaired_{axis}_mm",
-                SINGLE,
-                "mm",
-                f"where asked for: receiver origin with hemisphere flips put back, {axis}",
-                True,
-            )
-            for axis in "xyz"
         ),
         Column("error", pa.uint8(), "", "ASCII code of the tracker's error letter; 0 for none"),
         Column(
@@ -154,7 +145,7 @@ JOINT_SOLUTIONS = Table(
         _real("n_effective", "independent samples among them, from the gap's autocorrelation"),
         REASON_VALUES,
         STATUS,
-        MESSAGE,
+        *MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "joint"),
 )
@@ -200,7 +191,7 @@ JOINT_CENTRES = Table(
         Column("source", TEXT, "", "where the centre comes from (fit, configured point, estimated point)"),
         *JUDGEMENT,
         JOINT_STATUS,
-        MESSAGE,
+        *MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "joint"),
 )
@@ -260,7 +251,7 @@ TIP_ERRORS = Table(
         Column("n_frames", WHOLE, "", "frames with an error: every receiver of the digit valid"),
         Column("n_frames_total", WHOLE, "", "frames of the recording"),
         Column("held_out", YES_NO, "", "whether the joints were solved without this recording"),
-        MESSAGE,
+        *MESSAGE,
     ),
     ("subject", "session", "hand", "task", "trial", "model", "made_without", "digit", "binding"),
 )
@@ -292,7 +283,7 @@ BONE_LENGTHS = Table(
         Column("driven_by", TEXT, "", "the segment whose receiver turns the bone; empty where none does"),
         _real("sd_over_frames_mm", "metacarpals: SD of |v(k)|, which a true skeleton keeps at 0"),
         *JUDGEMENT,
-        MESSAGE,
+        *MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "digit", "bone"),
 )
@@ -360,7 +351,7 @@ RECEIVERS = Table(
         *_xyz("field_", "mm", "where it came nearest to what disturbs the field, in the transmitter frame"),
         _real("left_out_share", "share of its calibration frames that was left out for that"),
         STATUS,
-        MESSAGE,
+        *MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "segment"),
 )
@@ -512,7 +503,7 @@ SKELETON_SCORES = Table(
         _real("true_tip_mean_mm", "simulated: mean distance to the true end of the distal bone"),
         _real("true_tip_p95_mm", "the same, 95th percentile"),
         Column("n_frames", WHOLE, "", "frames scored"),
-        MESSAGE,
+        *MESSAGE,
     ),
     ("subject", "session", "hand", "task", "trial", "model", "calibrated_on", "digit"),
 )
@@ -562,7 +553,7 @@ RECORDINGS = Table(
             "valid_percent",
             "poses that may be used, of those that the layout expects in all frames, missing ones too",
         ),
-        MESSAGE,
+        *MESSAGE,
     ),
     ("subject", "session", "hand", "task", "trial"),
 )
@@ -589,7 +580,7 @@ PROBLEMS = Table(
         _VARIANT,
         _VALUES,
         _ACCEPTED,
-        MESSAGE,
+        *MESSAGE,
     ),
     (),
 )
@@ -618,5 +609,6 @@ TABLES = {
         RECORDINGS,
         PROBLEMS,
         *MOVEMENT_TABLES,
+        *MODEL_TABLES,
     )
 }

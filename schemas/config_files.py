@@ -15,12 +15,15 @@ from typing import Any
 
 import yaml
 
-from schemas import limits
-from schemas.errors import InputError, shortened
-from schemas.text_files import read_text, slash_hint
+from shukotsu.errors import InputError, shortened
+from shukotsu.files import limits
+from shukotsu.files.text_files import read_text, slash_hint
 
 SCHEMA_FOLDER = Path(__file__).parent / "json"
 CONFIG_FOLDER = Path(__file__).parent.parent / "config"
+
+REFERENCE = "prior-only"
+"""The hand that anatomy expects: a model without a step, which the workflow adds beside a study's own."""
 
 
 class _StrictLoader(yaml.CSafeLoader):  # type: ignore[misc, unused-ignore]
@@ -102,7 +105,7 @@ def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
 
 
 def _place_and_problem(error: yaml.MarkedYAMLError, text: str) -> str:
-    """What is wrong, in the words of the parser, and where, as an editor counts lines."""
+    """Return the parser's own words for the problem, and its place as an editor counts lines."""
     mark = error.problem_mark or error.context_mark
     where = f" (line {mark.line + 1}, column {mark.column + 1})" if mark is not None else ""
     problem = error.problem or error.context or "damaged"
@@ -153,6 +156,8 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
 
     Raises InputError that lists what there is.
     """
+    if (kind, name) == ("model", REFERENCE):
+        return CONFIG_FOLDER / "references" / f"{name}.yaml"
     if name in shipped(kind):
         return CONFIG_FOLDER / f"{kind}s" / f"{name}.yaml"
     path = folder / name

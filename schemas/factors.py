@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from schemas.sheets import PARTICIPANTS, read_sheet
-from schemas.study import OWN_FACTORS, Study
+from shukotsu.schemas.sheets import PARTICIPANTS, read_sheet
+from shukotsu.schemas.study import OWN_FACTORS, Study
 
 MISSING = ("", "n/a")
 """Cells that give no level."""

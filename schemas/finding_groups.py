@@ -6,18 +6,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from schemas.finding_sentences import (
-    SENTENCES,
-    Say,
+from shukotsu.schemas.findings import KINDS, values_of
+from shukotsu.sentences.finding_sentences import (
+    WHAT,
     accepted_text,
     cure_of,
-    english,
     evidence_of,
-    sentence_of,
+    key_of,
     what_and_cure,
     what_of,
 )
-from schemas.findings import KINDS, values_of
+from shukotsu.sentences.messages import Message, joined, of_finding, sentence_of
+from shukotsu.sentences.translation import foreign, tr
 
 Row = dict[str, Any]
 """Of the problems table, or of the findings table."""
@@ -45,48 +45,54 @@ class Fault:
 
 
 def is_declared(row: Row) -> bool:
-    """Whether the row is one of the sentences of docs/mistakes.md, and so has a cure."""
-    return row["variant"] in SENTENCES.get(row["kind"], {})
+    """Tell whether the row is one of the sentences of docs/mistakes.md, and so has a cure."""
+    return key_of(row["kind"], row["variant"]) in WHAT
 
 
-def row_sentence(row: Row, say: Say = english) -> str:
-    """The sentence of one row."""
-    values = values_of(row["values"])
-    if not values and not row["variant"] and not is_declared(row):
-        return say("{message}", message=row["message"])
-    return sentence_of(row["kind"], row["variant"], values, row["accepted"], say)
+def row_sentence(row: Row) -> str:
+    """Give the sentence of one row."""
+    text = sentence_of(row["kind"], row["variant"], values_of(row["values"]), row["accepted"])
+    return text or foreign(row["message"])
 
 
-def row_what(row: Row, say: Say = english) -> str:
-    """What is wrong by a row of a declared kind, without what shows it and what to do."""
-    return what_of(row["kind"], row["variant"], values_of(row["values"]), say)
+def row_message(row: Row, *, whole: bool = False) -> Message:
+    """Give the same as a message, which keeps its kind and values; without `whole` what is wrong alone."""
+    if not is_declared(row):
+        return joined([row["message"]])
+    return of_finding(row["kind"], row["variant"], values_of(row["values"]), whole=whole)
 
 
-def faults(rows: Iterable[Row], say: Say = english) -> list[Fault]:
+def row_what(row: Row) -> str:
+    """Describe the mistake in a row of a declared kind, without evidence and cure."""
+    return what_of(row["kind"], row["variant"], values_of(row["values"]))
+
+
+def faults(rows: Iterable[Row]) -> list[Fault]:
     """Put rows of one fault together: of the same kind, variant, severity, cure and reason to accept it."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        said = _cure(row, say) if is_declared(row) else row["message"]
+        cure = _cure(row) if is_declared(row) else row["message"]
         names = ("stage", "kind", "variant", "severity", "accepted")
-        groups.setdefault((*(row.get(name, "") for name in names), said), []).append(row)
-    return [_fault(own, say) for own in groups.values()]
+        groups.setdefault((*(row.get(name, "") for name in names), cure), []).append(row)
+    return [_fault(own) for own in groups.values()]
 
 
-def _fault(rows: list[Row], say: Say) -> Fault:
+def _fault(rows: list[Row]) -> Fault:
     first = rows[0]
     severity, accepted = first["severity"], first["accepted"]
     if len(rows) == 1 or not is_declared(first):
-        return Fault(severity, accepted, row_sentence(first, say), tuple(Seen(row) for row in rows))
-    whats = [row_what(row, say) for row in rows]
-    shown = [evidence_of(values_of(row["values"]), say) for row in rows]
+        return Fault(severity, accepted, row_sentence(first), tuple(Seen(row) for row in rows))
+    whats = [row_what(row) for row in rows]
+    shown = [evidence_of(values_of(row["values"])) for row in rows]
     what = whats[0]
     if len(set(whats)) > 1:
-        what = say(KINDS[first["kind"]].meaning).rstrip(".。")
+        meaning = KINDS[first["kind"]].meaning
+        what = tr(meaning).rstrip(".。")
     else:
         whats = [""] * len(rows)
-    text = accepted_text(what_and_cure(what, _cure(first, say), say), accepted, say)
+    text = accepted_text(what_and_cure(what, _cure(first)), accepted)
     return Fault(severity, accepted, text, tuple(map(Seen, rows, whats, shown)))
 
 
-def _cure(row: Row, say: Say) -> str:
-    return cure_of(row["kind"], row["variant"], values_of(row["values"]), say)
+def _cure(row: Row) -> str:
+    return cure_of(row["kind"], row["variant"], values_of(row["values"]))

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from schemas.finding_sentences import Values, sentence_of
+from shukotsu.sentences.finding_sentences import Values
+from shukotsu.sentences.messages import Message, plain, sentence_of
+from shukotsu.sentences.translation import N_
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 STAGE = "check_recordings"
@@ -15,7 +17,7 @@ STAGE = "check_recordings"
 
 @dataclass(frozen=True)
 class Finding:
-    """What is found in one recording. severity : refused (not used), suspect (judges nothing) or note.
+    """Hold one finding in one recording. severity : refused (not used), suspect (judges nothing) or note.
 
     variant : which of its kind's sentences says it, see `finding_sentences`. values : that the sentence is
     made of; numbers to six digits, as tables keep them. accepted : the reason of a study that lets it stand.
@@ -28,7 +30,7 @@ class Finding:
     accepted: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", {name: _plain(value) for name, value in self.values.items()})
+        object.__setattr__(self, "values", {name: plain(value) for name, value in self.values.items()})
 
     @property
     def message(self) -> str:
@@ -55,8 +57,8 @@ class Finding:
 
 
 def worded(kind: str, severity: str, text: str) -> Finding:
-    """A finding of which nothing is known but its sentence, as of a reader's refusal."""
-    return Finding(kind, severity, values={"text": text})
+    """Make a finding of a message, or of a text of which nothing else is known, as of a reader's refusal."""
+    return Finding(kind, severity, values={"message" if isinstance(text, Message) else "text": text})
 
 
 def problem_row(stage: str, finding: Finding, **where: str) -> dict[str, str]:
@@ -82,16 +84,9 @@ def values_of(text: str) -> Values:
     return dict(json.loads(text)) if text else {}
 
 
-def _plain(value: Any) -> Any:
-    """A value as JSON keeps it."""
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
-
-
 @dataclass(frozen=True)
 class Kind:
-    """What a kind of finding means, what usually causes it, and what cures it."""
+    """Hold what a kind of finding means, what usually causes it, and what cures it."""
 
     meaning: str
     cause: str
@@ -100,102 +95,105 @@ class Kind:
 
 KINDS: Mapping[str, Kind] = {
     "quaternion-order": Kind(
-        "The four numbers of the quaternions stand in another order than was declared.",
+        N_("The four numbers of the quaternions stand in another order than was declared."),
         "Half of all programs write x, y, z, w, the others w, x, y, z.",
         "`order: xyzw` (or `wxyz`) under `orientation` in the mapping; in a tidy table, the columns' names.",
     ),
     "quaternion-inverse": Kind(
-        "The rotations take the transmitter's coordinates to the receiver's, not the other way round.",
+        N_("The rotations take the transmitter's coordinates to the receiver's, not the other way round."),
         "Some systems write the inverse rotation: a trakSTAR its quaternions and matrices, not its angles.",
         "`rotates: transmitter-to-receiver` under `orientation` in the mapping; in a tidy table, negate qx, "
         "qy and qz.",
     ),
     "euler-order": Kind(
-        "The three angles turn about other axes, or in another order, than the mapping says.",
+        N_("The three angles turn about other axes, or in another order, than the mapping says."),
         "Azimuth, elevation and roll are ZYX; motion-capture programs let one choose among many orders.",
         "`axes` under `orientation` in the mapping; of angles about fixed axes, in the opposite order.",
     ),
     "units": Kind(
-        "Positions or angles are in another unit than was declared.",
+        N_("Positions or angles are in another unit than was declared."),
         "Metres, centimetres or inches given as millimetres; radians given as degrees.",
         "`position_unit`, or `unit` under `orientation`, in the mapping; in a tidy table, positions in mm.",
     ),
     "time-unit": Kind(
-        "Times are in another unit than was declared.",
+        N_("Times are in another unit than was declared."),
         "Milliseconds or microseconds given as seconds, or the other way round.",
         "`time_unit` under `csv`, or `rate_hz`, in the mapping; in a tidy table, `time_s` in seconds.",
     ),
     "hemisphere": Kind(
-        "A receiver's position jumps to the other side of the transmitter, or is there all along.",
+        N_("A receiver's position jumps to the other side of the transmitter, or is there all along."),
         "A magnetic tracker cannot tell a place from the one opposite; it was started with, or crossed into, "
         "the other hemisphere.",
         "`repair` in the column `hemisphere` of the recordings sheet, or `--repair-hemisphere`.",
     ),
     "receiver-stuck": Kind(
-        "A receiver gives one and the same pose while the others move.",
+        N_("A receiver gives one and the same pose while the others move."),
         "A cable or a channel that hung; a program that repeats the last value.",
         "Leave the numbers empty where they repeat those before, which makes them gaps; `csv.in_step: false` "
         "in the mapping where a program repeats values.",
     ),
     "spikes": Kind(
-        "Single poses are where nothing can be, or all of them jump about.",
+        N_("Single poses are where nothing can be, or all of them jump about."),
         "Metal or a motor near the transmitter, bytes lost on the line, a column that is no position.",
         "Leave the numbers of these poses empty; where all poses jump, look for the right columns.",
     ),
     "receivers-swapped": Kind(
-        "Two receivers stand for each other's segments.",
+        N_("Two receivers stand for each other's segments."),
         "Two plugs or two lines of a layout exchanged.",
         "Exchange the two names in the mapping (`receivers`) or the file's column `segment`; of a file with "
         "stations, the two numbers in the layout (`receiver`).",
     ),
     "digits-swapped": Kind(
-        "All receivers of two digits stand for each other's segments.",
+        N_("All receivers of two digits stand for each other's segments."),
         "Two bundles of cables exchanged, or digits counted from the other side.",
         "Exchange the names of their segments, as for two receivers.",
     ),
     "wrong-hand": Kind(
-        "The hand is the other one than was declared, or the recording is mirrored.",
+        N_("The hand is the other one than was declared, or the recording is mirrored."),
         "A wrong word in the recordings sheet; an export with a left-handed frame.",
         "The column `hand` of the recordings sheet (or `--hand`); a mirrored file is mirrored back: `y_mm`, "
         "`qx` and `qz` negated.",
     ),
     "axes-mirrored": Kind(
-        "Axes of the positions are negated or exchanged while those of the rotations are not.",
+        N_("Axes of the positions are negated or exchanged while those of the rotations are not."),
         "Columns in another order; one of two frames with z up, the other with y up; a left-handed frame.",
         "`position_axes` in the mapping; in a tidy table, the columns exchanged and negated.",
     ),
     "receiver-turned": Kind(
-        "A receiver is turned on its bone by quarter turns against what the layout says, or sits on another.",
+        N_(
+            "A receiver is turned on its bone by quarter turns against what the layout says, or sits on "
+            "another."
+        ),
         "A receiver strapped on sideways or back to front.",
         "`receiver_axes` in the layout, for all receivers or under one segment.",
     ),
     "other-person": Kind(
-        "Bones are of other lengths than in the subject's other recordings.",
+        N_("Bones are of other lengths than in the subject's other recordings."),
         "A file of somebody else, or a wrong subject in the sheet.",
         "The column `subject` or `file` of the recordings sheet.",
     ),
     "same-file": Kind(
-        "The poses are, number by number, those of another recording of the sheet.",
+        N_("The poses are, number by number, those of another recording of the sheet."),
         "One file named twice, or copied under another name.",
         "The column `file` of the recordings sheet; or leave one row out with `exclude`.",
     ),
     "too-short": Kind(
-        "The recording is too short to say anything of a joint.",
+        N_("The recording is too short to say anything of a joint."),
         "A recording stopped at once, or a file cut off.",
         "Record it again; or leave it out with `exclude`.",
     ),
     "zeros": Kind(
-        "Poses are at 0, 0, 0 and not turned, to the last bit.",
+        N_("Poses are at 0, 0, 0 and not turned, to the last bit."),
         "Programs that write zeros, or no rotation, for a receiver that they do not see.",
         "Leave the numbers of these poses empty, which makes them gaps.",
     ),
     "receivers-alike": Kind(
-        "Two receivers have one and the same pose, to the last bit.",
+        N_("Two receivers have one and the same pose, to the last bit."),
         "Columns or a station named twice in the mapping or the layout; an export that repeats a receiver.",
         "Each receiver's own columns or `value` in the mapping; or export the file again.",
     ),
     "unchecked": Kind(
-        "The recording was not tested against what was declared of it, so nothing is said of it here.",
+        N_("The recording was not tested against what was declared of it, so nothing is said of it here."),
         "A fault of this program, not of the recording.",
         "Look at its picture and its joints' gaps yourself; please report the sentence with the log.",
     ),

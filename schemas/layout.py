@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from schemas.config_files import config_path, read_config
-from schemas.errors import InputError
-from schemas.files import file_state
+from shukotsu.errors import InputError
+from shukotsu.files.whole_files import file_state
+from shukotsu.schemas.config_files import config_path, read_config
 
 Vector = tuple[float, float, float]
 
@@ -101,7 +101,7 @@ class Digit:
 
 @dataclass(frozen=True)
 class Wrist:
-    """Where digits start that have no first joint of their own; mm in the hand receiver's frame."""
+    """Hold where digits start that have no first joint of their own; mm in the hand receiver's frame."""
 
     joint: str
     segment: str

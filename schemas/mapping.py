@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schemas.config_files import check_config, read_yaml
-from schemas.errors import InputError, listed
+from shukotsu.errors import InputError, listed
+from shukotsu.schemas.config_files import check_config, read_yaml
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """Millimetres of every unit that a position may come in."""
@@ -39,7 +39,7 @@ class FileMapping:
 
     @property
     def position_axes(self) -> tuple[str, ...]:
-        """What of the file's positions is x, y and z: each a letter, with a minus where it is negated."""
+        """Return the file's axes that are x, y and z: each a letter, with a minus where it is negated."""
         return tuple(self.config.get("position_axes", "xyz"))
 
     @property

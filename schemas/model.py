@@ -3,19 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from schemas.config_files import config_path, read_config
-from schemas.errors import InputError
-from schemas.files import file_state
+from shukotsu.errors import InputError
+from shukotsu.files.whole_files import file_state
+from shukotsu.schemas.config_files import config_path, read_config
+
+
+@dataclass(frozen=True)
+class JointSolving:
+    """The group `joints` of a model file: how joints are solved, and from which recordings."""
+
+    solver: str
+    singular_values: int
+    calibration: str
+
+
+@dataclass(frozen=True)
+class Planes:
+    """The group `planes`: whether and how planes cut the joints' axes."""
+
+    cut: bool
+    parallel_limit_deg: float
+    corrections: bool
 
 
 @dataclass(frozen=True)
 class HandFitting:
-    """How the whole hand is fitted at once."""
+    """The group `fit`, of a model that fits the whole hand at once."""
 
     share_lengths: bool
     contacts: tuple[str, ...]
@@ -24,28 +42,45 @@ class HandFitting:
 
 
 @dataclass(frozen=True)
-class SkeletonModel:
-    """One model file, read and checked; the keys are those of `json/model.schema.json`.
+class MetacarpalPosing:
+    """The group `metacarpals`: how they are posed."""
 
-    fitting : None where the joints are not fitted as a whole hand.
+    unmeasured: str
+    measured: str
+    twist_factor: float
+    rest_direction: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class SkeletonModel:
+    """One model file, read and checked: its groups, each with the keys of `json/model.schema.json`.
+
+    A stage takes its group as a whole, so that no key of it can be left behind. fitting : None where the
+    joints are not fitted as a whole hand.
     """
 
     name: str
     description: str
     paper_table: int | None
-    solver: str
-    singular_values: int
-    calibration: str
-    cut: bool
-    parallel_limit_deg: float
-    corrections: bool
+    joints: JointSolving
+    planes: Planes
     fitting: HandFitting | None
     wrist: str
     own_cmc: tuple[str, ...]
-    unmeasured: str
-    measured: str
-    twist_factor: float
-    rest_direction: tuple[float, float, float]
+    metacarpals: MetacarpalPosing
+
+    @property
+    def solving(self) -> JointSolving:
+        """Return how to solve joints one by one. Of a hand that is fitted as a whole this says only how well
+        their halves can close and of how many frames, which the closed form with all values free gives.
+        """
+        free = replace(self.joints, solver="closed", singular_values=6)
+        return self.joints if self.fitting is None else free
+
+    @property
+    def is_reference(self) -> bool:
+        """Say whether it is the hand that anatomy expects, with no word from the data."""
+        return self.fitting is not None and not self.fitting.steps
 
 
 def the_papers(models: Iterable[SkeletonModel]) -> str:
@@ -57,7 +92,7 @@ def the_papers(models: Iterable[SkeletonModel]) -> str:
     of_table = {
         model.paper_table: model.name
         for model in models
-        if model.paper_table is not None and not model.corrections
+        if model.paper_table is not None and not model.planes.corrections
     }
     return of_table[max(of_table)] if of_table else ""
 
@@ -91,27 +126,23 @@ def model_from_config(config: dict[str, Any], where: str) -> SkeletonModel:
     fit = dict(config["fit"])
     whole_hand = fit.pop("whole_hand")
     _check_fit(where, config, whole_hand=whole_hand)
-    x, y, z = metacarpals["rest_direction"]
-    if not (x or y or z):
+    if not any(metacarpals["rest_direction"]):
         raise InputError(f"{where}: metacarpals.rest_direction: has no length")
     return SkeletonModel(
         name=config["model"],
         description=config["description"],
         paper_table=config.get("paper_table"),
-        solver=joints["solver"],
-        singular_values=joints["singular_values"],
-        calibration=joints["calibration"],
-        cut=planes["cut"],
-        parallel_limit_deg=planes["parallel_limit_deg"],
-        corrections=planes["corrections"],
-        fitting=HandFitting(**{**fit, "contacts": tuple(fit["contacts"])}) if whole_hand else None,
+        joints=JointSolving(**joints),
+        planes=Planes(**planes),
+        fitting=HandFitting(**_with_tuples(fit)) if whole_hand else None,
         wrist=config["wrist"],
         own_cmc=tuple(config["own_cmc"]),
-        unmeasured=metacarpals["unmeasured"],
-        measured=metacarpals["measured"],
-        twist_factor=metacarpals["twist_factor"],
-        rest_direction=(float(x), float(y), float(z)),
+        metacarpals=MetacarpalPosing(**_with_tuples(metacarpals)),
     )
+
+
+def _with_tuples(group: dict[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in group.items()}
 
 
 def _check_fit(where: str, config: dict[str, Any], *, whole_hand: bool) -> None:
@@ -124,8 +155,8 @@ def _check_fit(where: str, config: dict[str, Any], *, whole_hand: bool) -> None:
         )
     if whole_hand and config["planes"]["cut"]:
         raise InputError(
-            f"{where}: planes.cut: is true; a fit of the whole hand starts from joints that no plane has "
-            "cut, so write joints: {solver: anatomical} and planes: {cut: false}"
+            f"{where}: planes.cut: is true; a fit of the whole hand places its joints itself, so write "
+            "planes: {cut: false}"
         )
     if whole_hand and len(fitted) < 2:
         raise InputError(

@@ -6,7 +6,7 @@ their unit: values are averaged over trials first, and a hand with a suspect fin
 
 from __future__ import annotations
 
-from schemas.table_columns import (
+from shukotsu.schemas.table_columns import (
     DIGIT,
     HAND,
     JOINT,
@@ -20,7 +20,7 @@ from schemas.table_columns import (
     YES_NO,
     real,
 )
-from schemas.tables import Column, Table
+from shukotsu.schemas.tables import Column, Table
 
 _OF_MODEL = (*OF_RECORDING, MODEL)
 ANGLE = Column("angle", TEXT, "", "flexion, abduction or rotation (docs/joint-angles.md)")
@@ -69,7 +69,7 @@ EVENTS = Table(
             "onset_sd_ms",
             "1-sigma error of onset_s: of the two clocks' line, and of a single time on the device's clock",
         ),
-        MESSAGE,
+        *MESSAGE,
     ),
     _key(*OF_RECORDING, "event"),
 )
@@ -90,7 +90,7 @@ CLOCKS = Table(
         _count("n_extra", "pulses that only the device has, while both ran"),
         _count("n_steps", "steps: a clock was set, or a recorder paused"),
         STATUS,
-        MESSAGE,
+        *MESSAGE,
     ),
     _key(*OF_RECORDING, "source"),
 )
@@ -117,7 +117,7 @@ RANGES_OF_MOTION = Table(
         N_FRAMES,
         real("valid_percent", "frames with an angle, of those of the recording"),
         STATUS,
-        MESSAGE,
+        *MESSAGE,
     ),
     _key(*_OF_MODEL, JOINT, ANGLE),
 )
@@ -138,7 +138,7 @@ FINGERTIP_PATHS = Table(
         N_FRAMES,
         real("valid_percent", "frames with a tip, of those of the recording"),
         STATUS,
-        MESSAGE,
+        *MESSAGE,
     ),
     _key(*_OF_MODEL, DIGIT),
 )
@@ -160,7 +160,7 @@ FINGERTIP_DISTANCES = Table(
         Column("n_contacts", WHOLE, "", "how often a contact began", True),
         N_FRAMES,
         STATUS,
-        MESSAGE,
+        *MESSAGE,
     ),
     _key(*_OF_MODEL, DIGIT, "other_digit"),
 )
@@ -176,7 +176,7 @@ MOVEMENT_CYCLES = Table(
         real("onset_s", "when it began, on the clock of the recording's time_s"),
         real("duration_s", "how long it lasted"),
         Column("used", YES_NO, "", "whether curves are made of it"),
-        MESSAGE,
+        *MESSAGE,
     ),
     _key(*OF_RECORDING, EVENT, "cycle"),
 )
@@ -232,7 +232,7 @@ MOVEMENT_DIFFERENCES = Table(
         ),
         Column("test", TEXT, "", "exact sign-flip, sign-flip, exact permutation or permutation; empty: none"),
         UNIT,
-        MESSAGE,
+        *MESSAGE,
     ),
     _key(*LEVELS, HAND, TASK, MODEL, QUANTITY, OF),
 )
@@ -267,7 +267,7 @@ MOVEMENT_RELIABILITY = Table(
         real("difference_to_stated", "rms difference between two sessions, over stated_sd"),
         real("held_percent", "differences within 1.96 times their own stated 1-sigma error"),
         UNIT,
-        MESSAGE,
+        *MESSAGE,
     ),
     _key("across", HAND, TASK, MODEL, QUANTITY, OF),
 )
@@ -295,7 +295,7 @@ CURVE_DIFFERENCES = Table(
         real("p_holm", "the curve's smallest p after Holm's correction over joints and angles"),
         _count("n", "subjects with a curve at the level"),
         _count("n_other", "subjects with a curve at the other level"),
-        MESSAGE,
+        *MESSAGE,
     ),
     _key(*LEVELS, HAND, TASK, MODEL, JOINT, ANGLE, EVENT, PERCENT),
 )
@@ -324,7 +324,7 @@ MODEL_DEPENDENCE = Table(
         real("widest_difference", "between the two models that part most: of the difference, or of the sem"),
         Column("which", TEXT, "", "those two models, joined by ';'"),
         UNIT,
-        MESSAGE,
+        *MESSAGE,
     ),
     _key("question", *LEVELS, HAND, TASK, QUANTITY, OF),
 )

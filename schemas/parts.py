@@ -20,10 +20,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from schemas.errors import InputError, TableError, listed
-from schemas.parquet_files import column_ends, naming_damage, open_parquet
-from schemas.study import Hand, SubjectSession
-from schemas.tables import (
+from shukotsu.errors import InputError, TableError, listed
+from shukotsu.files.parquet_files import column_ends, naming_damage, open_parquet
+from shukotsu.schemas.study import Hand, SubjectSession
+from shukotsu.schemas.tables import (
     Provenance,
     Table,
     arrow_table,
@@ -32,6 +32,7 @@ from schemas.tables import (
     rows_of,
     table_writer,
 )
+from shukotsu.sentences.messages import read_message, values_text
 
 PARTS_KEY = "shukotsu_parts"
 """File-level metadata: a JSON list, an object a part."""
@@ -91,7 +92,9 @@ class PartsWriter:
     def failure(self, part: Part, message: str, **parameters: Any) -> None:
         """Record why a part has no rows; those of `rows` are dropped, and nobody reads those of `columns`."""
         self._waiting = [(own, rows) for own, rows in self._waiting if own != part]
-        self._parts.setdefault(part, {}).update({**parameters, "failure": message})
+        made_of = values_text(message)
+        values = {"failure_values": made_of} if made_of else {}
+        self._parts.setdefault(part, {}).update({**parameters, "failure": message, **values})
 
     def finish(self) -> None:
         """Write the rows that wait as one row group, and the list of parts."""
@@ -204,47 +207,46 @@ class PartsReader:
         by: str,
         columns: Sequence[str],
         n_frames: int | None = None,
-        between: tuple[int, int] | None = None,
+        frames: npt.NDArray[np.int64] | None = None,
+        name: str = "",
     ) -> dict[str, Array]:
         """Read numbers of one recording from a frame-by-frame table.
 
         by : the column that names what there are rows of (segment, digit or joint). Gives (T, len(columns))
-        by that name, in the order of the file, null as NaN. between : the first and the last frame to read,
-        all unless told. Raises InputError as `part`, and where n_frames is given and rows are missing.
+        by that name, in the order of the file, null as NaN. frames : rising numbers (T,) of those to read,
+        NaN where there is no row; all rows if None. name : to read alone. Raises InputError as `part`, and
+        where n_frames is given and rows are missing.
         """
         _check_part(self._parts, part, self._path)
-        keys = _named_keys(self._table, part) | {"task": task, "trial": trial}
+        keys = _named_keys(self._table, part) | {"task": task, "trial": trial} | ({by: name} if name else {})
+        ends = {} if frames is None or not len(frames) else {"frame": (int(frames[0]), int(frames[-1]))}
         pieces: dict[str, list[Array]] = {}
-        groups = self._groups_with(keys, {} if between is None else {"frame": between})
-        for group, mixed in groups.items():  # one at a time: together they take several times the result
-            for name, numbers in self._numbers(group, mixed, keys, by, columns, between).items():
-                pieces.setdefault(name, []).append(numbers)
-        found = {name: np.concatenate(own) if own[1:] else own[0] for name, own in pieces.items()}
-        for name, own in found.items():
-            if n_frames is not None and len(own) != n_frames:
+        aligned: dict[str, Array] = {}
+        for group, mixed in self._groups_with(keys, ends).items():  # one at a time, for memory
+            needed = columns if frames is None else ["frame", *columns]
+            for own, numbers in self._numbers(group, mixed, keys, by, needed).items():
+                if frames is None:
+                    pieces.setdefault(own, []).append(numbers)
+                    continue
+                if own not in aligned:
+                    aligned[own] = np.full((len(frames), len(columns)), np.nan)
+                _put(aligned[own], frames, numbers)
+        found = aligned | {own: np.concatenate(rows) if rows[1:] else rows[0] for own, rows in pieces.items()}
+        for own, rows in found.items():
+            if n_frames is not None and len(rows) != n_frames:
                 raise TableError(
-                    f"{self._path}: {task}{trial and ', '}{trial}, {name}: has {len(own)} frames and the "
+                    f"{self._path}: {task}{trial and ', '}{trial}, {own}: has {len(rows)} frames and the "
                     f"recording {n_frames}; remove it and run the study again"
                 )
         return found
 
     def _numbers(
-        self,
-        group: int,
-        mixed: Sequence[str],
-        keys: Mapping[str, str],
-        by: str,
-        columns: Sequence[str],
-        between: tuple[int, int] | None,
+        self, group: int, mixed: Sequence[str], keys: Mapping[str, str], by: str, columns: Sequence[str]
     ) -> dict[str, Array]:
         """Columns (N, C) of the rows with those keys of one row group, by name; see `recording`."""
         ends = column_ends(self._path, self._file, group, self._place[by])
         one_name = ends is not None and ends[0] == ends[1]
-        needed = [*columns, *["frame"] * (between is not None), *[by] * (not one_name)]
-        rows = self._filtered({group: mixed}, keys, [*dict.fromkeys(needed)])
-        if between is not None:
-            frame = rows.column("frame").to_numpy()
-            rows = rows.filter(pa.array((frame >= between[0]) & (frame <= between[1])))
+        rows = self._filtered({group: mixed}, keys, columns if one_name else [*dict.fromkeys([*columns, by])])
         if ends is None or not one_name:
             return numbers_by_name(rows, by, columns)
         return {ends[0]: _numbers(rows, columns)} if rows.num_rows else {}
@@ -319,14 +321,15 @@ def read_recording(
     by: str,
     columns: Sequence[str],
     n_frames: int | None = None,
-    between: tuple[int, int] | None = None,
+    frames: npt.NDArray[np.int64] | None = None,
+    name: str = "",
 ) -> dict[str, Array]:
     """Read numbers of one recording from a frame-by-frame table, see `PartsReader.recording`.
 
     Raises InputError as that and `open_parts` do.
     """
     with open_parts(path, table) as parts:
-        return parts.recording(part, task, trial, by, columns, n_frames, between)
+        return parts.recording(part, task, trial, by, columns, n_frames, frames, name)
 
 
 def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
@@ -335,6 +338,14 @@ def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str
     names = rows.column(by).combine_chunks().dictionary_encode()
     codes = names.indices.to_numpy()
     return {name: numbers[codes == code] for code, name in enumerate(names.dictionary.to_pylist())}
+
+
+def _put(out: Array, frames: npt.NDArray[np.int64], rows: Array) -> None:
+    """Fill (T, C) at rising frames (T,) from rows (N, 1 + C) that begin with theirs."""
+    if len(frames):
+        place = np.minimum(np.searchsorted(frames, rows[:, 0]), len(frames) - 1)
+        wanted = frames[place] == rows[:, 0]
+        out[place[wanted]] = rows[wanted, 1:]
 
 
 def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:
@@ -358,9 +369,13 @@ def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
         parts = {Part(*(one.pop(field.name) for field in fields(Part))): one for one in listed}
         texts = [text for part in parts for text in astuple(part)]
-        texts += [one.get(name, "") for one in parts.values() for name in ("failure", "note")]
+        names = ("failure", "failure_values", "note", "note_values")
+        texts += [one.get(name, "") for one in parts.values() for name in names]
         if not all(isinstance(text, str) for text in texts):
             raise TypeError("a name or a reason is no text")
+        for one in parts.values():
+            for name in {"failure", "note"} & one.keys():
+                one[name] = read_message(one[name], one.pop(f"{name}_values", ""))
         return parts
     except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
         raise TableError(f"{path}: does not list its parts; remove it and run the study again") from error

@@ -16,20 +16,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from schemas.catalogue import FINDINGS
-from schemas.config_files import CONFIG_FOLDER, read_config
-from schemas.errors import InputError
-from schemas.finding_groups import row_sentence, row_what
-from schemas.findings import REFUSED, SUSPECT
-from schemas.layout import Layout, layout_from_config
-from schemas.model import SkeletonModel, model_from_config
-from schemas.parts import Part
-from schemas.poses import one_hand, recording_name
-from schemas.results import FIT_TABLES
-from schemas.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
-from schemas.study import Hand, Recording, Study, SubjectSession, path_token
-from schemas.tables import read_table, rows_of
-from schemas.text_files import read_text, reading
+from shukotsu.errors import InputError
+from shukotsu.files.text_files import read_text, reading
+from shukotsu.schemas.catalogue import FINDINGS
+from shukotsu.schemas.config_files import CONFIG_FOLDER, REFERENCE, config_path, read_config
+from shukotsu.schemas.finding_groups import row_message
+from shukotsu.schemas.findings import REFUSED, SUSPECT
+from shukotsu.schemas.layout import Layout, layout_from_config
+from shukotsu.schemas.model import SkeletonModel, model_from_config
+from shukotsu.schemas.parts import Part
+from shukotsu.schemas.poses import one_hand, recording_name
+from shukotsu.schemas.results import FIT_TABLES
+from shukotsu.schemas.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
+from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, path_token
+from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.sentences.messages import message_of
 
 VERSION = 2
 SIZES = ("hand_length_mm", "hand_breadth_mm")
@@ -44,8 +45,10 @@ class SubjectPlan:
     paths, for messages. poses_files : every recording's poses table. truth_folders : of simulated recordings,
     where the truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks
     are left out in turn; else every recording is used as a command line names it. refused : the sentence of
-    each recording that a finding refuses; such a one is excluded. suspect : of each suspect one what is off.
-    session : where the recordings sheet names any. factors : the subject's levels, by the participants sheet.
+    each recording that a finding refuses; such a one is excluded. suspect : those that a finding suspects.
+    session : where the recordings sheet names any. inputs : files that its poses and tables are read from
+    where a command line names them; else they are in its folder. factors : the subject's levels, by the
+    participants sheet.
     """
 
     study: str
@@ -65,9 +68,10 @@ class SubjectPlan:
     truth_folders: Mapping[Recording, Path]
     is_study: bool = True
     refused: Mapping[Recording, str] = field(default_factory=dict)
-    suspect: Mapping[Recording, str] = field(default_factory=dict)
+    suspect: tuple[Recording, ...] = ()
     session: str = ""
     factors: Mapping[str, str] = field(default_factory=dict)
+    inputs: tuple[Path, ...] | None = None
 
     @property
     def who(self) -> SubjectSession:
@@ -85,11 +89,12 @@ class SubjectPlan:
 
     def poses(self, recording: Recording) -> Path:
         """A recording's poses table."""
-        return self.poses_files[recording]
+        path = self.poses_files[recording]
+        return path if recording.exclude else self._input(path)  # one that is excluded is not read
 
     def table(self, name: str) -> Path:
         """A table of the subject, of both hands and all models."""
-        return self.folder / f"{name}.parquet"
+        return self._input(self.folder / f"{name}.parquet")
 
     def fits(self, hand: str, model: str) -> Path:
         """Folder of the tables that a fit of the whole hand writes."""
@@ -97,7 +102,20 @@ class SubjectPlan:
 
     def fit_table(self, hand: str, model: str, name: str) -> Path:
         """A table of a hand under a model that fits the whole hand."""
-        return self.fits(hand, model) / f"{name}.parquet"
+        return self._input(self.fits(hand, model) / f"{name}.parquet")
+
+    def _given(self, path: Path) -> Path | None:
+        """Give the input at a path's place in a folder of the subject's; None where none is."""
+        if self.inputs is None or not path.is_relative_to(self.folder):
+            return path
+        place = (self.folder.name, *path.relative_to(self.folder).parts)
+        return next((own for own in self.inputs if own.parts[-len(place) :] == place), None)
+
+    def _input(self, path: Path) -> Path:
+        given = self._given(path)
+        if given is None:
+            raise InputError(f"{path}: is not among the files of --inputs; name it there, or leave that out")
+        return given
 
     def files_of(self, name: str) -> list[Path]:
         """Files of a table: one, or of a fit of the whole hand one for every hand and fitted model."""
@@ -131,15 +149,15 @@ class SubjectPlan:
         """Recordings that joints are solved from under a model, without a task where one is named."""
         known = [r for r in self.all_calibrating(hand) if not made_without or r.task != made_without]
         scored = [r for r in known if r.role == "both"]
-        chosen = self.is_study and self.models[model].calibration == "evaluated" and scored
+        chosen = self.is_study and self.models[model].joints.calibration == "evaluated" and scored
         return scored if chosen else known
 
     def left_out(self, hand: str, model: str) -> list[str]:
         """Tasks to leave out in turn: those evaluated that would else be calibrated on as well.
 
-        One without which nothing is left to calibrate on is not among them.
+        One without which nothing is left to calibrate on is not among them, and a reference learns from none.
         """
-        if not self.is_study:
+        if not self.is_study or self.models[model].is_reference:
             return []
         used = {recording.task for recording in self.calibrating(hand, model)}
         tasks = dict.fromkeys(recording.task for recording in self.evaluated(hand))
@@ -147,18 +165,20 @@ class SubjectPlan:
 
     def with_findings(self) -> SubjectPlan:
         """The plan with what the subject's findings table, if there is one, refuses and suspects."""
-        path = self.table(FINDINGS.name)
+        path = self._given(self.folder / f"{FINDINGS.name}.parquet")
+        if path is None:
+            return self
         with reading(path, "a findings table"):
             if not path.is_file():
                 return self
         rows = list(rows_of(read_table(path, FINDINGS)))
         reasons, suspicions = (
             {
-                (row["hand"], row["task"], row["trial"]): said(row)
+                (row["hand"], row["task"], row["trial"]): row_message(row, whole=severity == REFUSED)
                 for row in reversed(rows)
                 if row["severity"] == severity
             }
-            for severity, said in ((REFUSED, row_sentence), (SUSPECT, row_what))
+            for severity in (REFUSED, SUSPECT)
         )
         by_recording = {
             recording: replace(recording, exclude=reasons[key])
@@ -172,11 +192,9 @@ class SubjectPlan:
             poses_files={by_recording.get(own, own): path for own, path in self.poses_files.items()},
             truth_folders={by_recording.get(own, own): path for own, path in self.truth_folders.items()},
             refused={own: own.exclude for own in by_recording.values()},
-            suspect={
-                own: suspicions[key]
-                for own in self.recordings
-                if (key := (own.hand.hand, own.task, own.trial)) in suspicions
-            },
+            suspect=tuple(
+                own for own in self.recordings if (own.hand.hand, own.task, own.trial) in suspicions
+            ),
         )
 
     def doubted(self, hand: str) -> str:
@@ -188,7 +206,7 @@ class SubjectPlan:
         """Raise InputError, with the finding, where a hand has only refused recordings to calibrate on."""
         sentences = [text for own, text in self.refused.items() if own.hand.hand == hand]
         if sentences and not self.all_calibrating(hand):
-            raise InputError(f"no calibration recording is left: {sentences[0]}")
+            raise InputError(message_of("no-calibration-left", finding=sentences[0]))
 
     def part(self, hand: str, model: str = "", made_without: str = "") -> Part:
         """Give a part of the subject's tables."""
@@ -218,13 +236,10 @@ class StudyPlans:
             for row in read_sheet(study.sheets.get(name), SHEETS[name]):
                 self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
 
-    def content(self, subject: str, session: str = "", *, judges: bool = True) -> dict[str, Any]:
-        """Give a subject's plan as JSON types.
-
-        judges : whether its jobs say what to believe, so that what the study asks of a joint concerns them.
-        """
+    def content(self, subject: str, session: str = "") -> dict[str, Any]:
+        """Give a subject's plan as JSON types."""
         study = self._study.of_session(subject, session)
-        asked = study.config["wanted_mm"] if judges else None
+        asked = study.config["wanted_mm"]
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
         return {
             "plan": VERSION,
@@ -248,23 +263,28 @@ class StudyPlans:
             "sheets": {name: _relative(study.sheets[name]) for name in HAND_SHEETS if name in study.sheets},
         }
 
-    def recordings_content(self, subject: str, session: str = "") -> dict[str, Any]:
-        """Give the plan of a subject's recordings alone, without models, sizes and what was measured."""
-        nothing: dict[str, Any] = {"models": [], "sheets": {}, **dict.fromkeys(SIZES)}
-        nothing |= {name: [] for name in HAND_SHEETS if name != "events"}
-        return _without_factors(self.content(subject, session, judges=False)) | nothing
 
-    def fit_content(self, subject: str, hand: str, model: str, session: str = "") -> dict[str, Any]:
-        """Give the plan of a fit of a hand: with its model alone, and that hand unless lengths are shared."""
-        content = _without_factors(self.content(subject, session, judges=False))
-        config = next(config for config in self._models if config["model"] == model)
-        if not config["fit"]["share_lengths"]:
-            for name in ("recordings", "measurements", "touches"):
-                content[name] = [row for row in content[name] if row["hand"] == hand]
-            content["layouts"] = {hand: content["layouts"][hand]}
-        for entry in content["recordings"]:
-            entry |= {"events": None, "pulses": ""}
-        return content | {"models": [config], "corrections": [], "events": []}
+def recordings_part(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a plan's entries on the recordings alone, without models, sizes, factors and measurements."""
+    names = ("plan", "subject", "session", "folder", "events")
+    recordings = [entry | {"factors": {}} for entry in plan["recordings"]]
+    layouts = {hand: layout | {"wanted_mm": None} for hand, layout in plan["layouts"].items()}
+    return {name: plan[name] for name in names} | {"recordings": recordings, "layouts": layouts}
+
+
+def fit_part(plan: Mapping[str, Any], hand: str, model: str) -> dict[str, Any]:
+    """Return what a hand's fit uses of a plan: its model, and that hand alone unless lengths are shared."""
+    part = recordings_part(plan)
+    for entry in part["recordings"]:
+        entry |= {"events": None, "pulses": ""}
+    part |= {name: plan[name] for name in (*SIZES, "measurements", "touches")} | {"events": []}
+    reference = read_config(config_path(REFERENCE, "model", Path()), "model")
+    config = next(config for config in [*plan["models"], reference] if config["model"] == model)
+    if not config["fit"]["share_lengths"]:
+        for name in ("recordings", "measurements", "touches"):
+            part[name] = [row for row in part[name] if row["hand"] == hand]
+        part["layouts"] = {hand: part["layouts"][hand]}
+    return part | {"models": [config]}
 
 
 SheetRow = TypeVar("SheetRow", Row, dict[str, Any])
@@ -281,12 +301,6 @@ def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> lis
         if row["session"] == session
         or (not row["session"] and tuple(row[column] for column in key) not in named)
     ]
-
-
-def _without_factors(content: Mapping[str, Any]) -> dict[str, Any]:
-    """A plan for jobs that no factor concerns, so that another one does not run them again."""
-    recordings = [entry | {"factors": {}} for entry in content["recordings"]]
-    return {**content, "recordings": recordings, "factors": {}}
 
 
 def _recording(recording: Recording, study: Study, results: Path) -> dict[str, Any]:
@@ -393,10 +407,11 @@ def plan_digest(*contents: Any) -> str:
     return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
+def read_plan(path: Path, inputs: Sequence[Path] | None = None, *, checked: bool = True) -> SubjectPlan:
     """Read a subject's plan. Raises InputError where the file is absent or is no plan of this version.
 
-    checked : leave out the recordings that the findings beside it refuse, as all stages do that come after.
+    inputs : the files of the subject that may be read; unless given, all in its folder. checked : leave out
+    the recordings that its findings refuse, as all stages do that come after.
     """
     try:
         remedy = "run the study to write the subject's plan"
@@ -413,6 +428,7 @@ def read_plan(path: Path, *, checked: bool = True) -> SubjectPlan:
         plan = plan_from_content(content, str(path))
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(f"{path}: a damaged plan; remove it and run the study again") from error
+    plan = plan if inputs is None else replace(plan, inputs=tuple(inputs))
     return plan.with_findings() if checked else plan
 
 

@@ -18,14 +18,14 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow.parquet as pq
 
-from schemas.catalogue import POSES
-from schemas.errors import InputError, TableError
-from schemas.layout import Layout
-from schemas.limits import FARTHEST_MM, check_regular
-from schemas.parquet_files import column_ends, naming_damage, open_parquet
-from schemas.study import Hand
-from schemas.tables import column_array, open_table, read_metadata
-from schemas.text_files import reading
+from shukotsu.errors import InputError, TableError
+from shukotsu.files.limits import FARTHEST_MM, check_regular
+from shukotsu.files.parquet_files import column_ends, naming_damage, open_parquet
+from shukotsu.files.text_files import reading
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.study import Hand
+from shukotsu.schemas.tables import column_array, open_table, read_metadata
 
 Array = npt.NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def recording_name(path: Path) -> RecordingName:
     names["session"] = parameters.get("session", "")  # a recording without one does not name it
     for name, text in names.items():
         if not isinstance(text, str):
-            raise TableError(f"{path}: its metadata lacks {name!r}; make it with stages.capture")
+            raise TableError(f"{path}: its metadata lacks {name!r}; make it with shukotsu.stages.capture")
     return RecordingName(**names)
 
 
@@ -337,7 +337,7 @@ def usable_poses(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
         except TableError:
             raise
         except InputError as error:
-            reasons.append(str(error))
+            reasons.append(error.message)
         else:
             usable.append(path)
     return usable, reasons

@@ -1,4 +1,4 @@
-"""What became of a recording: its row of the recordings table, from its poses table's rows and parameters."""
+"""Make a recording's row of the recordings table, from its poses table's rows and parameters."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from schemas.catalogue import POSES
-from schemas.errors import InputError, TableError
-from schemas.findings import NOTE, REFUSED, Finding, worded
-from schemas.study import Recording
-from schemas.tables import read_metadata, read_table
+from shukotsu.errors import InputError, TableError
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.findings import NOTE, REFUSED, Finding, worded
+from shukotsu.schemas.study import Recording
+from shukotsu.schemas.tables import read_metadata, read_table
 
 Row = dict[str, Any]
 
@@ -44,7 +44,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
     missing = parameters.get("missing_frames", 0)
     if not isinstance(missing, int):
         raise TableError(
-            f"{poses}: its metadata have no number of missing_frames; make it with stages.capture"
+            f"{poses}: its metadata have no number of missing_frames; make it with shukotsu.stages.capture"
         )
     by_segment = table.group_by("segment", use_threads=False).aggregate([("valid", "sum")])
     n_valid = dict(zip(*(column.to_pylist() for column in by_segment.columns), strict=True))
@@ -66,7 +66,7 @@ def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
     """A list of texts of the poses table's parameters; TableError where it is something else."""
     texts = parameters.get(name, [])
     if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
-        raise TableError(f"{path}: its metadata have no list of {name}; make it with stages.capture")
+        raise TableError(f"{path}: its metadata have no list of {name}; make it with shukotsu.stages.capture")
     return texts
 
 

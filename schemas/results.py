@@ -1,11 +1,11 @@
-"""Where a study's results are: the one place that knows the scheme of its paths."""
+"""One module, this one, knows the scheme of a study's paths."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from schemas.study import Recording, SubjectSession
+from shukotsu.schemas.study import Recording, SubjectSession
 
 MEASURED_TABLES = (
     "ranges_of_motion",
@@ -46,9 +46,6 @@ FIT_TABLES = (
 )
 """Tables of one hand under one model that fits the whole hand."""
 
-PRIOR_TABLES = ("prior_joints", "prior_bones", "prior_bone_poses", "prior_posed_tips")
-"""Tables of a subject's hands as anatomy alone has them."""
-
 TRUTH_TABLES = ("joint_centres", "bone_lengths", "metacarpals", "tips")
 """Tables of the truth beside a simulated recording."""
 
@@ -70,7 +67,15 @@ GATHERED_TABLES = {
 
 STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems")
 
-COMPARISON_TABLES = ("movement_differences", "movement_reliability", "curve_differences", "model_dependence")
+MODEL_COMPARISONS = ("model_values", "model_pairs", "model_differences")
+"""How the study's models compare over its subjects, made from its tables."""
+
+MOVEMENT_COMPARISONS = (
+    "movement_differences",
+    "movement_reliability",
+    "curve_differences",
+    "model_dependence",
+)
 """What the study says of its subjects' movement, made from its tables."""
 
 
@@ -92,7 +97,7 @@ FIGURE_KINDS = ("svg", "pdf", "txt")
 
 
 FAILED_PAGES = "failed.txt"
-"""Of a subject's pages in the report: those that could not be made, a line each, and why."""
+"""It names those of a subject's pages that could not be made, a line each, and why."""
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from schemas import limits
-from schemas.errors import InputError, listed
-from schemas.text_files import read_text
+from shukotsu.errors import InputError, listed
+from shukotsu.files import limits
+from shukotsu.files.text_files import read_text
 
 MAX_MESSAGES = 5
 

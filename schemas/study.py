@@ -8,22 +8,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from schemas.config_files import check_config, config_path, read_config
-from schemas.errors import InputError, guess, listed
-from schemas.layout import Layout, read_layout
-from schemas.limits import FILE_NAME_BYTES, NAMES_BYTES
-from schemas.model import SkeletonModel, read_model
-from schemas.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
+from shukotsu.errors import InputError, guess, listed
+from shukotsu.files.limits import FILE_NAME_BYTES, NAMES_BYTES
+from shukotsu.schemas.config_files import REFERENCE, check_config, config_path, read_config
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.model import SkeletonModel, read_model
+from shukotsu.schemas.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
+from shukotsu.sentences.translation import tr
 
 OWN_FACTORS = ("session", "hand", "task")
 """Columns that every recording has and that may be factors."""
 
 REPETITIONS = 20
-"""What ends in so many repetitions of something Snakemake takes for a rule that feeds itself."""
+"""Snakemake takes a name that ends in so many repetitions for a rule that feeds itself."""
 
 
 class SubjectSession(NamedTuple):
-    """What a skeleton is of: a subject, in one session where the sheet names any; str() names both."""
+    """A skeleton is of a subject, in one session where the sheet names any; str() names both."""
 
     subject: str
     session: str = ""
@@ -39,7 +40,8 @@ class SubjectSession(NamedTuple):
         return f"{self.subject}, session {self.session}" if self.session else self.subject
 
     def __str__(self) -> str:
-        return f"subject {self.label}"
+        named = tr("subject {subject}", subject=self.subject)
+        return named + (tr(", session {session}", session=self.session) if self.session else "")
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class Hand:
         return f"sub-{self.who.token}/{self.hand}"
 
     def __str__(self) -> str:
-        return f"{self.who}, {self.hand} hand"
+        return tr("{who}, {hand} hand", who=str(self.who), hand=self.hand)
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ class Recording:
 
     @property
     def key(self) -> dict[str, str]:
-        """What tables call it: subject, session, hand, task, trial, in this order."""
+        """Its key in tables: subject, session, hand, task, trial, in this order."""
         whose = {"subject": self.hand.subject, "session": self.hand.session, "hand": self.hand.hand}
         return {**whose, "task": self.task, "trial": self.trial}
 
@@ -112,7 +114,7 @@ class UnusableRow:
 
 @dataclass(frozen=True)
 class Simulation:
-    """Where simulated recordings go and the seed that makes them."""
+    """Simulated recordings go to a folder and are made by a seed."""
 
     folder: Path
     seed: int
@@ -174,7 +176,7 @@ class Study:
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """Names of the study's factors, see `schemas.factors`."""
+        """Names of the study's factors, see `shukotsu.schemas.factors`."""
         return tuple(self.config["factors"])
 
     @property
@@ -359,6 +361,11 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
         model: SkeletonModel = read_model(path.absolute())
         if model.name in models:
             raise InputError(f"{where}: models: {model.name} is given twice")
+        if model.is_reference or model.name == REFERENCE:
+            raise InputError(
+                f"{where}: models: {name}: is a reference, which every study has as {REFERENCE}; "
+                "leave it out, or write fit: {steps: 1} or more under another name"
+            )
         models[model.name] = path
     return models
 
@@ -385,7 +392,7 @@ def _why_unusable(recording: Recording) -> str:
 
 
 OWN_ENDINGS = (".arrows", ".parquet", ".pq")
-"""Of files that say themselves what their numbers are, so that no mapping of the study's is for them."""
+"""Files of these formats say what their numbers are; no mapping of the study's is for them."""
 
 
 def _mapping(row: Row, folder: Path, mapping: Path | None) -> Path | None:

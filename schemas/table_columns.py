@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pyarrow as pa
 
-from schemas.tables import Column
+from shukotsu.schemas.tables import Column
 
 TEXT, REAL, WHOLE, YES_NO = pa.string(), pa.float64(), pa.int64(), pa.bool_()
 SINGLE = pa.float32()
@@ -21,7 +21,10 @@ MADE_WITHOUT = Column(
 DIGIT = Column("digit", TEXT, "", "the digit, as the layout names it")
 JOINT = Column("joint", TEXT, "", "the joint, as the layout names it")
 FRAME = Column("frame", WHOLE, "", "the tracker's own frame number, kept as it came")
-MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing")
+MESSAGE = (
+    Column("message", TEXT, "", "in words, why a result is weak or missing"),
+    Column("message_values", TEXT, "", "kind and values of the message, JSON; empty: it has none"),
+)
 STATUS = Column("status", TEXT, "", "ok, weak (read the message) or failed (no usable number)")
 REASON_VALUES = Column(
     "reason_values",
@@ -34,7 +37,7 @@ JUDGEMENT = (
     Column("reason", TEXT, "", "kind of the weightiest doubt, such as moved-too-little; empty: believed"),
     REASON_VALUES,
 )
-"""Whether to believe a joint or a bone, see `schemas.verdict`."""
+"""Whether to believe a joint or a bone, see `shukotsu.schemas.verdict`."""
 JOINT_STATUS = Column("status", TEXT, "", "ok, weak (verdict no) or failed (no usable number)")
 
 

@@ -1,4 +1,4 @@
-"""Whether to believe a joint or a bone: the one rule, for every model, joint and layout, and its words.
+"""Say whether to believe a joint or a bone: the one rule, for every model, joint and layout, and its words.
 
 What decides is the stated error. A centre is believed where its sd_mm (1 sigma, three-dimensional) is at most
 what the study asks, `wanted_mm`, and nothing contradicts that error; with care up to CARE_TIMES as much. Its
@@ -175,7 +175,7 @@ _BY_NUMBERS = frozenset({UNCERTAIN, ONE_WAY, NO_ERROR, HALVES, MOVED_LITTLE, AXI
 
 
 def _by_numbers(row: Mapping[str, Any], wanted_mm: float) -> dict[str, Values]:
-    """What the columns of a joint themselves say against its centre."""
+    """List the doubts about a joint's centre that follow from the numbers in its own row."""
     found = _error(row.get("sd_mm"), row.get("covariance_mm2"), wanted_mm)
     gap_mm, range_deg, axis_sd_deg = (
         _number(row.get(name)) for name in ("gap_rms_mm", "range_deg", "axis_sd_deg")

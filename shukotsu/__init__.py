@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from shukotsu.schemas import VERSION
+
 if TYPE_CHECKING:
     from shukotsu.hand_plot import plot_hand
     from shukotsu.posed_hand import PosedHand, bend
     from shukotsu.read_results import pose, read
+
+__version__ = VERSION
 
 __all__ = ["PosedHand", "bend", "plot_hand", "pose", "read"]
 

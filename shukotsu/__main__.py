@@ -6,7 +6,7 @@ import importlib
 import sys
 
 from shukotsu.commands import COMMANDS, build_parser
-from stages import command_line
+from shukotsu.stages import command_line
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -16,6 +16,8 @@ def main(argv: list[str] | None = None) -> int:
         build_parser().print_help()
         return command_line.EXIT_BAD_INPUT
     command = COMMANDS[build_parser().parse_args(argv[:1]).command]
+    if not command_line.can_start():
+        return command_line.EXIT_BAD_INPUT
     status: int = importlib.import_module(command.module).main([*command.before, *argv[1:]])
     return status
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schemas.errors import InputError, guess
+from shukotsu.errors import InputError, guess
 from shukotsu.posed_hand import PosedHand
-from stages.report.palette import RULE, digit_looks
+from shukotsu.stages.report.palette import RULE, digit_looks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

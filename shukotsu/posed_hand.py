@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError, guess
-from skeleton.joint_angles import joint_rotation
-from skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
+from shukotsu.errors import InputError, guess
+from shukotsu.skeleton.joint_angles import joint_rotation
+from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
 
 Angles = float | Sequence[float] | Array
 """Of a joint, in degrees: flexion; or flexion, deviation, axial rotation (3,); or these over time (T, 3)."""
@@ -79,28 +79,6 @@ def bend(posed: PosedHand, angles_deg: Mapping[str, Angles]) -> PosedHand:
         position[:, index] = position[:, parent] + rotate(quaternion[:, parent], posed.offset_mm[index])
     frame, time_s = np.arange(count), np.full(count, np.nan)
     return replace(posed, frame=frame, time_s=time_s, position_mm=position, quaternion=quaternion)
-
-
-def constant_part(
-    parents: Sequence[int] | npt.NDArray[np.int64], position_mm: Array, quaternion: Array, known_mm: Array
-) -> tuple[Array, Array]:
-    """Offsets (J, 3) and mean rotations (J, 4) of joints in their parents' bones.
-
-    position_mm : (T, J, 3), quaternion : (T, J, 4), NaN in gaps. known_mm : (J, 3) offsets that are known; of
-    others, NaN, the mean over time is taken. The root's are zero and no turn.
-    """
-    offset, rest = known_mm.copy(), np.tile([1.0, 0.0, 0.0, 0.0], (len(parents), 1))
-    for index, parent in enumerate(parents):
-        if parent < 0:
-            continue
-        back = conjugate(quaternion[:, parent])
-        turn = multiply(back, quaternion[:, index])
-        rest[index] = mean_rotation(turn[np.isfinite(turn).all(-1)])
-        if np.isnan(offset[index]).any():
-            moved = rotate(back, position_mm[:, index] - position_mm[:, parent])
-            moved = moved[np.isfinite(moved).all(-1)]
-            offset[index] = moved.mean(0) if len(moved) else np.nan
-    return offset, rest
 
 
 def _series(joint: str, given: Angles) -> Array:

@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anatomy.neutral_bones import neutral_rotations, to_nail_side
-from schemas.catalogue import TABLES
-from schemas.errors import InputError, TableError, guess, listed
-from schemas.plan import SubjectPlan, read_plan
-from schemas.poses import read_poses
-from schemas.results import Results
-from schemas.study import Recording
-from schemas.tables import read_metadata, read_table
-from shukotsu.posed_hand import PosedHand, constant_part
-from skeleton.posed_recording import posed_bones
-from skeleton.rotations import multiply
+from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side
+from shukotsu.errors import InputError, TableError, guess, listed
+from shukotsu.posed_hand import PosedHand
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import Recording
+from shukotsu.schemas.tables import read_metadata, read_table
+from shukotsu.skeleton.posed_recording import posed_recording
+from shukotsu.skeleton.rotations import multiply
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,16 +77,13 @@ def pose(
     recording = _recording(plan, hand, task, trial)
     if model not in plan.models:
         raise InputError(f"model {model!r} is not in study {plan.study}; {guess(model, list(plan.models))}")
-    layout = plan.layouts[hand]
-    poses = read_poses(plan.poses(recording), layout.measured)
-    bones = posed_bones(plan, recording, model, poses)
-    turns = bones.quaternion.copy()
-    for index, change in to_nail_side(layout, hand, bones.joints, turns).items():
-        turns[:, index] = multiply(turns[:, index], change)
-    offset, rest = constant_part(bones.parents, bones.position_mm, turns, bones.rest_offset_mm)
-    neutral = neutral_rotations(layout, hand, bones.joints)
-    known = np.isfinite(neutral).all(-1)
-    rest[known] = neutral[known]
+    posed = posed_recording(plan, recording, model)
+    poses = posed.poses()
+    bones = posed.bones(poses)
+    for index, change in to_nail_side(posed.layout, hand, bones.joints, bones.quaternion).items():
+        bones.quaternion[:, index] = multiply(bones.quaternion[:, index], change)
+    offset, rest = bones.constant_part()
+    neutral = neutral_rotations(posed.layout, hand, bones.joints)
     return PosedHand(
         hand=hand,
         joints=bones.names,
@@ -96,9 +92,9 @@ def pose(
         frame=poses.frame,
         time_s=poses.time_s,
         position_mm=bones.position_mm,
-        quaternion=turns,
+        quaternion=bones.quaternion,
         offset_mm=offset,
-        rest=rest,
+        rest=np.where(np.isfinite(neutral), neutral, rest),
     )
 
 

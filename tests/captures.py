@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from trackers.archive import ArchiveWriter
-from trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.archive import ArchiveWriter
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 ITEMS = (8, 9, 11, 3, 7)
 RATE_HZ = 240.0

@@ -6,24 +6,18 @@ on its bone anyhow. Used by the tests of the joint solve, the planes, the metaca
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from schemas.layout import Digit, Joint, Layout, Plane, Segment
-from schemas.model import read_model
-from schemas.poses import Poses, PosesReader
-from skeleton.digit_chain import DigitChain, digit_chain
-from skeleton.posing import Skeleton, ridden_bones
-from skeleton.rotations import Array, matrix
-from stages.estimate_metacarpals.hand import build_hand
-from stages.evaluate_tips.replay import tip_first_frame, tips_least_squares
-from stages.solve_joints.moments import JointMoments
-from stages.solve_joints.solve import add_block
+from shukotsu.schemas.layout import Digit, Joint, Layout, Plane, Segment
+from shukotsu.schemas.poses import Poses, PosesReader
+from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.stages.solve_joints.moments import JointMoments
+from shukotsu.stages.solve_joints.solve import add_block
 
 
 @dataclass(frozen=True)
@@ -142,26 +136,6 @@ def reader_of(*recordings: Poses) -> PosesReader:
         return iter(recordings)
 
     return read
-
-
-def chain_tips(
-    chain: Chain, poses: Poses, rows: Mapping[str, Mapping[str, Any]]
-) -> dict[str, tuple[DigitChain, Array, Array]]:
-    """Replay a chain's digits under the model rigid: each digit with its tips in both bindings, (T, 3) mm.
-
-    rows : joint_centres by joint. The least-squares binding comes first.
-    """
-    layout, model = chain_layout(chain), read_model("rigid")
-    bones = build_hand(rows, layout, model, reader_of(poses)).bones
-    skeleton = Skeleton(layout, model, rows, {(row["digit"], row["bone"]): row for row in bones})
-    least_squares = tips_least_squares(ridden_bones(skeleton, poses, {}))
-    found = {}
-    for name, digit in layout.digits.items():
-        built = digit_chain(digit, layout, model, rows)
-        assert isinstance(built, DigitChain)
-        first_frame = tip_first_frame(built, poses, None, at_rest=False)
-        found[name] = built, least_squares[name], first_frame
-    return found
 
 
 def moments_of(chain: Chain, poses: Poses | None = None, block: int = 10**6) -> JointMoments:

@@ -1,25 +1,20 @@
 """Fixtures that every test may use."""
 
 import os
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import refusals
 from hypothesis import settings
-from refusals import (  # noqa: F401 - hooks and a fixture of all tests
-    _sentences_can_be_followed,
-    pytest_configure,
-    pytest_configure_node,
-    pytest_sessionfinish,
-)
+
+from shukotsu.errors import InputError
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # as in the workflow; small matrices gain nothing from threads
 
 # A slow machine is no failure; what takes many examples to break has a slow test with more of them.
 settings.register_profile("steady", deadline=None, max_examples=30)
 settings.load_profile("steady")
-
-refusals.start()
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -31,3 +26,24 @@ def real_data() -> Path:
     if not folder.is_dir():
         pytest.skip("no folder of real recordings; SHUKOTSU_REAL_DATA can name one")
     return folder
+
+
+INTERNAL = re.compile(
+    r"<(class|function|module|bound|_io|built)|object at 0x|Traceback|codec can't|Errno|PosixPath|WindowsPath"
+    r"|\b(np|numpy|pa|pyarrow|pd)\.\w|\bdtype\b|(Value|Type|Key|Index|Attribute|Unicode\w+)Error|\bNone\b"
+)
+"""Words of Python and its libraries, which are none of a user's."""
+
+
+@pytest.fixture(autouse=True)
+def _refusals_can_be_read(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A test fails during which a refusal is made that a user could not follow."""
+    plain, made = InputError.__init__, []
+
+    def recorded(self: InputError, message: str) -> None:
+        plain(self, message)
+        made.append(str(self))
+
+    monkeypatch.setattr(InputError, "__init__", recorded)
+    yield
+    assert [text for text in made if INTERNAL.search(text) or not re.search(r"\w+ \w+", text)] == []

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from schemas.movement_tables import (
+from shukotsu.schemas.movement_tables import (
     FINGERTIP_DISTANCES,
     FINGERTIP_PATHS,
     MOVEMENT_CURVES,
     RANGES_OF_MOTION,
 )
-from schemas.results import Results
-from schemas.tables import Provenance, Table, columns_from_rows, write_table
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, write_table
 
 Row = dict[str, Any]
 JOINTS = ("index_mcp", "index_pip")

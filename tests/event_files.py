@@ -13,8 +13,8 @@ import numpy.typing as npt
 import pyarrow as pa
 from fuzzing.sample_files import capture_bytes
 
-from schemas.catalogue import CAPTURE_RECORDS, POSES
-from schemas.tables import Provenance, Table, write_table
+from shukotsu.schemas.catalogue import CAPTURE_RECORDS, POSES
+from shukotsu.schemas.tables import Provenance, Table, write_table
 
 RATE_HZ = 240.0
 TICKS_A_SECOND = 960

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from schemas.catalogue import POSES
-from schemas.tables import ROW_GROUP_ROWS, Provenance, write_table_in_parts
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import simulate
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.tables import ROW_GROUP_ROWS, Provenance, write_table_in_parts
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import simulate
 
 _FRAMES = 2400
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import unicodedata
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,50 +10,6 @@ from pathlib import Path
 FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 CODE = re.compile(r"`((?:[^`\n]|\n(?!\n))+)`")
-CHARACTER = r"[\u3040-\u30ff\u4e00-\u9fff]"
-"""A Japanese letter, as a regular expression."""
-
-UNITS = {
-    "mm": "mm",
-    "cm": "cm",
-    "m": "m",
-    "deg": "deg",
-    "degrees": "deg",
-    "°": "deg",
-    "度": "deg",
-    "%": "%",
-    "s": "s",
-    "seconds": "s",
-    "秒": "s",
-    "minutes": "min",
-    "分": "min",
-    "Hz": "Hz",
-    "times": "times",
-    "回": "times",
-}
-QUANTITY = re.compile(
-    r"(?<![A-Za-z\d.])(\d{1,3}(?:[\s,]\d{3})+(?!\d)|\d+(?:\.\d+)?)\s?"
-    r"(mm|cm|degrees|deg|seconds|minutes|times|Hz|[ms](?![A-Za-z])|[°度%秒分回])?"
-)
-NUMBER_WORDS = {
-    "0": "zero|zeros",
-    "0.5": "half",
-    "1": "a|an|one|once|each|every|another|first|single",
-    "2": "two|twice|both|pair|half|other|between|second",
-    "3": "three|third",
-    "4": "four",
-    "5": "five",
-    "6": "six",
-    "7": "seven",
-    "8": "eight",
-    "9": "nine",
-    "10": "ten",
-    "12": "twelve",
-    "16": "sixteen",
-    "20": "twenty",
-    "100": "hundred|hundreds",
-}
-"""Numbers that English spells out and Japanese writes in digits."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +30,10 @@ class Section:
 
     @cached_property
     def pictures(self) -> list[str]:
-        """Files of the pictures, in their order."""
-        return [target for picture, _, target in LINK.findall(self.text) if picture]
+        """Files of the pictures, in their order, whatever language their words are in."""
+        return [
+            target.replace(".ja.svg", ".svg") for picture, _, target in LINK.findall(self.text) if picture
+        ]
 
     @cached_property
     def codes(self) -> set[str]:
@@ -106,23 +62,11 @@ class Section:
         return CODE.sub(" ", LINK.sub(r"\2", self.text))
 
     @cached_property
-    def quantities(self) -> set[tuple[str, str]]:
-        """Numbers with their units, or an empty unit."""
-        return _quantities(self.prose)
-
-    @cached_property
-    def quantities_in_code(self) -> set[tuple[str, str]]:
-        """The same of what stands between backquotes: a translation may say what a message means."""
-        return {quantity for code in self.codes for quantity in _quantities(code)}
-
-    def spelled_numbers(self) -> set[str]:
-        """Numbers, in digits, that the section's English writes as words."""
-        words = set(re.findall(r"[a-z]+", self.prose.lower()))
-        return {number for number, spelled in NUMBER_WORDS.items() if words & set(spelled.split("|"))}
-
-
-def _quantities(text: str) -> set[tuple[str, str]]:
-    return {(re.sub(r"[\s,]", "", number), UNITS.get(unit, "")) for number, unit in QUANTITY.findall(text)}
+    def numbers(self) -> set[str]:
+        """Numbers in digits."""
+        return set(
+            re.findall(r"(?<![A-Za-z\d.])\d+(?:\.\d+)?", re.sub(r"(?<=\d)[\s,](?=\d{3})", "", self.prose))
+        )
 
 
 @dataclass(frozen=True)
@@ -175,39 +119,3 @@ def target_without_language(folder: Path, own: Path, target: str) -> str:
     if not anchor or not translated:
         return f"{english}#{anchor}" if anchor else english
     return f"{english}#{Page(page.read_text('utf-8')).position_of(anchor)}"
-
-
-def missing_quantities(english: Section, japanese: Section) -> list[str]:
-    """Numbers with units that only one section has; Japanese may have in digits what English spells out."""
-    lost = english.quantities - japanese.quantities
-    new = japanese.quantities - english.quantities - english.quantities_in_code
-    new = {quantity for quantity in new if quantity[0] not in english.spelled_numbers()}
-    return [
-        f"{' '.join(one)} {where}" for where, ones in (("lost", lost), ("new", new)) for one in sorted(ones)
-    ]
-
-
-def unclosed_emphasis(text: str) -> Iterator[str]:
-    """Lines with `**` that CommonMark takes for asterisks: inside is punctuation, outside is a letter."""
-    for line in CODE.sub("x", FENCE.sub("", text)).splitlines():
-        parts = line.split("**")
-        for position in range(1, len(parts)):
-            before, after = (parts[position - 1] or " ")[-1], (parts[position] or " ")[0]
-            inner, outer = (after, before) if position % 2 else (before, after)
-            if inner.isspace() or (
-                _is_punctuation(inner) and not (outer.isspace() or _is_punctuation(outer))
-            ):
-                yield line
-
-
-def _is_punctuation(character: str) -> bool:
-    return unicodedata.category(character)[0] in "PS"
-
-
-def paragraphs(page: Page) -> Iterator[str]:
-    """Plain paragraphs: no heading, table, list, quotation or picture."""
-    for section in page.sections:
-        body = section.text.partition("\n")[2] if section.level else section.text
-        for paragraph in re.split(r"\n\s*\n", body):
-            if paragraph.strip() and not re.match(r"\s*(\||-|\d+\.|>|!\[)", paragraph):
-                yield paragraph.strip()

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schemas.catalogue import TABLES
-from schemas.tables import read_table, rows_of
-from stages.capture.__main__ import main as capture
-from stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
-from stages.evaluate_tips.__main__ import main as evaluate_tips
-from stages.project_planes.__main__ import main as project_planes
-from stages.solve_joints.__main__ import main as solve_joints
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.stages.capture.__main__ import main as capture
+from shukotsu.stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
+from shukotsu.stages.evaluate_tips.__main__ import main as evaluate_tips
+from shukotsu.stages.project_planes.__main__ import main as project_planes
+from shukotsu.stages.solve_joints.__main__ import main as solve_joints
 
 Row = dict[str, Any]
 

@@ -14,17 +14,17 @@ import pyarrow.parquet as pq
 from simulated_poses import recorded, write_poses
 from small_study import run_stages, write_plans, write_study
 
-from schemas.catalogue import TABLES
-from schemas.parts import Part, read_part
-from schemas.plan import SubjectPlan, read_plan
-from schemas.tables import METADATA_KEY, Provenance, rows_of
-from stages.fit_hand.__main__ import main as fit_hand
-from stages.fit_hand.prior import main as fit_prior
-from stages.simulate.written_truth import write_truth
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.config_files import REFERENCE
+from shukotsu.schemas.parts import Part, read_part
+from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.tables import METADATA_KEY, Provenance, rows_of
+from shukotsu.stages.fit_hand.__main__ import main as fit_hand
+from shukotsu.stages.simulate.written_truth import write_truth
 
 QUICK = """model: quick
 description: a whole hand, fitted in few frames
-joints: {solver: anatomical, calibration: all}
+joints: {calibration: all}
 planes: {cut: false}
 fit: {whole_hand: true, frames: 30, steps: 10}
 own_cmc: [thumb_cmc, index_cmc, middle_cmc, ring_cmc, little_cmc]
@@ -76,9 +76,9 @@ class PlannedSubject:
         """Folder of a recording's truth."""
         return self.folder / "raw" / f"{hand}-{task}_truth"
 
-    def fit_folder(self, hand: str = "right") -> Path:
-        """Folder of the tables that the fit of model quick writes."""
-        return self.plan_file.parent / "fits" / hand / "quick"
+    def fit_folder(self, hand: str = "right", model: str = "quick") -> Path:
+        """Folder of the tables that the fit of a model writes."""
+        return self.plan_file.parent / "fits" / hand / model
 
     def part(self, model: str, made_without: str = "", hand: str = "right") -> Part:
         """A skeleton."""
@@ -103,12 +103,13 @@ class PlannedSubject:
         for hand in self.plan.hands:
             assert self.fit(hand) == 0
         run_stages(self.plan_file)
-        assert fit_prior([f"--plan={self.plan_file}", f"--out={self.plan_file.parent}"]) == 0
+        for hand in self.plan.hands:
+            assert self.fit(hand, model=REFERENCE) == 0
 
-    def fit(self, hand: str, *options: str) -> int:
-        """Fit a hand under model quick; give the exit code."""
-        out = f"--out={self.fit_folder(hand)}"
-        return fit_hand([f"--plan={self.plan_file}", f"--hand={hand}", "--model=quick", out, *options])
+    def fit(self, hand: str, *options: str, model: str = "quick") -> int:
+        """Fit a hand under a model; give the exit code."""
+        out = f"--out={self.fit_folder(hand, model)}"
+        return fit_hand([f"--plan={self.plan_file}", f"--hand={hand}", f"--model={model}", out, *options])
 
     def rows(self, path: Path, table: str, part: Part) -> list[Row]:
         """Rows of a part of a table."""

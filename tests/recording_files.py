@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.errors import InputError
-from schemas.layout import Layout, read_layout
-from schemas.mapping import mapping_from_config
-from stages.capture.formats.readers import find_reader
-from stages.capture.samples import Samples
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.mapping import mapping_from_config
+from shukotsu.stages.capture.formats.readers import find_reader
+from shukotsu.stages.capture.samples import Samples
 
 ARM = read_layout("arm")
 LIBERTY = read_layout("liberty16")

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.catalogue import POSES
-from schemas.poses import Poses
-from schemas.tables import Provenance, write_table
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
+from benchmarks.faultless_hands import Planted
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.tables import Provenance, write_table
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import Simulated, simulate
 
 
 @cache
@@ -29,22 +30,26 @@ def recorded(
     return made, made.poses()
 
 
-def write_poses(path: Path, made: Simulated, hand: str, task: str) -> Path:
+@cache
+def hand_of(seed: int, hand: str = "right", task: str = "rom", n_frames: int = 900) -> Planted:
+    """Give a hand without a fault, as the checks take it."""
+    return Planted(recorded(hand, task, seed=seed, n_frames=n_frames)[1], hand)
+
+
+def write_poses(path: Path, made: Simulated | Poses, hand: str, task: str) -> Path:
     """Write a recording of subject 01 as the poses table that importing it would give."""
-    n_segments, n_frames = len(made.segments), len(made.frame)
-    stacked = {
-        **{f"{axis}_mm": made.position_mm[..., i].T.ravel() for i, axis in enumerate("xyz")},
-        **{f"q{part}": made.quaternion[..., i].T.ravel() for i, part in enumerate("wxyz")},
-    }
+    poses = made.poses() if isinstance(made, Simulated) else made
+    n_frames, n_segments = poses.valid.shape
     columns = {
-        "segment": np.repeat(np.array(made.segments, object), n_frames),
-        "frame": np.tile(made.frame, n_segments),
-        "time_s": np.tile(made.time_s, n_segments),
-        **stacked,
-        "valid": np.ones(n_segments * n_frames, bool),
+        "segment": np.repeat(np.array(poses.segments, object), n_frames),
+        "frame": np.tile(poses.frame, n_segments),
+        "time_s": np.tile(poses.time_s, n_segments),
+        **{f"{axis}_mm": poses.position_mm[..., i].T.ravel() for i, axis in enumerate("xyz")},
+        **{f"q{part}": poses.quaternion[..., i].T.ravel() for i, part in enumerate("wxyz")},
+        "valid": poses.valid.T.ravel(),
         "flags": [""] * (n_segments * n_frames),
     }
-    names = {"subject": "01", "hand": hand, "task": task, "trial": ""}
+    names = {"subject": "01", "hand": hand, "task": task, "trial": "", "layout": "liberty16"}
     path.parent.mkdir(parents=True, exist_ok=True)
     write_table(path, POSES, columns, Provenance((), names), row_group_rows=n_frames)
     return path

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pipeline
 
-from schemas.files import write_text
-from schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
-from schemas.results import Results
-from schemas.study import read_study
-from stages.simulate.realism import Realism
-from stages.simulate.recording import write_recording
-from stages.simulate.simulation import simulate
+from shukotsu.files.whole_files import write_text
+from shukotsu.schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import read_study
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.recording import write_recording
+from shukotsu.stages.simulate.simulation import simulate
 
 HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude\taccept"
 

@@ -2,12 +2,12 @@
 
 from tracker_processes import at_a_port
 
-from trackers.emulate.device import EmulatedDevice
-from trackers.protocols.stream_settings import StreamSettings
-from trackers.record.conversation import Conversation
-from trackers.record.driver import driver_of
-from trackers.record.port import open_port
-from trackers.record.request import RecordingRequest
+from shukotsu.trackers.emulate.device import EmulatedDevice
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record.conversation import Conversation
+from shukotsu.trackers.record.driver import driver_of
+from shukotsu.trackers.record.port import open_port
+from shukotsu.trackers.record.request import RecordingRequest
 
 
 class StubbornTracker:

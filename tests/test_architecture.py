@@ -1,124 +1,110 @@
-"""Dependencies point one way, names say what they hold; the checks themselves find what is planted."""
+"""Imports between the rooms point one way, no stage imports another, and no modules import in a circle."""
 
 from __future__ import annotations
 
+import ast
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
-from typing import Any
 
-import pytest
-from architecture import (
-    BELOW,
-    cycles,
-    empty_names,
-    imports,
-    modules,
-    repeated_names,
-    snakefile_rooms,
-    stages_in_stages,
-    wrong_rooms,
-)
+from program_files import REPOSITORY, package_files
 
-REPOSITORY = Path(__file__).resolve().parent.parent
-
-
-@pytest.mark.parametrize(
-    ("check", "of", "advice"),
-    [
-        (wrong_rooms, imports, "Move what is needed to a room below:"),
-        (stages_in_stages, imports, "Move what both stages need to a room below:"),
-        (cycles, imports, "Move what both modules need to a third:"),
-        (repeated_names, modules, "Say in the name what the module holds, or add to REPEATED_NAMES:"),
-        (empty_names, modules, "Say in the name what the module holds:"),
-    ],
-    ids=lambda part: getattr(part, "__name__", ""),
-)
-def test_the_project_keeps_its_rules(check: Any, of: Any, advice: str) -> None:
-    offenders = check(of(REPOSITORY))
-    assert not offenders, "\n".join([advice, *offenders])
+_LOW = ("schemas", "files", "errors", "sentences")
+_OF_STAGES = ("statistics", "checks", "trackers", "anatomy", "skeleton", "motion_bids", *_LOW)
+BELOW: Mapping[str, Sequence[str]] = {
+    "sentences": (),
+    "errors": ("sentences",),
+    "files": ("errors", "sentences"),
+    "schemas": ("files", "errors", "sentences"),
+    "motion_bids": _LOW,
+    "statistics": ("errors", "sentences"),
+    "skeleton": _LOW,
+    "anatomy": ("skeleton", *_LOW),
+    "checks": ("anatomy", "skeleton", *_LOW),
+    "trackers": ("anatomy", "skeleton", *_LOW),
+    "stages": _OF_STAGES,
+    "workflow": ("stages", *_OF_STAGES),
+    "guide": ("stages", "anatomy", "skeleton", *_LOW),
+}
+"""Each room with the rooms that it may import; one that is not here may import all."""
 
 
-def test_the_snakefile_imports_what_it_may() -> None:
-    assert snakefile_rooms((REPOSITORY / "Snakefile").read_text("utf-8")) == []
+@cache
+def modules() -> dict[str, Path]:
+    """Every module by its dotted name; a package by its own."""
+    found = {}
+    for path in (*package_files(suffix=".py"), *(REPOSITORY / "guide").rglob("*.py")):
+        parts = path.relative_to(REPOSITORY).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
 
 
-def tree(root: Path, files: dict[str, str]) -> Path:
-    """Write modules below a root, every package with its `__init__`."""
-    for name, text in files.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, "utf-8")
-        for folder in path.parents:
-            if folder == root:
-                break
-            (folder / "__init__.py").touch()
-    return root
+def imports(text: str) -> Iterator[tuple[str, bool]]:
+    """Modules of the project that a text imports; whether it does when it is imported itself.
+
+    A text that is a module's whole name, `module` or `module:object`, counts as an import inside a function.
+    """
+    waiting: list[tuple[ast.AST, bool]] = [(ast.parse(text), True)]
+    while waiting:
+        node, at_once = waiting.pop()
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            names = [name if name in modules() else str(node.module) for name in names]
+        elif isinstance(node, ast.Constant):
+            names, at_once = [str(node.value).partition(":")[0]], False
+        yield from ((name, at_once) for name in names if name in modules())
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            waiting += [(child, at_once) for child in node.orelse]
+        else:
+            inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+            waiting += [(child, at_once and not inside) for child in ast.iter_child_nodes(node)]
 
 
-@pytest.mark.parametrize(
-    ("room", "text"),
-    [
-        ("schemas", "import skeleton.rotations"),
-        ("trackers", "def read():\n    from stages.capture import samples"),
-        ("skeleton", "class A:\n    def read(self):\n        import trackers.archive"),
-        ("stages", "try:\n    from workflow import wiring\nexcept ImportError:\n    pass"),
-        ("workflow", "from benchmarks import processes"),
-    ],
-)
-def test_an_import_against_the_arrow_is_found(tmp_path: Path, room: str, text: str) -> None:
-    targets = ("skeleton/rotations", "stages/capture/samples", "trackers/archive", "workflow/wiring")
-    files = {f"{name}.py": "" for name in (*targets, "benchmarks/processes")}
-    offenders = wrong_rooms(imports(tree(tmp_path, files | {f"{room}/planted.py": text})))
-    assert len(offenders) == 1
-    assert offenders[0].startswith(f"{room}.planted:")
+def room(module: str) -> str:
+    """The room of a module."""
+    parts = module.split(".")
+    return parts[1] if parts[0] == "shukotsu" and len(parts) > 1 else parts[0]
 
 
-def test_imports_along_the_arrow_are_right(tmp_path: Path) -> None:
-    files = {f"{room}/{room}_module.py": "" for room in BELOW}
-    for room, below in BELOW.items():
-        files[f"{room}/other.py"] = "".join(f"from {one} import {one}_module\n" for one in (*below, room))
-    assert wrong_rooms(imports(tree(tmp_path, files))) == []
+def offence(module: str, target: str) -> str:
+    """Say what is wrong with an import; empty where nothing is."""
+    own, other = room(module), room(target)
+    if other not in (own, "shukotsu", *BELOW.get(own, [other])):
+        return f"{module} imports {target}, but {own} may import only {', '.join(BELOW[own]) or 'nothing'}"
+    if own == other == "stages":
+        stages = {name.split(".")[2] for name in (module, target) if name.count(".") > 1}
+        if len(stages - {"command_line", "subject_stage"}) > 1:
+            return f"{module} imports {target}, a module of another stage"
+    return ""
 
 
-def test_a_stage_in_a_stage_is_found_also_inside_a_function(tmp_path: Path) -> None:
-    files = {
-        "stages/command_line.py": "",
-        "stages/solve/closed.py": "from stages import command_line\nfrom stages.solve import parts",
-        "stages/solve/parts.py": "from . import closed\nfrom ..fit import chain",
-        "stages/fit/chain.py": "def fit():\n    if True:\n        from stages.solve.closed import x",
-        "stages/fit/lazy.py": "read = import_module('stages.solve.parts')\nat = 'stages.solve.closed:solve'",
+def imports_of(module: str) -> list[tuple[str, bool]]:
+    """Modules of the project that a module imports, and whether at once."""
+    return list(imports(modules()[module].read_text("utf-8")))
+
+
+def test_the_snakefile_wires_and_holds_no_logic() -> None:
+    text = (REPOSITORY / "Snakefile").read_text("utf-8")
+    lines = "\n".join(re.findall(r"^(?:from|import) .*$", text, re.MULTILINE))
+    targets = [target for target, _ in imports(lines)]
+    assert len(targets) > 3
+    assert {room(target) for target in targets} <= {"workflow", *_LOW}
+
+
+def test_imports_point_one_way_and_no_stage_imports_another() -> None:
+    assert [
+        said for module in modules() for target, _ in imports_of(module) if (said := offence(module, target))
+    ] == []
+
+
+def test_no_modules_import_in_a_circle() -> None:
+    graph = {
+        module: {target for target, at_once in imports_of(module) if at_once} - {module}
+        for module in modules()
     }
-    found = imports(tree(tmp_path, files))
-    assert [one.partition(":")[0] for one in stages_in_stages(found)] == [
-        "stages.fit.chain",
-        "stages.fit.lazy",
-        "stages.fit.lazy",
-        "stages.solve.parts",
-    ]
-
-
-def test_a_circle_is_found_and_one_that_is_for_types_is_none(tmp_path: Path) -> None:
-    for_types = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from schemas import a\n"
-    files = {
-        "schemas/a.py": "from schemas import b",
-        "schemas/b.py": "import schemas.c",
-        "schemas/c.py": "from schemas.a import x",
-        "schemas/d.py": f"{for_types}else:\n    from schemas import e",
-        "schemas/e.py": "def later():\n    from schemas import d",
-    }
-    (circle,) = cycles(imports(tree(tmp_path, files)))
-    assert sorted(circle.split(" imports ")[1:]) == ["schemas.a", "schemas.b", "schemas.c"]
-    assert "schemas.a imports schemas.b" in circle
-
-
-def test_names_that_repeat_or_say_nothing_are_found(tmp_path: Path) -> None:
-    names = ("stages/a/reading.py", "stages/b/reading.py", "schemas/utils.py", "schemas/common/x.py")
-    files = dict.fromkeys((*names, "stages/a/__main__.py", "stages/b/__main__.py"), "")
-    found = modules(tree(tmp_path, files))
-    assert repeated_names(found) == ["reading: stages.a.reading, stages.b.reading"]
-    assert empty_names(found) == ["schemas.common", "schemas.utils"]
-
-
-def test_a_stage_in_the_snakefile_is_found() -> None:
-    assert snakefile_rooms("from workflow.wiring import W\nimport stages.gather\nrule a:\n    input: 1") == [
-        "stages"
-    ]
+    TopologicalSorter(graph).prepare()  # raises CycleError with the circle

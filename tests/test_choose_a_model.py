@@ -45,8 +45,3 @@ def test_errors_by_joint_are_those_measured(row: list[str]) -> None:
     found = {cells[0]: cells for cells in measured("blend by type of joint")}
     medians_mm = found[JOINTS.get(row[0], row[0])][3::2]
     assert row[1:] == medians_mm[:3]
-
-
-def test_both_tables_are_found() -> None:
-    assert len(chosen("model | usual")) == len(ESTIMATORS)
-    assert len(chosen("joint | `paper-fig4`")) == 7

@@ -19,11 +19,10 @@ import pytest
 import yaml
 from guide_pages import NAMES, PAGES, REPOSITORY, Block, anchors, blocks, commands, links, pictures, prose
 
-from schemas.config_files import json_schema
-from schemas.layout import read_layout
-from schemas.model import read_model
+from shukotsu.schemas.config_files import json_schema
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.model import read_model
 
-MADE_BY_THE_BUILD = REPOSITORY / "docs" / "pictures"
 SHELL = [block for page in PAGES for block in blocks(page, "sh", "bash", "shell", "console")]
 YAML = [block for page in PAGES for block in blocks(page, "yaml")]
 TAGS = ("br", "details", "div", "figure", "figcaption", "p", "span", "style", "sub", "summary", "sup")
@@ -44,7 +43,7 @@ def test_the_example_layout_is_one(tmp_path: Path) -> None:
 
 def test_the_example_model_is_one(tmp_path: Path) -> None:
     (tmp_path / "half-twist.yaml").write_text(first_yaml("models.md"))
-    assert read_model(tmp_path / "half-twist.yaml").twist_factor == 0.5
+    assert read_model(tmp_path / "half-twist.yaml").metacarpals.twist_factor == 0.5
 
 
 def schema_of(keys: set[str]) -> dict[str, Any]:
@@ -61,18 +60,11 @@ def test_a_file_in_the_guide_is_valid(block: Block) -> None:
     jsonschema.validate(content, schema_of(set(content)))
 
 
-def test_a_file_that_is_not_valid_is_found() -> None:
-    with pytest.raises(AssertionError, match="stduy"):
-        schema_of({"stduy", "recordings"})
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate({"models": "rigid"}, schema_of({"models"}))
-
-
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_links_lead_somewhere(page: Path) -> None:
     for file, anchor in links(page):
         target = (page.parent / file).resolve() if file else page
-        assert target.exists() or target.is_relative_to(MADE_BY_THE_BUILD), file
+        assert target.exists(), file
         assert not anchor or anchor in anchors(target), f"{file}#{anchor}"
 
 
@@ -112,7 +104,7 @@ def test_a_block_that_is_not_run_says_why(page: Path) -> None:
 PROGRAM = re.compile(
     r"^(?:\S*/)?(?:(shukotsu)|python -m ((?:stages|benchmarks|schemas|workflow|shukotsu)\S*))\s*"
 )
-WITH_SUBCOMMANDS = ("shukotsu", "stages.capture", "benchmarks")
+WITH_SUBCOMMANDS = ("shukotsu", "shukotsu.stages.capture", "benchmarks")
 PLACES = {"COMMAND", "NAME", "..."}
 """Words that stand for others."""
 
@@ -168,18 +160,12 @@ def test_commands_of_the_guide_are_there_with_their_options(command: tuple[str, 
     assert [option for option in options if not re.search(rf"(?<![\w-]){option}(?![\w-])", known)] == []
 
 
-def test_an_option_that_is_not_there_is_found() -> None:
-    assert argv_of("$ shukotsu run --coers 4 && cd x") == ("shukotsu", "run", "--coers", "4")
-    assert "--coers" not in help_of("shukotsu", "run")
-    assert argv_of("snakemake --cores all") is None
-
-
 STAGES = sorted(path.parent.name for path in (REPOSITORY / "stages").glob("*/__main__.py"))
 LIGHT_HELP = """
 import runpy, sys
 sys.argv = ["stage", "--help"]
 try:
-    runpy.run_module("stages.{}", run_name="__main__")
+    runpy.run_module("shukotsu.stages.{}", run_name="__main__")
 except SystemExit as ended:
     heavy = {{"numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "yaml", "matplotlib"}}
     heavy &= set(sys.modules)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.reference_pages import pages
+from guide.reference_pages import pages
 
 DOCS = Path(__file__).parent.parent / "docs"
 

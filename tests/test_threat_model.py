@@ -14,15 +14,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from program_files import PACKAGE, package_files
 from small_study import write_study
 from studies.running import REPOSITORY
 
-from schemas.errors import InputError
-from shukotsu.check_file import main as check_study
-from stages.capture.__main__ import main as capture
-from workflow.study_files import StudyFiles
+from shukotsu.commands.check_file import main as check_study
+from shukotsu.errors import InputError
+from shukotsu.stages.capture.__main__ import main as capture
+from shukotsu.workflow.study_files import StudyFiles
 
-ROOMS = ("schemas", "anatomy", "skeleton", "checks", "trackers", "stages", "workflow")
 RUNS_CODE = {
     "eval",
     "exec",
@@ -73,9 +73,8 @@ def test_nothing_that_is_read_is_run() -> None:
     """No module of the program evaluates text, unpickles or gives a line to a shell."""
     forbidden = RUNS_CODE | {".".join(pair) for pair in UNSAFE} | {"allow_pickle", "shell"}
     odd = {
-        str(path.relative_to(REPOSITORY)): names
-        for room in ROOMS
-        for path in sorted((REPOSITORY / room).rglob("*.py"))
+        str(path.relative_to(PACKAGE)): names
+        for path in package_files(suffix=".py")
         if (names := names_in(ast.parse(path.read_text("utf-8"))) & forbidden)
     }
     assert odd == {}
@@ -179,7 +178,7 @@ def test_results_stay_below_the_folder_of_the_study(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     files = StudyFiles(write_study(tmp_path, f"{name} right {name} both a.csv {name}"))
-    for path in (*files.tables, *files.all_plans, *files.study_tables, *files.figures, *files.subject_pages):
+    for path in (*files.tables, *files.plans, *files.study_tables, *files.figures, *files.subject_pages):
         assert Path(path).resolve().is_relative_to(tmp_path / "results" / "test")
         assert ".." not in Path(path).parts
 

@@ -5,76 +5,52 @@ from __future__ import annotations
 import ast
 import re
 from dataclasses import fields
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import pytest
 from fuzzing.sample_files import RECORDINGS
 from fuzzing.tracker_streams import streams
 
-from schemas.config_files import json_schema
-from schemas.model import HandFitting, SkeletonModel
-from stages.capture.formats.readers import FORMATS as READ_ALONE
-from stages.capture.formats.readers import MAPPED
-from stages.export.registry import FORMATS
-from trackers.families import FAMILIES
+from shukotsu.schemas.config_files import config_path, json_schema, read_config
+from shukotsu.schemas.model import HandFitting, JointSolving, MetacarpalPosing, Planes, model_from_config
+from shukotsu.stages.capture.formats.readers import FORMATS as READ_ALONE
+from shukotsu.stages.capture.formats.readers import MAPPED
+from shukotsu.stages.export.registry import FORMATS
+from shukotsu.trackers.families import FAMILIES
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 DOCS = REPOSITORY / "docs"
 
-READ_AS = {"model": "name", "whole_hand": "fitting"}
-"""Keys of a model file that the model holds by another name."""
+GROUPS = {
+    "joints": (JointSolving, "stages/solve_joints", "schemas/plan.py"),
+    "planes": (Planes, "stages/project_planes"),
+    "fit": (HandFitting, "stages/fit_hand"),
+    "metacarpals": (MetacarpalPosing, "stages/estimate_metacarpals"),
+}
+"""Groups of a model file, what holds each, and who obeys it."""
 
 
-def leaves(schema: dict[str, Any]) -> set[str]:
-    """Names of a schema's keys that hold a value and no group."""
-    names = set()
-    for name, part in schema.get("properties", {}).items():
-        names |= leaves(part) if part.get("type") == "object" else {name}
-    return names
-
-
-def attributes_read(folder: Path) -> set[str]:
-    """Every name that code of a folder reads of some object."""
-    trees = (ast.parse(path.read_text("utf-8")) for path in folder.rglob("*.py"))
+def attributes_read(place: Path) -> set[str]:
+    """Every name that a file, or the code of a folder, reads of some object."""
+    files = [place] if place.is_file() else place.rglob("*.py")
+    trees = (ast.parse(path.read_text("utf-8")) for path in files)
     return {node.attr for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
 
 
-def loaded(place: str) -> Any:
-    """What `module:object` names."""
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_key_of_a_model_is_held_and_read_where_it_is_obeyed(group: str) -> None:
+    holder, *places = GROUPS[group]
+    held = {field.name for field in fields(holder)}
+    assert held == {*json_schema("model")["properties"][group]["properties"]} - {"whole_hand"}
+    assert held <= set[str]().union(*(attributes_read(REPOSITORY / place) for place in places))
 
 
-def test_a_key_of_a_model_is_held_by_the_model() -> None:
-    held = {field.name for of in (SkeletonModel, HandFitting) for field in fields(of)} - {"fitting"}
-    keys = {READ_AS.get(name, name) for name in leaves(json_schema("model"))} - {"fitting"}
-    assert keys == held
-
-
-def test_what_a_model_holds_is_read_by_a_stage_or_the_skeleton() -> None:
-    read = attributes_read(REPOSITORY / "stages") | attributes_read(REPOSITORY / "skeleton")
-    read |= attributes_read(REPOSITORY / "schemas")  # a plan says which recordings calibrate a model
-    held = {field.name for of in (SkeletonModel, HandFitting) for field in fields(of)}
-    assert held <= read
-
-
-@pytest.mark.parametrize("name", FAMILIES)
-def test_the_code_of_a_family_is_where_its_record_says(name: str) -> None:
-    family = FAMILIES[name]
-    for place in (
-        *map(":".join, family.decoders.values()),
-        family.driver,
-        family.emulated_device,
-        family.items,
-    ):
-        assert place is None or loaded(place) is not None
-
-
-def test_a_package_of_a_tracker_has_a_family() -> None:
-    packages = {path.parent.name for path in (REPOSITORY / "trackers").glob("*/driver.py")} - {"record"}
-    assert packages == {family.driver.split(".")[1] for family in FAMILIES.values()}
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_key_that_nobody_holds_stops_every_model(group: str) -> None:
+    config = read_config(config_path("whole-hand", "model", Path()), "model")
+    config[group]["made_up"] = 1
+    with pytest.raises(TypeError, match="made_up"):
+        model_from_config(config, "")
 
 
 def test_every_family_and_mode_is_fuzzed() -> None:
@@ -105,23 +81,6 @@ def test_a_study_may_ask_for_every_export_format_and_no_other() -> None:
 def test_the_guide_has_a_row_for_every_export_format() -> None:
     page = (DOCS / "exports.md").read_text("utf-8")
     assert [name for name in FORMATS if f"| `{name}` |" not in page] == []
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_an_export_format_has_its_writer_and_a_test(name: str) -> None:
-    assert callable(FORMATS[name].writers.write)
-    tests = (
-        path.read_text("utf-8") for path in (REPOSITORY / "tests" / "stages" / "export").glob("test_*.py")
-    )
-    module = FORMATS[name].module.rpartition(".")[2]
-    assert any(re.search(rf"\b{module}\b", text) for text in tests)
-
-
-def test_a_writer_of_files_is_an_export_format() -> None:
-    folder = REPOSITORY / "stages" / "export"
-    writers = {path.stem for path in folder.glob("*.py") if "\ndef write(\n" in path.read_text("utf-8")}
-    writers |= {path.stem for path in folder.glob("*.py") if "\ndef write(motion" in path.read_text("utf-8")}
-    assert writers == {form.module.rpartition(".")[2] for form in FORMATS.values()}
 
 
 def test_the_guide_explains_every_section_of_the_report() -> None:

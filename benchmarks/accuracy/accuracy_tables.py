@@ -6,16 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from anatomy.drawn_hands import BONE_KINDS
-from benchmarks import peers
 from benchmarks.accuracy import estimators
-from benchmarks.accuracy.literature import N_FRAMES, NOISE_MM, PUBLISHED, ProtocolRow
 from benchmarks.accuracy.scenarios import CLEAN, FULL, OTHER, SIDE_BY_SIDE, STIFF
 from benchmarks.accuracy.score import JOINT_TYPES, METRICS, HandScore, Summary, summary
 from benchmarks.accuracy.tip_scores import CONTACTS, RECEIVER, SKIN, TOUCHED, TRUE, TipError
 from benchmarks.benchmark_table import Cell, TextTable
-from schemas.verdict import RADIUS_SD
-from stages.simulate.random_hand import DIGITS
+from shukotsu.anatomy.drawn_hands import BONE_KINDS
+from shukotsu.schemas.verdict import RADIUS_SD
+from shukotsu.stages.simulate.random_hand import DIGITS
 
 Scores = Mapping[str, Mapping[str, Sequence[HandScore]]]
 """By scenario and estimator."""
@@ -41,35 +39,21 @@ def _cells(one: Summary, names: Iterable[str]) -> list[Cell]:
     return [one[name] for name in names]
 
 
-def estimator_table(
-    scenario: str, scores: Mapping[str, Sequence[HandScore]], missing: Mapping[str, str], people: str
-) -> TextTable:
-    """All estimators in one scenario, ours and then the peers, the best of whose medians is the measure."""
-    by_name = {name: summary(hands) for name, hands in scores.items()}
-    best_mm = _best_peer_mm(by_name)
-    rows: list[tuple[Cell, ...]] = []
-    for name in (*estimators.OURS, *peers.PEERS):
-        if name in by_name:
-            one = by_name[name]
-            ratio = one["median_mm"] / best_mm if best_mm and one["median_mm"] else None
-            rows.append((name, *_cells(one, OF_ESTIMATOR), ratio))
-    rows += [(name, *[None] * (len(OF_ESTIMATOR) + 1)) for name in missing]
-    absent = "".join(f" {name}: {reason}." for name, reason in missing.items())
+def estimator_table(scenario: str, scores: Mapping[str, Sequence[HandScore]], people: str) -> TextTable:
+    """Give all estimators in one scenario."""
+    rows = [
+        (name, *_cells(summary(scores[name]), OF_ESTIMATOR)) for name in estimators.OURS if name in scores
+    ]
     return TextTable(
         f"accuracy: {scenario}, {people}",
-        ("estimator", *_columns(OF_ESTIMATOR), "x best peer:.2f"),
+        ("estimator", *_columns(OF_ESTIMATOR)),
         rows,
         "Distance of all 15 centres from the truth in the child's receiver frame; medians of its parts "
         "along and across the true axis; axis of the hinges and length of nine phalanges (medians); mean "
         "angle to the true direction of the ring's and the little finger's metacarpals; how often the "
-        f"stated 95 % radius ({RADIUS_SD} sd) and ellipsoid hold the truth; processor time for a hand; "
-        f"median over that of the best peer. Measured: with {estimators.MEASURED_SD_MM} mm error.{absent}",
+        f"stated 95 % radius ({RADIUS_SD} sd) and ellipsoid hold the truth; processor time for a hand. "
+        f"Measured: with {estimators.MEASURED_SD_MM} mm error.",
     )
-
-
-def _best_peer_mm(by_name: Mapping[str, Summary]) -> float | None:
-    medians = (by_name[name]["median_mm"] for name in peers.PEERS if name in by_name)
-    return min((median for median in medians if median), default=None)
 
 
 def joint_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> TextTable:
@@ -137,7 +121,7 @@ def _mean(values: Sequence[float]) -> float | None:
 def direction_table(
     by_name: Mapping[str, Sequence[HandScore]], shown: Sequence[str], people: str
 ) -> TextTable:
-    """Where nothing moves the receivers: errors along and across the true axis by type of joint."""
+    """Give errors along and across the true axis by type of joint, where nothing moves the receivers."""
     rows: list[tuple[Cell, ...]] = []
     for kind, members in JOINT_TYPES.items():
         for name in shown:
@@ -157,7 +141,7 @@ def direction_table(
 
 
 def ablation_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> TextTable:
-    """What each part of the whole-hand fit buys."""
+    """Compare the whole-hand fit with fits that lack one of its parts."""
     names = (*OF_ABLATION, "seconds")
     fits = (estimators.WHOLE, *estimators.ABLATIONS)
     return TextTable(
@@ -214,36 +198,14 @@ def tip_table(tips: Sequence[TipError], people: str) -> TextTable:
 
 
 def _digit_means_mm(tips: Sequence[TipError]) -> list[float]:
-    """Of one skeleton."""
+    """Give those of one skeleton."""
     return [float(np.mean([tip.mean_mm for tip in tips if tip.digit == digit])) for digit in DIGITS]
-
-
-def literature_table(rows: Sequence[ProtocolRow], runs: int, peer_runs: int) -> TextTable:
-    """The literature's protocol, published figures beside ours."""
-    cells: list[tuple[Cell, ...]] = []
-    for row in rows:
-        centre, axis = (PUBLISHED.get((row.noise, row.range_deg, what)) for what in ("centre", "axis"))
-        peer = [mm if np.isfinite(mm) else None for mm in (row.peer_centre_mm, row.peer_axis_mm)]
-        centres, axes = (row.centre_mm, peer[0], centre), (row.axis_mm, peer[1], axis)
-        cells.append((row.noise, row.range_deg, *centres, *axes))
-    centre_heads = ("centre mm:.2f", "biobuddy SCoRE:.2f", "published")
-    axis_heads = ("axis mm:.2f", "biobuddy SARA:.2f", "published")
-    return TextTable(
-        f"accuracy: two segments, four markers each, {NOISE_MM:g} mm white noise, {N_FRAMES} frames, "
-        f"{runs} runs",
-        ("noise on", "range deg:.0f", *centre_heads, *axis_heads),
-        cells,
-        "Root mean square error in the child's cluster of the centre of a ball joint, and of a hinge's axis "
-        f"where it passes the true centre, by the closed form; biobuddy on the first {peer_runs} runs, with "
-        "its outlier pass. The protocol is that of Ehrig et al. (2006, 2007); the clusters are our own, so "
-        "published figures compare in size, not to the tenth.",
-    )
 
 
 def target_row(
     what: str, measured: float | None, most: float, least: float | None = None
 ) -> tuple[Cell, ...]:
-    """What is aimed at (`most` at most, or from `least` on), what is measured, and whether it is kept."""
+    """Return a row: the aim (up to `most`, or from `least` on), what is measured, and whether it is kept."""
     aim = f"<= {most:g}" if least is None else f"{least:g} to {most:g}"
     kept = None
     if measured is not None:
@@ -312,7 +274,7 @@ def targets(scores: Scores) -> list[tuple[Cell, ...]]:
 
 
 def target_table(rows: Sequence[tuple[Cell, ...]], people: str) -> TextTable:
-    """What was aimed at and is not met."""
+    """List the targets that are missed."""
     missed = [row[:3] for row in rows if row[3] == "NO"]
     return TextTable(
         f"accuracy: targets missed, {people}",

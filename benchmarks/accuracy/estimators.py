@@ -8,27 +8,24 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks import peers
 from benchmarks.accuracy.score import Centre, Estimate, phalanges_mm
 from benchmarks.accuracy.trials import Trial
 from benchmarks.solvers import closed, solved_joints
-from schemas.layout import Joint, read_layout
-from schemas.model import read_model
-from schemas.poses import Poses
-from skeleton.rotations import Array, rotate
-from stages.fit_hand.building import Parts
-from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.measurements import Measurement
-from stages.fit_hand.replaying import pose_hand
-from stages.fit_hand.sharing import share_lengths
-from stages.project_planes.place import place_joint
-from stages.simulate.random_hand import BONES
-from stages.simulate.simulation import LAYOUT
-from stages.solve_joints.anatomical import HandSample, solve_hand
-from stages.solve_joints.closed import JointSolution
-from stages.solve_joints.moments import JointMoments
-from stages.solve_joints.solution_rows import solution_row
-from stages.solve_joints.solve import add_block
+from shukotsu.schemas.layout import Joint, read_layout
+from shukotsu.schemas.model import read_model
+from shukotsu.skeleton.rotations import Array, rotate
+from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
+from shukotsu.stages.fit_hand.fitted_motion import pose_hand
+from shukotsu.stages.fit_hand.measurements import Measurement
+from shukotsu.stages.fit_hand.shared_lengths import share_lengths
+from shukotsu.stages.project_planes.place import place_joint
+from shukotsu.stages.simulate.random_hand import BONES
+from shukotsu.stages.simulate.simulation import LAYOUT
+from shukotsu.stages.solve_joints.anatomical import HandSample, solve_hand
+from shukotsu.stages.solve_joints.closed import JointSolution
+from shukotsu.stages.solve_joints.moments import JointMoments
+from shukotsu.stages.solve_joints.solution_rows import solution_row
+from shukotsu.stages.solve_joints.solve import add_block
 
 PRIOR = "prior only"
 PAPER, SCORE, SARA = "paper-fig4", "SCoRE", "SARA"
@@ -40,13 +37,9 @@ MEASURED = "whole-hand + lengths, mounts"
 OURS = (PRIOR, PAPER, SCORE, SARA, ANATOMICAL, WHOLE, BOTH, LENGTHS, MEASURED)
 
 ABLATIONS: Mapping[str, Settings] = {
-    "without skin states": Settings(parts=Parts(skin=False)),
-    "without palm states": Settings(parts=Parts(palm=False)),
-    "without thumb pivot": Settings(parts=Parts(pivot=False)),
-    "without joint translation": Settings(parts=Parts(joint_slide=False)),
     "scales as published": Settings(rounds=0),
 }
-"""The whole-hand fit with parts left out."""
+"""The whole-hand fit without what the hand itself shows of its scales."""
 
 MEASURED_SD_MM = 0.4
 POSED_EVERY = 20
@@ -65,33 +58,6 @@ def joint_by_joint(trial: Trial, kind: str) -> Estimate:
         centres[joint.name] = _on_plane(joint, one) if kind == PAPER else on_axis
     seconds = time.process_time() - started
     return Estimate(centres, seconds, phalanges_mm(centres))
-
-
-def published(trial: Trial, name: str, step: int = 1) -> Estimate:
-    """What the peer of that name, which must be importable, makes of one frame in `step` of a hand.
-
-    It gets every frame in which both receivers of a joint are valid, and has its own defaults.
-    """
-    poses = trial.poses.take(slice(None, None, step))
-    pairs = {
-        joint.name: peers.receiver_pair(poses, joint)
-        for joint in solved_joints(read_layout(LAYOUT), poses)
-        if name != peers.QMT or joint.dof == 1
-    }
-    started = time.process_time()
-    centres = {joint: _peer_centre(name, pair) for joint, pair in pairs.items()}
-    seconds = time.process_time() - started
-    return Estimate(centres, seconds, {} if name == peers.QMT else phalanges_mm(centres))
-
-
-def _peer_centre(name: str, pair: Poses) -> Centre:
-    if name == peers.QMT:
-        unknown = np.full(3, np.nan)
-        return Centre(unknown, unknown, None, peers.hinge_axis(pair))
-    solvers = peers.biobuddy()
-    assert isinstance(solvers, peers.Biobuddy)
-    parent_mm, child_mm, axis = solvers.joint(name, pair)
-    return Centre(parent_mm, child_mm, None, axis)
 
 
 def _on_plane(joint: Joint, solution: JointSolution) -> Centre:

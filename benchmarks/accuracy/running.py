@@ -1,33 +1,24 @@
-"""The accuracy benchmark: people by scenarios over processes, tables as they get ready, page, figure."""
+"""The accuracy benchmark: people by scenarios over processes, tables as they get ready, page."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 
-from benchmarks import peers
 from benchmarks.accuracy import accuracy_tables, estimators
-from benchmarks.accuracy.accuracy_figure import write_figure
-from benchmarks.accuracy.literature import NOISES, RANGES_DEG, ProtocolRow, protocol_row
 from benchmarks.accuracy.scenarios import ABLATED, CLEAN, FULL, SIDE_BY_SIDE, STIFF, SWEEPS, Scenario
 from benchmarks.accuracy.score import Estimate, HandScore, score
 from benchmarks.accuracy.tip_scores import TipError, tip_errors
 from benchmarks.accuracy.trials import N_FRAMES, Trial, record
-from benchmarks.benchmark_table import TextTable, write_tables
+from benchmarks.benchmark_table import TextTable, workers
 
 SWEEP_PEOPLE = 5
 BASELINE = "blend, fewer hands"
-RUNS, PEER_RUNS = 1000, 40
 SWEPT = (estimators.PAPER, estimators.ANATOMICAL, estimators.WHOLE)
 COMPARED = (*SWEPT, estimators.LENGTHS, estimators.MEASURED)
 
 HANDS = ("right", "left")
-PEER_STEP = 4
-"""Published software gets one frame in four, since it takes up to a second a joint for all of them. Skin
-wanders for half a second, so 60 Hz tell it what 240 Hz do: all frames move its centres by 0.2 mm and their
-errors by 0.1 mm (medians of 16 joints, seeds 3 and 41)."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +56,6 @@ def _one_hand(trial: Trial, names: Sequence[str]) -> Iterator[tuple[str, Estimat
             yield name, estimators.joint_by_joint(trial, name)
         elif name == estimators.ANATOMICAL:
             yield name, estimators.anatomical(trial)
-        elif name in peers.PEERS:
-            yield name, estimators.published(trial, name, PEER_STEP)
 
 
 def _counted(one: HandScore, ending: str) -> HandScore:
@@ -77,45 +66,24 @@ def _counted(one: HandScore, ending: str) -> HandScore:
 People = Mapping[Scenario, Sequence[Future[PersonResult]]]
 
 
-def run(
-    seeds: Sequence[int],
-    *,
-    scenarios: Sequence[Scenario] | None = None,
-    write: bool = False,
-    processes: int = 2,
-) -> Iterator[TextTable]:
+def run(seeds: Sequence[int], *, scenarios: Sequence[Scenario] | None = None) -> Iterator[TextTable]:
     """Give the tables over both hands of the people of those seeds.
 
-    scenarios : these side by side, and nothing else. write : page and figure in docs/, too.
+    scenarios : these side by side, and nothing else.
     """
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+    with workers() as pool:
         if scenarios:
             people = _submitted(pool, seeds, dict.fromkeys(scenarios, COMPARED))
             yield from _side_by_side(people, _hands_of(seeds))
-            return
-        missing = peers.missing_peers()
-        people = _submitted(pool, seeds, _everything(missing))
-        protocol = [
-            pool.submit(protocol_row, noise, range_deg, RUNS, PEER_RUNS)
-            for noise in NOISES
-            for range_deg in RANGES_DEG
-        ]
-        shown: list[TextTable] = []
-        for table in _tables(people, protocol, seeds, missing):
-            shown.append(table)
-            yield table
-        if write:
-            write_figure({one.name: by_estimator(people[one]) for one in people}, _hands_of(seeds))
-            command = f"python -m benchmarks accuracy --seeds {min(seeds)}-{max(seeds)} --write"
-            write_tables("accuracy.md", shown, command)
+        else:
+            yield from _tables(_submitted(pool, seeds, _everything()), seeds)
 
 
-def _everything(missing: Mapping[str, str]) -> dict[Scenario, Sequence[str]]:
+def _everything() -> dict[Scenario, Sequence[str]]:
     """Estimators that are run, by scenario."""
-    everyone = (*estimators.OURS, *(name for name in peers.PEERS if name not in missing))
     compared: dict[Scenario, Sequence[str]] = dict.fromkeys(SWEEPS, SWEPT)
     compared |= dict.fromkeys(SIDE_BY_SIDE, COMPARED)
-    compared |= dict.fromkeys((FULL, STIFF), everyone)
+    compared |= dict.fromkeys((FULL, STIFF), estimators.OURS)
     return compared | {ABLATED: (estimators.WHOLE, *estimators.ABLATIONS)}
 
 
@@ -141,16 +109,14 @@ def _side_by_side(people: People, hands: str) -> Iterator[TextTable]:
         yield accuracy_tables.direction_table(scores[CLEAN.name], SWEPT, hands)
 
 
-def _tables(
-    people: People, protocol: Sequence[Future[ProtocolRow]], seeds: Sequence[int], missing: Mapping[str, str]
-) -> Iterator[TextTable]:
+def _tables(people: People, seeds: Sequence[int]) -> Iterator[TextTable]:
     """Every table, as soon as what it needs is there."""
     hands = _hands_of(seeds)
     yield from _side_by_side(people, hands)
     full, stiff = by_estimator(people[FULL]), by_estimator(people[STIFF])
-    yield accuracy_tables.estimator_table(FULL.name, full, missing, hands)
+    yield accuracy_tables.estimator_table(FULL.name, full, hands)
     yield accuracy_tables.joint_table(full, hands)
-    yield accuracy_tables.estimator_table(STIFF.name, stiff, missing, hands)
+    yield accuracy_tables.estimator_table(STIFF.name, stiff, hands)
     tips = [tip for one in people[FULL] for tip in one.result().tips]
     yield accuracy_tables.tip_table(tips, hands)
     yield accuracy_tables.ablation_table(by_estimator(people[ABLATED]), _hands_of(seeds[:SWEEP_PEOPLE]))
@@ -158,7 +124,6 @@ def _tables(
     scores[BASELINE] = by_estimator(people[FULL][:SWEEP_PEOPLE])
     order = [BASELINE, *(one.name for one in SWEEPS)]
     yield accuracy_tables.sweep_table(order, scores, f"the same people, the first {SWEEP_PEOPLE}")
-    yield accuracy_tables.literature_table([row.result() for row in protocol], RUNS, PEER_RUNS)
     yield accuracy_tables.target_table(
         [*accuracy_tables.targets(scores), *accuracy_tables.tip_targets(tips)], hands
     )

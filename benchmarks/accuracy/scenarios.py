@@ -1,11 +1,11 @@
-"""How hands are recorded in the benchmark: who they are, what moves, how skin behaves, what goes wrong."""
+"""Describe how hands are recorded here: who they are, what moves, how skin behaves, what goes wrong."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from anatomy.drawn_hands import MIXED_TABLE
-from stages.simulate.realism import PHASE_LAG, POLYNOMIAL, Realism
+from shukotsu.anatomy.drawn_hands import MIXED_TABLE
+from shukotsu.stages.simulate.realism import PHASE_LAG, POLYNOMIAL, Realism
 
 FULL_REALISM = Realism.full()
 

@@ -1,4 +1,4 @@
-"""How far an estimate of a hand is from the truth: centres, axes, bones, palm, and what it said of itself.
+"""Measure how far an estimate of a hand is from the truth: centres, axes, bones, palm, and its stated errors.
 
 Errors of many hands are summed up by the metrics of a row of the tables.
 """
@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.accuracy.trials import Trial
-from schemas.layout import read_layout
-from schemas.verdict import RADIUS_SD
-from skeleton.rotations import Array
-from stages.evaluate_skeletons.truth_errors import line_angle_deg
-from stages.simulate.random_hand import BONES, DIGITS, FINGERS
-from stages.simulate.simulated_truth import TrueJoint
-from stages.simulate.simulation import LAYOUT
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.verdict import RADIUS_SD
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.evaluate_skeletons.truth_errors import line_angle_deg
+from shukotsu.stages.simulate.random_hand import BONES, DIGITS, FINGERS
+from shukotsu.stages.simulate.simulated_truth import TrueJoint
+from shukotsu.stages.simulate.simulation import LAYOUT
 
 COVERED_95 = 7.815
 """95 % of squared Mahalanobis distances in three dimensions are below this."""

@@ -9,13 +9,13 @@ import numpy as np
 
 from benchmarks.accuracy.estimators import WHOLE
 from benchmarks.accuracy.trials import Trial
-from skeleton.rotations import Array, conjugate, rotate
-from stages.fit_hand.contacts import find_contacts
-from stages.fit_hand.fingertips import TIP, Fingertips, fingertips
-from stages.fit_hand.fit import HandFit
-from stages.fit_hand.touching import TOUCH_SD_MM, touch_in, with_touches
-from stages.simulate.random_hand import DIGITS, JOINTS, TIP_BONES
-from stages.simulate.simulated_truth import Truth
+from shukotsu.skeleton.rotations import Array, conjugate, rotate
+from shukotsu.stages.fit_hand.contacts import find_contacts
+from shukotsu.stages.fit_hand.fingertips import TIP, Fingertips, fingertips
+from shukotsu.stages.fit_hand.fit import HandFit
+from shukotsu.stages.fit_hand.touches import TOUCH_SD_MM, touch_in, with_touches
+from shukotsu.stages.simulate.random_hand import DIGITS, JOINTS, TIP_BONES
+from shukotsu.stages.simulate.simulated_truth import Truth
 
 TIP_EVERY = 10
 TOUCHED, CONTACTS = "whole-hand + one touch a digit", "whole-hand + pad contacts"
@@ -65,7 +65,7 @@ def tip_errors(calibration: Trial, held_out: Trial, fits: Mapping[str, HandFit])
 
 
 def _true_points_mm(truth: Truth) -> Array:
-    """Where the last bones end (5, 3) in the distal receivers' frames, as those rode on average."""
+    """Return the last bones' ends (5, 3) in the distal receivers' frames, as those sat on average."""
     on = [truth.mounts.segments.index(f"{digit}_distal") for digit in DIGITS]
     joint_mm = np.array([truth.joints[JOINTS[bone - 1]].child_mm for bone in TIP_BONES])
     return np.asarray(joint_mm + truth.hand.length_mm[TIP_BONES][:, None] * truth.along[on])

@@ -11,18 +11,18 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import numpy.typing as npt
 
-from anatomy.drawn_hands import CREASE_MM
 from benchmarks.accuracy.scenarios import Scenario
-from schemas.poses import Poses, read_poses
-from skeleton.rotations import Array, unit
-from stages.capture import import_recording
-from stages.simulate.random_hand import DIGITS, FINGERS, FLEXION, JOINTS, Hand
-from stages.simulate.randomness import generator
-from stages.simulate.recording import write_recording
-from stages.simulate.simulated_truth import Truth
-from stages.simulate.simulation import LAYOUT, Simulated, simulate
-from stages.simulate.task_motion import RATE_HZ, Motion
-from stages.simulate.tracker_errors import turned
+from shukotsu.anatomy.drawn_hands import CREASE_MM
+from shukotsu.schemas.poses import Poses, read_poses
+from shukotsu.skeleton.rotations import Array, unit
+from shukotsu.stages.capture import import_recording
+from shukotsu.stages.simulate.random_hand import DIGITS, FINGERS, FLEXION, JOINTS, Hand
+from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.recording import write_recording
+from shukotsu.stages.simulate.simulated_truth import Truth
+from shukotsu.stages.simulate.simulation import LAYOUT, Simulated, simulate
+from shukotsu.stages.simulate.task_motion import RATE_HZ, Motion
+from shukotsu.stages.simulate.tracker_errors import turned
 
 SUBJECT = "01"
 N_FRAMES = 6000

@@ -12,7 +12,7 @@ Motion = tuple[Array, Array]
 
 
 def carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motion], dict[str, Array]]:
-    """Give where each bone is carried, the forearm lying still, and each joint's centre (T, 3)."""
+    """Return each bone's motion, the forearm lying still, and each joint's centre (T, 3)."""
     n_frames = len(next(iter(angles_deg.values())))
     bones = {"forearm": (np.broadcast_to(np.eye(3), (n_frames, 3, 3)), np.zeros((n_frames, 3)))}
     centres = {}
@@ -52,10 +52,10 @@ def touching(person: Person, posture: dict[str, float], finger: str) -> dict[str
 
     def misses(values: Array) -> Array:
         """Pads apart, mm; how far they are from facing each other; what the change costs, as mm."""
-        told = posture | dict(zip(free, values.T, strict=True))
+        whole = posture | dict(zip(free, values.T, strict=True))
         zero = np.zeros(len(values))
         angles = {
-            joint.name: np.column_stack([zero + told.get(name, 0.0) for name in joint.angles])
+            joint.name: np.column_stack([zero + whole.get(name, 0.0) for name in joint.angles])
             for joint in person.joints
         }
         bones, _ = carry(person, angles)

@@ -19,7 +19,7 @@ from benchmarks.other_hands.room import (
     table_stands,
 )
 from benchmarks.other_hands.taped_skin import carry_receiver, settle
-from schemas.poses import Poses
+from shukotsu.schemas.poses import Poses
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 """A left hand is a right hand in a mirror that stands in the room's x-z plane."""
@@ -33,7 +33,7 @@ Loose = tuple[str, float, float, float]
 
 @dataclass(frozen=True)
 class Recording:
-    """What the tracker said, and what it should have said of whom. World: the transmitter's frame, mm.
+    """Hold what the tracker said, and what it should have said of whom. World: the transmitter's frame, mm.
 
     poses : as measured; true_pose : the same receivers where they really were; true_centre_mm : by joint,
     (T, 3); true_tip_mm : by digit, (T, 3) of the skin's tip; true_angles_deg : by joint, (T, D) from the flat
@@ -157,9 +157,9 @@ def _track(
     if metal_mm is not None:
         off = off + beside_steel(place, metal_mm, np.random.default_rng([person.seed, 34]))
     frame = np.arange(len(time_s), dtype=np.int64)
-    said, quaternion = measure(place, facing, off, rng)
+    position_mm, quaternion = measure(place, facing, off, rng)
     return (
-        Poses(names, frame, time_s, said, quaternion, np.ones(shape, bool)),
+        Poses(names, frame, time_s, position_mm, quaternion, np.ones(shape, bool)),
         Poses(names, frame, time_s, place, quaternions(facing, shape), np.ones(shape, bool)),
     )
 

@@ -1,4 +1,4 @@
-"""What the hand does: angles of all joints, in degrees from the flat drawing, and where the arm holds it.
+"""Make the hand's motion: all joint angles, degrees from the flat drawing, and where the arm holds it.
 
 A score of postures is written down first, then played: straight lines from posture to posture, rounded off.
 """
@@ -221,7 +221,7 @@ def move_joints(
 def move_arm(
     task: str, stands: Rotation, rng: np.random.Generator, time_s: Array
 ) -> tuple[Array, Rotation, Array]:
-    """Give where the palm is, (T, 3) mm from the transmitter, how it is turned to it, and how much of the
+    """Return the palm's place, (T, 3) mm from the transmitter, its rotation to it, and how much of the
     hand's weight lies on the table, (T,) 0 to 1. `stands` turns the table to the transmitter.
     """
     roams_mm, tilts_deg, every_s = {

@@ -56,7 +56,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Joint:
-    """What moves a bone against the one before it: turns about points, and the wander of the joint.
+    """Hold what moves a bone against the one before it: turns about points, and the wander of the joint.
 
     turns : pairs of a point (3,) and a (3, D) matrix that makes the joint's D angles a rotation vector, each
     carried by those before it; glide_mm : (3, 2), times sin and 1 - cos of the first angle.
@@ -286,7 +286,7 @@ _SEGMENTS = (
 
 
 def _tape(rng: np.random.Generator, segment: str, bone: Bone, up: Array, size: float) -> Worn:
-    """Where a receiver aimed at the middle of a bone's back comes to lie: on the skin, and flat on it."""
+    """Place a receiver that is aimed at the middle of a bone's back: on the skin, and flat on it."""
     height, half_width, fall_deg, share = _SURFACE.get(segment) or _SURFACE[segment.split("_")[1]]
     height, half_width = height * size, half_width * size
     along = bone.along

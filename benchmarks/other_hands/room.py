@@ -1,4 +1,4 @@
-"""What a magnetic tracker makes of a pose: a bent field, a steel plate, noise and lost frames."""
+"""Distort poses as a magnetic tracker does: a bent field, a steel plate, noise and lost frames."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def draw_field(rng: np.random.Generator) -> Field:
 
 
 def table_stands(seed: int) -> Rotation:
-    """Give how the table stands to the transmitter: turned anyhow, which may be screwed on upside down."""
+    """Draw the table's rotation to the transmitter: turned anyhow, which may be screwed on upside down."""
     rng = np.random.default_rng([seed, 35])
     turns_deg = [rng.uniform(-180, 180), rng.choice([0.0, 180.0])]
     return Rotation.from_euler("zx", turns_deg, degrees=True)
@@ -61,18 +61,18 @@ def measure(place_mm: Array, turning: Rotation, off: Array, rng: np.random.Gener
     shape = place_mm.shape[:2]
     noise_mm, noise_deg = rng.uniform(0.05, 0.15), rng.uniform(0.03, 0.10)
     grows = np.clip((np.linalg.norm(place_mm, axis=-1, keepdims=True) / 330) ** 2, 0.3, 4)
-    said = place_mm + off[..., :3] + grows * rng.normal(0, noise_mm, (*shape, 3))
+    position_mm = place_mm + off[..., :3] + grows * rng.normal(0, noise_mm, (*shape, 3))
     tilt = off[..., 3:] + grows * rng.normal(0, np.deg2rad(noise_deg), (*shape, 3))
     seen = Rotation.from_rotvec(tilt.reshape(-1, 3)) * turning
-    return said, quaternions(seen, shape)
+    return position_mm, quaternions(seen, shape)
 
 
 def quaternions(turning: Rotation, shape: tuple[int, ...]) -> Array:
     """Give (..., 4) w, x, y, z that run on without changing sign from frame to frame."""
-    said = turning.as_quat(scalar_first=True).reshape(*shape, 4)
-    steps = np.sign(np.einsum("tsi,tsi->ts", said[1:], said[:-1]))
-    said[1:] *= np.cumprod(steps, axis=0)[..., None]
-    return np.asarray(said)
+    quaternion = turning.as_quat(scalar_first=True).reshape(*shape, 4)
+    steps = np.sign(np.einsum("tsi,tsi->ts", quaternion[1:], quaternion[:-1]))
+    quaternion[1:] *= np.cumprod(steps, axis=0)[..., None]
+    return np.asarray(quaternion)
 
 
 def lost_frames(shape: tuple[int, int], rate_hz: float, rng: np.random.Generator) -> npt.NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""How skin carries a receiver: straps from the joints around it, which pull unevenly, stick and creep back.
+"""Move receivers as skin does: straps from the joints around pull unevenly, stick and creep back.
 
 A strap's pull follows the joint's angle with play (it sticks, then gives way) that the skin's creep takes
 back within seconds, and saturates. The thumb's metacarpal is wrapped in skin and muscle that stay behind:

@@ -8,12 +8,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
-    from schemas.parts import Part
-    from schemas.plan import SubjectPlan
-    from stages.align_events.recording_events import RecordingEvents
+    from shukotsu.schemas.parts import Part
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.stages.align_events.recording_events import RecordingEvents
 
     Named = tuple[Part, Mapping[str, str], RecordingEvents]
 
@@ -27,7 +27,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--recording take1.arrows --out events.parquet --out-clocks clocks.parquet",
     )
     add = parser.add_argument
-    add("--plan", type=Path, help="the subject's plan, in place of the options of a recording alone")
+    subject_stage.add_plan(parser, "the subject's plan, in place of the options of a recording alone")
     alone = parser.add_argument_group("a recording alone")
     alone.add_argument("--poses", type=Path, help="its poses table")
     alone.add_argument("--events", type=Path, help="its events: *_events.tsv, .mid, .xdf, or a raw capture")
@@ -46,14 +46,14 @@ def build_parser() -> argparse.ArgumentParser:
 
 def align(arguments: argparse.Namespace) -> None:
     """Align every recording's events; one whose events cannot be read costs only its own."""
-    from schemas.catalogue import TABLES
-    from schemas.errors import InputError
-    from schemas.parts import parts_writer
-    from schemas.plan import read_plan
-    from schemas.tables import Provenance
+    from shukotsu.errors import InputError
+    from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
+    from shukotsu.schemas.parts import parts_writer
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.schemas.tables import Provenance
 
     if arguments.plan is not None:
-        plan = read_plan(arguments.plan, checked=False)
+        plan = read_plan(arguments.plan, arguments.inputs, checked=False)
         recordings = list(_of_plan(plan))
         parts, folder = [plan.part(hand) for hand in plan.hands], plan.folder
     elif arguments.poses is None or arguments.events is None:
@@ -67,8 +67,8 @@ def align(arguments: argparse.Namespace) -> None:
     files = [path for own in with_events for path in (own.poses, own.file) if path is not None]
     provenance = Provenance.of(files, folder)
     with (
-        parts_writer(arguments.out, TABLES["events"], provenance) as events,
-        parts_writer(arguments.out_clocks, TABLES["clocks"], provenance) as clocks,
+        parts_writer(arguments.out, EVENTS, provenance) as events,
+        parts_writer(arguments.out_clocks, CLOCKS, provenance) as clocks,
     ):
         for part in parts:
             own = [(key, recording) for other, key, recording in recordings if other == part]
@@ -97,10 +97,10 @@ def _aligned(
 
 def _of_plan(plan: SubjectPlan) -> Iterator[Named]:
     """Recordings of a plan that hold poses, and their events."""
-    from schemas.poses import usable_poses
-    from stages.align_events.recording_events import RecordingEvents
+    from shukotsu.schemas.poses import usable_poses
+    from shukotsu.stages.align_events.recording_events import RecordingEvents
 
-    command_line.poses_files(plan)  # which are those of the plan
+    subject_stage.poses_files(plan)  # which are those of the plan
     for recording in plan.recordings:
         poses, key = plan.poses(recording), recording.key
         if recording.exclude or not usable_poses([poses])[0]:
@@ -112,9 +112,9 @@ def _of_plan(plan: SubjectPlan) -> Iterator[Named]:
 
 def _alone(arguments: argparse.Namespace) -> Named:
     """The recording that the command line names."""
-    from schemas.parts import Part
-    from schemas.poses import recording_name
-    from stages.align_events.recording_events import RecordingEvents
+    from shukotsu.schemas.parts import Part
+    from shukotsu.schemas.poses import recording_name
+    from shukotsu.stages.align_events.recording_events import RecordingEvents
 
     name = recording_name(arguments.poses)
     part = Part(name.hand, subject=name.subject, session=name.session)
@@ -128,16 +128,16 @@ def _alone(arguments: argparse.Namespace) -> Named:
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why no event was brought over, of every hand."""
-    from schemas.catalogue import TABLES
-    from schemas.plan import read_plan
+    from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
+    from shukotsu.schemas.plan import read_plan
 
     if arguments.plan is None:
         parts = [_alone(arguments)[0]]
     else:
-        plan = read_plan(arguments.plan, checked=False)
+        plan = read_plan(arguments.plan, arguments.inputs, checked=False)
         parts = [plan.part(hand) for hand in plan.hands]
-    tables = {arguments.out: TABLES["events"], arguments.out_clocks: TABLES["clocks"]}
-    command_line.record_failed_parts(message, tables, parts)
+    tables = {arguments.out: EVENTS, arguments.out_clocks: CLOCKS}
+    subject_stage.record_failed_parts(message, tables, parts)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from schemas.bids.dataset_files import read_rows
-from schemas.errors import InputError, listed
-from stages.align_events.event_list import Clock, Events
+from shukotsu.errors import InputError, listed
+from shukotsu.motion_bids.dataset_files import read_rows
+from shukotsu.stages.align_events.event_list import Clock, Events
 
 NOTHING = ("", "n/a")
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from stages.align_events.pulse_matching import (
+from shukotsu.stages.align_events.pulse_matching import (
     CHANCE,
     RATE_SD,
     USUAL_JITTER_S,
@@ -87,7 +87,7 @@ class ClockFit:
 
     @property
     def scale_ppm(self) -> float:
-        """How much faster the reference runs, in parts per million."""
+        """Return how much faster the reference runs, in parts per million."""
         return self.lines[0].rate * 1e6
 
     @property
@@ -291,7 +291,7 @@ class _Pairs:
         )
 
     def residuals_s(self, lines: Sequence[Line]) -> Array:
-        """What the pulses are off their lines."""
+        """Return the pulses' distances from their lines."""
         parts = [
             self.y[own] + self.x[own] - line(self.x[own])
             for own, line in zip(self._groups(), lines, strict=True)
@@ -348,7 +348,7 @@ class _Pairs:
 
 
 def _pull(pairs: _Pairs, sd_s: float) -> float:
-    """What the rate costs that is not 0, as a sum of squared residuals."""
+    """Return the cost of a rate that is not 0, as a sum of squared residuals."""
     return float((pairs.lines(sd_s)[0].rate * sd_s / RATE_SD) ** 2)
 
 

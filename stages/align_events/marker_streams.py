@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from schemas.errors import InputError, listed
-from schemas.xdf_streams import SAMPLE_BYTES, TEXT, Stream, clock_offsets, load_stream, read_streams
-from stages.align_events.event_list import FARTHEST_S, Clock, Events
+from shukotsu.errors import InputError, listed
+from shukotsu.files.xdf_streams import SAMPLE_BYTES, TEXT, Stream, clock_offsets, load_stream, read_streams
+from shukotsu.stages.align_events.event_list import FARTHEST_S, Clock, Events
 
 _WHOLE = tuple(name for name in SAMPLE_BYTES if name.startswith("int"))
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.errors import InputError
-from schemas.limits import read_whole
-from schemas.text_files import reading
-from stages.align_events.event_list import Array, Clock, Events
+from shukotsu.errors import InputError
+from shukotsu.files.limits import read_whole
+from shukotsu.files.text_files import reading
+from shukotsu.stages.align_events.event_list import Array, Clock, Events
 
 EXPECTED = "a standard MIDI file (.mid)"
 DEFAULT_TEMPO_US = 500_000
@@ -46,13 +46,13 @@ def read_midi(path: Path) -> Events:
     begin_s = _seconds(path, division, tempos, np.array([note[0] for note in notes], float))
     end_s = _seconds(path, division, tempos, np.array([n[4] if n[4] is not None else np.nan for n in notes]))
     n_open = int(np.isnan(end_s).sum())
-    said = [f"{n_open} notes have no note off"] * (n_open > 0)
-    said += [f"{n_ignored} messages that are no notes are left out"] * (n_ignored > 0)
+    remarks = [f"{n_open} notes have no note off"] * (n_open > 0)
+    remarks += [f"{n_ignored} messages that are no notes are left out"] * (n_ignored > 0)
     rows = (
         (f"note {key}", time_s, until_s - time_s, velocity, 0.0, channel + 1)
         for (_, channel, key, velocity, _), time_s, until_s in zip(notes, begin_s, end_s, strict=True)
     )
-    return Events.of("midi", Clock.OWN, rows, *said)
+    return Events.of("midi", Clock.OWN, rows, *remarks)
 
 
 def _tracks(path: Path, data: bytes) -> tuple[int, list[tuple[int, int]]]:

@@ -90,7 +90,7 @@ class Stretch:
 
 
 def tolerance_s(reference_s: Array, other_s: Array) -> float:
-    """How far the same pulse may lie from the line, see TOLERANCE_S."""
+    """Return how far the same pulse may lie from the line, see TOLERANCE_S."""
     intervals = [float(np.median(np.diff(times))) for times in (reference_s, other_s) if len(times) > 1]
     return max(SHORTEST_TOLERANCE_S, min([TOLERANCE_S, *(interval / 4 for interval in intervals)]))
 
@@ -223,7 +223,7 @@ def _dense(reference: Integers, other: Integers) -> tuple[Integers, Integers]:
 
 
 def _kept(hit: npt.NDArray[np.bool_]) -> int:
-    """How many leading pulses belong to a stretch, see RUN_PULSES; up to the last that keeps to the line."""
+    """Count the leading pulses of a stretch, see RUN_PULSES; up to the last that keeps to the line."""
     runs = np.convolve(hit, np.ones(RUN_PULSES))[RUN_PULSES - 1 :][: max(1, len(hit) - RUN_PULSES + 1)]
     low = np.flatnonzero(runs < min(RUN_PULSES, len(hit)) / 2)
     end = int(low[0]) + RUN_PULSES // 2 if len(low) else len(hit)
@@ -232,5 +232,5 @@ def _kept(hit: npt.NDArray[np.bool_]) -> int:
 
 
 def coincidences(reference_s: Array, expected_s: Array, within_s: float) -> int:
-    """How many of the expected times have a pulse near them."""
+    """Count the expected times that have a pulse near them."""
     return int((np.abs(reference_s[nearest(reference_s, expected_s)] - expected_s) <= within_s).sum())

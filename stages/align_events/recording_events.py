@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from schemas.catalogue import POSES
-from schemas.errors import InputError, guess, listed
-from schemas.files import file_sha256
-from schemas.parquet_files import column_ends
-from schemas.tables import open_table, read_metadata
-from stages.align_events.clock_fit import ClockFit, ascending, fit_clock
-from stages.align_events.event_list import FARTHEST_S, Array, Clock, Events, events_of_rows
+from shukotsu.errors import InputError, guess, listed
+from shukotsu.files.parquet_files import column_ends
+from shukotsu.files.whole_files import file_sha256
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.tables import open_table, read_metadata
+from shukotsu.stages.align_events.clock_fit import ClockFit, ascending, fit_clock
+from shukotsu.stages.align_events.event_list import FARTHEST_S, Array, Clock, Events, events_of_rows
 
 READERS = {
-    ("_events.tsv", ".tsv"): "stages.align_events.bids_events:read_bids_events",
-    (".mid", ".midi", ".smf"): "stages.align_events.midi_file:read_midi",
-    (".xdf", ".xdfz", ".xdf.gz"): "stages.align_events.marker_streams:read_markers",
-    (".arrows", ".parquet", ".pq"): "stages.align_events.tracker_events:read_tracker_events",
+    ("_events.tsv", ".tsv"): "shukotsu.stages.align_events.bids_events:read_bids_events",
+    (".mid", ".midi", ".smf"): "shukotsu.stages.align_events.midi_file:read_midi",
+    (".xdf", ".xdfz", ".xdf.gz"): "shukotsu.stages.align_events.marker_streams:read_markers",
+    (".arrows", ".parquet", ".pq"): "shukotsu.stages.align_events.tracker_events:read_tracker_events",
 }
 """Endings of files of events, and what reads them; full names let a study see when that code changes."""
 
@@ -37,7 +37,7 @@ _TRACKER_ENDINGS = (".arrows", ".parquet", ".pq")
 
 @dataclass(frozen=True)
 class RecordingEvents:
-    """What there is of a recording's events.
+    """Hold what there is of a recording's events.
 
     poses : its poses table. recording : its own file, None where not known. file : its file of events, None
     where it has none. pulses : which events of the file both clocks have, `NAME` or `NAME = NAME OF THE

@@ -1,4 +1,4 @@
-"""What the tracker itself saw: its external sync input, and the buttons of its styluses."""
+"""Read the tracker's own events: its external sync input, and the buttons of its styluses."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from schemas.catalogue import CAPTURE_RECORDS
-from schemas.errors import InputError
-from schemas.parquet_files import naming_damage
-from schemas.tables import column_array, open_table
-from stages.align_events.event_list import Array, Clock, Events
-from trackers.archive import open_archive
-from trackers.decode.records_table import BIT, UNUSABLE, flagged_records
-from trackers.decode.survey import survey_archive
+from shukotsu.errors import InputError
+from shukotsu.files.parquet_files import naming_damage
+from shukotsu.schemas.catalogue import CAPTURE_RECORDS
+from shukotsu.schemas.tables import column_array, open_table
+from shukotsu.stages.align_events.event_list import Array, Clock, Events
+from shukotsu.trackers.archive import open_archive
+from shukotsu.trackers.decode.records_table import BIT, UNUSABLE, flagged_records
+from shukotsu.trackers.decode.survey import survey_archive
 
 SYNC, BUTTON = "sync", "button"
 

@@ -7,14 +7,20 @@ import importlib
 import sys
 
 COMMANDS = {
-    "record": ("stages.capture.record_tracker", "record a tracker into a raw capture"),
-    "devices": ("stages.capture.list_devices", "list the ports at which a tracker may be"),
-    "check": ("stages.capture.check_tracker", "say what a tracker answers, without recording"),
-    "decode": ("stages.capture.decode_capture", "turn a raw capture into a table of every record"),
-    "import": ("stages.capture.import_recording", "turn a recording's file into the poses table"),
-    "inspect": ("stages.capture.inspect_file", "say what is in a file, and draft the mapping that it needs"),
-    "emulate": ("stages.capture.emulate_tracker", "be a tracker, for a recorder without one at hand"),
-    "export-bids": ("stages.capture.export_bids", "write poses tables into a Motion-BIDS dataset"),
+    "record": ("shukotsu.stages.capture.record_tracker", "record a tracker into a raw capture"),
+    "devices": ("shukotsu.stages.capture.list_devices", "list the ports at which a tracker may be"),
+    "check": ("shukotsu.stages.capture.check_tracker", "say what a tracker answers, without recording"),
+    "decode": ("shukotsu.stages.capture.decode_capture", "turn a raw capture into a table of every record"),
+    "import": ("shukotsu.stages.capture.import_and_check", "turn a recording's file into the poses table"),
+    "inspect": (
+        "shukotsu.stages.capture.inspect_file",
+        "say what is in a file, and draft the mapping that it needs",
+    ),
+    "emulate": (
+        "shukotsu.stages.capture.emulate_tracker",
+        "be a tracker, for a recorder without one at hand",
+    ),
+    "export-bids": ("shukotsu.stages.capture.export_bids", "write poses tables into a Motion-BIDS dataset"),
 }
 """Subcommand -> the module whose `main` takes its arguments, and what it does in a line."""
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from stages import command_line
-from stages.capture import tracker_options
+from shukotsu.stages import command_line
+from shukotsu.stages.capture import tracker_options
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -28,9 +28,9 @@ def main(argv: list[str]) -> int:
 
 def check_tracker(options: argparse.Namespace) -> None:
     """Print what there is to say of the tracker."""
-    from trackers.record.port import open_port
-    from trackers.record.recording_terminal import StopRequest, stop_on_signals
-    from trackers.record.tracker_check import check
+    from shukotsu.trackers.record.port import open_port
+    from shukotsu.trackers.record.recording_terminal import StopRequest, stop_on_signals
+    from shukotsu.trackers.record.tracker_check import check
 
     request = tracker_options.recording_request(options)
     stop = StopRequest()

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from stages import command_line
+from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -20,11 +20,6 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--in", dest="capture", type=Path, required=True, help="the raw capture (.arrows)")
     parser.add_argument("--out", type=Path, required=True, help="the table of records to write (.parquet)")
-    parser.add_argument(
-        "--repair-hemisphere",
-        action="store_true",
-        help="fill the columns repaired_x_mm, ... with positions whose hemisphere flips are put back",
-    )
     return parser
 
 
@@ -35,12 +30,12 @@ def main(argv: list[str]) -> int:
 
 def decode(options: argparse.Namespace) -> None:
     """Decode the capture; what is wrong with it goes to stderr, a line of totals to stdout."""
-    from schemas.catalogue import CAPTURE_RECORDS
-    from schemas.tables import Provenance, write_table_in_parts
-    from trackers.archive import open_archive
-    from trackers.decode.findings import facts, findings
-    from trackers.decode.records_table import flagged_records, table_columns
-    from trackers.decode.survey import survey_archive
+    from shukotsu.schemas.catalogue import CAPTURE_RECORDS
+    from shukotsu.schemas.tables import Provenance, write_table_in_parts
+    from shukotsu.trackers.archive import open_archive
+    from shukotsu.trackers.decode.findings import facts, findings
+    from shukotsu.trackers.decode.records_table import flagged_records, table_columns
+    from shukotsu.trackers.decode.survey import survey_archive
 
     archive = open_archive(options.capture)
     survey = survey_archive(archive)
@@ -51,16 +46,13 @@ def decode(options: argparse.Namespace) -> None:
         [options.capture],
         about=dict(archive.about),
         found=sentences,
-        repair_hemisphere=options.repair_hemisphere,
         **facts(survey),
     )
-    parts = (
-        table_columns(part, repair=options.repair_hemisphere) for part in flagged_records(archive, survey)
-    )
+    parts = (table_columns(part) for part in flagged_records(archive, survey))
     rows = write_table_in_parts(options.out, CAPTURE_RECORDS, parts, provenance)
     frames = survey.last_frame - survey.first_frame + 1 if rows else 0
     print(
         f"{options.out}: {rows} records of {len(survey.records)} receivers in {frames} frames, "
         f"{survey.missing_frames} frames missing, {len(survey.partial_frames)} partial, "
-        f"{survey.skipped_bytes} bytes skipped, {len(survey.flips)} hemisphere flips"
+        f"{survey.skipped_bytes} bytes skipped"
     )

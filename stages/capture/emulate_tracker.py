@@ -9,16 +9,16 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.errors import InputError
-from stages import command_line
-from trackers.emulate.faults import FAULTS, LineFault, Plug, parse_fault, parse_time
-from trackers.families import FAMILIES
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
+from shukotsu.trackers.emulate.faults import FAULTS, LineFault, Plug, parse_fault, parse_time
+from shukotsu.trackers.families import FAMILIES
 
 if TYPE_CHECKING:
-    from trackers.emulate.device import EmulatedDevice
-    from trackers.emulate.emulator import Behaviour
-    from trackers.emulate.pose_sources import Motion
-    from trackers.emulate.server import Port
+    from shukotsu.trackers.emulate.device import EmulatedDevice
+    from shukotsu.trackers.emulate.emulator import Behaviour
+    from shukotsu.trackers.emulate.pose_sources import Motion
+    from shukotsu.trackers.emulate.server import Port
 
 DEVICES = tuple(name for name, family in FAMILIES.items() if family.emulated_device)
 
@@ -143,8 +143,8 @@ def _check_archive(options: argparse.Namespace) -> None:
 
 
 def _serve(options: argparse.Namespace) -> None:
-    from trackers.emulate.emulator import Emulator
-    from trackers.emulate.server import serve
+    from shukotsu.trackers.emulate.emulator import Emulator
+    from shukotsu.trackers.emulate.server import serve
 
     device = _device(options, _motion(options))
     behaviour = _behaviour(options)
@@ -163,7 +163,7 @@ def _serve(options: argparse.Namespace) -> None:
 
 
 def _open(options: argparse.Namespace) -> Port:
-    from trackers.emulate.server import PtyPort, TcpPort
+    from shukotsu.trackers.emulate.server import PtyPort, TcpPort
 
     if options.tcp is None:
         return PtyPort(None if options.pty == Path() else options.pty, options.baud)
@@ -174,8 +174,8 @@ def _open(options: argparse.Namespace) -> Port:
 
 
 def _device(options: argparse.Namespace, motion: Motion) -> EmulatedDevice:
-    from trackers.emulate.device import World, emulated_device
-    from trackers.record.request import parse_stations
+    from shukotsu.trackers.emulate.device import World, emulated_device
+    from shukotsu.trackers.record.request import parse_stations
 
     stations = {station for station in motion.stations if station <= options.ports}
     if options.stations is not None:
@@ -204,7 +204,7 @@ def _faults(options: argparse.Namespace) -> list[Plug | LineFault]:
 
 
 def _behaviour(options: argparse.Namespace) -> Behaviour:
-    from trackers.emulate.emulator import FIFO_BYTES, Behaviour
+    from shukotsu.trackers.emulate.emulator import FIFO_BYTES, Behaviour
 
     gone_at = None if options.gone_at is None else parse_time("gone-at", options.gone_at)
     faults = tuple(fault for fault in _faults(options) if isinstance(fault, LineFault))
@@ -214,7 +214,7 @@ def _behaviour(options: argparse.Namespace) -> Behaviour:
 
 
 def _motion(options: argparse.Namespace) -> Motion:
-    from trackers.emulate.pose_sources import built_in_motion
+    from shukotsu.trackers.emulate.pose_sources import built_in_motion
 
     if options.recording is None:
         return built_in_motion()
@@ -232,9 +232,9 @@ def read_motion(path: Path, layout_name: str, *, loop: bool = False, last_statio
     """
     import numpy as np
 
-    from schemas.layout import read_layout
-    from stages.capture.formats.readers import AUTO, find_reader
-    from trackers.emulate.pose_sources import recorded_motion
+    from shukotsu.schemas.layout import read_layout
+    from shukotsu.stages.capture.formats.readers import AUTO, find_reader
+    from shukotsu.trackers.emulate.pose_sources import recorded_motion
 
     layout = read_layout(layout_name)
     samples = find_reader(path, AUTO)(path, layout, None)
@@ -255,8 +255,8 @@ def read_motion(path: Path, layout_name: str, *, loop: bool = False, last_statio
 
 
 def _write_archive(options: argparse.Namespace) -> None:
-    from trackers.liberty.emulated_capture import write_archive
-    from trackers.liberty.emulated_device import EmulatedLiberty
+    from shukotsu.trackers.liberty.emulated_capture import write_archive
+    from shukotsu.trackers.liberty.emulated_device import EmulatedLiberty
 
     motion = _motion(options)
     device = _device(options, motion)

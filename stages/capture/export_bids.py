@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from schemas.errors import InputError
-from stages import command_line
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
 
 if TYPE_CHECKING:
-    from schemas.poses import RecordingName
-    from stages.capture.motion_columns import Timing
+    import pyarrow as pa
 
-_ENDINGS = ("_motion.tsv", "_motion.json", "_channels.tsv", "_channels.json")
-
-_README = """Motion recordings of magnetic receivers on the hand, exported by Shukotsu.
-
-Every file of sub-*/motion is one recording of one hand: the tracksys label says which. Positions are in
-metres and orientations are unit quaternions (receiver to transmitter frame); n/a stands where the tracker
-gave no pose. Names that BIDS does not allow in a file name are written out in full under "Shukotsu" in
-each motion.json, and subjects' names in participants.tsv.
-"""
+    from shukotsu.motion_bids.motion_files import Column
+    from shukotsu.skeleton.rotations import Array
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -58,19 +49,6 @@ def main(argv: list[str]) -> int:
     return command_line.run(build_parser().parse_args(argv), export)
 
 
-@dataclass(frozen=True)
-class _Target:
-    """One recording to write: whose it is, and the path of its files without their endings."""
-
-    poses: Path
-    name: RecordingName
-    stem: Path
-
-    def file(self, ending: str) -> Path:
-        """The recording's file of that ending."""
-        return self.stem.with_name(self.stem.name + ending)
-
-
 def export(arguments: argparse.Namespace) -> None:
     """Write the recordings of poses tables into the dataset in a folder, all tables checked before.
 
@@ -78,84 +56,147 @@ def export(arguments: argparse.Namespace) -> None:
     folder holds something else, a recording is there already, or a table is none or has no times and no rate
     is given.
     """
-    from schemas.bids.dataset_files import check_folder
-    from stages.capture.motion_columns import read_grid, timing
+    from shukotsu.motion_bids.dataset_files import add_participants, check_folder
+    from shukotsu.motion_bids.labels import recording_stem
+    from shukotsu.motion_bids.motion_files import ENDINGS, TrackingSystem
+    from shukotsu.schemas.poses import recording_name
 
-    folder: Path = arguments.out
-    check_folder(folder)
-    targets = _targets(arguments.poses, folder)
-    timings = []
-    for target in targets:
-        existing = [target.file(ending) for ending in _ENDINGS if target.file(ending).exists()]
-        if existing and not arguments.overwrite:
-            raise InputError(f"{existing[0]}: is there already; give --overwrite to replace the recording")
-        timings.append(timing(target.poses, read_grid(target.poses), arguments.rate_hz))
-    _write_dataset_files(folder)
-    _write_participants(folder / "participants.tsv", [target.name.subject for target in targets])
-    for target, timed in zip(targets, timings, strict=True):
-        _write_recording(target, timed)
-
-
-def _targets(poses: Sequence[Path], folder: Path) -> list[_Target]:
-    from schemas.bids.labels import motion_folder, recording_stem
-    from schemas.poses import recording_name
-
-    targets: dict[Path, _Target] = {}
-    for path in poses:
+    check_folder(arguments.out)
+    named: dict[str, Path] = {}
+    subjects = []
+    for path in arguments.poses:
         name = recording_name(path)
         if not (name.subject and name.task):
             raise InputError(f"{path}: names no subject or no task; BIDS needs both in a file's name")
-        stem = folder / motion_folder(name) / recording_stem(name)
-        if stem in targets:
-            raise InputError(
-                f"{path}: is of {name}, as {targets[stem].poses} is; give each recording its trial"
-            )
-        targets[stem] = _Target(path, name, stem)
-    return list(targets.values())
+        stem = recording_stem(name)
+        if stem in named:
+            raise InputError(f"{path}: is of {name}, as {named[stem]} is; give each recording its trial")
+        named[stem] = path
+        subjects.append(name.subject)
+        files = [TrackingSystem(name, "", (), {}).file(arguments.out, ending) for ending in ENDINGS]
+        existing = [file for file in files if file.exists()]
+        if existing and not arguments.overwrite:
+            raise InputError(f"{existing[0]}: is there already; give --overwrite to replace the recording")
+        _rate_hz(path, _Grid(path), arguments.rate_hz)
+    add_participants(arguments.out, subjects)
+    for path in arguments.poses:
+        _write_recording(path, arguments.out, arguments.rate_hz)
 
 
-def _write_dataset_files(folder: Path) -> None:
-    from schemas.bids.dataset_files import DESCRIPTION, description_json, json_text
-    from schemas.files import write_text
+class _Grid:
+    """A poses table of S segments and T frames: numbers (T,) and, by segment, (S, T), gaps NaN."""
 
-    if not (folder / DESCRIPTION).exists():
-        write_text(folder / DESCRIPTION, json_text(description_json(folder.resolve().name)))
-    if not any(folder.glob("README*")):
-        write_text(folder / "README", _README)
+    def __init__(self, path: Path) -> None:
+        import numpy as np
+
+        from shukotsu.schemas.catalogue import POSES
+        from shukotsu.schemas.tables import column_array, read_table
+
+        table = read_table(path, POSES)
+        if not table.num_rows:
+            raise InputError(f"{path}: has no rows; there is nothing to export")
+        self.segments = tuple(dict.fromkeys(table.column("segment").unique().to_pylist()))
+
+        def by_segment(name: str) -> Any:
+            return column_array(table, name).reshape(len(self.segments), -1)
+
+        self.frame = by_segment("frame")[0]
+        self.time_s: Array = by_segment("time_s").astype(float)
+        self.numbers = np.stack([by_segment(name).astype(float) for name in _NUMBERS], -1)
+        self.valid = by_segment("valid").astype(bool)
+        bits, self.flag_names = _flag_bits(table)
+        self.flag_bits = bits.reshape(len(self.segments), -1)
+
+    @property
+    def first_times(self) -> Array:
+        """Times (T,) of the first segment that has one, NaN where none has."""
+        import numpy as np
+
+        place = np.isfinite(self.time_s).argmax(0)[None]
+        return np.asarray(np.take_along_axis(self.time_s, place, 0)[0])
 
 
-def _write_participants(path: Path, subjects: Sequence[str]) -> None:
-    """Add the subjects that the table does not have; its columns and rows stay as they are."""
-    from schemas.bids.dataset_files import json_text, read_rows, tsv_cell, tsv_text
-    from schemas.bids.labels import label
-    from schemas.files import write_text
-
-    header, rows = read_rows(path) if path.exists() else (["participant_id", "name"], [])
-    if "participant_id" not in header:
-        raise InputError(f"{path}: column participant_id is missing; found {', '.join(header)}")
-    known = {row[header.index("participant_id")] for row in rows}
-    fresh = [subject for subject in dict.fromkeys(subjects) if f"sub-{label(subject)}" not in known]
-    for subject in fresh:
-        cells = {"participant_id": f"sub-{label(subject)}", "name": tsv_cell(subject)}
-        rows.append([cells.get(column, "n/a") for column in header])
-    if fresh:
-        write_text(path, tsv_text([header, *rows]))
-    if not path.with_suffix(".json").exists() and "name" in header:
-        content = {"name": {"Description": "The subject's name, of which participant_id is made."}}
-        write_text(path.with_suffix(".json"), json_text(content))
+_NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
 
-def _write_recording(target: _Target, timed: Timing) -> None:
-    from schemas.bids.channels import channels_json
-    from schemas.bids.dataset_files import json_text, tsv_text, write_motion
-    from schemas.files import file_sha256, write_text
-    from stages.capture.motion_columns import motion_columns, motion_json, read_grid
+def _flag_bits(table: pa.Table) -> tuple[Any, tuple[str, ...]]:
+    """Flags of every row as bits, and the flag that each bit stands for."""
+    import numpy as np
 
-    grid = read_grid(target.poses)
-    columns = motion_columns(grid)
-    inputs = {target.poses.name: file_sha256(target.poses)}
-    rows = [column.row for column in columns]
-    write_motion(target.file("_motion.tsv"), [[column.text for column in columns]])
-    write_text(target.file("_motion.json"), json_text(motion_json(grid, columns, timed, inputs)))
-    write_text(target.file("_channels.tsv"), tsv_text([list(rows[0]), *(list(row.values()) for row in rows)]))
-    write_text(target.file("_channels.json"), json_text(channels_json()))
+    encoded = table.column("flags").combine_chunks().dictionary_encode()
+    texts = [text.split(";") if text else [] for text in encoded.dictionary.to_pylist()]
+    names = tuple(sorted({flag for flags in texts for flag in flags}))
+    bits = np.array([sum(1 << names.index(flag) for flag in flags) for flags in texts], np.int64)
+    return bits[np.asarray(encoded.indices)], names
+
+
+def _rate_hz(path: Path, grid: _Grid, rate_hz: float | None) -> float:
+    """Nominal rate from the times where none is given; InputError where it does not follow from them."""
+    import numpy as np
+
+    known = np.isfinite(grid.first_times)
+    steps = np.diff(grid.first_times[known]) / np.diff(grid.frame[known])
+    step_s = float(np.median(steps)) if len(steps) else 0.0
+    if rate_hz is None and step_s <= 0:
+        raise InputError(f"{path}: has no times to tell the sampling frequency from; give --rate-hz")
+    return rate_hz or round(1 / step_s, 6)
+
+
+def _write_recording(path: Path, folder: Path, rate_hz: float | None) -> None:
+    from shukotsu.files.whole_files import file_sha256
+    from shukotsu.motion_bids.motion_files import TrackingSystem, sampling_rates, write_tracking_system
+    from shukotsu.schemas import PROGRAM, VERSION
+    from shukotsu.schemas.poses import recording_name
+    from shukotsu.schemas.tables import read_metadata
+
+    grid, name, parameters = _Grid(path), recording_name(path), read_metadata(path)["parameters"]
+    details = {
+        "FlagChannels": {
+            own: f"{own}_flags" for own, bits in zip(grid.segments, grid.flag_bits, strict=True) if bits.any()
+        },
+        "FlagBits": list(grid.flag_names),
+        "program": f"{PROGRAM} {VERSION}",
+        **{key: value for key, value in vars(name).items() if value or key != "session"},
+        "layout": parameters.get("layout", "n/a"),
+        "notes": [note for note in parameters.get("notes", []) if note],
+        "inputs_sha256": {path.name: file_sha256(path)},
+    }
+    system = TrackingSystem(name, "", grid.segments, details)
+    columns = list(_columns(grid))
+    rates = sampling_rates(_rate_hz(path, grid, rate_hz), grid.first_times)
+    write_tracking_system(folder, system, rates, columns, [columns])
+
+
+def _columns(grid: _Grid) -> Iterator[Column]:
+    """Columns of motion.tsv in their order: the frame, times, then every receiver's."""
+    import numpy as np
+
+    from shukotsu.motion_bids.motion_files import frame_column, receiver_columns, time_columns
+
+    def start_s(time_s: Array) -> float:
+        return next((float(value) for value in time_s if np.isfinite(value)), float("nan"))
+
+    yield frame_column(grid.frame)
+    shared = ((grid.time_s == grid.first_times) | np.isnan(grid.time_s)).all()
+    if shared:
+        yield from time_columns(grid.first_times, start_s(grid.first_times))
+    for index, segment in enumerate(grid.segments):
+        if not shared:
+            yield from time_columns(grid.time_s[index], start_s(grid.time_s[index]), segment)
+        valid, bits = grid.valid[index], grid.flag_bits[index]
+        status = ("good", "n/a") if valid.any() else ("bad", "no pose of this receiver may be used")
+        numbers = grid.numbers[index]
+        yield from receiver_columns(segment, numbers[:, :3], numbers[:, 3:], *status)
+        yield _whole_number(segment, "valid", valid.astype(np.int8), "1 where the pose may be used", status)
+        if bits.any():
+            what = "what was seen of the pose, bit by bit as FlagBits in motion.json says"
+            yield _whole_number(segment, "flags", bits, what, status)
+
+
+def _whole_number(segment: str, name: str, numbers: Any, what: str, status: Sequence[str]) -> Column:
+    import pyarrow as pa
+
+    from shukotsu.motion_bids.motion_files import Column
+
+    text = pa.array(numbers).cast(pa.string())
+    return Column(text, f"{segment}_{name}", "n/a", "MISC", segment, "n/a", what, *status)

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from anatomy.average_hand import DIGITS
-from anatomy.known_digits import known_digits
-from checks.mirror_jumps import OwnSides
-from schemas.layout import Layout
-from skeleton.rotations import matrix, unit
+from shukotsu.anatomy.average_hand import DIGITS
+from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.checks.mirror_jumps import OwnSides
+from shukotsu.schemas.layout import Layout
+from shukotsu.skeleton.rotations import matrix, unit
 
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -63,7 +63,7 @@ class Sides:
 
 
 def expected_joints(layout: Layout) -> dict[str, Array]:
-    """Where anatomy has the joint towards the body, (3,) mm in the receiver's frame, by segment of a hand."""
+    """Return the expected joint towards the body, (3,) mm in the receiver's frame, by segment of a hand."""
     found = {}
     for digit in known_digits(layout):
         for bone, name in enumerate(digit.segments):
@@ -114,16 +114,16 @@ def _marginal(
 
     tables : of a child, (2, 2) log likelihood by its parent's signs (as they are, opposite) and its own.
     """
-    belief = {name: own.copy() for name, own in share.items()}
+    log_marginal = {name: own.copy() for name, own in share.items()}
     order = sorted(tables, key=lambda name: _depth(name, parents))
     up = {}
     for child in reversed(order):
-        up[child] = np.logaddexp.reduce(tables[child] + belief[child], axis=1)
-        belief[parents[child]] += up[child]
+        up[child] = np.logaddexp.reduce(tables[child] + log_marginal[child], axis=1)
+        log_marginal[parents[child]] += up[child]
     for child in order:
-        rest = belief[parents[child]] - up[child]
-        belief[child] = belief[child] + np.logaddexp.reduce(tables[child] + rest[:, None], axis=0)
-    return {name: float(own[0] - own[1]) for name, own in belief.items()}
+        rest = log_marginal[parents[child]] - up[child]
+        log_marginal[child] = log_marginal[child] + np.logaddexp.reduce(tables[child] + rest[:, None], axis=0)
+    return {name: float(own[0] - own[1]) for name, own in log_marginal.items()}
 
 
 def _depth(name: str, parents: Mapping[str, str]) -> int:

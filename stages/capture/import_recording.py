@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stages import command_line
-from stages.capture.formats.readers import AUTO, FORMATS
+from shukotsu.stages import command_line
+from shukotsu.stages.capture.formats.readers import AUTO, FORMATS
 
 if TYPE_CHECKING:
-    from schemas.layout import Layout
-    from schemas.mapping import FileMapping
-    from stages.capture.poses_table import PosesTable
-    from stages.capture.samples import Samples
+    from shukotsu.schemas.layout import Layout
+    from shukotsu.schemas.mapping import FileMapping
+    from shukotsu.stages.capture.poses_table import PosesTable
+    from shukotsu.stages.capture.samples import Samples
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -54,7 +54,7 @@ def main(argv: list[str]) -> int:
 
 @dataclass
 class _Remarks:
-    """What the reader says of the whole recording, see `Samples`."""
+    """Hold what the reader says of the whole recording, see `Samples`."""
 
     notes: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)
@@ -64,11 +64,11 @@ class _Remarks:
 
 def import_recording(arguments: argparse.Namespace) -> None:
     """Read the recording, check it, write the table; notes on what is not there go to stderr."""
-    from schemas.layout import read_layout
-    from schemas.mapping import read_mapping
-    from stages.capture.formats.readers import find_parts_reader
-    from stages.capture.hemispheres import expected_joints
-    from stages.capture.poses_table import poses_table
+    from shukotsu.schemas.layout import read_layout
+    from shukotsu.schemas.mapping import read_mapping
+    from shukotsu.stages.capture.formats.readers import find_parts_reader
+    from shukotsu.stages.capture.hemispheres import expected_joints
+    from shukotsu.stages.capture.poses_table import poses_table
 
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
@@ -94,8 +94,6 @@ def import_recording(arguments: argparse.Namespace) -> None:
     )
     with closing(table) as poses:
         _write(arguments, layout, poses, remarks, mapping)
-    if not arguments.record_failure:  # in a study, a stage of its own says so
-        _print_findings(arguments, layout)
 
 
 def _write(
@@ -105,9 +103,9 @@ def _write(
     remarks: _Remarks,
     mapping: FileMapping | None,
 ) -> None:
-    from schemas.catalogue import POSES
-    from schemas.config_files import config_path
-    from schemas.tables import Provenance, write_table_in_parts
+    from shukotsu.schemas.catalogue import POSES
+    from shukotsu.schemas.config_files import config_path
+    from shukotsu.schemas.tables import Provenance, write_table_in_parts
 
     absent = _absent(layout, poses, mapping)
     notes = list(remarks.notes)
@@ -125,23 +123,10 @@ def _write(
     write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 
-def _print_findings(arguments: argparse.Namespace, layout: Layout) -> None:
-    """Say what was declared and cannot be; an hour is left to the stage, which may hold it in memory."""
-    from schemas.finding_sentences import in_quotes
-    from schemas.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
-
-    if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
-        print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)
-        return
-    for finding in command_line.checked_poses(arguments.out, layout).findings:
-        sentence = in_quotes(finding.message)
-        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {sentence}", file=sys.stderr)
-
-
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write the table without rows and the reason, the recording named without its folder."""
-    from schemas.catalogue import POSES
-    from schemas.tables import Provenance, write_failure
+    from shukotsu.schemas.catalogue import POSES
+    from shukotsu.schemas.tables import Provenance, write_failure
 
     layout = Path(arguments.layout).name.removesuffix(".yaml")
     provenance = Provenance.of([arguments.file], **_parameters(arguments, layout, []))
@@ -150,7 +135,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 
 def _declared(mapping: FileMapping) -> dict[str, Any]:
-    """What the mapping says of the numbers, for the checks."""
+    """Return the mapping's declarations on the numbers, for the checks."""
     declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
     unit = mapping.config.get("csv", {}).get("time_unit")
     return declared if unit is None else {**declared, "csv": {"time_unit": unit}}

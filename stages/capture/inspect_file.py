@@ -6,14 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.errors import InputError
-from schemas.limits import check_regular
-from schemas.text_files import reading
-from stages import command_line
+from shukotsu.errors import InputError
+from shukotsu.files.limits import check_regular
+from shukotsu.files.text_files import reading
+from shukotsu.stages import command_line
 
 if TYPE_CHECKING:
-    from schemas.layout import Layout
-    from stages.capture.inspection.description import Description
+    from shukotsu.schemas.layout import Layout
+    from shukotsu.stages.capture.inspection.description import Description
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -42,8 +42,8 @@ def main(argv: list[str]) -> int:
 
 def inspect(arguments: argparse.Namespace) -> None:
     """Print what is in the file, a fact a line, and the command to run next; write the mapping if asked."""
-    from schemas.files import write_text
-    from schemas.layout import read_layout
+    from shukotsu.files.whole_files import write_text
+    from shukotsu.schemas.layout import read_layout
 
     layout = read_layout(arguments.layout)
     description = describe(arguments.file, layout)
@@ -62,7 +62,7 @@ def inspect(arguments: argparse.Namespace) -> None:
 
 
 def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
-    """Say what was declared of the file and cannot be, or why it cannot be imported; a sentence a line.
+    """List false declarations of the file, or the reason why it cannot be imported; a sentence a line.
 
     The file is a recording that needs no mapping, or a poses table. Without --hand it is of the hand that it
     looks like.
@@ -71,8 +71,9 @@ def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
     from contextlib import redirect_stderr
     from tempfile import TemporaryDirectory
 
-    from schemas.finding_sentences import in_quotes
-    from stages.capture.import_recording import build_parser, import_recording
+    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.sentences.finding_sentences import in_quotes
+    from shukotsu.stages.capture.import_recording import build_parser, import_recording
 
     path, hand = arguments.file, arguments.hand or "right"
     with TemporaryDirectory() as folder:
@@ -85,16 +86,16 @@ def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
                     import_recording(build_parser().parse_args(["--record-failure", *given]))
             except InputError as error:
                 return [f"import refuses it: {error}"]
-        findings = command_line.checked_poses(path, layout).findings
+        findings = checked_poses(path, layout).findings
         if arguments.hand is None and any(one.kind == "wrong-hand" for one in findings):
-            findings = command_line.checked_poses(path, layout, "left").findings
+            findings = checked_poses(path, layout, "left").findings
             print("it looks like a left hand")
     return [f"{one.severity}: {one.kind}: {in_quotes(one.message)}" for one in findings]
 
 
 def _is_poses_table(path: Path) -> bool:
-    from schemas.catalogue import POSES
-    from schemas.tables import read_metadata
+    from shukotsu.schemas.catalogue import POSES
+    from shukotsu.schemas.tables import read_metadata
 
     try:
         return bool(read_metadata(path)["schema"] == POSES.name)
@@ -116,7 +117,7 @@ def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) 
 
 
 def describe(path: Path, layout: Layout) -> Description:
-    """Say what is in a file or folder. Raises InputError where it is absent, empty or of no known kind."""
+    """Describe a file or folder. Raises InputError where it is absent, empty or of no known kind."""
     if path.is_dir():
         return _matrices(path)
     with reading(path, "a recording", "expected a recording, or a folder of matrices"):
@@ -124,32 +125,32 @@ def describe(path: Path, layout: Layout) -> Description:
             raise InputError(f"{path}: is empty; expected a recording")
     name = path.name.lower()
     if name.endswith(".c3d"):
-        from stages.capture.inspection.c3d_files import describe_c3d
+        from shukotsu.stages.capture.inspection.c3d_files import describe_c3d
 
         return describe_c3d(path, layout)
     if name.endswith((".parquet", ".pq")):
-        from stages.capture.inspection.own_tables import describe_parquet
+        from shukotsu.stages.capture.inspection.own_tables import describe_parquet
 
         return describe_parquet(path, layout)
     if name.endswith(".arrows"):
-        from stages.capture.inspection.description import Description
-        from trackers.decode.findings import describe as describe_capture
+        from shukotsu.stages.capture.inspection.description import Description
+        from shukotsu.trackers.decode.findings import describe as describe_capture
 
         return Description(tuple(describe_capture(path)))
     if name.endswith("_motion.tsv"):
-        from stages.capture.inspection.self_described import describe_motion_bids
+        from shukotsu.stages.capture.inspection.self_described import describe_motion_bids
 
         return describe_motion_bids(path, layout)
     if name.endswith((".xdf", ".xdfz")):
-        from stages.capture.inspection.self_described import describe_xdf
+        from shukotsu.stages.capture.inspection.self_described import describe_xdf
 
         return describe_xdf(path, layout)
     return _text(path, layout)
 
 
 def _text(path: Path, layout: Layout) -> Description:
-    from stages.capture.inspection.own_tables import describe_tidy_csv, is_tidy
-    from stages.capture.inspection.text_tables import describe_table
+    from shukotsu.stages.capture.inspection.own_tables import describe_tidy_csv, is_tidy
+    from shukotsu.stages.capture.inspection.text_tables import describe_table
 
     if is_tidy(path):
         return describe_tidy_csv(path, layout)
@@ -168,6 +169,6 @@ def _like_matrices(path: Path) -> bool:
 
 
 def _matrices(path: Path) -> Description:
-    from stages.capture.inspection.matrix_files import describe_matrices
+    from shukotsu.stages.capture.inspection.matrix_files import describe_matrices
 
     return describe_matrices(path)

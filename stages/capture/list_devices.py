@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from stages import command_line
+from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -24,7 +24,7 @@ def main(argv: list[str]) -> int:
 
 def list_devices(options: argparse.Namespace) -> None:
     """Print what there is."""
-    from trackers.record.connected_ports import port_lines, serial_ports, usb_devices
+    from shukotsu.trackers.record.connected_ports import port_lines, serial_ports, usb_devices
 
     del options
     print("\n".join(port_lines(serial_ports(), usb_devices())))

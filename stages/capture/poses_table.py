@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from checks.mirror_jumps import OwnSides, own_sides
-from schemas.errors import InputError
-from schemas.limits import FARTHEST_MM
-from stages.capture.hemispheres import sides
-from stages.capture.samples import NUMBERS, Samples
-from stages.capture.spikes import spikes
+from shukotsu.checks.mirror_jumps import OwnSides, own_sides
+from shukotsu.errors import InputError
+from shukotsu.files.limits import FARTHEST_MM
+from shukotsu.stages.capture.hemispheres import sides
+from shukotsu.stages.capture.samples import NUMBERS, Samples
+from shukotsu.stages.capture.spikes import spikes
 
 FLAGS = {
     "no-row": "the recording has no row for this receiver in this frame, though others have",
@@ -148,7 +148,7 @@ class _RowFile:
 
 @dataclass(frozen=True)
 class _Segment:
-    """What one segment's rows say together.
+    """Hold what one segment's rows say together.
 
     usable : rows that are valid; complete : those that have all their numbers; moves : whether these differ.
     bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
@@ -176,7 +176,7 @@ def poses_table(
 
     parts : of the recording, in order. parents : of a segment the one towards the body that carries a
     receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
-    expected_mm : where anatomy has joints, see `stages.capture.hemispheres.expected_joints`.
+    expected_mm : where anatomy has joints, see `shukotsu.stages.capture.hemispheres.expected_joints`.
     repair_hemisphere : whether positions on the wrong side of the transmitter are put back, or are gaps.
 
     Raises InputError at the first pose that has all its numbers but no unit quaternion.
@@ -215,7 +215,7 @@ def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]
     for name in ("frame", "time_s", "numbers"):
         rows[name] = getattr(samples, name)
     rows["flags"] = 0
-    for flag, marked in samples.marks.items():
+    for flag, marked in samples.flags.items():
         rows["flags"][marked] |= _BIT[flag]
     for index in np.unique(samples.segment).tolist():
         yield index, rows[samples.segment == index]
@@ -289,7 +289,7 @@ def _on_one_side(
 
 
 def _one_a_frame(rows: Rows) -> Rows:
-    """Of rows of one frame keep the first, without what they do not agree on; gives a copy."""
+    """Keep the first of the rows of a frame, without what they do not agree on; gives a copy."""
     rows = rows.copy()
     first = np.ones(len(rows), bool)
     first[1:] = rows["frame"][1:] != rows["frame"][:-1]

@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from schemas.errors import InputError
-from stages import command_line
-from stages.capture import tracker_options
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
+from shukotsu.stages.capture import tracker_options
 
 if TYPE_CHECKING:
-    from trackers.record.session import Ending, RecordingPlan
+    from shukotsu.trackers.record.session import Ending, RecordingPlan
 
 EXIT_CUT_SHORT = 3
 """The recording ended before it was asked to: the port went away, or the disk was full. What came is kept."""
@@ -44,9 +44,9 @@ def main(argv: list[str]) -> int:
 
 def record_tracker(options: argparse.Namespace) -> None:
     """Record, and say what was kept."""
-    from trackers.record import session
-    from trackers.record.port import open_port
-    from trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
+    from shukotsu.trackers.record import session
+    from shukotsu.trackers.record.port import open_port
+    from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
 
     plan = recording_plan(options)
     about = _about(options)
@@ -63,7 +63,7 @@ def record_tracker(options: argparse.Namespace) -> None:
 
 def recording_plan(options: argparse.Namespace) -> RecordingPlan:
     """Check the options. Raises InputError."""
-    from trackers.record.session import RecordingPlan
+    from shukotsu.trackers.record.session import RecordingPlan
 
     if options.duration is not None and not 0 < options.duration < 1e6:
         raise InputError(f"--duration: is {options.duration:g}; expected seconds above 0")
@@ -82,7 +82,7 @@ def recording_plan(options: argparse.Namespace) -> RecordingPlan:
 
 
 def _about(options: argparse.Namespace) -> dict[str, Any]:
-    """Say what the recording is, for the archive."""
+    """Describe the recording, for the archive."""
     from datetime import UTC, datetime
 
     named = {name: value for name, value in vars(options).items() if name not in ("out", "note")}
@@ -91,7 +91,7 @@ def _about(options: argparse.Namespace) -> dict[str, Any]:
 
 def _report(out: Path, port: str, ending: Ending) -> None:
     """Print the summary; raises SystemExit where the recording was cut short."""
-    from trackers.record import display
+    from shukotsu.trackers.record import display
 
     if ending.totals is None:
         print(f"stopped before the first frame ({ending.reason}); no file is left", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""What every reader gives: samples of receivers, as they came, with the segment that each rides on."""
+"""Define the output of every reader: receivers' samples as they came, with the segment that carries each."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError, shortened
-from schemas.layout import Layout
+from shukotsu.errors import InputError, shortened
+from shukotsu.schemas.layout import Layout
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
@@ -26,7 +26,7 @@ class Samples:
     numbers : (N, 7) x, y, z in mm, then w, x, y, z of the quaternion (receiver to transmitter frame),
     NaN where there is none, not necessarily unit.
     place : sample -> file and line, for messages.
-    marks : what the reader saw of single samples, flag (a key of poses.FLAGS) -> (N,) bool.
+    flags : what the reader saw of single samples, flag (a key of poses.FLAGS) -> (N,) bool.
     notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
     losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
     missing_frames : frames of which the recording should have something and has nothing.
@@ -39,7 +39,7 @@ class Samples:
     time_s: npt.NDArray[np.float64]
     numbers: npt.NDArray[np.float64]
     place: Callable[[int], str]
-    marks: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
     missing_frames: int = 0
@@ -55,7 +55,7 @@ def joined(parts: Iterable[Samples]) -> Samples:
         part = bisect.bisect_right(starts, sample) - 1
         return every[part].place(sample - starts[part])
 
-    flags = {flag for part in every for flag in part.marks}
+    every_flag = {flag for part in every for flag in part.flags}
     return Samples(
         every[0].segments,
         np.concatenate([part.segment for part in every]),
@@ -64,8 +64,8 @@ def joined(parts: Iterable[Samples]) -> Samples:
         np.concatenate([part.numbers for part in every]),
         place,
         {
-            flag: np.concatenate([p.marks.get(flag, np.zeros(len(p.segment), bool)) for p in every])
-            for flag in sorted(flags)
+            flag: np.concatenate([p.flags.get(flag, np.zeros(len(p.segment), bool)) for p in every])
+            for flag in sorted(every_flag)
         },
         tuple(note for part in every for note in part.notes),
         tuple(loss for part in every for loss in part.losses),

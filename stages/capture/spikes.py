@@ -40,7 +40,7 @@ def spikes(numbers: Array) -> Bools:
 
 
 def _apart(numbers: Array, one: Integers, other: Integers) -> Array:
-    """How far (2, M), in mm and deg, poses of those rows are from each other."""
+    """Return the distances (2, M), in mm and deg, of poses of those rows from each other."""
     cosine = np.abs(np.einsum("ij,ij->i", numbers[one, 3:], numbers[other, 3:])).clip(0.0, 1.0)
     moved_mm = np.linalg.norm(numbers[one, :3] - numbers[other, :3], axis=-1)
     return np.stack([moved_mm, 2 * np.degrees(np.arccos(cosine))])

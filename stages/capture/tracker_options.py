@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from trackers.families import FAMILIES
+from shukotsu.trackers.families import FAMILIES
 
 if TYPE_CHECKING:
-    from trackers.record.request import RecordingRequest
+    from shukotsu.trackers.record.request import RecordingRequest
 
 
 def add_tracker(command_parser: argparse.ArgumentParser) -> None:
@@ -18,7 +18,9 @@ def add_tracker(command_parser: argparse.ArgumentParser) -> None:
     add("--tracker", choices=tuple(FAMILIES), default="liberty", help="default: liberty")
     add("--baud", type=int, default=115200, help="of a serial device; default: 115200")
     add("--line-rate", type=int, metavar="BAUD", help="of the line behind a network port, if any")
-    add("--rate", type=int, choices=(240, 120), help="of LIBERTY and VIPER; default: 240")
+    chosen = {family.title: family.rates_hz for family in FAMILIES.values() if len(family.rates_hz) > 1}
+    rates_hz = sorted({rate for own in chosen.values() for rate in own}, reverse=True)
+    add("--rate", type=int, choices=rates_hz, help=f"of {' and '.join(chosen)}; default: the fastest")
     add("--items", default="full", help="output list: full, short or numbers such as 9,2,7")
     add("--ascii", action="store_true", help="text instead of binary")
     add("--stations", help="receivers such as 1-8,12; default: all that are connected")
@@ -29,7 +31,7 @@ def add_tracker(command_parser: argparse.ArgumentParser) -> None:
 
 def recording_request(options: argparse.Namespace) -> RecordingRequest:
     """Check what the options of `add_tracker` say. Raises InputError."""
-    from trackers.record import request
+    from shukotsu.trackers.record import request
 
     mode = "ascii" if options.ascii else "binary"
     return request.RecordingRequest(

@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from schemas.findings import unchecked
-from stages import command_line
+from shukotsu.schemas.findings import unchecked
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
-    from checks.checked_recording import CheckedRecording
-    from schemas.plan import SubjectPlan
-    from schemas.study import Recording
+    from shukotsu.checks.checked_recording import CheckedRecording
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.schemas.study import Recording
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -25,22 +25,22 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage check_recordings --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16",
     )
-    command_line.add_plan_options(parser, calibration="--poses")
+    subject_stage.add_plan_options(parser, calibration="--poses")
     parser.add_argument("--out", type=Path, help="the findings table to write")
     return parser
 
 
 def check(arguments: argparse.Namespace) -> None:
     """Check every recording of the subject that holds poses; print the findings, write them if asked to."""
-    from schemas.catalogue import FINDINGS
-    from schemas.finding_sentences import in_quotes
-    from schemas.plan import read_plan
-    from schemas.tables import Provenance, columns_from_rows, write_table
+    from shukotsu.schemas.catalogue import FINDINGS
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
+    from shukotsu.sentences.finding_sentences import in_quotes
 
     if arguments.plan is not None:
-        plan = read_plan(arguments.plan, checked=False)
+        plan = read_plan(arguments.plan, arguments.inputs, checked=False)
     else:
-        plan = command_line.plan_of(arguments)
+        plan = subject_stage.plan_of(arguments)
     checked = check_subject(plan, arguments)
     rows = [row for recording, own in checked for row in _rows(recording, own)]
     for row in rows:
@@ -50,7 +50,7 @@ def check(arguments: argparse.Namespace) -> None:
         print("no finding")
     if arguments.out is not None:
         digests = {"/".join(recording.key.values()): own.digest for recording, own in checked}
-        provenance = Provenance.of(command_line.poses_files(plan), plan.folder, digests=digests)
+        provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder, digests=digests)
         write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), provenance)
 
 
@@ -61,8 +61,8 @@ def check_subject(
 
     With --record-failure a recording that cannot be checked has a note that says so, and no other finding.
     """
-    from checks.compared_recordings import compared
-    from schemas.poses import usable_poses
+    from shukotsu.checks.compared_recordings import compared
+    from shukotsu.schemas.poses import usable_poses
 
     recordings = [own for own in plan.recordings if not own.exclude and usable_poses([plan.poses(own)])[0]]
     checked = [_checked(plan, own, arguments) for own in recordings]
@@ -78,24 +78,29 @@ def check_subject(
 
 
 def _checked(plan: SubjectPlan, recording: Recording, arguments: argparse.Namespace) -> CheckedRecording:
-    from checks.checked_recording import CheckedRecording
+    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.checks.checked_recording import CheckedRecording
 
     path, hand = plan.poses(recording), recording.hand.hand
     with command_line.recorded(arguments, arguments.record_failure) as messages:
-        return command_line.checked_poses(path, plan.layouts[hand])
+        return checked_poses(path, plan.layouts[hand])
     return CheckedRecording((unchecked(messages[0]),), "", None, None)
 
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write a note on every recording that it was not checked, and why."""
-    from schemas.catalogue import FINDINGS
-    from schemas.errors import InputError
-    from schemas.plan import read_plan
-    from schemas.tables import Provenance, columns_from_rows, write_table
+    from shukotsu.errors import InputError
+    from shukotsu.schemas.catalogue import FINDINGS
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
 
     if arguments.out is None or arguments.plan is None:
         raise InputError(message)
-    recordings = [own for own in read_plan(arguments.plan, checked=False).recordings if not own.exclude]
+    recordings = [
+        own
+        for own in read_plan(arguments.plan, arguments.inputs, checked=False).recordings
+        if not own.exclude
+    ]
     rows = [{**own.key, **unchecked(message).columns} for own in recordings]
     write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance((), {"digests": {}}))
 

@@ -1,1 +1,3 @@
-"""What a study says of its subjects' movement: differences, curves, repeatability, and under which models."""
+"""Compare the movement of a study's subjects: differences, curves, repeatability, and under which
+models.
+"""

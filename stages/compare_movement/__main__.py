@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from stages import command_line
+from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -25,10 +25,10 @@ def build_parser() -> argparse.ArgumentParser:
 
 def compare(arguments: argparse.Namespace) -> None:
     """Read the study's tables of movement, write those of comparisons."""
-    from schemas.factors import factor_levels
-    from schemas.results import Results
-    from schemas.study import read_study
-    from stages.compare_movement.study_comparison import compare_study
+    from shukotsu.schemas.factors import factor_levels
+    from shukotsu.schemas.results import Results
+    from shukotsu.schemas.study import read_study
+    from shukotsu.stages.compare_movement.study_comparison import compare_study
 
     study = read_study(arguments.study)
     sheets = list(study.sheets.values())

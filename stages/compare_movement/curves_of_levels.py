@@ -1,4 +1,4 @@
-"""Where in the cycle two levels differ: a subject's mean curve at each, tested over the whole curve at
+"""Find where in the cycle two levels differ: a subject's mean curve at each, tested over the whole curve at
 once.
 """
 
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
-from stages.compare_movement.movement_values import RECORDING, Recorded, subject_means
-from subject_statistics.curve_statistics import CurveTest, curves_between, curves_within
-from subject_statistics.group_statistics import FEWEST_IN_GROUP
-from subject_statistics.multiple_comparisons import holm
-from subject_statistics.paired_statistics import FEWEST_SUBJECTS, Array
+from shukotsu.sentences.messages import message_of
+from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
+from shukotsu.stages.compare_movement.movement_values import RECORDING, Recorded, subject_means
+from shukotsu.statistics.curve_statistics import CurveTest, curves_between, curves_within
+from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP
+from shukotsu.statistics.multiple_comparisons import holm
+from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS, Array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,8 +57,8 @@ def _family(means: pd.Series[float], pair: LevelPair, where: Row) -> Iterator[Co
             for (joint, angle), own in of_event.groupby(["joint", "angle"], sort=False, observed=True)
         ]
         smallest = [_smallest(test.p) for _, _, test, _ in tests]
-        for (joint, angle, test, message), p in zip(tests, holm(smallest), strict=True):
-            named = shared | {"joint": joint, "angle": angle, "event": event, "message": message, "p_holm": p}
+        for (joint, angle, test, why), p in zip(tests, holm(smallest), strict=True):
+            named = shared | {"joint": joint, "angle": angle, "event": event, "message": why, "p_holm": p}
             yield _columns(test, percents) | {name: [value] * len(percents) for name, value in named.items()}
 
 
@@ -69,14 +70,14 @@ def _tested(own: pd.DataFrame, pair: LevelPair) -> tuple[CurveTest, str]:
         both = first.index.intersection(other.index, sort=False)
         differences = (first.loc[both] - other.loc[both]).to_numpy()
         n = int(np.isfinite(differences).any(axis=1).sum())
-        message = f"not tested: {n} subjects have both levels, a test needs {FEWEST_SUBJECTS}"
+        why = message_of("few-at-both", n=n, least=FEWEST_SUBJECTS)
         test = curves_within(differences)
-        return (test, "") if test else (_untested(_means(differences), n, n), message)
+        return (test, "") if test else (_untested(_means(differences), n, n), why)
     counts = len(first), len(other)
-    message = f"not tested: groups of {counts[0]} and {counts[1]}, a test needs {FEWEST_IN_GROUP} in each"
+    why = message_of("few-in-group", count=counts[0], count_2=counts[1], least=FEWEST_IN_GROUP)
     test = curves_between(first.to_numpy(), other.to_numpy())
     difference = _means(first.to_numpy()) - _means(other.to_numpy())
-    return (test, "") if test else (_untested(difference, *counts), message)
+    return (test, "") if test else (_untested(difference, *counts), why)
 
 
 def _of_level(curves: pd.DataFrame, pair: LevelPair, level: str) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""How two levels differ in every number, a subject at a time, corrected over what is compared together.
+"""Compare two levels in every number, a subject at a time, corrected over what is compared together.
 
 A family, of which p_holm and p_max_t are: all joints and angles, digits or pairs of digits of one quantity,
 for one pair of levels, hand, task and model.
@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stages.compare_movement.level_pairs import MOST_LEVELS, WITHIN, LevelPair, level_pairs, places
-from stages.compare_movement.movement_values import Quantity, Recorded, subject_means
-from subject_statistics.curve_statistics import curves_between, curves_within
-from subject_statistics.group_statistics import FEWEST_IN_GROUP, two_groups
-from subject_statistics.multiple_comparisons import holm
-from subject_statistics.paired_statistics import (
+from shukotsu.sentences.messages import message_of
+from shukotsu.stages.compare_movement.level_pairs import MOST_LEVELS, WITHIN, LevelPair, level_pairs, places
+from shukotsu.stages.compare_movement.movement_values import Quantity, Recorded, subject_means
+from shukotsu.statistics.curve_statistics import curves_between, curves_within
+from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP, two_groups
+from shukotsu.statistics.multiple_comparisons import holm
+from shukotsu.statistics.paired_statistics import (
     FEWEST_SUBJECTS,
     MOST_ENUMERATED,
     Array,
@@ -113,7 +114,7 @@ _NOTHING: Row = {"p": None, "test": "", "effect_size_name": ""}
 def _within(first: Array, other: Array) -> Row:
     n = len(first)
     if n == 0:
-        return _NOTHING | {"message": "no subject has a value at both levels"}
+        return _NOTHING | {"message": message_of("none-at-both")}
     found = paired(first - other)
     row: Row = {"mean": float(first.mean()), "other_mean": float(other.mean()), "difference": found.mean}
     row |= _NOTHING | {"message": ""}
@@ -122,22 +123,22 @@ def _within(first: Array, other: Array) -> Row:
         low, high = effect_interval(float(d.mean() / d.std(ddof=1)) * np.sqrt(n), n - 1, n)
         row |= _effect("d_z", found.effect, (low, high))
     if found.interval is None:
-        return row | {"message": f"not tested: {n} subjects have both levels, a test needs {FEWEST_SUBJECTS}"}
+        return row | {"message": message_of("few-at-both", n=n, least=FEWEST_SUBJECTS)}
     row |= {"p": found.p, "test": "exact sign-flip" if n <= MOST_ENUMERATED else "sign-flip"}
     return row | {"low": found.interval[0], "high": found.interval[1]}
 
 
 def _between(first: Array, other: Array) -> Row:
     if min(len(first), len(other)) == 0:
-        return _NOTHING | {"message": "no subject has a value at one of the levels"}
+        return _NOTHING | {"message": message_of("none-at-one")}
     found = two_groups(first, other)
     row: Row = {"mean": found.mean, "other_mean": found.other_mean, "difference": found.difference}
     row |= _NOTHING | {"message": ""}
     if found.effect is not None and found.effect_interval is not None:
         row |= _effect("hedges_g", found.effect, found.effect_interval)
     if found.p is None or found.interval is None:
-        counts = f"{len(first)} and {len(other)} subjects"
-        return row | {"message": f"not tested: groups of {counts}, a test needs {FEWEST_IN_GROUP} in each"}
+        counts = {"count": len(first), "count_2": len(other)}
+        return row | {"message": message_of("few-in-group", least=FEWEST_IN_GROUP, **counts)}
     row |= {"p": found.p, "test": "exact permutation" if found.exact else "permutation"}
     return row | {"low": found.interval[0], "high": found.interval[1]}
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from schemas.errors import listed
-from stages.compare_movement.movement_values import Recorded, in_order
+from shukotsu.errors import listed
+from shukotsu.stages.compare_movement.movement_values import Recorded, in_order
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,7 +48,7 @@ class LevelPair:
         return frozenset(subject for subject, levels in self.levels_of.items() if levels == wanted)
 
     def left_out(self, used: Collection[str]) -> tuple[int, str]:
-        """How many subjects are not in `used`, and why they, or some recordings of others, are not."""
+        """Count the subjects not in `used`, and say why they, or some recordings of others, are not."""
         missing = [subject for subject in self.levels_of if subject not in used]
         reasons: dict[str, list[str]] = defaultdict(list)
         for subject in missing:

@@ -1,4 +1,4 @@
-"""Whether the same question has another answer under another skeleton model, and which two part most."""
+"""Say whether the same question has another answer under another skeleton model, and which two part most."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 from typing import Any
 
-from subject_statistics.multiple_comparisons import LEVEL
+from shukotsu.sentences.messages import joined, message_of
+from shukotsu.statistics.multiple_comparisons import LEVEL
 
 Row = dict[str, Any]
 
@@ -35,7 +36,7 @@ def _by_question(rows: Iterable[Row], named: Sequence[str]) -> dict[tuple[str, .
     return questions
 
 
-def _row(question: str, where: Row, rows: list[Row], of: str, agree: bool | None, message: str) -> Row:
+def _row(question: str, where: Row, rows: list[Row], of: str, agree: bool | None, why: str) -> Row:
     known = [row for row in rows if row.get(of) is not None]
     widest, which = None, ""
     if len(known) >= 2:
@@ -48,30 +49,31 @@ def _row(question: str, where: Row, rows: list[Row], of: str, agree: bool | None
         "widest_difference": widest,
         "which": which,
         "unit": rows[0]["unit"],
-        "message": message,
+        "message": why,
     }
 
 
 def _same_conclusion(rows: Sequence[Row]) -> tuple[bool | None, str]:
-    """Whether all models are on one side of LEVEL and, where they show a difference, of one sign."""
+    """Say whether all models are on one side of LEVEL and, where they show a difference, of one sign."""
     tested = [row for row in rows if row["p_max_t"] is not None]
     if len(tested) < 2:
-        return None, "fewer than two models have a test"
+        return None, message_of("untested")
     up = [row["model"] for row in tested if row["p_max_t"] <= LEVEL and row["difference"] > 0]
     down = [row["model"] for row in tested if row["p_max_t"] <= LEVEL and row["difference"] <= 0]
     none = [row["model"] for row in tested if row["p_max_t"] > LEVEL]
-    groups = [(up, "more at {level}"), (down, "less at {level}"), (none, "no difference shown")]
-    said = [f"{text.format(**tested[0])}: {', '.join(own)}" for own, text in groups if own]
-    return len(said) == 1, "" if len(said) == 1 else "; ".join(said)
+    groups = {"more-at": up, "less-at": down, "no-difference": none}
+    level = tested[0]["level"]
+    found = [message_of(kind, level=level, models=", ".join(own)) for kind, own in groups.items() if own]
+    return len(found) == 1, "" if len(found) == 1 else joined(found)
 
 
 def _same_reliability(rows: Sequence[Row]) -> tuple[bool | None, str]:
-    """Whether the intervals of ICC(2,1) of all models overlap."""
+    """Say whether the intervals of ICC(2,1) of all models overlap."""
     known = [row for row in rows if row.get("icc_2_1") is not None and row["icc_2_1"] == row["icc_2_1"]]
     if len(known) < 2:
-        return None, "fewer than two models have an ICC"
+        return None, message_of("no-icc")
     highest_low = max(known, key=lambda row: row["icc_2_1_low"])
     lowest_high = min(known, key=lambda row: row["icc_2_1_high"])
     if highest_low["icc_2_1_low"] <= lowest_high["icc_2_1_high"]:
         return True, ""
-    return False, f"ICC(2,1) is higher under {highest_low['model']} than under {lowest_high['model']}"
+    return False, message_of("icc-higher", model=highest_low["model"], other=lowest_high["model"])

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.movement_tables import FINGERTIP_DISTANCES, FINGERTIP_PATHS, RANGES_OF_MOTION
-from schemas.tables import Table, open_table
+from shukotsu.schemas.movement_tables import FINGERTIP_DISTANCES, FINGERTIP_PATHS, RANGES_OF_MOTION
+from shukotsu.schemas.tables import Table, open_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -132,7 +132,8 @@ def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -
 
 
 def in_order(rows: pd.DataFrame, column: str) -> list[str]:
-    """What a column of recordings has, in the order of the sheet: of the subjects who have most of it first.
+    """List what a column of recordings has, in the order of the sheet: of the subjects who have most of it
+    first.
 
     A subject whose second session is missing does not put the third before it.
     """

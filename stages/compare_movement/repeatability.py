@@ -1,4 +1,4 @@
-"""How well every number repeats, between sessions and between trials of the first session.
+"""Measure how well every number repeats, between sessions and between trials of the first session.
 
 A session or trial counts where at least half of the subjects have it, and a subject who has them all. How the
 stated sd does is asked of every pair of sessions that a subject has.
@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schemas.errors import listed
-from stages.compare_movement.movement_values import Quantity, Recorded
-from subject_statistics.paired_statistics import Array
-from subject_statistics.reliability_statistics import (
+from shukotsu.errors import listed
+from shukotsu.sentences.messages import message_of
+from shukotsu.stages.compare_movement.movement_values import Quantity, Recorded
+from shukotsu.statistics.paired_statistics import Array
+from shukotsu.statistics.reliability_statistics import (
     FEWEST_REPEATED,
     bland_altman,
     reliability,
@@ -91,8 +92,8 @@ def _row(values: pd.DataFrame, sd: pd.DataFrame, absent: dict[str, str]) -> Row:
         "message": "",
     } | _stated(values.to_numpy(), sd.to_numpy())
     if len(complete) < FEWEST_REPEATED or len(shared) < 2:
-        message = f"not stated: {len(complete)} subjects are in all {len(shared)}, it takes {FEWEST_REPEATED}"
-        return row | {"message": message}
+        few = message_of("few-repeated", n=len(complete), times=len(shared), least=FEWEST_REPEATED)
+        return row | {"message": few}
     return row | _repeatability(complete.to_numpy())
 
 
@@ -113,7 +114,7 @@ def _repeatability(values: Array) -> Row:
 
 
 def _stated(values: Array, sd: Array) -> Row:
-    """What the stated sd says of the differences between any two sessions of a subject."""
+    """Compare the stated sd with the differences between any two sessions of a subject."""
     pairs = list(combinations(range(values.shape[1]), 2))
     differences = np.concatenate([values[:, b] - values[:, a] for a, b in pairs])
     stated = np.concatenate([np.hypot(sd[:, a], sd[:, b]) for a, b in pairs])

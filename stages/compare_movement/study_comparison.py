@@ -8,20 +8,20 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from schemas.catalogue import PROBLEMS
-from schemas.movement_tables import (
+from shukotsu.schemas.catalogue import PROBLEMS
+from shukotsu.schemas.movement_tables import (
     CURVE_DIFFERENCES,
     MODEL_DEPENDENCE,
     MOVEMENT_CURVES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
 )
-from schemas.results import Results
-from schemas.tables import Provenance, columns_from_rows, write_table, write_table_in_parts
-from stages.compare_movement import curves_of_levels
-from stages.compare_movement.level_differences import difference_rows, too_many_levels
-from stages.compare_movement.model_agreement import dependence_rows
-from stages.compare_movement.movement_values import (
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table, write_table_in_parts
+from shukotsu.stages.compare_movement import curves_of_levels
+from shukotsu.stages.compare_movement.level_differences import difference_rows, too_many_levels
+from shukotsu.stages.compare_movement.model_agreement import dependence_rows
+from shukotsu.stages.compare_movement.movement_values import (
     QUANTITIES,
     RECORDING,
     Quantity,
@@ -30,7 +30,7 @@ from stages.compare_movement.movement_values import (
     read_frame,
     recorded,
 )
-from stages.compare_movement.repeatability import reliability_rows
+from shukotsu.stages.compare_movement.repeatability import reliability_rows
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,17 +7,17 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from schemas.parts import Part, PartsWriter
-    from schemas.plan import SubjectPlan
-    from schemas.study import Recording
-    from schemas.tables import Table
-    from skeleton.rotations import Array
-    from stages.estimate_metacarpals.hand import BuiltHand
+    from shukotsu.schemas.parts import Part, PartsWriter
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.schemas.study import Recording
+    from shukotsu.schemas.tables import Table
+    from shukotsu.skeleton.rotations import Array
+    from shukotsu.stages.estimate_metacarpals.hand import BuiltHand
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -30,10 +30,14 @@ def build_parser() -> argparse.ArgumentParser:
         "--model paper-fig4 --out-joints joint_centres.parquet --out-bones bone_lengths.parquet "
         "--out metacarpals.parquet",
     )
-    command_line.add_plan_options(parser, calibration="--calibration", evaluated="--poses")
-    parser.add_argument("--joints", type=Path, required=True, help="joint_centres from stages.project_planes")
+    subject_stage.add_plan_options(parser, calibration="--calibration", evaluated="--poses")
     parser.add_argument(
-        "--fit", type=Path, help="of a hand alone whose model fits it: folder that stages.fit_hand wrote"
+        "--joints", type=Path, required=True, help="joint_centres from shukotsu.stages.project_planes"
+    )
+    parser.add_argument(
+        "--fit",
+        type=Path,
+        help="of a hand alone whose model fits it: folder that shukotsu.stages.fit_hand wrote",
     )
     parser.add_argument("--out-joints", type=Path, required=True, help="joint_centres with the wrist point")
     parser.add_argument("--out-bones", type=Path, required=True, help="the bone_lengths table to write")
@@ -43,20 +47,20 @@ def build_parser() -> argparse.ArgumentParser:
 
 def estimate(arguments: argparse.Namespace) -> None:
     """Build every skeleton of the plan, write the three tables."""
-    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
-    from schemas.parts import parts_writer
+    from shukotsu.schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
+    from shukotsu.schemas.parts import parts_writer
 
-    plan = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
+    plan = subject_stage.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
     fits = _Fits(plan, arguments.fit)
-    files = [*command_line.poses_files(plan), *command_line.config_files(arguments)]
-    provenance = command_line.provenance_of(plan, [arguments.joints, *fits.files()], files)
+    files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
+    provenance = subject_stage.provenance_of(plan, [arguments.joints, *fits.files()], files)
     with (
         parts_writer(arguments.out_joints, JOINT_CENTRES, provenance) as joints,
         parts_writer(arguments.out_bones, BONE_LENGTHS, provenance) as bones,
         parts_writer(arguments.out, METACARPALS, provenance) as metacarpals,
     ):
         for part in plan.parts():
-            with command_line.recording_failure(arguments, part, joints, bones, metacarpals):
+            with subject_stage.recording_failure(arguments, part, joints, bones, metacarpals):
                 _estimate_part(arguments.joints, plan, part, fits, (joints, bones, metacarpals))
 
 
@@ -67,13 +71,13 @@ def _estimate_part(
     fits: _Fits,
     tables: tuple[PartsWriter, PartsWriter, PartsWriter],
 ) -> None:
-    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES
-    from schemas.errors import InputError, TableError
-    from schemas.parts import read_part
-    from schemas.poses import poses_reader, usable_poses
-    from schemas.tables import rows_of
-    from schemas.verdict import SUSPECT
-    from stages.estimate_metacarpals.hand import build_hand, failed_joints, judged, merge_fitted
+    from shukotsu.errors import InputError, TableError
+    from shukotsu.schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES
+    from shukotsu.schemas.parts import read_part
+    from shukotsu.schemas.poses import poses_reader, usable_poses
+    from shukotsu.schemas.tables import rows_of
+    from shukotsu.schemas.verdict import SUSPECT
+    from shukotsu.stages.estimate_metacarpals.hand import build_hand, failed_joints, judged, merge_fitted
 
     joints, bones, metacarpals = tables
     layout, model = plan.layouts[part.hand], plan.models[part.model]
@@ -112,8 +116,8 @@ def _pose_recording(
     fits: _Fits,
     metacarpals: PartsWriter,
 ) -> None:
-    from schemas.poses import frame_count, poses_reader, usable_poses
-    from stages.estimate_metacarpals.hand import pose_metacarpals
+    from shukotsu.schemas.poses import frame_count, poses_reader, usable_poses
+    from shukotsu.stages.estimate_metacarpals.hand import pose_metacarpals
 
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     for path in usable_poses([plan.poses(recording)])[0]:
@@ -142,15 +146,15 @@ class _Fits:
 
     def rows(self, part: Part, name: str, table: Table) -> list[dict[str, Any]]:
         """Rows of a part of fitted_joints or fitted_bones."""
-        from schemas.parts import read_part
-        from schemas.tables import rows_of
+        from shukotsu.schemas.parts import read_part
+        from shukotsu.schemas.tables import rows_of
 
         return list(rows_of(read_part(self._file(part.hand, part.model, name), table, part)))
 
     def posed(self, part: Part, recording: Recording, n_frames: int) -> Mapping[str, Array]:
         """Quaternions (T, 4) of the bones in a recording, by segment."""
-        from schemas.catalogue import BONE_POSES
-        from schemas.parts import read_recording
+        from shukotsu.schemas.catalogue import BONE_POSES
+        from shukotsu.schemas.parts import read_recording
 
         path = self._file(part.hand, part.model, "bone_poses")
         columns = [f"q{name}" for name in "wxyz"]
@@ -159,12 +163,14 @@ class _Fits:
         )
 
     def _file(self, hand: str, model: str, name: str) -> Path:
-        from schemas.errors import InputError
+        from shukotsu.errors import InputError
 
         if self._plan.is_study:
             return self._plan.fit_table(hand, model, name)
         if self._folder is None:
-            raise InputError(f"--fit: is missing; model {model} fits the whole hand (stages.fit_hand)")
+            raise InputError(
+                f"--fit: is missing; model {model} fits the whole hand (shukotsu.stages.fit_hand)"
+            )
         return self._folder / f"{name}.parquet"
 
 
@@ -174,15 +180,15 @@ def _by(key: str, rows: Any) -> dict[str, dict[str, Any]]:
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why no skeleton was built, of every part."""
-    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
+    from shukotsu.schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS
 
     tables = {
         arguments.out_joints: JOINT_CENTRES,
         arguments.out_bones: BONE_LENGTHS,
         arguments.out: METACARPALS,
     }
-    parts = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES)).parts()
-    command_line.record_failed_parts(message, tables, parts)
+    parts = subject_stage.plan_of(arguments, (arguments.joints, JOINT_CENTRES)).parts()
+    subject_stage.record_failed_parts(message, tables, parts)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from schemas.catalogue import DISTAL_RECEIVER
-from schemas.layout import Layout
-from schemas.model import SkeletonModel
-from schemas.poses import Poses, PosesReader
-from skeleton.digit_chain import DigitChain, Rows, all_valid, seen_from
-from skeleton.rotations import Array
+from shukotsu.schemas.catalogue import DISTAL_RECEIVER
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.poses import Poses, PosesReader
+from shukotsu.skeleton.digit_chain import DigitChain, Rows, all_valid, seen_from
+from shukotsu.skeleton.rotations import Array
 
 
 @dataclass(frozen=True)
@@ -75,10 +75,11 @@ def with_fitted_lengths(bone: Bone, fitted: Mapping[str, Any] | None) -> Bone:
 
 
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
-    """How the digit's metacarpal is posed: rest, rigid, estimated, receiver or fitted; none: it has none."""
+    """Name how a digit's metacarpal is posed: rest, rigid, estimated, receiver or fitted, else none."""
     if not chain.digit.metacarpal:
         return "none"
-    return model.measured if layout.segments[chain.digit.segments[0]].measured else model.unmeasured
+    measured = layout.segments[chain.digit.segments[0]].measured
+    return model.metacarpals.measured if measured else model.metacarpals.unmeasured
 
 
 def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:

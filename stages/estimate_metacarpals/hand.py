@@ -6,21 +6,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from schemas.catalogue import DISTAL_RECEIVER
-from schemas.layout import Layout
-from schemas.model import SkeletonModel
-from schemas.poses import PosesReader
-from schemas.verdict import UNJUDGED, Doubts, judged_bone, judged_joint
-from skeleton.digit_chain import Rows, digit_chain
-from skeleton.rotations import Array
-from stages.estimate_metacarpals.bones import (
+from shukotsu.schemas.catalogue import DISTAL_RECEIVER
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.poses import PosesReader
+from shukotsu.schemas.verdict import UNJUDGED, Doubts, judged_bone, judged_joint
+from shukotsu.skeleton.digit_chain import Rows, digit_chain
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.estimate_metacarpals.bones import (
     MetacarpalBone,
     digit_bones,
     metacarpal_mode,
     with_fitted_lengths,
 )
-from stages.estimate_metacarpals.metacarpals import metacarpal_columns
-from stages.estimate_metacarpals.wrist_row import wrist_row
+from shukotsu.stages.estimate_metacarpals.metacarpals import metacarpal_columns
+from shukotsu.stages.estimate_metacarpals.wrist_row import wrist_row
 
 Row = dict[str, Any]
 
@@ -127,6 +127,6 @@ def judged(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
 
 
 def is_whole(bone: Mapping[str, Any], layout: Layout) -> bool:
-    """Whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
+    """Say whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
     own = {joint.child: name for name, joint in layout.joints.items()}
     return bool(bone["starts_at"] == own.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)

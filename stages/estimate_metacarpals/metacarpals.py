@@ -8,13 +8,21 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from schemas.layout import Layout
-from schemas.model import SkeletonModel
-from schemas.poses import Poses
-from skeleton.digit_chain import DigitChain, all_valid, turned
-from skeleton.rotations import Array, about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
-from stages.estimate_metacarpals.bones import MetacarpalBone, metacarpal_vectors
-from stages.estimate_metacarpals.posture import Posture, Reference, estimate_posture
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.digit_chain import DigitChain, all_valid, turned
+from shukotsu.skeleton.rotations import (
+    Array,
+    about_axis,
+    bone_frame,
+    conjugate,
+    from_matrix,
+    multiply,
+    rotate,
+)
+from shukotsu.stages.estimate_metacarpals.bones import MetacarpalBone, metacarpal_vectors
+from shukotsu.stages.estimate_metacarpals.posture import Posture, Reference, estimate_posture
 
 Bools = npt.NDArray[np.bool_]
 
@@ -61,7 +69,7 @@ def _needed(chain: DigitChain, mode: str) -> tuple[str, ...]:
 def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, poses: Poses) -> Array:
     """Postures (T, 4) of a metacarpal that a receiver or the hand carries, or that stays at rest."""
     if metacarpal.mode == "rest":
-        direction = np.array(model.rest_direction)
+        direction = np.array(model.metacarpals.rest_direction)
         upright = np.eye(3)[2] if np.abs(direction[:2]).any() else np.eye(3)[1]
         return np.tile(from_matrix(bone_frame(direction, upright)), (len(poses.frame), 1))
     bone = metacarpal.bone
@@ -90,7 +98,7 @@ def _estimated(
         dorsal = _dorsal_seen_from(hand[first], metacarpal, layout, poses.take(first))[0]
     start = bone_frame(vector_mm[first][0], dorsal)
     reference = Reference.of(vector_mm[first][0], start[:, 2], normal[first][0])
-    posture = estimate_posture(vector_mm, normal, reference, model.twist_factor)
+    posture = estimate_posture(vector_mm, normal, reference, model.metacarpals.twist_factor)
     seen = all_valid(poses, (chain.digit.base, proximal))
     mean_twist_rad = float(np.angle(np.mean(np.exp(1j * posture.twist_rad[seen]))))
     bone = multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad))

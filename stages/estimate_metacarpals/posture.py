@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array, about_axis, multiply, rotate, unit
+from shukotsu.skeleton.rotations import Array, about_axis, multiply, rotate, unit
 
 SWING_LIMIT_DEG = 175.0
 """Beyond this the axis of Eq. 8 is the difference of two nearly opposite vectors."""

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 DISTANCE_SD_MM = 1.0
 """How far skin lets the distance between wrist and MCP joint vary."""
@@ -48,7 +48,7 @@ def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
 
 @lru_cache(maxsize=4)
 def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
-    """The same of positions (3, T) as bytes, kept: a hand's models differ beyond the MCP joints."""
+    """Do the same for positions (3, T) as bytes, kept: a hand's models differ beyond the MCP joints."""
     digits = [np.frombuffer(one).reshape(3, -1) for one in positions]
     nominal = np.array(nominal_mm)
     point = nominal.copy()

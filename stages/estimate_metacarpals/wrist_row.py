@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from schemas.layout import Layout, Wrist
-from schemas.model import SkeletonModel
-from schemas.poses import PosesReader
-from schemas.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, noted
-from skeleton.digit_chain import Rows, all_valid, seen_from
-from skeleton.rotations import Array
-from stages.estimate_metacarpals.wrist import MAX_FRAMES, WristPoint, estimate_wrist
+from shukotsu.schemas.layout import Layout, Wrist
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.poses import PosesReader
+from shukotsu.schemas.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, noted
+from shukotsu.sentences.messages import message_of
+from shukotsu.skeleton.digit_chain import Rows, all_valid, seen_from
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.estimate_metacarpals.wrist import MAX_FRAMES, WristPoint, estimate_wrist
 
 
 def wrist_row(
@@ -32,24 +33,22 @@ def wrist_row(
     if wanted in ("functional", "auto") and fitted is not None and fitted["status"] != "failed":
         return dict(fitted)
     if wanted == "functional":
-        why = fitted["message"] if fitted is not None else "no receiver on the forearm"
-        return _point_row(wrist, None, "failed", f"the wrist joint was not fitted: {why}", "fit")
+        why = fitted["message"] if fitted is not None else message_of("no-forearm")
+        return _point_row(wrist, None, "failed", message_of("no-wrist-fit", reason=why), "fit")
     if wanted == "point" or (wanted == "auto" and wrist.point_mm is not None):
         if wrist.point_mm is None:
-            message = f"layout {layout.name} has no wrist.point_mm"
-            return _point_row(wrist, None, "failed", message, "configured point")
+            why = message_of("no-wrist-point", layout=layout.name)
+            return _point_row(wrist, None, "failed", why, "configured point")
         given = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
-        return _point_row(wrist, given, "ok", "as configured in the layout", "configured point")
+        return _point_row(wrist, given, "ok", message_of("configured"), "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
     point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
-    message = f"the point that keeps its distance from {len(positions)} MCP joints"
-    if not positions:
-        message = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
+    how = message_of("keeps-distance", n=len(positions)) if positions else message_of("average-wrist")
     doubtful = [j for j in positions if judged_joint(rows[j], layout.wanted_mm)["verdict"] == NO]
     doubts: dict[str, Values] = {} if positions else {BY_ANATOMY: {}}
     if len(doubtful) > len(positions) / 2:
         doubts[FROM_DOUBTFUL] = {"joints": doubtful}
-    return _point_row(wrist, point, "ok", message, "estimated point", doubts)
+    return _point_row(wrist, point, "ok", how, "estimated point", doubts)
 
 
 def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
@@ -84,7 +83,7 @@ def _point_row(
     wrist: Wrist,
     point: WristPoint | None,
     status: str,
-    message: str,
+    how: str,
     source: str,
     doubts: Mapping[str, Values] | None = None,
 ) -> dict[str, Any]:
@@ -97,7 +96,7 @@ def _point_row(
         "source": source,
         **noted(doubts or {}),
         "status": status,
-        "message": message,
+        "message": how,
     }
     if point is not None:
         whole = np.zeros((6, 6))

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -17,9 +17,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage evaluate_skeletons --plan results/demo/sub-01/plan.json "
         "--out skeleton_scores.parquet --out-joints joint_errors.parquet",
     )
-    parser.add_argument(
-        "--plan", type=Path, required=True, help="the subject's plan, whose folder holds its tables"
-    )
+    subject_stage.add_plan(parser, "the subject's plan, whose folder holds its tables", required=True)
     parser.add_argument("--out", type=Path, required=True, help="the skeleton_scores table to write")
     parser.add_argument("--out-joints", type=Path, required=True, help="the joint_errors table to write")
     return parser
@@ -27,24 +25,27 @@ def build_parser() -> argparse.ArgumentParser:
 
 def evaluate(arguments: argparse.Namespace) -> None:
     """Score the skeletons of each hand in every recording, write both tables."""
-    from schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES
-    from schemas.parts import parts_writer
-    from schemas.plan import read_plan
-    from stages.evaluate_skeletons.evaluation import evaluate_hand
+    from shukotsu.anatomy.known_digits import known_digits
+    from shukotsu.schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES
+    from shukotsu.schemas.config_files import REFERENCE
+    from shukotsu.schemas.parts import parts_writer
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.stages.evaluate_skeletons.evaluation import evaluate_hand
 
-    plan = read_plan(arguments.plan)
-    names = ("joint_centres", "bone_lengths", "metacarpals", "tips", "tip_errors", "prior_posed_tips")
+    plan = read_plan(arguments.plan, arguments.inputs)
+    names = ("joint_centres", "bone_lengths", "metacarpals", "tips", "tip_errors")
     fitted = [(hand, model) for hand in plan.layouts for model in plan.fitted_models]
+    fitted += [(hand, REFERENCE) for hand, layout in plan.layouts.items() if known_digits(layout)]
     fits = [plan.fit_table(hand, model, "posed_tips") for hand, model in fitted]
     tables = [*map(plan.table, names), *fits]
-    provenance = command_line.provenance_of(plan, tables, command_line.poses_files(plan))
+    provenance = subject_stage.provenance_of(plan, tables, subject_stage.poses_files(plan))
     with (
         parts_writer(arguments.out, SKELETON_SCORES, provenance) as scores,
         parts_writer(arguments.out_joints, JOINT_ERRORS, provenance) as errors,
     ):
         for hand in plan.layouts:
             part = plan.part(hand)
-            with command_line.recording_failure(arguments, part, scores, errors):
+            with subject_stage.recording_failure(arguments, part, scores, errors):
                 score_rows, joint_rows = evaluate_hand(plan, hand)
                 scores.rows(part, _first_of_each(score_rows, SKELETON_SCORES.key))
                 errors.rows(part, _first_of_each(joint_rows, JOINT_ERRORS.key))
@@ -60,12 +61,12 @@ def _first_of_each(rows: list[dict[str, object]], key: tuple[str, ...]) -> list[
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why no skeleton was scored, of every hand."""
-    from schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES
-    from schemas.plan import read_plan
+    from shukotsu.schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES
+    from shukotsu.schemas.plan import read_plan
 
-    plan = read_plan(arguments.plan)
+    plan = read_plan(arguments.plan, arguments.inputs)
     tables = {arguments.out: SKELETON_SCORES, arguments.out_joints: JOINT_ERRORS}
-    command_line.record_failed_parts(message, tables, map(plan.part, plan.hands))
+    subject_stage.record_failed_parts(message, tables, map(plan.part, plan.hands))
 
 
 def main(argv: list[str] | None = None) -> int:

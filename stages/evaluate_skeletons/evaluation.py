@@ -5,20 +5,20 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 
-from schemas.plan import SubjectPlan
-from schemas.poses import RecordingName
-from schemas.study import Recording
-from stages.evaluate_skeletons.references import distal_receiver_row, true_skeleton_row
-from stages.evaluate_skeletons.scored_skeleton import (
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.poses import RecordingName
+from shukotsu.schemas.study import Recording
+from shukotsu.stages.evaluate_skeletons.references import distal_receiver_row, true_skeleton_row
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import (
     OpenTables,
     Row,
     ScoredSkeleton,
     read_prior,
     read_skeleton,
 )
-from stages.evaluate_skeletons.scores import EvaluatedRecording, evaluated_recording, score_skeleton
-from stages.evaluate_skeletons.truth import Truth, read_truth
-from stages.evaluate_skeletons.truth_errors import joint_errors, truth_for
+from shukotsu.stages.evaluate_skeletons.scores import EvaluatedRecording, evaluated_recording, score_skeleton
+from shukotsu.stages.evaluate_skeletons.truth import Truth, read_truth
+from shukotsu.stages.evaluate_skeletons.truth_errors import joint_errors, truth_for
 
 
 def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:

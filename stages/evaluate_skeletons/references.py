@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from schemas.layout import Digit
-from schemas.poses import Poses
-from schemas.tables import vector_of
-from skeleton.digit_chain import Rows, all_valid, ride
-from skeleton.rotations import Array, conjugate, rotate
-from stages.evaluate_skeletons.scored_skeleton import Row
-from stages.evaluate_skeletons.scores import (
+from shukotsu.schemas.layout import Digit
+from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.tables import vector_of
+from shukotsu.skeleton.digit_chain import Rows, all_valid, carried_mm
+from shukotsu.skeleton.rotations import Array, conjugate, rotate
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import Row
+from shukotsu.stages.evaluate_skeletons.scores import (
     EvaluatedRecording,
     mean_and_p95,
     true_tip_numbers,
     wrist_mcp_sd,
 )
-from stages.evaluate_skeletons.truth import at_frames
+from shukotsu.stages.evaluate_skeletons.truth import at_frames
 
 DISTAL_RECEIVER, TRUE_SKELETON = "distal-receiver", "true-skeleton"
 
@@ -53,7 +53,7 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None
     measured = [name for name in digit.segments if recording.layout.segments[name].measured]
     usable = all_valid(poses, (digit.base, *measured))
     bone = true.metacarpal_mm * at_frames(true.metacarpal, true.frame, poses.frame)
-    replayed = ride(poses, digit.base, _true_base(digit, joints, bone, poses)) + bone
+    replayed = carried_mm(poses, digit.base, _true_base(digit, joints, bone, poses)) + bone
     for segment in digit.segments[1:-1]:
         replayed = replayed + rotate(
             poses.quaternion[:, poses.index(segment)], vector_of(bones[segment], "", "_mm")
@@ -66,7 +66,7 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None
     row |= mean_and_p95("replay", error) | mean_and_p95("left_out", error)
     row["wrist_mcp_sd_mm"] = wrist_mcp_sd(poses, digit, recording.layout, joints)
     row["metacarpal_deg"] = 0.0
-    tip_mm = ride(poses, digit.tip, own + vector_of(bones[digit.tip], "", "_mm"))
+    tip_mm = carried_mm(poses, digit.tip, own + vector_of(bones[digit.tip], "", "_mm"))
     valid = poses.valid[:, last]
     return row | true_tip_numbers(np.where(valid[:, None], tip_mm, np.nan), poses.frame, true)
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from anatomy.known_digits import known_digits
-from schemas.catalogue import (
+from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.errors import InputError, TableError
+from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
     BONE_POSES,
     JOINT_CENTRES,
@@ -18,19 +19,19 @@ from schemas.catalogue import (
     TIP_ERRORS,
     TIPS,
 )
-from schemas.errors import InputError, TableError
-from schemas.parts import Part, PartsReader, open_parts
-from schemas.plan import SubjectPlan
-from schemas.poses import RecordingName
-from schemas.tables import Table
-from skeleton.digit_chain import Rows
-from skeleton.rotations import Array
+from shukotsu.schemas.config_files import REFERENCE
+from shukotsu.schemas.parts import Part, PartsReader, open_parts
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.poses import RecordingName
+from shukotsu.schemas.tables import Table
+from shukotsu.sentences.messages import joined, message_of
+from shukotsu.skeleton.digit_chain import Rows
+from shukotsu.skeleton.rotations import Array
 
 Row = dict[str, Any]
 T = TypeVar("T")
-PRIOR_ONLY = "prior-only"
-PRIOR_NAMES = {"joint_centres": "joints", "bone_lengths": "bones"}
-"""Tables whose file is called otherwise with the prior's hand."""
+_OF_A_FIT = {"joint_centres": "fitted_joints", "bone_lengths": "fitted_bones"}
+"""Tables whose file is called otherwise where a fit of the whole hand writes it."""
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
@@ -38,14 +39,14 @@ TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
 @dataclass(frozen=True)
 class Stated:
-    """What a skeleton states of itself: joint_centres by joint, bone_lengths by segment."""
+    """Hold what a skeleton states of itself: joint_centres by joint, bone_lengths by segment."""
 
     joints: Rows
     bones: Rows
 
 
 def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
-    """What `read` gives; None, its message added to the reasons, where what it reads has failed.
+    """Return the result of `read`; None, its message added to the reasons, where what it reads has failed.
 
     Raises TableError where a table is not what it should be.
     """
@@ -54,7 +55,7 @@ def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
     except TableError:
         raise
     except InputError as error:
-        reasons.append(str(error))
+        reasons.append(error.message)
         return None
 
 
@@ -138,8 +139,10 @@ def read_skeleton(tables: OpenTables, plan: SubjectPlan, part: Part) -> ScoredSk
     reasons: list[str] = []
     stated = _stated(of, reasons)
     errors = of(TIP_ERRORS).rows(reasons)
-    model = plan.models[part.model]
-    posed_tips = plan.fit_table(part.hand, part.model, POSED_TIPS.name)
+    posed_tips = None
+    if plan.models[part.model].fitting is not None:
+        file = plan.fit_table(part.hand, part.model, POSED_TIPS.name)
+        posed_tips = PartTable(tables, file, POSED_TIPS, part)
     calibrating = plan.calibrating(part.hand, part.model, part.made_without)
     return ScoredSkeleton(
         part=part,
@@ -148,29 +151,29 @@ def read_skeleton(tables: OpenTables, plan: SubjectPlan, part: Part) -> ScoredSk
         stated=stated,
         tips=of(TIPS),
         metacarpals=of(METACARPALS),
-        posed_tips=None if model.fitting is None else PartTable(tables, posed_tips, POSED_TIPS, part),
+        posed_tips=posed_tips,
         tip_messages={(row["task"], row["trial"], row["digit"]): row["message"] for row in errors},
         message=joined(reasons),
     )
 
 
 def read_prior(tables: OpenTables, plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
-    """Read the hand that anatomy expects, as `stages.fit_hand.prior` wrote it, a reference for all models.
+    """Read the hand that anatomy expects, a reference for all models.
 
     None for a layout whose digits have no known anatomy; a hand that failed has no tables and a message.
     """
-    layout, part = plan.layouts[hand], plan.part(hand, PRIOR_ONLY)
+    layout, part = plan.layouts[hand], plan.part(hand, REFERENCE)
     digits = {digit.name for digit in known_digits(layout)}
     if not digits:
         return None
 
     def of(table: Table) -> PartTable:
-        path = plan.table(f"prior_{PRIOR_NAMES.get(table.name, table.name)}")
+        path = plan.fit_table(hand, REFERENCE, _OF_A_FIT.get(table.name, table.name))
         return PartTable(tables, path, table, part)
 
     reasons: list[str] = []
     stated = _stated(of, reasons)
-    unknown = "no published anatomy of this digit"
+    unknown = message_of("no-anatomy")
     return ScoredSkeleton(
         part=part,
         calibrated_on="",
@@ -192,8 +195,3 @@ def read_prior(tables: OpenTables, plan: SubjectPlan, hand: str) -> ScoredSkelet
 def _stated(of: Callable[[Table], PartTable], reasons: list[str]) -> Stated:
     joints, bones = of(JOINT_CENTRES).rows(reasons), of(BONE_LENGTHS).rows(reasons)
     return Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
-
-
-def joined(reasons: Sequence[str]) -> str:
-    """Reasons as one message, each once; several tables often fail for one."""
-    return "; ".join(dict.fromkeys(reason for reason in reasons if reason))

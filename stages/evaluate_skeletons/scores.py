@@ -1,4 +1,4 @@
-"""How well the skeletons do in one recording: a row of skeleton_scores for each, digit by digit."""
+"""Define how well the skeletons do in one recording: a row of skeleton_scores for each, digit by digit."""
 
 from __future__ import annotations
 
@@ -8,15 +8,22 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import numpy.typing as npt
 
-from schemas.layout import Digit, Layout
-from schemas.plan import SubjectPlan
-from schemas.poses import Poses, RecordingName, read_poses
-from schemas.study import Recording
-from schemas.tables import vector_of
-from skeleton.digit_chain import Rows, all_valid, ride
-from skeleton.rotations import Array
-from stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, ScoredSkeleton, joined, readable
-from stages.evaluate_skeletons.truth import TrueDigit, Truth, at_frames, directions
+from shukotsu.schemas.layout import Digit, Layout
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.poses import Poses, RecordingName, read_poses
+from shukotsu.schemas.study import Recording
+from shukotsu.schemas.tables import vector_of
+from shukotsu.sentences.messages import joined
+from shukotsu.skeleton.digit_chain import Rows, all_valid, carried_mm
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import (
+    QUATERNION,
+    TIP,
+    Row,
+    ScoredSkeleton,
+    readable,
+)
+from shukotsu.stages.evaluate_skeletons.truth import TrueDigit, Truth, at_frames, directions
 
 
 @dataclass(frozen=True)
@@ -151,7 +158,8 @@ def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows
         return None
     ends = (digit.base, digit.segments[1])
     seen = all_valid(poses, ends)
-    apart_mm = np.linalg.norm(ride(poses, ends[1], mcp) - ride(poses, ends[0], wrist), axis=-1)[seen]
+    along_mm = carried_mm(poses, ends[1], mcp) - carried_mm(poses, ends[0], wrist)
+    apart_mm = np.linalg.norm(along_mm, axis=-1)[seen]
     return float(apart_mm.std()) if len(apart_mm) > 1 else None
 
 

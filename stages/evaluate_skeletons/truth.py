@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIPS
-from schemas.errors import InputError
-from schemas.parts import numbers_by_name
-from schemas.poses import Poses, RecordingName
-from schemas.study import Hand
-from schemas.tables import Table, read_table, rows_of
-from skeleton.rotations import Array, rotate
-from stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, Stated
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIPS
+from shukotsu.schemas.parts import numbers_by_name
+from shukotsu.schemas.poses import Poses, RecordingName
+from shukotsu.schemas.study import Hand
+from shukotsu.schemas.tables import Table, read_table, rows_of
+from shukotsu.skeleton.rotations import Array, rotate
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, Stated
 
 OTHER_MM = 0.5
 """A recording's own truth says to rounding how far each tip is from its receiver; another's does not."""
@@ -106,7 +106,7 @@ def at_frames(values: Array, known: npt.NDArray[np.int64], wanted: npt.NDArray[n
 
 
 def directions(quaternion: Array) -> Array:
-    """Where bones (T, 4) point, (T, 3)."""
+    """Return the directions of bones (T, 4), (T, 3)."""
     return np.asarray(rotate(quaternion, DISTAL))
 
 

@@ -1,4 +1,4 @@
-"""How far a simulated hand's joints and bones are from what they are: rows of joint_errors."""
+"""Define how far a simulated hand's joints and bones are from what they are: rows of joint_errors."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from schemas.catalogue import DISTAL_RECEIVER
-from schemas.layout import Layout
-from schemas.tables import vector_columns, vector_of
-from schemas.verdict import RADIUS_SD
-from skeleton.rotations import Array, unit
-from stages.evaluate_skeletons.scored_skeleton import Row, Stated
-from stages.evaluate_skeletons.truth import Truth
+from shukotsu.schemas.catalogue import DISTAL_RECEIVER
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.tables import vector_columns, vector_of
+from shukotsu.schemas.verdict import RADIUS_SD
+from shukotsu.skeleton.rotations import Array, unit
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import Row, Stated
+from shukotsu.stages.evaluate_skeletons.truth import Truth
 
 
 def truth_for(tasks: Sequence[str], truths: Sequence[Truth]) -> Stated | None:
-    """What a skeleton is held against: joints where they were on average over its calibration recordings that
-    have a truth, else over all that have one, each frame of them counted alike. None where none has one.
+    """Return a skeleton's reference: joints where they were on average over its calibration recordings
+    that have a truth, else over all that have one, each frame counted alike. None where none has one.
     """
     own = [truth.stated for truth in truths if truth.name.task in tasks]
     own = own or [truth.stated for truth in truths]

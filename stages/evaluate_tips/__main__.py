@@ -7,13 +7,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
-    from schemas.parts import Part, PartsWriter
-    from schemas.plan import SubjectPlan
-    from schemas.study import Recording
-    from skeleton.posing import Skeleton
+    from shukotsu.schemas.parts import Part, PartsWriter
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.schemas.study import Recording
+    from shukotsu.skeleton.posing import Skeleton
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -26,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--bones bone_lengths.parquet --metacarpals metacarpals.parquet --layout liberty16 "
         "--model paper-fig4 --out tips.parquet --out-errors tip_errors.parquet",
     )
-    command_line.add_plan_options(parser, calibration="--calibration", evaluated="--poses")
+    subject_stage.add_plan_options(parser, calibration="--calibration", evaluated="--poses")
     parser.add_argument("--joints", type=Path, required=True, help="joint_centres with the wrist point")
     parser.add_argument("--bones", type=Path, required=True, help="bone_lengths of the same skeletons")
     parser.add_argument("--metacarpals", type=Path, required=True, help="metacarpals of the same skeletons")
@@ -37,39 +37,29 @@ def build_parser() -> argparse.ArgumentParser:
 
 def evaluate(arguments: argparse.Namespace) -> None:
     """Replay every skeleton of the plan in its recordings, write both tables."""
-    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIP_ERRORS, TIPS
-    from schemas.parts import part_metadata, parts_writer
+    from shukotsu.schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIP_ERRORS, TIPS
+    from shukotsu.schemas.parts import part_metadata, parts_writer
+    from shukotsu.skeleton.posed_recording import read_skeleton
 
-    plan = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
+    plan = subject_stage.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
     tables = [arguments.joints, arguments.bones, arguments.metacarpals]
     for path, table in zip(tables, (JOINT_CENTRES, BONE_LENGTHS, METACARPALS), strict=True):
         part_metadata(path, table)  # another table is called that before it is held against the rest
-    files = [*command_line.poses_files(plan), *command_line.config_files(arguments)]
-    provenance = command_line.provenance_of(plan, tables, files)
-    command_line.check_made_together(*tables)
+    files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
+    provenance = subject_stage.provenance_of(plan, tables, files)
+    subject_stage.check_made_together(*tables)
     with (
         parts_writer(arguments.out, TIPS, provenance) as tips,
         parts_writer(arguments.out_errors, TIP_ERRORS, provenance) as errors,
     ):
         for part in plan.parts():
-            with command_line.recording_failure(arguments, part, tips, errors):
-                skeleton = _read_skeleton(arguments, plan, part)
+            with subject_stage.recording_failure(arguments, part, tips, errors):
+                layout, model = plan.layouts[part.hand], plan.models[part.model]
+                skeleton = read_skeleton(arguments.joints, arguments.bones, layout, model, part)
                 tips.rows(part, [])
                 errors.rows(part, [])
                 for recording in plan.evaluated(part.hand, part.made_without):
                     _evaluate_recording(arguments, plan, part, recording, skeleton, tips, errors)
-
-
-def _read_skeleton(arguments: argparse.Namespace, plan: SubjectPlan, part: Part) -> Skeleton:
-    from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES
-    from schemas.parts import read_part
-    from schemas.tables import rows_of
-    from skeleton.posing import Skeleton
-
-    joints = {row["joint"]: row for row in rows_of(read_part(arguments.joints, JOINT_CENTRES, part))}
-    rows = rows_of(read_part(arguments.bones, BONE_LENGTHS, part))
-    bones = {(row["digit"], row["bone"]): row for row in rows}
-    return Skeleton(plan.layouts[part.hand], plan.models[part.model], joints, bones)
 
 
 def _evaluate_recording(
@@ -82,11 +72,11 @@ def _evaluate_recording(
     errors: PartsWriter,
 ) -> None:
     """Replay one recording; one whose import failed has rows of tip_errors that say why."""
-    from schemas.catalogue import METACARPALS
-    from schemas.errors import InputError, TableError
-    from schemas.parts import read_recording
-    from schemas.poses import frame_count, poses_reader
-    from stages.evaluate_tips.tip_tables import replay_recording, unavailable_rows
+    from shukotsu.errors import InputError, TableError
+    from shukotsu.schemas.catalogue import METACARPALS
+    from shukotsu.schemas.parts import read_recording
+    from shukotsu.schemas.poses import frame_count, poses_reader
+    from shukotsu.stages.evaluate_tips.tip_tables import replay_recording, unavailable_rows
 
     calibrated = plan.calibrating(part.hand, part.model, part.made_without)
     keys: dict[str, Any] = recording.key
@@ -118,11 +108,11 @@ def _evaluate_recording(
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why no skeleton was replayed, of every part."""
-    from schemas.catalogue import JOINT_CENTRES, TIP_ERRORS, TIPS
+    from shukotsu.schemas.catalogue import JOINT_CENTRES, TIP_ERRORS, TIPS
 
     tables = {arguments.out: TIPS, arguments.out_errors: TIP_ERRORS}
-    parts = command_line.plan_of(arguments, (arguments.joints, JOINT_CENTRES)).parts()
-    command_line.record_failed_parts(message, tables, parts)
+    parts = subject_stage.plan_of(arguments, (arguments.joints, JOINT_CENTRES)).parts()
+    subject_stage.record_failed_parts(message, tables, parts)
 
 
 def main(argv: list[str] | None = None) -> int:

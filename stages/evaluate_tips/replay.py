@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from schemas.poses import Poses
-from skeleton.digit_chain import DigitChain, all_valid, ride, turned
-from skeleton.posing import PosedBones, rigid_positions
-from skeleton.rotations import Array, conjugate, multiply, rotate
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.digit_chain import DigitChain, all_valid, carried_mm, turned
+from shukotsu.skeleton.posing import PosedBones, rigid_positions
+from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
 
 
 def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> npt.NDArray[np.bool_]:
@@ -32,7 +32,7 @@ def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> 
 def tips_least_squares(bones: PosedBones) -> dict[str, Array]:
     """Tip positions (T, 3) mm of every digit in the transmitter frame, bones constant; NaN in gaps.
 
-    bones : as the receivers carry them (`skeleton.posing.ridden_bones`).
+    bones : as the receivers carry them (`shukotsu.skeleton.posing.receiver_bones`).
     """
     position_mm = rigid_positions(
         [joint.parent for joint in bones.joints], bones.position_mm, bones.quaternion, bones.rest_offset_mm
@@ -51,8 +51,8 @@ def tip_first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None, *
         return np.full((len(poses.frame), 3), np.nan)
     first = int(np.argmax(usable))
     frame = poses.take(slice(first, first + 1))
-    points = [ride(frame, chain.digit.base, chain.base_point_mm)[0], *_joints(chain, frame)]
-    tip = ride(poses, chain.digit.base, chain.base_point_mm)
+    points = [carried_mm(frame, chain.digit.base, chain.base_point_mm)[0], *_joints(chain, frame)]
+    tip = carried_mm(poses, chain.digit.base, chain.base_point_mm)
     for index, (segment, (start, end)) in enumerate(zip(chain.digit.segments, pairwise(points), strict=True)):
         bone = end - start
         turn = metacarpal if index == 0 and metacarpal is not None else turned(poses, segment)
@@ -68,7 +68,7 @@ def _joints(chain: DigitChain, frame: Poses) -> list[Array]:
     points = []
     for segment, own in zip(chain.digit.segments[1:], chain.child_mm[1:], strict=True):
         assert own is not None, "only a metacarpal may lack a joint of its own"
-        points.append(ride(frame, segment, own)[0])
+        points.append(carried_mm(frame, segment, own)[0])
     points.append(frame.position_mm[0, frame.index(chain.digit.tip)])
     return points
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from schemas.poses import Poses, PosesReader
-from skeleton.digit_chain import DigitChain, digit_chain
-from skeleton.posing import Skeleton, ridden_bones, root_names
-from skeleton.rotations import Array
-from stages.evaluate_tips.replay import (
+from shukotsu.schemas.poses import Poses, PosesReader
+from shukotsu.sentences.messages import message_of
+from shukotsu.skeleton.digit_chain import DigitChain, digit_chain
+from shukotsu.skeleton.posing import Skeleton, receiver_bones, root_names
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.evaluate_tips.replay import (
     error_statistics,
     tip_error_mm,
     tip_first_frame,
@@ -46,10 +47,10 @@ def replay_recording(
         chain = digit_chain(digit, skeleton.layout, skeleton.model, skeleton.joints)
         receivers = [own for own in digit.segments if skeleton.layout.segments[own].measured]
         (poses,) = recording(*dict.fromkeys([root_names(skeleton.layout)[1], digit.base, *receivers]))
-        bones = ridden_bones(alone, poses, metacarpals)
+        bones = receiver_bones(alone, poses, metacarpals)
         reason = chain if isinstance(chain, str) else bones.left_out.get(digit.name)
         if isinstance(chain, str) or reason is not None:
-            yield DigitReplay(None, unavailable_rows(digit.name, str(reason), len(poses.frame)))
+            yield DigitReplay(None, unavailable_rows(digit.name, reason or "", len(poses.frame)))
         else:
             metacarpal = metacarpals.get(digit.name) if digit.metacarpal else None
             tip_mm = tips_least_squares(bones)[digit.name]
@@ -61,7 +62,7 @@ def _replay_digit(
     skeleton: Skeleton, chain: DigitChain, poses: Poses, metacarpal: Array | None, tip_mm: Array
 ) -> DigitReplay:
     measured = skeleton.layout.segments[chain.digit.segments[0]].measured
-    at_rest = not measured and skeleton.model.unmeasured == "rest"
+    at_rest = not measured and skeleton.model.metacarpals.unmeasured == "rest"
     tip_mm = np.where(usable_frames(chain, poses, metacarpal)[:, None], tip_mm, np.nan)
     tips_mm = (tip_first_frame(chain, poses, metacarpal, at_rest=at_rest), tip_mm)
     first_frame_mm, least_squares_mm = (tip_error_mm(tip, chain, poses) for tip in tips_mm)
@@ -73,23 +74,21 @@ def _replay_digit(
         "error_mm": least_squares_mm,
         "error_first_frame_mm": first_frame_mm,
     }
-    message = ""
-    if not np.isfinite(least_squares_mm).any():
-        message = _why_unscored(chain, poses)
+    why = "" if np.isfinite(least_squares_mm).any() else _why_unscored(chain, poses)
     rows = [
-        _row(chain.digit.name, binding, len(poses.frame), message) | error_statistics(error_mm)
+        _row(chain.digit.name, binding, len(poses.frame), why) | error_statistics(error_mm)
         for binding, error_mm in zip(BINDINGS, (first_frame_mm, least_squares_mm), strict=True)
     ]
     return DigitReplay(columns, rows)
 
 
 def _why_unscored(chain: DigitChain, poses: Poses) -> str:
-    """Why no frame of a recording can be replayed: receivers that were not worn, or never all at once."""
+    """Say why no frame of a recording can be replayed: receivers that were not worn, or never all at once."""
     needed = (chain.digit.base, *chain.receivers)
     absent = [name for name in needed if not poses.valid[:, poses.index(name)].any()]
     if absent:
-        return f"the recording has no pose of {', '.join(absent)}, which the replay rides on"
-    return f"no frame in which all of {', '.join(needed)} are valid"
+        return message_of("no-pose-to-replay", segments=absent)
+    return message_of("never-together", segments=needed)
 
 
 def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[str, Any]]:
@@ -97,11 +96,11 @@ def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[st
     return [_row(digit, binding, n_frames, reason) for binding in BINDINGS]
 
 
-def _row(digit: str, binding: str, n_frames: int, message: str) -> dict[str, Any]:
+def _row(digit: str, binding: str, n_frames: int, why: str) -> dict[str, Any]:
     return {
         "digit": digit,
         "binding": binding,
         "n_frames": 0,
         "n_frames_total": n_frames,
-        "message": message,
+        "message": why,
     }

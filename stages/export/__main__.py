@@ -10,14 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from stages import command_line
-from stages.export.export_options import add_motion_options, settings_of
-from stages.export.registry import FORMATS, chosen_formats, write_format
+from shukotsu.stages import command_line, subject_stage
+from shukotsu.stages.export.registry import FORMATS, chosen_formats, write_format
+from shukotsu.stages.export.settings import Settings, add_motion_options, settings_of
 
 if TYPE_CHECKING:
-    from schemas.plan import SubjectPlan
-    from schemas.study import Recording
-    from stages.export.settings import Settings
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.schemas.study import Recording
 
 T = TypeVar("T")
 
@@ -34,9 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage export --plan results/demo/sub-01/plan.json --hand right --recording opposition "
         "--model whole-hand --formats bvh,csv --out exports",
     )
-    parser.add_argument(
-        "--plan", type=Path, nargs="+", required=True, help="subjects' plans, plan.json in their results"
-    )
+    subject_stage.add_plan(parser, "subjects' plans, plan.json in their results", nargs="+", required=True)
     add_options(parser)
     return parser
 
@@ -67,13 +64,13 @@ def export(arguments: argparse.Namespace) -> None:
     What cannot be written does not keep the rest from being written. Its InputError is raised at the end, or
     with --record-failure written into STEM_FORMAT.failed.txt, or STEM.failed.txt where no format could be.
     """
-    from schemas.errors import InputError
-    from schemas.files import write_text
-    from schemas.plan import read_plan
-    from stages.export.plan_selection import chosen_models, chosen_recordings
+    from shukotsu.errors import InputError
+    from shukotsu.files.whole_files import write_text
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.stages.export.plan_selection import chosen_models, chosen_recordings
 
     formats, settings = chosen_formats(arguments.formats), settings_of(arguments)
-    plans = {path: read_plan(path) for path in arguments.plan}
+    plans = {path: read_plan(path, arguments.inputs) for path in arguments.plan}
     chosen = [
         (plan, model, hands)
         for path, plan in plans.items()
@@ -95,8 +92,8 @@ def export(arguments: argparse.Namespace) -> None:
 
 def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespace) -> None:
     """Write the files of a whole dataset; one that is there keeps its own when a subject is added."""
-    from schemas.sheets import PARTICIPANTS, read_sheet
-    from stages.export.motion_bids import write_dataset_files
+    from shukotsu.motion_bids.dataset_files import write_dataset_files
+    from shukotsu.schemas.sheets import PARTICIPANTS, read_sheet
 
     path = arguments.out / FORMATS["bids"].shared
     if path.exists() and len(plans) == 1 and arguments.participants is None:
@@ -117,14 +114,16 @@ def _export_recording(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[str, str]]:
     """Write one recording, of either hand or of both, under one model; give stem and message of failures."""
-    from stages.export.file_facts import file_stem
-    from stages.export.recorded_motion import read_motion
+    from shukotsu.skeleton.posed_recording import posed_recording
+    from shukotsu.stages.export.file_facts import file_stem
+    from shukotsu.stages.export.recorded_motion import read_motion
 
     side = hands[0].hand.hand if len(hands) == 1 else "both"
     stem = file_stem(plan.who, side, hands[0].task, hands[0].trial, model)
     _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
     licence = arguments.licence
-    motions, trouble = _tried(arguments, lambda: [read_motion(plan, own, model, licence) for own in hands])
+    recordings = [posed_recording(plan, own, model) for own in hands]
+    motions, trouble = _tried(arguments, lambda: [read_motion(own, licence) for own in recordings])
     if motions is None:
         yield stem, trouble
         return
@@ -142,8 +141,8 @@ def _export_recording(
 
 
 def _tried(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None, str]:
-    """Give what is made, or None and why it cannot be: bad input or, with --record-failure, a bug."""
-    from schemas.errors import InputError, StorageError
+    """Make it, or return None and why it cannot be: bad input or, with --record-failure, a bug."""
+    from shukotsu.errors import InputError, StorageError
 
     try:
         with command_line.recorded(arguments, arguments.record_failure, only_bugs=True) as messages:
@@ -157,13 +156,13 @@ def _tried(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | No
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write why nothing could be exported into a text file, named as the folder of the first plan."""
-    from schemas.files import write_text
+    from shukotsu.files.whole_files import write_text
 
     write_text(arguments.out / f"{_failure_name(arguments)}.failed.txt", f"{message}\n")
 
 
 def _failure_name(arguments: argparse.Namespace) -> str:
-    """What the note on a failure of everything is named by: the folder of the first plan."""
+    """Return the name for the note on a failure of everything: the folder of the first plan."""
     return str(arguments.plan[0].absolute().parent.name)
 
 

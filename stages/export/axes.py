@@ -7,13 +7,13 @@ change: they are turned with the world.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton.rotations import Array, about_axis, multiply, rotate
-from stages.export.long_arrays import by_point
-from stages.export.motion import SkeletonMotion
+from shukotsu.skeleton.rotations import Array, about_axis, multiply, rotate
+from shukotsu.stages.export.long_arrays import by_point
+from shukotsu.stages.export.motion import SkeletonMotion
 
 UNITS_PER_MM = {"m": 1e-3, "cm": 0.1, "mm": 1.0}
 """What a length in mm is multiplied by."""
@@ -28,7 +28,7 @@ DIRECTIONS = {
 
 @dataclass(frozen=True)
 class Target:
-    """What a file's numbers mean: its unit of length (m, cm or mm) and the axis that points up.
+    """Hold what a file's numbers mean: its unit of length (m, cm or mm) and the axis that points up.
 
     up : y or z, or empty where the file is in the transmitter's own frame.
     """
@@ -52,22 +52,8 @@ def upright(transmitter_up: str, up: str) -> Array:
 
 
 def turned(motion: SkeletonMotion, turn: Array) -> SkeletonMotion:
-    """The motion in a world that is turned by the quaternion (4,): new = turn * old. Still in mm."""
-
-    def placed(position_mm: Array) -> Array:
-        return by_point(lambda series: rotate(turn, series), position_mm)
-
-    def faced(quaternion: Array) -> Array:
-        return by_point(lambda series: multiply(turn, series), quaternion)
-
-    receivers = motion.receivers
-    return replace(
-        motion,
-        position_mm=placed(motion.position_mm),
-        quaternion=faced(motion.quaternion),
-        receivers=replace(
-            receivers,
-            position_mm=placed(receivers.position_mm),
-            quaternion=faced(receivers.quaternion),
-        ),
+    """Give the motion in a world that is turned by the quaternion (4,): new = turn * old. Still in mm."""
+    return motion.mapped(
+        lambda places: by_point(lambda series: rotate(turn, series), places),
+        lambda turns: by_point(lambda series: multiply(turn, series), turns),
     )

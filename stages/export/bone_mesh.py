@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton.rotations import Array, rotate, unit
-from stages.export.motion import SkeletonMotion, Whole, rest_pose
+from shukotsu.skeleton.rotations import Array, rotate, unit
+from shukotsu.stages.export.motion import SkeletonMotion, Whole, rest_pose
 
 _SIDES = 6
 _RINGS = ((0.2, 1.0), (0.92, 0.55))
@@ -52,7 +52,7 @@ class _Solid:
 
 
 def bone_mesh(motion: SkeletonMotion) -> Mesh:
-    """The skeleton's body at rest (`stages.export.motion.rest_pose`).
+    """The skeleton's body at rest (`shukotsu.stages.export.motion.rest_pose`).
 
     Every joint but the end of the skin has a ball, every bone of more than 1 mm a solid from its joint to the
     next, both riding on the bone's joint; a tip of a digit of known anatomy has a nail.

@@ -22,14 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.errors import InputError
-from schemas.files import replacing
-from skeleton.rotations import Array, conjugate, matrix, multiply
-from stages.export.axes import UNITS_PER_MM, Target
-from stages.export.euler_angles import continuous_angles
-from stages.export.motion import MOVES_MM, SkeletonMotion, local_motion, require_whole, rest_pose
-from stages.export.resampling import largest_time_error_s
-from stages.export.rig_names import ascii_name
+from shukotsu.errors import InputError
+from shukotsu.files.whole_files import replacing
+from shukotsu.skeleton.rotations import Array, conjugate, matrix, multiply
+from shukotsu.stages.export.axes import UNITS_PER_MM, Target
+from shukotsu.stages.export.euler_angles import continuous_angles
+from shukotsu.stages.export.motion import MOVES_MM, SkeletonMotion, local_motion, require_whole, rest_pose
+from shukotsu.stages.export.resampling import largest_time_error_s
+from shukotsu.stages.export.rig_names import ascii_name
 
 ANGLE_DECIMALS = 7
 LENGTH_DECIMALS = {"m": 8, "cm": 7, "mm": 6}
@@ -41,7 +41,7 @@ AT_REST = "_rest"
 
 _PLACES, _TURNS = "Xposition Yposition Zposition", "Zrotation Yrotation Xrotation"
 _TEXT_FRAMES = 1024
-_TOLD_S = 5e-4
+_NOTABLE_S = 5e-4
 
 
 def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
@@ -98,7 +98,7 @@ class _Channels:
         return [*([np.zeros_like(angles)] if self.has_parent else []), self.beyond[rows], angles]
 
     def formats(self, decimals: int) -> list[str]:
-        """How each number is written."""
+        """Return the format of each number."""
         moves = self.beyond is not None
         places = ["%.0f"] * (3 * (moves and self.has_parent)) + [f"%.{decimals}f"] * (3 * moves)
         return places + [f"%.{ANGLE_DECIMALS}f"] * 3
@@ -199,7 +199,7 @@ def _dropped(motion: SkeletonMotion, moves: Array) -> tuple[str, ...]:
             "positions, in a joint of their own; --bones stiff keeps bones at their length"
         )
     late_s = largest_time_error_s(motion)
-    if late_s > _TOLD_S:
+    if late_s > _NOTABLE_S:
         sentences.append(
             f"device times, which are up to {late_s * 1000:.1f} ms off the even Frame Time; --fps resamples "
             "over them"

@@ -18,7 +18,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from schemas.files import replacing
+from shukotsu.files.whole_files import replacing
 
 Floats = npt.NDArray[np.float32]
 Value = str | int | float | Sequence[str] | Sequence[int] | Sequence[float]
@@ -38,7 +38,7 @@ _SIGN = 0x50
 
 @dataclass(frozen=True)
 class Content:
-    """What is to be written.
+    """Hold what is to be written.
 
     labels, descriptions : of the P points. rotations : labels of the R rotations. frames : T, at least 1.
     first_frame : number of the first, so that the last one is below 65535; 1 where there are more.

@@ -15,15 +15,15 @@ from textwrap import wrap
 
 import numpy as np
 
-from schemas import PROGRAM, VERSION
-from schemas.errors import InputError
-from skeleton.rotations import Array, matrix
-from stages.export.axes import UNITS_PER_MM, Target
-from stages.export.c3d_bytes import MOST_FRAMES, Content, Floats, can_hold_rotations, split
-from stages.export.c3d_bytes import write as write_bytes
-from stages.export.file_facts import facts_text
-from stages.export.motion import SkeletonMotion, Whole, with_seen_receivers
-from stages.export.rig_names import ascii_name
+from shukotsu.errors import InputError
+from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.stages.export.axes import UNITS_PER_MM, Target
+from shukotsu.stages.export.c3d_bytes import MOST_FRAMES, Content, Floats, can_hold_rotations, split
+from shukotsu.stages.export.c3d_bytes import write as write_bytes
+from shukotsu.stages.export.file_facts import facts_text
+from shukotsu.stages.export.motion import SkeletonMotion, Whole, with_seen_receivers
+from shukotsu.stages.export.rig_names import ascii_name
 
 ARM_MM = 20.0
 """From a receiver's origin to the points on its axes."""
@@ -36,7 +36,7 @@ ALONE_HZ = 60.0
 
 _BLOCK_FRAMES = 2048
 _NOTE_WIDTH = 120
-_TOLD_S = 5e-4
+_NOTABLE_S = 5e-4
 _SCREEN = {"x": ("+Y", "+X"), "y": ("+X", "+Y"), "z": ("+X", "+Z")}
 """POINT:X_SCREEN and Y_SCREEN by the axis that points up."""
 
@@ -46,7 +46,7 @@ NO_POSE = np.append(np.full(16, np.nan), -1.0)
 
 @dataclass(frozen=True)
 class _Timing:
-    """Where frames go: row (T,) of each among all, at that rate; how far times are off it, in s."""
+    """Hold where frames go: row (T,) of each among all, at that rate; how far times are off it, in s."""
 
     row: Whole
     rate_hz: float
@@ -147,7 +147,7 @@ def _timing(motion: SkeletonMotion, path: Path) -> _Timing:
     span_s = float(time_s[-1] - time_s[0])
     rates = [motion.rate_hz, *([float(row[-1]) / span_s] if span_s > 0 else [])]
     errors = [float(np.abs(time_s - time_s[0] - row / rate).max()) for rate in rates]
-    best = 0 if errors[0] <= _TOLD_S else int(np.argmin(errors))
+    best = 0 if errors[0] <= _NOTABLE_S else int(np.argmin(errors))
     if errors[best] > 0.5 / rates[best]:
         raise InputError(
             f"{path}: frames are up to {errors[best] * 1000:.1f} ms off an even {rates[best]:.6g} Hz, more "
@@ -157,7 +157,7 @@ def _timing(motion: SkeletonMotion, path: Path) -> _Timing:
 
 
 def _content(motion: SkeletonMotion, target: Target, timing: _Timing) -> tuple[Content, tuple[str, ...]]:
-    """What the file holds beside its numbers, and sentences on what it does not."""
+    """Return the file's content beside its numbers, and sentences on what it lacks."""
     frames, first = int(timing.row[-1]) + 1, int(motion.frame[0])
     numbered = np.array_equal(motion.frame - first, timing.row) and 1 <= first <= MOST_FRAMES - frames
     point = dict(zip(("X_SCREEN", "Y_SCREEN"), _SCREEN[target.up], strict=True)) if target.up else {}
@@ -185,7 +185,7 @@ def _content(motion: SkeletonMotion, target: Target, timing: _Timing) -> tuple[C
         )
     if not numbered:
         dropped.append(f"frame numbers: its frame 1 is the tracker's frame {first}")
-    if timing.error_s > _TOLD_S:
+    if timing.error_s > _NOTABLE_S:
         dropped.append(
             f"device times, which are up to {timing.error_s * 1000:.1f} ms off its even "
             f"{timing.rate_hz:.6g} Hz; --fps resamples over them"
@@ -196,7 +196,7 @@ def _content(motion: SkeletonMotion, target: Target, timing: _Timing) -> tuple[C
 def _origin(
     motion: SkeletonMotion, target: Target, dropped: Sequence[str]
 ) -> dict[str, Mapping[str, Sequence[str]]]:
-    """Which program wrote the file, and the note on whose motion it is, in lines."""
+    """Tell which program wrote the file, and the note on whose motion it is, in lines."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
         *_escaped(facts_text(motion, target, dropped)).splitlines(),

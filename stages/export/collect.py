@@ -8,8 +8,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from schemas.files import replacing
-from stages import command_line
+from shukotsu.files.whole_files import replacing
+from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:

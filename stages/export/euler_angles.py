@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 
 def continuous_angles(angles_rad: Array) -> Array:

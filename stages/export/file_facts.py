@@ -1,4 +1,4 @@
-"""What goes with every file: whose motion it is, what it was made from, what was done to it."""
+"""Define what goes with every file: whose motion it is, what it was made from, what was done to it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from schemas import PROGRAM, VERSION
-from schemas.study import SubjectSession, path_token
-from stages.export.axes import Target
-from stages.export.motion import SkeletonMotion
+from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.schemas.study import SubjectSession, path_token
+from shukotsu.stages.export.axes import Target
+from shukotsu.stages.export.motion import SkeletonMotion
 
 BONE_FRAME = (
     "-Z along the bone away from the wrist, +Y out of its back (of a thumb, the nail's side), +X = Y x Z "
@@ -22,7 +22,7 @@ BONE_FRAME = (
 def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str) -> str:
     """The name of a file without its extension: sub-01_hand-right_task-opposition_model-whole-hand.
 
-    Names of any script stay; what a file name cannot hold becomes %XX (`schemas.study.path_token`).
+    Names of any script stay; what a file name cannot hold becomes %XX (`shukotsu.schemas.study.path_token`).
     """
     parts = {"hand": hand, "task": task, "trial": trial, "model": model}
     named = [f"{key}-{path_token(value)}" for key, value in parts.items() if value]
@@ -30,7 +30,7 @@ def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str)
 
 
 def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -> dict[str, Any]:
-    """What is to be known of a file, in JSON types and a fixed order; no date and no absolute path."""
+    """Collect facts about a file, in JSON types and a fixed order; no date and no absolute path."""
     origin = motion.origin
     world = (
         "the transmitter's frame"
@@ -59,7 +59,7 @@ def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -
 
 
 def joint_facts(motion: SkeletonMotion, index: int) -> dict[str, Any]:
-    """What is known of a joint beside its name and place: its bone, degrees of freedom and axis (3,)."""
+    """Return a joint's facts beside its name and place: its bone, degrees of freedom and axis (3,)."""
     joint, axis = motion.joints[index], motion.axis[index]
     freedom = {"degrees_of_freedom": joint.dof} if joint.dof else {}
     return {"bone": joint.segment, **freedom, **({"axis": axis} if np.isfinite(axis).all() else {})}

@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schemas.errors import InputError
-from skeleton.rotations import Array, conjugate, multiply, rotate
-from stages.export.long_arrays import by_point
-from stages.export.motion import Bools, SkeletonMotion, Whole, continuous
-from stages.export.resampling import FILLED_FRAMES, blended, bracketed, slerped
+from shukotsu.errors import InputError
+from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
+from shukotsu.stages.export.long_arrays import by_point
+from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous
+from shukotsu.stages.export.resampling import FILLED_FRAMES, blended, bracketed, slerped
 
-POLICIES = ("refuse", "hold", "cut", "interpolate")
-_TOLD = 10
+_MOST_LISTED = 10
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def find_gaps(motion: SkeletonMotion) -> list[Gap]:
 
 
 def _lost(motion: SkeletonMotion) -> Whole:
-    """How many frames are missing after each but the last (T - 1,), by the usual step of their numbers."""
+    """Count frames that are missing after each but the last (T - 1,), by the usual step of their numbers."""
     step = np.diff(motion.frame)
     if not len(step):
         return np.zeros(0, np.int64)
@@ -106,16 +105,9 @@ def with_lost_frames(motion: SkeletonMotion) -> SkeletonMotion:
     def blanked(array: Array) -> Array:
         return by_point(lambda series: np.where(blank[:, None], np.nan, series), array)
 
+    wide = wide.mapped(blanked, blanked, wide.receivers.valid & recorded[:, None])
     return replace(
         wide,
-        position_mm=blanked(wide.position_mm),
-        quaternion=blanked(wide.quaternion),
-        receivers=replace(
-            wide.receivers,
-            position_mm=blanked(wide.receivers.position_mm),
-            quaternion=blanked(wide.receivers.quaternion),
-            valid=wide.receivers.valid & recorded[:, None],
-        ),
         frame=np.rint(np.interp(rows, place, motion.frame)).astype(np.int64),
         time_s=np.interp(rows, place, motion.time_s),
     )
@@ -135,7 +127,8 @@ def _cut(motion: SkeletonMotion) -> SkeletonMotion:
     kept = np.zeros(len(whole), bool)
     kept[starts[best] : ends[best]] = True
     away = _runs(motion.frame, ~kept)
-    listed = ", ".join(away[:_TOLD]) + (f" and {len(away) - _TOLD} more" if len(away) > _TOLD else "")
+    more = f" and {len(away) - _MOST_LISTED} more" if len(away) > _MOST_LISTED else ""
+    listed = ", ".join(away[:_MOST_LISTED]) + more
     out = motion.take(kept)
     return out.noting(
         f"gaps cut: frames {out.frame[0]} to {out.frame[-1]} stay, the longest stretch without a gap "

@@ -19,14 +19,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from schemas import PROGRAM, VERSION
-from skeleton.rotations import Array, conjugate, matrix, rotate, unit
-from stages.export.axes import UNITS_PER_MM, Target
-from stages.export.bone_mesh import bone_mesh
-from stages.export.file_facts import facts, joint_facts
-from stages.export.glb_document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from stages.export.motion import SkeletonMotion, local_motion, require_times, require_whole, rest_pose
-from stages.export.rigging import with_webxr_names
+from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.skeleton.rotations import Array, conjugate, matrix, rotate, unit
+from shukotsu.stages.export.axes import UNITS_PER_MM, Target
+from shukotsu.stages.export.bone_mesh import bone_mesh
+from shukotsu.stages.export.file_facts import facts, joint_facts
+from shukotsu.stages.export.glb_document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
+from shukotsu.stages.export.motion import (
+    SkeletonMotion,
+    local_motion,
+    require_times,
+    require_whole,
+    rest_pose,
+)
+from shukotsu.stages.export.rigging import with_webxr_names
 
 MOVES_MM = 1e-6
 """A joint that leaves its place at rest in its parent by more than this has positions in the animation."""
@@ -71,7 +77,7 @@ def write_scene(motions: Sequence[SkeletonMotion], target: Target, path: Path) -
 
 
 def _name(motion: SkeletonMotion) -> str:
-    """What a hand's nodes are called."""
+    """Return the name of a hand's nodes."""
     return f"{motion.origin.hand}-{motion.kind}"
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError
-from schemas.files import replacing
+from shukotsu.errors import InputError
+from shukotsu.files.whole_files import replacing
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 """What a buffer view is for: attributes of vertices, and indices of them."""

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 KEPT_BYTES = 400 * 10**6
 """Of all arrays that are in memory; the next is on the disk."""
@@ -71,15 +71,17 @@ def _count(more: int) -> None:
 
 
 def by_point(function: Callable[..., Array], *arrays: Array) -> Array:
-    """What a function makes of the series (T, n) of every point, of arrays (T, N, n): (T', N, n')."""
-    points = arrays[0].shape[1]
-    out = None
+    """Apply a function to the series (T, n) of every point, of arrays (T, N, n): (T', N, n')."""
+    frames, points, width = arrays[0].shape
+    if not points:
+        return np.empty((len(function(*(np.ones((frames, width)) for _ in arrays))), 0, width))
+    out = arrays[0]
     for index in range(points):
         series = function(*(array[:, index] for array in arrays))
-        if out is None:
+        if not index:
             out = empty(len(series), points, series.shape[-1])
         out[:, index] = series
-    return arrays[0] if out is None else out
+    return out
 
 
 def chosen_points(array: Array, indices: Sequence[int]) -> Array:

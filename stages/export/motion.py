@@ -1,4 +1,4 @@
-"""What every format is written from: one hand's skeleton and its motion over a recording.
+"""Define what every format is written from: one hand's skeleton and its motion over a recording.
 
 Bone frames. Every joint carries the frame of the bone that starts there, as WebXR Hand Input and OpenXR
 define it: -Z along the bone, away from the wrist; +Y out of the back of the bone (of a thumb, the nail's
@@ -22,7 +22,7 @@ is a joint's own small translation. `position_mm` holds it, so that every joint 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -30,11 +30,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError
-from schemas.poses import RecordingName
-from skeleton.posing import SkeletonJoint, rigid_positions
-from skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
-from stages.export.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
+from shukotsu.errors import InputError
+from shukotsu.schemas.poses import RecordingName
+from shukotsu.skeleton.posing import SkeletonJoint, rigid_positions
+from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
+from shukotsu.stages.export.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
 
 Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
@@ -68,7 +68,7 @@ class Receivers:
 
 @dataclass(frozen=True)
 class Origin:
-    """Whose motion it is and what it was made from.
+    """Hold whose motion it is and what it was made from.
 
     inputs : SHA-256 of the tables, by their path in the results folder. licence : the words that the user
     gave, may be empty.
@@ -108,9 +108,9 @@ class SkeletonMotion:
     device time, NaN where the recording has none. rate_hz : frames a second, the median as recorded; NaN
     where the times do not tell.
     position_mm : (T, J, 3), quaternion : (T, J, 4) unit (w, x, y, z) of bone frame to transmitter frame
-    (or that which `stages.export.axes` turned to), signs continuous over time; NaN in gaps.
+    (or that which `shukotsu.stages.export.axes` turned to), signs continuous over time; NaN in gaps.
     notes : sentences, in order, on what is left out and what was done to the motion since it was read.
-    Positions and quaternions, the receivers' too, may be on the disk (`stages.export.long_arrays`).
+    Positions and quaternions, the receivers' too, may be on the disk (`shukotsu.stages.export.long_arrays`).
     """
 
     joints: tuple[SkeletonJoint, ...]
@@ -139,12 +139,12 @@ class SkeletonMotion:
 
     @property
     def kind(self) -> str:
-        """What it is called in a scene: hand, or the layout's name where no anatomy is known."""
+        """Return its name in a scene: hand, or the layout's name where no anatomy is known."""
         return "hand" if np.isfinite(self.neutral).any() else self.origin.layout
 
     @cached_property
     def known(self) -> Bools:
-        """Which joints have a whole pose in which frames, (T, J)."""
+        """Tell which joints have a whole pose in which frames, (T, J)."""
         return known_points(self.position_mm, self.quaternion)
 
     @property
@@ -163,22 +163,31 @@ class SkeletonMotion:
             place_mm, above = place_mm + self.rest_offset_mm[above], self.joints[above].parent
         return above, place_mm
 
-    def take(self, rows: slice | Whole | Bools) -> SkeletonMotion:
-        """Only some of the frames."""
-        receivers = replace(
-            self.receivers,
-            position_mm=chosen_rows(self.receivers.position_mm, rows),
-            quaternion=chosen_rows(self.receivers.quaternion, rows),
-            valid=self.receivers.valid[rows],
-        )
+    def mapped(
+        self, place: Callable[[Array], Array], turn: Callable[[Array], Array], valid: Bools | None = None
+    ) -> SkeletonMotion:
+        """Give the motion with other positions and rotations of joints and receivers, those valid (T, R)."""
+        there = self.receivers
         return replace(
             self,
-            frame=self.frame[rows],
-            time_s=self.time_s[rows],
-            position_mm=chosen_rows(self.position_mm, rows),
-            quaternion=chosen_rows(self.quaternion, rows),
-            receivers=receivers,
+            position_mm=place(self.position_mm),
+            quaternion=turn(self.quaternion),
+            receivers=replace(
+                there,
+                position_mm=place(there.position_mm),
+                quaternion=turn(there.quaternion),
+                valid=there.valid if valid is None else valid,
+            ),
         )
+
+    def take(self, rows: slice | Whole | Bools) -> SkeletonMotion:
+        """Give only some of the frames."""
+
+        def chosen(array: Array) -> Array:
+            return chosen_rows(array, rows)
+
+        taken = self.mapped(chosen, chosen, self.receivers.valid[rows])
+        return replace(taken, frame=self.frame[rows], time_s=self.time_s[rows])
 
     def blocks(self, size: int = BLOCK_FRAMES) -> Iterator[SkeletonMotion]:
         """The motion so many frames at a time, in order; none where there is no frame."""
@@ -246,7 +255,7 @@ def local_motion(motion: SkeletonMotion) -> LocalMotion:
 
 
 def known_points(position_mm: Array, quaternion: Array) -> Bools:
-    """Which points have a whole pose in which frames, (T, N)."""
+    """Tell which points have a whole pose in which frames, (T, N)."""
     known = np.empty((len(position_mm), position_mm.shape[1]), bool)
     for index in range(known.shape[1]):
         placed, turned = np.isfinite(position_mm[:, index]), np.isfinite(quaternion[:, index])

@@ -18,16 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.files import write_text
-from skeleton.rotations import Array, conjugate, rotate
-from stages.export.axes import Target
-from stages.export.file_facts import facts_text
-from stages.export.motion import SkeletonMotion, require_whole
-from stages.export.opensim_joints import JointForm, joint_forms
-from stages.export.opensim_markers import Triad, triads
-from stages.export.opensim_model import VERSION, add, as_text, model_xml
-from stages.export.opensim_motion import seconds, seen_frames, write_mot, write_trc
-from stages.export.rig_names import plain_names
+from shukotsu.files.whole_files import write_text
+from shukotsu.skeleton.rotations import Array, conjugate, rotate
+from shukotsu.stages.export.axes import Target
+from shukotsu.stages.export.file_facts import facts_text
+from shukotsu.stages.export.motion import SkeletonMotion, require_whole
+from shukotsu.stages.export.opensim_joints import JointForm, joint_forms
+from shukotsu.stages.export.opensim_markers import Triad, triads
+from shukotsu.stages.export.opensim_model import VERSION, add, as_text, model_xml
+from shukotsu.stages.export.opensim_motion import seconds, seen_frames, write_mot, write_trc
+from shukotsu.stages.export.rig_names import plain_names
 
 NOMINAL = "masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone"
 PUBLICATIONS = (
@@ -36,7 +36,7 @@ PUBLICATIONS = (
 )
 _ACCURACY = 1e-8
 _STEEP_DEG = 85.0
-_TOLD_MM = 1e-3
+_NOTABLE_MM = 1e-3
 
 
 def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
@@ -81,7 +81,7 @@ def _beside(path: Path, ending: str) -> Path:
 
 
 def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad]) -> ET.Element:
-    """What OpenSim's InverseKinematicsTool is to do; its files are beside it."""
+    """Write the set-up of OpenSim's InverseKinematicsTool; its files are beside it."""
     document = ET.Element("OpenSimDocument", Version=VERSION)
     tool = add(
         document,
@@ -138,7 +138,7 @@ def _of_points(motion: SkeletonMotion, receivers: Sequence[Triad]) -> list[str]:
         along = motion.position_mm[:, index] - motion.position_mm[:, above]
         back = conjugate(motion.quaternion[:, above])
         beyond[:, place] = rotate(back, along) - rest_mm
-    if tips and _largest(beyond) > _TOLD_MM:
+    if tips and _largest(beyond) > _NOTABLE_MM:
         rms = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
         remarks.append(
             f"tips are markers fixed to their bones; the recording has them up to {_largest(beyond):.3f} mm "

@@ -24,8 +24,8 @@ from itertools import permutations
 
 import numpy as np
 
-from skeleton.posing import SkeletonJoint
-from skeleton.rotations import (
+from shukotsu.skeleton.posing import SkeletonJoint
+from shukotsu.skeleton.rotations import (
     Array,
     about_axis,
     angle,
@@ -36,9 +36,9 @@ from skeleton.rotations import (
     rotate,
     unit,
 )
-from stages.export.euler_angles import continuous_angles
-from stages.export.motion import MOVES_MM, SkeletonMotion, local_motion
-from stages.export.rig_names import plain_names
+from shukotsu.stages.export.euler_angles import continuous_angles
+from shukotsu.stages.export.motion import MOVES_MM, SkeletonMotion, local_motion
+from shukotsu.stages.export.rig_names import plain_names
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_RAD = 1e-7

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
-from stages.export.motion import Receivers, SkeletonMotion
-from stages.export.opensim_joints import JointForm
-from stages.export.rig_names import plain_names
+from shukotsu.skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
+from shukotsu.stages.export.motion import Receivers, SkeletonMotion
+from shukotsu.stages.export.opensim_joints import JointForm
+from shukotsu.stages.export.rig_names import plain_names
 
 ARM_MM = 10.0
 POINTS_MM = np.vstack([np.zeros(3), ARM_MM * np.eye(3)])

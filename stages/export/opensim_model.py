@@ -11,16 +11,16 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from skeleton.rotations import Array, matrix, unit
-from stages.export.motion import DISTAL, SkeletonMotion
-from stages.export.opensim_joints import (
+from shukotsu.skeleton.rotations import Array, matrix, unit
+from shukotsu.stages.export.motion import DISTAL, SkeletonMotion
+from shukotsu.stages.export.opensim_joints import (
     Coordinate,
     JointForm,
     body_fixed_rad,
     shortest_turn,
 )
-from stages.export.opensim_markers import Triad
-from stages.export.rig_names import plain_names
+from shukotsu.stages.export.opensim_markers import Triad
+from shukotsu.stages.export.rig_names import plain_names
 
 VERSION = "40600"
 """Of the XML, OpenSim 4.6; later ones read it as well."""
@@ -107,7 +107,7 @@ def _clean(text: str) -> str:
 
 
 def _ends_mm(motion: SkeletonMotion, form: JointForm) -> Array:
-    """Where the joints and tips after a joint are in its bone frame, (n, 3)."""
+    """Return the places of joints and tips after a joint, in its bone frame, (n, 3)."""
     after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
     return motion.rest_offset_mm[after].reshape(-1, 3)
 

@@ -13,13 +13,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from schemas import PROGRAM, VERSION
-from schemas.files import replacing
-from skeleton.rotations import Array
-from stages.export.long_arrays import BLOCK_FRAMES
-from stages.export.motion import Bools, Origin, SkeletonMotion, known_points, require_times
-from stages.export.opensim_joints import JointForm
-from stages.export.opensim_markers import Triad
+from shukotsu.files.whole_files import replacing
+from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.export.long_arrays import BLOCK_FRAMES
+from shukotsu.stages.export.motion import Bools, Origin, SkeletonMotion, known_points, require_times
+from shukotsu.stages.export.opensim_joints import JointForm
+from shukotsu.stages.export.opensim_markers import Triad
 
 ALONE_HZ = 60.0
 """Rate in the header of a file of one frame, whose rate nobody knows."""

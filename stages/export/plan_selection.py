@@ -1,12 +1,12 @@
-"""Which of a plan's recordings and models are exported."""
+"""Define which of a plan's recordings and models are exported."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from schemas.errors import InputError
-from schemas.plan import SubjectPlan
-from schemas.study import Recording
+from shukotsu.errors import InputError
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.study import Recording
 
 
 def chosen_models(plan: SubjectPlan, path: Path, names_list: str) -> list[str]:

@@ -4,7 +4,7 @@ The module of a format has `write(motion, target, path)`, which gets the motion 
 (`stages.export.settings.prepared`: range, gaps, rate, rig, world upright), what its numbers are to be told
 in, and the path of its main file; files beside it have the same stem. It gives sentences on what the file
 does not hold. It raises InputError where a motion cannot be written, and writes files whole or not at all
-(`schemas.files`). Of a format that holds several hands it also has `write_scene(motions, target, path)`.
+(`files.whole_files`). Of a format that holds several hands it also has `write_scene(motions, target, path)`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stages.export.axes import Target
-    from stages.export.motion import SkeletonMotion
-    from stages.export.settings import Settings
+    from shukotsu.stages.export.axes import Target
+    from shukotsu.stages.export.motion import SkeletonMotion
+    from shukotsu.stages.export.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Format:
     holds_receivers: bool = False
 
     def target(self, unit: str, up: str) -> Target:
-        """What the file is written in where the user asks for that unit and axis, or for none (empty)."""
-        from stages.export.axes import Target
+        """Return the file's unit and axis: those that the user asks for if there are such, else its first."""
+        from shukotsu.stages.export.axes import Target
 
         return Target(
             unit if unit in self.units else self.units[0],
@@ -64,7 +64,7 @@ class Format:
 FORMATS: Mapping[str, Format] = {
     "bvh": Format(
         "skeleton and motion for animation programs",
-        "stages.export.bvh",
+        "shukotsu.stages.export.bvh",
         (".bvh",),
         ("cm", "m", "mm"),
         ("y", "z"),
@@ -73,7 +73,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "glb": Format(
         "skeleton, a body of bones and motion for web pages, XR, game engines and Blender",
-        "stages.export.glb",
+        "shukotsu.stages.export.glb",
         (".glb",),
         ("m",),
         ("y",),
@@ -82,7 +82,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "osim": Format(
         "skeleton, motion, markers and inverse kinematics for OpenSim",
-        "stages.export.opensim",
+        "shukotsu.stages.export.opensim",
         (".osim", ".mot", ".trc", "_ik.osim", "_ik_setup.xml"),
         ("m",),
         ("y",),
@@ -91,7 +91,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "c3d": Format(
         "joints and receivers as points and poses, for motion-capture programs",
-        "stages.export.c3d_file",
+        "shukotsu.stages.export.c3d_file",
         (".c3d",),
         ("mm", "m"),
         ("z", "y"),
@@ -101,7 +101,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "bids": Format(
         "a Motion-BIDS dataset of all recordings, for neuroscience",
-        "stages.export.motion_bids",
+        "shukotsu.stages.export.bids_dataset",
         ("_motion.tsv", "_motion.json", "_channels.tsv", "_channels.json"),
         ("m",),
         (),
@@ -112,7 +112,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "csv": Format(
         "one row a frame and joint, for anything that reads tables",
-        "stages.export.tidy_csv",
+        "shukotsu.stages.export.tidy_csv",
         (".csv", "_angles.csv", ".json"),
         ("mm",),
         (),
@@ -121,7 +121,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "usd": Format(
         "skeleton, a body of bones and motion for film, Omniverse and Blender",
-        "stages.export.usd",
+        "shukotsu.stages.export.usd",
         (".usda",),
         ("m", "cm", "mm"),
         ("y", "z"),
@@ -133,7 +133,7 @@ FORMATS: Mapping[str, Format] = {
 
 def chosen_formats(names_list: str) -> list[str]:
     """Names from a comma-separated list, each once; InputError where one is no format."""
-    from schemas.errors import InputError
+    from shukotsu.errors import InputError
 
     names = list(dict.fromkeys(name.strip() for name in names_list.split(",") if name.strip()))
     unknown = [name for name in names if name not in FORMATS]
@@ -153,11 +153,11 @@ def write_format(
     Give what was done to them and what the file lacks. Raises InputError where the format holds one hand and
     there are several, and as getting ready and writing do.
     """
-    from schemas.errors import InputError
-    from schemas.files import write_text
-    from stages.export.file_facts import facts_text
-    from stages.export.motion import without_receivers
-    from stages.export.settings import prepared
+    from shukotsu.errors import InputError
+    from shukotsu.files.whole_files import write_text
+    from shukotsu.stages.export.file_facts import facts_text
+    from shukotsu.stages.export.motion import without_receivers
+    from shukotsu.stages.export.settings import prepared
 
     chosen = FORMATS[name]
     if len(motions) > 1 and not chosen.holds_hands:

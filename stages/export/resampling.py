@@ -1,4 +1,4 @@
-"""Which frames, and at which times: ranges of recorded frames, an even rate made from uneven times.
+"""Define which frames, and at which times: ranges of recorded frames, an even rate made from uneven times.
 
 Between samples positions are linear, and rotations go by the shortest arc at constant angular velocity.
 """
@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from schemas.errors import InputError
-from skeleton.rotations import Array
-from stages.export.long_arrays import by_point
-from stages.export.motion import Bools, SkeletonMotion, Whole, continuous, known_points
+from shukotsu.errors import InputError
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.export.long_arrays import by_point
+from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous_series, known_points
 
 FILLED_FRAMES = 1_000_000
 """The most that are made where a recording has none: over an hour at 240 Hz."""
@@ -89,22 +89,17 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
     share = np.where(at - time_s[before] < _SAME_S, 0.0, np.where(time_s[after] - at < _SAME_S, 1.0, share))
     apart = time_s[after] - time_s[before] > max(_WIDEST_STEPS / motion.rate_hz, widest_s)
     share = np.where(apart & (share > 0) & (share < 1), np.nan, share)
-    position, turn = _at(motion.position_mm, motion.quaternion, before, after, share)
-    receivers = motion.receivers
-    receiver_mm, receiver_turn = _at(receivers.position_mm, receivers.quaternion, before, after, share)
+    out = motion.mapped(
+        lambda places: by_point(lambda own: blended(own[before], own[after], share), places),
+        lambda turns: by_point(lambda own: continuous_series(slerped(own[before], own[after], share)), turns),
+    )
+    valid = known_points(out.receivers.position_mm, out.receivers.quaternion)
     out = replace(
-        motion,
+        out,
         frame=motion.frame[np.where(share > 0.5, after, before)],
         time_s=at,
         rate_hz=fps,
-        position_mm=position,
-        quaternion=continuous(turn),
-        receivers=replace(
-            receivers,
-            position_mm=receiver_mm,
-            quaternion=continuous(receiver_turn),
-            valid=known_points(receiver_mm, receiver_turn),
-        ),
+        receivers=replace(out.receivers, valid=valid),
     )
     return out.noting(
         f"resampled from {len(time_s)} frames ({motion.rate_hz:g} Hz) to {len(at)} ({fps:g} Hz) over device "
@@ -116,18 +111,8 @@ def _count(time_s: Array, fps: float) -> int:
     return int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-6)) + 1
 
 
-def _at(position: Array, turn: Array, before: Whole, after: Whole, share: Array) -> tuple[Array, Array]:
-    """Positions and rotations (N, K, ...) between rows of (T, K, ...)."""
-    if not position.shape[1]:
-        return position[before], turn[before]
-    return (
-        by_point(lambda series: blended(series[before], series[after], share), position),
-        by_point(lambda series: slerped(series[before], series[after], share), turn),
-    )
-
-
 def largest_time_error_s(motion: SkeletonMotion) -> float:
-    """How far a frame's device time is at most from an even rate that starts with the first; 0 without times.
+    """Give the most that a device time is off an even rate that starts with the first; 0 without times.
 
     What a file loses that holds a rate and no times.
     """

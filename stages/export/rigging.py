@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from schemas.errors import InputError
-from skeleton.posing import SkeletonJoint
-from skeleton.rotations import Array, multiply, rotate
-from stages.export.long_arrays import chosen_points
-from stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion, rest_pose
-from stages.export.rig_names import RIGS, Rig
+from shukotsu.errors import InputError
+from shukotsu.skeleton.posing import SkeletonJoint
+from shukotsu.skeleton.rotations import Array, multiply, rotate
+from shukotsu.stages.export.long_arrays import chosen_points
+from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion, rest_pose
+from shukotsu.stages.export.rig_names import RIGS, Rig
 
 
 def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
@@ -48,7 +48,7 @@ def _is_named(joint: SkeletonJoint, names: Mapping[str, str]) -> bool:
 
 
 def _named_tips(motion: SkeletonMotion, rig: Rig) -> dict[str, str]:
-    """Of each digit the tip that the rig means: on the skin where it says so and there is one."""
+    """Give of each digit the tip that the rig means: on the skin where it says so and there is one."""
     tips: dict[str, str] = {}
     for joint in motion.joints:
         if joint.tip and (rig.skin_tips or not joint.name.endswith(SKIN_TIP)):

@@ -14,12 +14,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from schemas.files import replacing, write_text
-from skeleton.joint_angles import joint_angles
-from skeleton.rotations import Array, conjugate, multiply
-from stages.export.axes import Target
-from stages.export.file_facts import facts
-from stages.export.motion import BONE_TO_WEBXR, SkeletonMotion
+from shukotsu.files.whole_files import replacing, write_text
+from shukotsu.skeleton.joint_angles import joint_angles
+from shukotsu.skeleton.rotations import Array, conjugate, multiply
+from shukotsu.stages.export.axes import Target
+from shukotsu.stages.export.file_facts import facts
+from shukotsu.stages.export.motion import BONE_TO_WEBXR, SkeletonMotion
 
 _POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")

@@ -26,17 +26,24 @@ from typing import Any
 
 import numpy as np
 
-from schemas import PROGRAM, VERSION
-from schemas.files import replacing
-from skeleton.rotations import Array, matrix, multiply, rotate
-from stages.export.axes import UNITS_PER_MM, Target, upright
-from stages.export.bone_mesh import bone_mesh
-from stages.export.file_facts import facts, joint_facts
-from stages.export.long_arrays import BLOCK_FRAMES
-from stages.export.motion import SkeletonMotion, Whole, local_motion, require_times, require_whole, rest_pose
-from stages.export.resampling import largest_time_error_s
-from stages.export.rig_names import plain_names
-from stages.export.rigging import with_webxr_names
+from shukotsu.files.whole_files import replacing
+from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.skeleton.rotations import Array, matrix, multiply, rotate
+from shukotsu.stages.export.axes import UNITS_PER_MM, Target, upright
+from shukotsu.stages.export.bone_mesh import bone_mesh
+from shukotsu.stages.export.file_facts import facts, joint_facts
+from shukotsu.stages.export.long_arrays import BLOCK_FRAMES
+from shukotsu.stages.export.motion import (
+    SkeletonMotion,
+    Whole,
+    local_motion,
+    require_times,
+    require_whole,
+    rest_pose,
+)
+from shukotsu.stages.export.resampling import largest_time_error_s
+from shukotsu.stages.export.rig_names import plain_names
+from shukotsu.stages.export.rigging import with_webxr_names
 
 LENGTH_DECIMALS = {"m": 8, "cm": 6, "mm": 5}
 TURN_DECIMALS = 8
@@ -50,7 +57,7 @@ _COLOURS = {"bone": ((0.76, 0.56, 0.44), 0.7), "nail": ((0.93, 0.82, 0.76), 0.35
 """Colour (linear) and roughness by material."""
 
 _AS_IT_IS = "((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))"
-_TOLD_S = 5e-4
+_NOTABLE_S = 5e-4
 _INDENT = "    "
 
 
@@ -176,7 +183,7 @@ def _layer(hands: Sequence[_Hand], target: Target, rate_hz: float, remarks: Sequ
 
 
 def _known(hand: _Hand, target: Target, remarks: Sequence[str]) -> dict[str, Any]:
-    """What is to be known of a hand in the file."""
+    """Collect the facts about a hand in the file."""
     motion = hand.motion
     known = facts(motion, target, remarks)
     known["inputs_sha256"] = [f"{digest}  {name}" for name, digest in known["inputs_sha256"].items()]
@@ -221,7 +228,7 @@ def _animation(hand: _Hand) -> Iterator[str]:
 
 
 def _body(hand: _Hand) -> list[_Part]:
-    """The body (`stages.export.bone_mesh`) by material; there may be no nails."""
+    """The body (`shukotsu.stages.export.bone_mesh`) by material; there may be no nails."""
     mesh = bone_mesh(hand.motion)
     parts = []
     for kind, triangles in (("bone", mesh.bone), ("nail", mesh.nail)):
@@ -247,11 +254,11 @@ def _mesh(hand: _Hand, part: _Part) -> Iterator[str]:
         yield f"point3f[] points = {_tuples(points, hand.decimals)}"
         yield f"color3f[] primvars:displayColor = [{_tuple(colour)}]"
         yield f"matrix4d primvars:skel:geomBindTransform = {_AS_IT_IS}"
-        riding = ["elementSize = 1", 'interpolation = "vertex"']
+        weighting = ["elementSize = 1", 'interpolation = "vertex"']
         joints = _listed(map(str, part.joint.tolist()))
-        yield from _within(riding, f"int[] primvars:skel:jointIndices = {joints} (", ")")
+        yield from _within(weighting, f"int[] primvars:skel:jointIndices = {joints} (", ")")
         weights = _listed(["1"] * len(part.joint))
-        yield from _within(riding, f"float[] primvars:skel:jointWeights = {weights} (", ")")
+        yield from _within(weighting, f"float[] primvars:skel:jointWeights = {weights} (", ")")
         yield f"rel skel:skeleton = </World/{hand.name}/{hand.skeleton}>"
         yield 'uniform token subdivisionScheme = "none"'
 
@@ -296,7 +303,7 @@ def _extent(hand: _Hand, parts: Sequence[_Part]) -> Array:
 def _remarks(motions: Sequence[SkeletonMotion]) -> tuple[str, ...]:
     sentences = []
     late_s = max(largest_time_error_s(motion) for motion in motions)
-    if late_s > _TOLD_S:
+    if late_s > _NOTABLE_S:
         sentences.append(
             f"samples at whole time codes: device times are up to {late_s * 1000:.1f} ms off an even rate, "
             "and samples lie at them; --fps resamples to whole time codes"

@@ -7,13 +7,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from schemas.parts import Part, PartsWriter
-    from schemas.plan import SubjectPlan
+    from shukotsu.schemas.parts import Part, PartsWriter
+    from shukotsu.schemas.plan import SubjectPlan
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -26,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
         "  shukotsu stage fit_hand --poses rom/poses.parquet --replay opposition/poses.parquet "
         "--layout liberty16 --model whole-hand --out fit",
     )
-    command_line.add_plan_options(
+    subject_stage.add_plan_options(
         parser,
         calibration="--poses",
         evaluated="--replay",
@@ -46,13 +46,13 @@ def build_parser() -> argparse.ArgumentParser:
 
 def fit(arguments: argparse.Namespace) -> None:
     """Fit every part of the hand and write what it is and how it moved."""
-    from schemas.poses import usable_poses
-    from schemas.tables import Provenance
-    from stages.fit_hand.hand_tables import FIT, open_tables
+    from shukotsu.schemas.poses import usable_poses
+    from shukotsu.schemas.tables import Provenance
+    from shukotsu.stages.fit_hand.hand_tables import FIT, open_tables
 
-    plan = command_line.plan_of(arguments)
+    plan = _plan(arguments)
     parts = _parts(arguments, plan)
-    files = [*command_line.poses_files(plan), *arguments.other_poses]
+    files = [*subject_stage.poses_files(plan), *arguments.other_poses]
     files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
     with open_tables(arguments.out, FIT, Provenance.of(files, plan.folder)) as tables:
         for part in parts:
@@ -62,13 +62,31 @@ def fit(arguments: argparse.Namespace) -> None:
                 # the study's problems: those of recordings say it all
                 for name in ("receivers", "gains", "receiver_costs"):
                     recorded.pop(name).rows(part, [])
-            with command_line.recording_failure(arguments, part, *recorded.values()):
+            with subject_stage.recording_failure(arguments, part, *recorded.values()):
                 _fit_part(plan, part, arguments.other_poses, tables)
+
+
+def _plan(arguments: argparse.Namespace) -> SubjectPlan:
+    """Give the plan, with the reference where that is to be made, of the recordings that the fit reads."""
+    from dataclasses import replace
+
+    from shukotsu.schemas.config_files import REFERENCE
+    from shukotsu.schemas.model import read_model
+
+    plan = subject_stage.plan_of(arguments)
+    if arguments.model == REFERENCE:
+        plan = replace(plan, models={REFERENCE: read_model(REFERENCE)})
+    fitting = (
+        plan.models[arguments.model].fitting if plan.is_study and arguments.model in plan.models else None
+    )
+    if arguments.hand is None or (fitting is not None and fitting.share_lengths):
+        return plan
+    return replace(plan, recordings=tuple(r for r in plan.recordings if r.hand.hand == arguments.hand))
 
 
 def _parts(arguments: argparse.Namespace, plan: SubjectPlan) -> list[Part]:
     """Skeletons of the hand under the model; InputError where the plan has no such hand or model."""
-    from schemas.errors import InputError
+    from shukotsu.errors import InputError
 
     if arguments.model is None:
         raise InputError("--model: is missing; expected a skeleton model that fits the whole hand")
@@ -87,22 +105,29 @@ def _parts(arguments: argparse.Namespace, plan: SubjectPlan) -> list[Part]:
 def _fit_part(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path], tables: Mapping[str, PartsWriter]
 ) -> None:
-    from schemas.poses import usable_poses
-    from stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
-    from stages.fit_hand.hand_tables import bone_rows, cost_rows, gain_rows, joint_rows, receiver_rows
-    from stages.fit_hand.posed_tables import posed_blocks
-    from stages.fit_hand.receiver_costs import FRAMES
+    from shukotsu.schemas.poses import usable_poses
+    from shukotsu.stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
+    from shukotsu.stages.fit_hand.hand_tables import (
+        bone_rows,
+        cost_rows,
+        gain_rows,
+        joint_rows,
+        receiver_rows,
+    )
+    from shukotsu.stages.fit_hand.posed_tables import posed_blocks, posed_sample
+    from shukotsu.stages.fit_hand.receiver_costs import FRAMES
 
     plan.check_calibration_left(part.hand)
     partner, alone = partner_poses(plan, part)
     if alone:
         print(f"note: {alone}", file=sys.stderr)
     tips, unsteady = calibrated_hand(plan, part, other_poses or partner)
-    tables["fitted_joints"].rows(part, joint_rows(tips.fit))
-    tables["fitted_bones"].rows(part, bone_rows(tips.fit))
+    weighed = not plan.models[part.model].is_reference
+    tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
+    tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
     tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
-    tables["gains"].rows(part, gain_rows(tips))
-    for name in ("joint_angles", "bone_poses", "posed_tips"):
+    tables["gains"].rows(part, gain_rows(tips) if weighed else [])
+    for name in ("receiver_costs", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating, tasks = (
         usable_poses([plan.poses(recording) for recording in recordings])[0]
@@ -111,6 +136,11 @@ def _fit_part(
             plan.evaluated(part.hand, part.made_without),
         )
     )
+    if not weighed:
+        for path in tasks:
+            for name, columns in posed_sample(tips, path).items():
+                tables[name].columns(part, columns)
+        return
     task = read_thinned([*tasks, *calibrating][0], plan.layouts[part.hand].measured, FRAMES)
     tables["receiver_costs"].rows(part, cost_rows(tips, task))
     for path in tasks:
@@ -127,11 +157,11 @@ def _fit_part(
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why the hand was not fitted, of every part."""
-    from stages.fit_hand.hand_tables import FIT
+    from shukotsu.stages.fit_hand.hand_tables import FIT
 
     tables = {arguments.out / f"{name}.parquet": table for name, table in FIT.items()}
-    parts = _parts(arguments, command_line.plan_of(arguments))
-    command_line.record_failed_parts(message, tables, parts)
+    parts = _parts(arguments, _plan(arguments))
+    subject_stage.record_failed_parts(message, tables, parts)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -10,35 +10,39 @@ from pathlib import Path
 
 import numpy as np
 
-from anatomy.known_digits import no_whole_hand
-from schemas.errors import InputError, TableError, guess
-from schemas.layout import Layout
-from schemas.model import HandFitting
-from schemas.parts import Part
-from schemas.plan import SubjectPlan
-from schemas.poses import Poses, RecordingName, read_poses, recording_name, usable_poses
-from schemas.sheets import Row
-from skeleton.rotations import Array
-from stages.fit_hand.contacts import find_contacts
-from stages.fit_hand.fingertips import Fingertips, fingertips
-from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.left_out import (
+from shukotsu.anatomy.known_digits import no_whole_hand
+from shukotsu.errors import InputError, TableError, guess
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.model import HandFitting
+from shukotsu.schemas.parts import Part
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.poses import Poses, RecordingName, read_poses, recording_name, usable_poses
+from shukotsu.schemas.sheets import Row
+from shukotsu.sentences.messages import joined, message_of
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.contacts import find_contacts
+from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
+from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
+from shukotsu.stages.fit_hand.left_out import (
     Unsteady,
     field_errors,
     is_elsewhere,
     share_left_out,
     without_displaced,
 )
-from stages.fit_hand.loose_receivers import Displaced, displaced_in
-from stages.fit_hand.measurements import Measurement, measurable
-from stages.fit_hand.sharing import share_lengths
-from stages.fit_hand.touching import Touch, touch_in, with_touches
+from shukotsu.stages.fit_hand.loose_receivers import Displaced, displaced_in
+from shukotsu.stages.fit_hand.measurements import Measurement, measurable
+from shukotsu.stages.fit_hand.shared_lengths import share_lengths
+from shukotsu.stages.fit_hand.touches import Touch, touch_in, with_touches
 
 MOST_FRAMES = 60_000
 """Of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is looked at."""
 
-NO_CALIBRATION = "no calibration recording"
-"""How the reason begins why a hand was not fitted that nothing calibrates."""
+REFERENCE_FRAMES = 80
+"""Evenly spaced frames of a recording that the hand that anatomy expects is laid out and posed in. A motion
+repeats itself: 200 move the mean errors, which are millimetres, by 0.001 mm and the 95th percentiles by
+0.02 mm.
+"""
 
 
 @dataclass(frozen=True)
@@ -85,13 +89,12 @@ def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
     partner = next((hand for hand in plan.hands if hand != part.hand and plan.layouts[hand] == layout), "")
     if not partner or not _fitting(plan, part).share_lengths:
         return [], ""
-    alone = f"fitted without the {partner} hand's bone lengths"
     for hand in (partner, part.hand):
         if doubted := plan.doubted(hand):
-            return [], f"{alone}: there is a finding on the {hand} hand's {doubted}"
+            return [], message_of("alone-by-finding", hand=partner, hand_2=hand, task=doubted)
     recorded = [plan.poses(own) for own in plan.recordings if own.hand.hand == partner and not own.exclude]
     if reasons := usable_poses(recorded)[1]:
-        return [], f"{alone}: {reasons[0]}"
+        return [], message_of("alone", hand=partner, reason=joined(reasons[:1]))
     return [plan.poses(own) for own in plan.calibrating(partner, part.model, part.made_without)], ""
 
 
@@ -116,11 +119,12 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
     usable, reasons = usable_poses(poses)
     if not usable:
-        raise InputError(f"{NO_CALIBRATION}: {'; '.join(reasons) or 'the study names none'}")
+        raise InputError(message_of("no-calibration", reason=joined(reasons) or message_of("none-named")))
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
     names = [recording_name(path) for path in usable]
-    recordings = [read_thinned(path, layout.measured) for path in usable]
+    most_frames = MOST_FRAMES if fitting.steps else REFERENCE_FRAMES
+    recordings = [read_thinned(path, layout.measured, most_frames) for path in usable]
     fit_to = partial(
         fit_hand,
         layout=layout,
@@ -168,11 +172,13 @@ def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurem
 def _with_fingertips(plan: SubjectPlan, part: Part, calibration: Calibration) -> Fingertips:
     """The hand with what its fingertips touched: points that are known, and in opposition each other."""
     tips, fitting = fingertips(calibration.fit), _fitting(plan, part)
+    if not fitting.steps:
+        return tips
     tips = with_touches(tips, _touches(plan, part.hand, calibration, tips))
     contacts = [
         contact
         for name, poses in calibration.recordings.items()
-        if name.task in fitting.contacts and fitting.steps
+        if name.task in fitting.contacts
         for contact in find_contacts(tips, poses)
     ]
     return with_touches(tips, contacts)

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy import average_hand as prior
-from anatomy.average_hand import DIGITS, DigitAnatomy
-from anatomy.known_digits import known_digits, root_of
-from schemas.layout import Digit, Layout
-from skeleton.rotations import Array
-from stages.fit_hand.building import (
+from shukotsu.anatomy import average_hand as prior
+from shukotsu.anatomy.average_hand import DIGITS, DigitAnatomy
+from shukotsu.anatomy.known_digits import known_digits, root_of
+from shukotsu.schemas.layout import Digit, Layout
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.chain_builder import (
     KINDS,
     Amount,
     Builder,
     FirstGuess,
-    Parts,
     States,
     Unknowns,
     along,
@@ -27,10 +26,10 @@ from stages.fit_hand.building import (
     receiver,
     tilted,
 )
-from stages.fit_hand.digits import digit_steps
-from stages.fit_hand.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
-from stages.fit_hand.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
-from stages.fit_hand.operations import Branch, Mark, Side, Step, Turn
+from shukotsu.stages.fit_hand.digits import digit_steps
+from shukotsu.stages.fit_hand.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
+from shukotsu.stages.fit_hand.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
+from shukotsu.stages.fit_hand.operations import Branch, Mark, Side, Step, Turn
 
 _FINGER_JOINTS = 4
 """Of a digit that has a DIP joint."""
@@ -42,7 +41,7 @@ class HandModel:
 
     length : bone's segment to its length; mount : segment to its receiver's place (x, y, z) on the bone;
     axes : joint to its flexion axis in the frame marked `axis_frame`, centres : joint to
-    the mark at its centre. seats : joint without anatomy to its centre in its child's receiver frame.
+    the mark at its centre. centres_in_child : joint without anatomy to its centre in its child's receiver.
     anatomy : of the average digits, with the thumb's metacarpal facing as its receiver does.
     """
 
@@ -55,7 +54,7 @@ class HandModel:
     mount: Mapping[str, tuple[Amount, Amount, Amount]]
     axes: Mapping[str, Array]
     centres: Mapping[str, str]
-    seats: Mapping[str, tuple[Amount, Amount, Amount]]
+    centres_in_child: Mapping[str, tuple[Amount, Amount, Amount]]
     anatomy: Mapping[str, DigitAnatomy]
 
 
@@ -66,7 +65,6 @@ def hand_model(
     wrist_mm: Array,
     free: Sequence[FreeJoint] = (),
     scale: tuple[float, float] = (1.0, prior.SCALE_SD),
-    parts: Parts | None = None,
     anatomy: Mapping[str, DigitAnatomy] = DIGITS,
 ) -> HandModel:
     """Lay out all chains of a layout.
@@ -76,7 +74,7 @@ def hand_model(
     root's receiver frame, average hand. free : joints without anatomy. scale : mean and sd of the hand's
     size. anatomy : of the digits.
     """
-    builder = Builder(layout, scale, parts or Parts(), frozenset(seen))
+    builder = Builder(layout, scale, frozenset(seen))
     root, digits = root_of(layout), known_digits(layout)
     branches = [_base(builder, root, wrist_mm if digits else None)]
     branches += [digit_steps(builder, digit, anatomy[digit.name]) for digit in digits]
@@ -93,7 +91,7 @@ def hand_model(
         builder.mount,
         builder.axes,
         builder.centres,
-        builder.seats,
+        builder.centres_in_child,
         anatomy,
     )
 
@@ -121,7 +119,7 @@ def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at
     far = [builder.free(0.0, REACH_SD_MM, "far side", f"{name} {n}") for n in "xyz"]
     outward = joint.far == joint.joint.child
     x, y, z = [amount.times(-1.0) for amount in far] if outward else near
-    builder.seats[name] = x, y, z
+    builder.centres_in_child[name] = x, y, z
     steps: list[Step] = [along(axis, amount) for axis, amount in zip(np.eye(3), near, strict=True)]
     steps.append(Mark(centre(name)))
     states = [

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from schemas.layout import read_layout
-from stages.fit_hand import compiled_equations
-from stages.fit_hand.chain import hand_model
-from stages.fit_hand.normal_equations import Frames, Observations, Point, Problem, pairs
+from shukotsu.schemas.layout import read_layout
+from shukotsu.stages.fit_hand import compiled_equations
+from shukotsu.stages.fit_hand.chain import hand_model
+from shukotsu.stages.fit_hand.normal_equations import Frames, Observations, Point, Problem, pairs
 
 LAYOUT = "liberty16"
 

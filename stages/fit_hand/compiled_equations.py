@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skeleton.rotations import Array
-from stages.fit_hand import kernel
-from stages.fit_hand.flat_chains import flat_chains
-from stages.fit_hand.normal_equations import (
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand import kernel
+from shukotsu.stages.fit_hand.flat_chains import flat_chains
+from shukotsu.stages.fit_hand.normal_equations import (
     HUBER,
     BranchResiduals,
     Elimination,
@@ -19,7 +19,7 @@ from stages.fit_hand.normal_equations import (
     Reduced,
     Residuals,
 )
-from stages.fit_hand.operations import Index, Reached
+from shukotsu.stages.fit_hand.operations import Index, Reached
 
 BLOCK_FRAMES = 128
 """Frames that are posed together: what they need fits a core's own memory."""
@@ -116,7 +116,7 @@ def _chains(problem: Problem) -> kernel.FlatChains:
 
 
 def _amounts(chains: kernel.FlatChains, x: Array) -> kernel.Amounts:
-    """What is steady of every operation's amount, and how much of a state each term adds."""
+    """Return the steady part of every operation's amount, and how much of a state each term adds."""
     slope = chains.coefficient * np.where(chains.unknown >= 0, x[chains.unknown], 1.0)
     running = np.append(0.0, np.cumsum(np.where(chains.state < 0, slope, 0.0)))
     return kernel.Amounts(chains.amount + np.diff(running[chains.terms_from]), slope)

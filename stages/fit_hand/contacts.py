@@ -1,15 +1,15 @@
-"""Where in a recording the thumb's pad is likely to rest on a finger's: opposition, from the poses alone."""
+"""Find where in a recording the thumb's pad is likely to rest on a finger's: opposition, from poses alone."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from schemas.poses import Poses
-from skeleton.rotations import Array
-from stages.fit_hand.fingertips import PAD, Fingertips, seen_parts
-from stages.fit_hand.operations import Index
-from stages.fit_hand.touching import CONTACT_SD_MM, Touch, contact_in
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.fingertips import PAD, Fingertips, seen_parts
+from shukotsu.stages.fit_hand.operations import Index
+from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, contact_in
 
 THUMB = "thumb"
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from anatomy import average_hand as prior
-from anatomy.average_hand import DigitAnatomy
-from schemas.layout import Digit
-from skeleton.rotations import Array, unit
-from stages.fit_hand.building import (
+from shukotsu.anatomy import average_hand as prior
+from shukotsu.anatomy.average_hand import DigitAnatomy
+from shukotsu.schemas.layout import Digit
+from shukotsu.skeleton.rotations import Array, unit
+from shukotsu.stages.fit_hand.chain_builder import (
     KINDS,
     Amount,
     Builder,
@@ -22,7 +22,7 @@ from stages.fit_hand.building import (
     by_state,
     tilted,
 )
-from stages.fit_hand.operations import Mark, Operation, Side, Step, Term, Turn
+from shukotsu.stages.fit_hand.operations import Mark, Operation, Side, Step, Term, Turn
 
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
@@ -81,7 +81,7 @@ class _DigitChain:
             moves = bool(self.builder.layout.joints[joint].dof)
             if self.measured[k] and moves:
                 mean_and_sd = prior.PHALANX_DEG if k else prior.METACARPAL_DEG
-            elif not self.measured[k] and self.builder.parts.palm:
+            elif not self.measured[k]:
                 mean_and_sd = prior.PALM_DEG if moves else prior.STILL_PALM_DEG
             else:
                 continue
@@ -200,8 +200,7 @@ class _Joint:
         else:
             self.abducts = self.others[0]
         self.slide_sd_mm = prior.HINGE_SLIDE_SD_MM if known.dof == 1 else prior.JOINT_SLIDE_SD_MM
-        if builder.parts.joint_slide:
-            self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
+        self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
         self.second = rest[:, 2]
         if second is not None:
             self._make_skew(builder, second)
@@ -215,11 +214,10 @@ class _Joint:
         self.second_tilts = [
             builder.free(0.0, prior.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
         ]
-        if builder.parts.pivot:
-            self.lags = (
-                builder.unknowns.add("place lag", self.name),
-                builder.unknowns.add("turn lag", self.name),
-            )
+        self.lags = (
+            builder.unknowns.add("place lag", self.name),
+            builder.unknowns.add("turn lag", self.name),
+        )
 
     def steps(self, *, lagging: bool = False) -> list[Step]:
         """Give the joint's operations from its parent's frame, at its centre, to its child's."""

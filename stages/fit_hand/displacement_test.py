@@ -1,4 +1,5 @@
-"""Whether a hand fits better if a receiver sits elsewhere on its bone: from a moment on, or ever farther off.
+"""Say whether a hand fits better if a receiver sits elsewhere on its bone: from a moment on, or ever farther
+off.
 
 To first order the answer needs no second fit (Rao's score test): the six numbers of such a displacement are
 six more unknowns of the same least squares, from which the hand's own unknowns, the joint angles and the
@@ -16,10 +17,10 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array
-from stages.fit_hand.elimination import Eliminated, EliminatedBranch
-from stages.fit_hand.normal_equations import Point, Problem
-from stages.fit_hand.operations import Index
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.elimination import Eliminated, EliminatedBranch
+from shukotsu.stages.fit_hand.normal_equations import Point, Problem
+from shukotsu.stages.fit_hand.operations import Index
 
 MOMENTS = 40
 """At so many of them a receiver may have come loose; the exact frame is then looked for."""
@@ -77,7 +78,7 @@ class Displacement:
 
     @property
     def slides(self) -> bool:
-        """Whether it went slowly."""
+        """Say whether it went slowly."""
         return self.end > self.start
 
     @property
@@ -86,7 +87,7 @@ class Displacement:
         return float(self.step @ PRIOR @ self.step) / 2
 
     def share(self, n_frames: int) -> Array:
-        """How far (F,) of the way it has gone in every frame."""
+        """Return how far (F,) of the way it has gone in every frame."""
         gone = np.arange(n_frames) + 1.0 - self.start
         return np.asarray(np.clip(gone / max(1, self.end - self.start), 0.0, 1.0))
 

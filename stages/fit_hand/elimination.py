@@ -1,4 +1,4 @@
-"""What is left of residuals once joint angles, roots and the hand's own unknowns have taken their share.
+"""Reduce residuals to what joint angles, roots and the hand's own unknowns cannot explain.
 
 With it, anything else that may have moved the measured poses can be tested to first order: receivers that sit
 elsewhere on their bones, a field that is disturbed.
@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton.rotations import Array
-from stages.fit_hand.compiled_equations import Jacobian, reduce, residuals, weighted_jacobians
-from stages.fit_hand.normal_equations import Point, Problem, Reduced
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.compiled_equations import Jacobian, reduce, residuals, weighted_jacobians
+from shukotsu.stages.fit_hand.normal_equations import Point, Problem, Reduced
 
 
 @dataclass(frozen=True)
 class EliminatedBranch:
-    """What the cost does if receivers of a branch, n of them, m = 6 n, are displaced in their own frames.
+    """Hold what the cost does if receivers of a branch, n of them, m = 6 n, are displaced in their own
+    frames.
 
     receivers : their numbers. slope (F, m) and curvature (F, m, m) of the cost by their displacements in each
     frame, with its states and root eliminated; by_x (F, m, G) : how these displacements pull at the hand's

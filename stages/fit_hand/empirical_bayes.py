@@ -1,4 +1,5 @@
-"""How large residuals, misplacements and skin motion are in this hand: scales of the priors from the data.
+"""Estimate how large residuals, misplacements and skin motion are in this hand: scales of the priors from the
+data.
 
 Each scale is the value that makes the unknowns of its group as large as its prior says, as far as the data
 determine them (the fixed point of the evidence; MacKay 1992). It is held to the literature's by very little:
@@ -11,10 +12,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from skeleton.effective_samples import effective_samples
-from skeleton.rotations import Array
-from stages.fit_hand.compiled_equations import Jacobian
-from stages.fit_hand.normal_equations import Problem, Reduced, Residuals
+from shukotsu.skeleton.effective_samples import effective_samples
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.compiled_equations import Jacobian
+from shukotsu.stages.fit_hand.normal_equations import Problem, Reduced, Residuals
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
     "mount": ("mount",),

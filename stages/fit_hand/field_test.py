@@ -1,4 +1,4 @@
-"""Whether a hand fits better if the field is disturbed: an error that all receivers share at a place.
+"""Say whether a hand fits better if the field is disturbed: an error that all receivers share at a place.
 
 Beside a steel plate every receiver is off by what belongs to where it is in the room, whenever it is there,
 so that what one shows another must show as well. The error grows towards a source beside the hand, whose
@@ -13,11 +13,11 @@ from itertools import product
 
 import numpy as np
 
-from skeleton.rotations import Array
-from stages.fit_hand.compiled_equations import residuals
-from stages.fit_hand.displacement_test import most_within
-from stages.fit_hand.elimination import Eliminated
-from stages.fit_hand.normal_equations import Frames, Point, Problem
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.compiled_equations import residuals
+from shukotsu.stages.fit_hand.displacement_test import most_within
+from shukotsu.stages.fit_hand.elimination import Eliminated
+from shukotsu.stages.fit_hand.normal_equations import Frames, Point, Problem
 
 DISTANCES_MM = (60.0, 180.0)
 """From the nearest place where a receiver was to a source: a thing beside the hand, or a plate."""
@@ -63,7 +63,7 @@ class Field:
         return np.asarray(self.share(position_mm)[..., None] * self.error)
 
     def share(self, position_mm: Array) -> Array:
-        """How much of it (...,) there is at places (..., 3)."""
+        """Return how much of it (...,) there is at places (..., 3)."""
         away = np.linalg.norm(position_mm - self.source, axis=-1)
         nearest = np.linalg.norm(self.nearest - self.source)
         return np.asarray((nearest / np.maximum(away, nearest)) ** POWER)

@@ -1,4 +1,5 @@
-"""Where the fingertips of a fitted hand are, in the frames of its distal receivers: bone, soft tip and pad.
+"""Locate the fingertips of a fitted hand in the frames of its distal receivers: bone, soft tip and
+pad.
 
 The fit knows where the last bone of a digit ends. What touches is skin: the soft tip beyond that end, or the
 pad under it. Each is off the end of the bone by an offset that no recording of receivers shows. Its mean and
@@ -14,15 +15,15 @@ from functools import cached_property
 
 import numpy as np
 
-from anatomy import average_hand as prior
-from anatomy.known_digits import known_digits
-from schemas.errors import InputError
-from schemas.layout import Digit
-from schemas.poses import Poses
-from skeleton.rotations import Array, rotate
-from stages.fit_hand.building import bone, receiver
-from stages.fit_hand.fit import HandFit
-from stages.fit_hand.posterior import Evidence, places_of
+from shukotsu.anatomy import average_hand as prior
+from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Digit
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array, rotate
+from shukotsu.stages.fit_hand.chain_builder import bone, receiver
+from shukotsu.stages.fit_hand.fit import HandFit
+from shukotsu.stages.fit_hand.posterior import Evidence, places_of
 
 BONE, TIP, PAD = "bone", "tip", "pad"
 """Parts of a fingertip: the end of the last bone; the end of the digit; where its pulp touches."""
@@ -146,7 +147,7 @@ def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[st
     places = places_of(model, evidence.posterior.moved_to(x, evidence.posterior.covariance))
     seen = {}
     for i, digit in enumerate(tipped_digits(evidence)):
-        seat, last = places[receiver(digit.tip)], places[bone(digit.tip)]
+        worn, last = places[receiver(digit.tip)], places[bone(digit.tip)]
         own = evidence.convention.point_matrix(digit.tip)
         length = model.length[digit.tip]
         longer = np.zeros((3, len(x)))
@@ -154,10 +155,10 @@ def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[st
         end = np.array([length.constant, 0.0, 0.0]) + longer @ x
         for k, part in enumerate((BONE, *SOFT_PARTS)):
             offset = offsets_mm[i, k - 1] if k else np.zeros(3)
-            point, moved = seat.sees(last.carrying(end + offset, longer))
+            point, moved = worn.sees(last.carrying(end + offset, longer))
             by_offset = np.zeros((3, *offsets_mm.shape))
             if k:
-                by_offset[:, i, k - 1] = own @ seat.R.T @ last.R
+                by_offset[:, i, k - 1] = own @ worn.R.T @ last.R
             seen[digit.name, part] = own @ point, np.hstack([own @ moved, by_offset.reshape(3, -1)])
     return seen
 

@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anatomy import average_hand as prior
-from anatomy.average_hand import DIGITS, DigitAnatomy
-from anatomy.known_digits import known_digits, root_of
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.poses import Poses
-from skeleton.rotations import Array
-from skeleton.thumb_facing import faces_nail
-from stages.fit_hand.building import Parts
-from stages.fit_hand.chain import HandModel, hand_model
-from stages.fit_hand.compiled_equations import pose, reduce, residuals, weighted_jacobians
-from stages.fit_hand.empirical_bayes import independent_samples, prior_precision, residual_sd
-from stages.fit_hand.free_joints import free_joints
-from stages.fit_hand.measurements import Measurement, observations, planes
-from stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs
-from stages.fit_hand.posterior import Evidence, Posterior
-from stages.fit_hand.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
-from stages.fit_hand.receiver_frames import (
+from shukotsu.anatomy import average_hand as prior
+from shukotsu.anatomy.average_hand import DIGITS, DigitAnatomy
+from shukotsu.anatomy.known_digits import known_digits, root_of
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array
+from shukotsu.skeleton.thumb_facing import faces_nail
+from shukotsu.stages.fit_hand.chain import HandModel, hand_model
+from shukotsu.stages.fit_hand.compiled_equations import pose, reduce, residuals, weighted_jacobians
+from shukotsu.stages.fit_hand.empirical_bayes import independent_samples, prior_precision, residual_sd
+from shukotsu.stages.fit_hand.free_joints import free_joints
+from shukotsu.stages.fit_hand.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
+from shukotsu.stages.fit_hand.measurements import Measurement, observations, planes
+from shukotsu.stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs
+from shukotsu.stages.fit_hand.posterior import Evidence, Posterior
+from shukotsu.stages.fit_hand.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
+from shukotsu.stages.fit_hand.receiver_frames import (
     Convention,
     concatenated,
     neighbours,
     postures,
     spread_frames,
 )
-from stages.fit_hand.room_field import RoomField
-from stages.fit_hand.solving import CLOSE, NEARLY, Solution, first_guess, solve
+from shukotsu.stages.fit_hand.room_field import RoomField
 
 RESIDUAL_SD = (0.5, float(np.radians(0.6)))
 """Of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its states
@@ -53,14 +52,13 @@ _POSING_STEPS = 4
 
 @dataclass(frozen=True)
 class Settings:
-    """How hard to work: frames fitted, steps of each solution at most, rounds in which the scales of priors
-    and residuals are found (0: as published), and the parts of the model in use.
+    """Hold how hard to work: frames fitted, steps of each solution at most, rounds in which the scales of
+    priors and residuals are found (0: as published).
     """
 
     n_frames: int = 100
     most_steps: int = 25
     rounds: int = 4
-    parts: Parts = field(default_factory=Parts)
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ class HandFit:
 
     @property
     def converged(self) -> bool:
-        """Whether the last round ended because nothing moved any more."""
+        """Say whether the last round ended because nothing moved any more."""
         return self.evidence.converged
 
     def moved_to(self, x: Array, covariance: Array) -> HandFit:
@@ -117,10 +115,8 @@ def fit_hand(
     everything = convention.frames(concatenated(recordings))
     frames, share = _chosen(everything, layout, convention.receivers, settings.n_frames)
     scale = _scale(hand_length_mm, hand_breadth_mm)
-    model = _model(layout, convention, everything, frames, scale, settings.parts)
-    field = None
-    if settings.parts.field:
-        field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
+    model = _model(layout, convention, everything, frames, scale)
+    field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
     measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
     problem = _problem(model, frames, measured, field)
     problem, solution = _solved(problem, model, everything, settings)
@@ -137,7 +133,6 @@ def _model(
     everything: Frames,
     frames: Frames,
     scale: tuple[float, float],
-    parts: Parts,
 ) -> HandModel:
     """Lay out the chains that this layout and these recordings allow."""
     receivers, root = convention.receivers, root_of(layout)
@@ -148,7 +143,7 @@ def _model(
     if layout.wrist is not None:
         wrist_mm = convention.point_matrix(root).T @ (layout.wrist.point_mm or layout.wrist.nominal_mm)
     anatomy = _anatomy(layout, everything, receivers)
-    return hand_model(layout, receivers, seen, wrist_mm, free, scale, parts, anatomy)
+    return hand_model(layout, receivers, seen, wrist_mm, free, scale, anatomy)
 
 
 def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Mapping[str, DigitAnatomy]:
@@ -164,7 +159,7 @@ def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Ma
     return {**DIGITS, "thumb": nail} if faces_nail(seen, *rests) else DIGITS
 
 
-def _problem(model: HandModel, frames: Frames, measured: Observations, field: RoomField | None) -> Problem:
+def _problem(model: HandModel, frames: Frames, measured: Observations, field: RoomField) -> Problem:
     """The problem with every scale as published."""
     return Problem(
         branches=model.branches,

@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array
-from stages.fit_hand.kernel import LEAVE, MARK, MOVE, RETURN, ROTATE, TRANSLATE, FlatChains, Plan
-from stages.fit_hand.operations import Branch, Index, Operation
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.kernel import LEAVE, MARK, MOVE, RETURN, ROTATE, TRANSLATE, FlatChains, Plan
+from shukotsu.stages.fit_hand.operations import Branch, Index, Operation
 
 _KINDS = {
     "rotate": ROTATE,
@@ -84,7 +84,7 @@ def _terms(operation: Operation) -> list[tuple[float, int, int]]:
 
 
 def _from(lengths: Iterable[int]) -> Index:
-    """Where each part begins, and the last ends, when they are put one after the other."""
+    """Return where each part begins, and the last ends, when they are put one after the other."""
     return np.cumsum([0, *lengths])
 
 
@@ -110,7 +110,7 @@ def _columns(of_branch: Index, index: Index, own: Sequence[Index]) -> Index:
 
 
 def _touched(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
-    """Whether each receiver (N, columns) is moved by what is in that column."""
+    """Say whether each receiver (N, columns) is moved by what is in that column."""
     out = np.zeros((len(upstream), int(column.max(initial=-1)) + 1), bool)
     for own, operations in zip(out, upstream, strict=True):
         for o in operations:
@@ -125,7 +125,7 @@ def _with_shared(
     receivers: Sequence[Sequence[tuple[int, int]]],
     n_shared: int,
 ) -> npt.NDArray[np.bool_]:
-    """Whether each receiver (N, columns) is moved by what is in a column, shared unknowns being the last."""
+    """Say whether each receiver (N, columns) is moved by what is in a column, shared unknowns last."""
     out = np.pad(touched, ((0, 0), (0, n_shared)))
     own = np.repeat([len(branch.unknowns) for branch in branches], [len(own) for own in receivers])
     for row, first in zip(out, own, strict=True):

@@ -1,4 +1,4 @@
-"""How far a posed hand may be off in a frame: by what its receivers show and what the fit leaves open.
+"""Compute how far a posed hand may be off in a frame, from its receivers and what the fit leaves open.
 
 A frame's joint angles and the pose of its base bone, given the hand's unknowns, are normal about where they
 were posed, with the covariance that the receivers valid in that frame and the angles' priors leave. They move
@@ -17,20 +17,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from anatomy.known_digits import known_digits
-from schemas.layout import Digit
-from skeleton.joint_angles import joint_angles
-from skeleton.rotations import Array, about_axis, matrix, multiply
-from stages.fit_hand.building import bone
-from stages.fit_hand.compiled_equations import reduce
-from stages.fit_hand.facing import facing_nails, side_of
-from stages.fit_hand.fingertips import Fingertips, square_root
-from stages.fit_hand.normal_equations import Frames, Point
-from stages.fit_hand.operations import Branch, Index, cross
-from stages.fit_hand.posterior_summary import unshown_mm2
-from stages.fit_hand.receiver_frames import MIRROR, spread_frames
-from stages.fit_hand.replaying import PosedHand
-from stages.fit_hand.touching import SKIN_SD_MM
+from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.schemas.layout import Digit
+from shukotsu.skeleton.joint_angles import joint_angles
+from shukotsu.skeleton.rotations import Array, about_axis, matrix, multiply
+from shukotsu.stages.fit_hand.angle_bones import angle_bones, side_of
+from shukotsu.stages.fit_hand.chain_builder import bone
+from shukotsu.stages.fit_hand.compiled_equations import reduce
+from shukotsu.stages.fit_hand.fingertips import Fingertips, square_root
+from shukotsu.stages.fit_hand.fitted_motion import PosedHand
+from shukotsu.stages.fit_hand.normal_equations import Frames, Point
+from shukotsu.stages.fit_hand.operations import Branch, Index, cross
+from shukotsu.stages.fit_hand.posterior_summary import unshown_mm2
+from shukotsu.stages.fit_hand.receiver_frames import MIRROR, spread_frames
+from shukotsu.stages.fit_hand.touches import SKIN_SD_MM
 
 POSTURES = 96
 """Of a block of frames, for which the map is made; each set of valid receivers has one at least."""
@@ -82,7 +82,7 @@ class BoneErrors:
 
 @dataclass(frozen=True)
 class PosedErrors(BoneErrors):
-    """The same, and errors of what else is said of frames.
+    """Hold the same, and errors of what else is said of frames.
 
     tips_mm : (F, D, 2) in 3-D of the ends of bone and skin of known digits.
 
@@ -157,7 +157,7 @@ def posed_errors(
 
 
 def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
-    """How uncertain each joint's neutral is, (3,); of unknown anatomy angles count from no neutral."""
+    """Return the sd of each joint's neutral, (3,); of unknown anatomy angles count from no neutral."""
     known = {joint for digit in known_digits(tips.fit.evidence.layout) for joint in digit.joints}
     joints = tips.fit.evidence.layout.joints
     return {joint: NEUTRAL_SD_DEG if joint in known else np.zeros(3) for joint in joints}
@@ -337,7 +337,7 @@ def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _Branch
 
 
 def _spread_of(postures: Postures, frames: Frames) -> _Spread:
-    """How posed frames may be off. frames : the receivers' poses, of which those valid count.
+    """Compute how far posed frames may be off. frames : the receivers' poses, of which those valid count.
 
     Its numbers are those of the hand, then six of the root and one of each state.
     """
@@ -399,7 +399,7 @@ def _by_root(point: Point, arm_mm: Array) -> Array:
 def _by_turns(tips: Fingertips, posed: PosedHand) -> Iterator[tuple[str, tuple[int, int, Array]]]:
     """Joints of known anatomy that move, as in `Postures`."""
     layout, hand = tips.fit.evidence.layout, side_of(tips.fit)
-    facing, rests = facing_nails(tips.fit, posed)
+    facing, rests = angle_bones(tips.fit, posed)
     for digit in known_digits(layout):
         for parent, child, joint in zip(
             (digit.base, *digit.segments), digit.segments, digit.joints, strict=False

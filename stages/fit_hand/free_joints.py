@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.layout import Joint, Layout
-from skeleton.rotations import Array, nearest_rotation
-from stages.fit_hand.normal_equations import Frames, log_rotation
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.skeleton.rotations import Array, nearest_rotation
+from shukotsu.stages.fit_hand.normal_equations import Frames, log_rotation
 
 REACH_SD_MM = 200.0
 """Of a joint's centre about a receiver: segments of an arm are 250 to 350 mm long."""

@@ -1,4 +1,4 @@
-"""What one more measurement of a hand would gain, before anyone takes it.
+"""Compute what one more measurement of a hand would gain, before anyone takes it.
 
 The posterior's covariance after a linear observation does not depend on what is observed, only on how well:
 P - P H^T (H P H^T + R)^-1 H P. So every length and place that could be measured, and a touch of every
@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy.known_digits import root_of
-from skeleton.rotations import Array
-from stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
-from stages.fit_hand.measurements import MOUNT_PARTS, Measurement, observations
-from stages.fit_hand.posterior import Evidence, centre_by_unknowns, places_of
-from stages.fit_hand.posterior_summary import unshown_mm2
-from stages.fit_hand.touching import SKIN_SD_MM
+from shukotsu.anatomy.known_digits import root_of
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
+from shukotsu.stages.fit_hand.measurements import MOUNT_PARTS, Measurement, observations
+from shukotsu.stages.fit_hand.posterior import Evidence, centre_by_unknowns, places_of
+from shukotsu.stages.fit_hand.posterior_summary import unshown_mm2
+from shukotsu.stages.fit_hand.touches import SKIN_SD_MM
 
 MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
 """Of a calliper between two joints or a joint and a receiver; of a touch, per direction."""
@@ -30,7 +30,7 @@ TOUCH = "touch"
 
 @dataclass(frozen=True)
 class Gain:
-    """What measuring one thing to sd_mm would do to the 1-sigma errors of the joint centres.
+    """Hold what measuring one thing to sd_mm would do to the 1-sigma errors of the joint centres.
 
     quantity : as in `Measurement`, or a digit followed by .touch: its soft tip on a known point. mean_sd :
     over all joints between two receivers. joint : the one that gains most, before and after.
@@ -46,7 +46,7 @@ class Gain:
 
 
 def gains(tips: Fingertips) -> list[Gain]:
-    """Say what each bone's length, each receiver's place and each fingertip's touch would gain, best first.
+    """Compute the gain of each bone's length, each receiver's place and each fingertip's touch, best first.
 
     What starts at a CMC joint or the wrist counts as known to DEEP_SD_MM, what ends at the tip of a bone as
     less certain by the soft tip. Empty for a hand whose anatomy is not known.
@@ -73,7 +73,7 @@ def gains(tips: Fingertips) -> list[Gain]:
 
 
 def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
-    """What could be measured, how well, and as rows (K, 3, G + 6 D) in units of its sd; unused rows zero."""
+    """List what could be measured, how well, and its rows (K, 3, G + 6 D) in units of its sd."""
     evidence = tips.fit.evidence
     model = evidence.model
     quantities = [
@@ -95,7 +95,7 @@ def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
 
 
 def _realistic_sd_mm(evidence: Evidence, quantity: str) -> float:
-    """How well a quantity can be measured."""
+    """Return the sd with which a quantity can be measured."""
     segment, _, part = quantity.partition(".")
     first = {digit.segments[0] for digit in evidence.layout.digits.values()}
     last = {digit.tip for digit in evidence.layout.digits.values()}

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from schemas.catalogue import (
+from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
     BONE_POSES,
     BONE_TIP,
@@ -21,18 +21,19 @@ from schemas.catalogue import (
     RECEIVER_COSTS,
     RECEIVERS,
 )
-from schemas.parts import PartsWriter, parts_writer
-from schemas.poses import Poses, RecordingName
-from schemas.tables import Provenance, Table, vector_columns
-from schemas.verdict import UNJUDGED, noted
-from stages.fit_hand.fingertips import Fingertips
-from stages.fit_hand.fit import HandFit
-from stages.fit_hand.gains import gains
-from stages.fit_hand.left_out import Unsteady
-from stages.fit_hand.loose_receivers import LooseReceiver
-from stages.fit_hand.measurements import MOUNT_PARTS
-from stages.fit_hand.posterior_summary import FittedJoint
-from stages.fit_hand.receiver_costs import receiver_costs
+from shukotsu.schemas.parts import PartsWriter, parts_writer
+from shukotsu.schemas.poses import Poses, RecordingName
+from shukotsu.schemas.tables import Provenance, Table, vector_columns
+from shukotsu.schemas.verdict import UNJUDGED, noted
+from shukotsu.sentences.messages import joined, message_of
+from shukotsu.stages.fit_hand.fingertips import Fingertips
+from shukotsu.stages.fit_hand.fit import HandFit
+from shukotsu.stages.fit_hand.gains import gains
+from shukotsu.stages.fit_hand.left_out import Unsteady
+from shukotsu.stages.fit_hand.loose_receivers import LooseReceiver
+from shukotsu.stages.fit_hand.measurements import MOUNT_PARTS
+from shukotsu.stages.fit_hand.posterior_summary import FittedJoint
+from shukotsu.stages.fit_hand.receiver_costs import receiver_costs
 
 SOURCE = "fit of the whole hand"
 STEP, SLIDE, FIELD = "step", "slide", "field"
@@ -52,13 +53,8 @@ FIT: Mapping[str, Table] = {
 }
 """File to table, of a fit of the whole hand."""
 
-PRIOR: Mapping[str, Table] = {
-    "prior_joints": JOINT_CENTRES,
-    "prior_bones": BONE_LENGTHS,
-    "prior_bone_poses": BONE_POSES,
-    "prior_posed_tips": POSED_TIPS,
-}
-"""The same of the hand that anatomy expects."""
+_UNWEIGHED = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg"))
+"""Errors of the hand that anatomy expects: none are stated, as nothing was weighed."""
 
 
 @contextmanager
@@ -73,12 +69,16 @@ def open_tables(
         }
 
 
-def joint_rows(fit: HandFit) -> list[Row]:
-    """Rows of joint_centres: joints between two receivers, those that lack one, those under the palm, and
-    fixed centres.
+def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
+    """Give rows of joint_centres: joints between two receivers, those that lack one, those under the palm,
+    and fixed centres.
+
+    weighed : whether the data had a say.
     """
     groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
-    return [_joint_row(joint) for group in groups for joint in group.values()]
+    rows = [_joint_row(joint) for group in groups for joint in group.values()]
+    anatomy_alone = {"source": "anatomy alone", "status": "ok", "message": "", **_UNWEIGHED}
+    return rows if weighed else [row | anatomy_alone for row in rows]
 
 
 def _joint_row(joint: FittedJoint) -> Row:
@@ -106,8 +106,8 @@ def _joint_row(joint: FittedJoint) -> Row:
     return row
 
 
-def bone_rows(fit: HandFit) -> list[Row]:
-    """Rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
+def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
+    """Give rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
     return [
         {
             "digit": digit.name,
@@ -115,7 +115,7 @@ def bone_rows(fit: HandFit) -> list[Row]:
             "starts_at": digit.joints[index],
             "ends_at": (*digit.joints, BONE_TIP)[index + 1],
             "length_mm": fit.bones[segment].length_mm,
-            "sd_mm": fit.bones[segment].sd_mm,
+            "sd_mm": fit.bones[segment].sd_mm if weighed else None,
             "driven_by": "",
             **UNJUDGED,
             "message": "",
@@ -148,13 +148,13 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
             row[f"{name}_mm"], row[f"{name}_sd_mm"] = fit.evidence.posterior.of_amount(amount)
         row |= {"loose_kind": "", "loose_task": "", "left_out_share": 0.0, "status": "ok", "message": ""}
         if not np.isfinite(residual_mm):
-            row |= {"status": "failed", "message": "no valid pose in the calibration"}
+            row |= {"status": "failed", "message": message_of("no-pose")}
         row |= displaced.get(segment, {})
         digit = digit_of.get(segment)
         if digit is not None:
             row |= _tip_columns(tips, digit)
             refused = [text for text in tips.refused if f"({digit}, " in text or f" and {digit})" in text]
-            row["message"] = "; ".join(filter(None, [row["message"], *refused]))
+            row["message"] = joined([row["message"], *refused])
         rows.append(row)
     return rows
 
@@ -201,31 +201,32 @@ def _title(name: RecordingName) -> str:
 
 
 def _loose_sentence(row: Row, receiver: LooseReceiver) -> str:
-    """What a receiver did that came loose or slid, from its row."""
-    where, mm, deg = row["loose_task"], f"{row['loose_shift_mm']:.1f}", f"{row['loose_turn_deg']:.0f}"
+    """Describe, from its row, a receiver that came loose or slid."""
     when, until = (
-        f"{moment.time_s:.1f} s" if np.isfinite(moment.time_s) else f"frame {moment.frame}"
+        message_of("moment", time_s=moment.time_s)
+        if np.isfinite(moment.time_s)
+        else message_of("moment-frame", frame=moment.frame)
         for moment in (receiver.start, receiver.end)
     )
+    moved = {"mm": row["loose_shift_mm"], "deg": row["loose_turn_deg"]}
     if receiver.slid:
-        did = f"slid in {where} between {when} and {until}: it moved {mm} mm and turned {deg} deg on its bone"
+        did = message_of("slid", recording=row["loose_task"], moment=when, moment_2=until, **moved)
     else:
-        did = f"came loose in {where} at {when}: it moved {mm} mm and turned {deg} deg on its bone"
-    return f"{did}; {_left_out(row)}"
+        did = message_of("came-loose", recording=row["loose_task"], moment=when, **moved)
+    return joined([did, _left_out(row)])
 
 
 def _field_sentence(row: Row) -> str:
-    """What a disturbed field did to a receiver, from its row."""
-    place = ", ".join(f"{row[f'field_{axis}_mm']:.0f}" for axis in "xyz")
-    mm, deg = f"{row['loose_shift_mm']:.1f}", f"{row['loose_turn_deg']:.0f}"
-    did = f"the field is disturbed near ({place}) mm, as by metal: there it is off by {mm} mm and {deg} deg"
-    return f"{did}; {_left_out(row)}"
+    """Describe a receiver in a disturbed field, from its row."""
+    place = {axis: row[f"field_{axis}_mm"] for axis in "xyz"}
+    did = message_of("in-disturbed-field", mm=row["loose_shift_mm"], deg=row["loose_turn_deg"], **place)
+    return joined([did, _left_out(row)])
 
 
 def _left_out(row: Row) -> str:
     if row["left_out_share"]:
-        return f"{100 * row['left_out_share']:.0f} % of its frames were left out"
-    return "all of its frames were used, as no joint centre is the worse for it"
+        return message_of("left-out-share", percent=100 * row["left_out_share"])
+    return message_of("all-used")
 
 
 def _tip_columns(tips: Fingertips, digit: str) -> Row:

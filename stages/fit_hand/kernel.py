@@ -1,8 +1,8 @@
 """Compiled loops over frames: chains, residuals, their derivatives, and the elimination of states and roots.
 
 Every array has its frames last, so that the inner loops run over neighbours in memory and become vector
-instructions. What is computed is in `operations` and `normal_equations`, frame by frame in NumPy; names are
-theirs. m : rows of a branch's residuals, six of each receiver; columns of derivatives : root, then unknowns.
+instructions. Names are those of `operations` and `normal_equations`, which say what is computed. m : rows of
+a branch's residuals, six of each receiver; columns of derivatives : root, then unknowns.
 
 Numba keeps compiled code until this file changes, so constants and types that it reads are defined here.
 """
@@ -17,8 +17,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array
-from stages.fit_hand.operations import Index
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.operations import Index
 
 ROTATE, TRANSLATE, MOVE, MARK, LEAVE, RETURN = range(6)
 """Kinds of a plan's steps."""
@@ -93,7 +93,7 @@ class FlatChains(NamedTuple):
 
 
 class Amounts(NamedTuple):
-    """What operations amount to: steady (O,) and so much of the state of each term more (K,)."""
+    """Hold what operations amount to: steady (O,) and so much of the state of each term more (K,)."""
 
     steady: Array
     slope: Array
@@ -121,8 +121,8 @@ class Measured(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Of the states: mean (S,), precision (B, most s, most s) branch by branch. Of residuals: their temper,
-    and the norm beyond which they count less.
+    """Hold, of the states: mean (S,), precision (B, most s, most s) branch by branch. Of residuals: their
+    temper, and the norm beyond which they count less.
     """
 
     mean: Array
@@ -132,7 +132,7 @@ class Prior(NamedTuple):
 
 
 class Reached(NamedTuple):
-    """Where chains reach: axis, origin_mm (O, 3, F), rotation (M, 3, 3, F), position_mm (M, 3, F)."""
+    """Hold where chains reach: axis, origin_mm (O, 3, F), rotation (M, 3, 3, F), position_mm (M, 3, F)."""
 
     axis: Array
     origin_mm: Array
@@ -344,7 +344,7 @@ def residuals(
 def _to_residuals(
     seen: Array, valid: npt.NDArray[np.bool_], r: Array, weight: Array, sd: Array, temper: float
 ) -> tuple[Array, Array]:
-    """What takes a receiver's velocity and angular velocity to its weighted residuals, (3, 3, F) each."""
+    """Map a receiver's velocity and angular velocity to its weighted residuals, (3, 3, F) each."""
     n = len(weight)
     by_velocity, by_turn = np.empty((3, 3, n)), np.empty((3, 3, n))
     J = np.empty((3, 3))
@@ -737,8 +737,8 @@ def condensed(chains: FlatChains, amounts: Amounts) -> Plan:
 
 
 class Room(NamedTuple):
-    """Where a block of frames is posed: the point that is tried and what `reach` and `residuals` find; one
-    branch's J_y and J; all branches' inverse (B, most s, most s, F), by_rest (B, 6, most s, F) and rhs
+    """Hold where a block of frames is posed: the point that is tried and what `reach` and `residuals` find;
+    one branch's J_y and J; all branches' inverse (B, most s, most s, F), by_rest (B, 6, most s, F) and rhs
     (B, most s, F) of `Eliminated`; H_rr, g_r, root_inverse and root_rhs of roots; d_root (6, F), their step.
     """
 

@@ -1,4 +1,4 @@
-"""What is left out of a calibration since receivers were displaced in it: only what makes centres worse."""
+"""Leave out of a calibration where receivers were displaced in it: only what makes centres worse."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from schemas.poses import Poses, RecordingName
-from skeleton.rotations import Array
-from stages.fit_hand.field_test import Field
-from stages.fit_hand.fit import HandFit
-from stages.fit_hand.loose_receivers import Displaced, LooseReceiver, Moment, recording_of_rows
-from stages.fit_hand.operations import Index
-from stages.fit_hand.receiver_frames import concatenated
+from shukotsu.schemas.poses import Poses, RecordingName
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.field_test import Field
+from shukotsu.stages.fit_hand.fit import HandFit
+from shukotsu.stages.fit_hand.loose_receivers import Displaced, LooseReceiver, Moment, recording_of_rows
+from shukotsu.stages.fit_hand.operations import Index
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
 
 SAME_PLACE = (1.5, float(np.radians(3.0)))
 """mm and rad within which a receiver still sits where it sat, as skin goes."""
@@ -35,8 +35,9 @@ _REFERENCES = 60
 
 @dataclass(frozen=True)
 class Unsteady:
-    """What was displaced in the calibration's recordings, by number; the largest error (6,), mm and rad, of a
-    disturbed field at each receiver in it; share of each receiver's frames that was left out, where any was.
+    """Hold what was displaced in the calibration's recordings, by number; the largest error (6,), mm and rad,
+    of a disturbed field at each receiver in it; share of each receiver's frames that was left out, where any
+    was.
     """
 
     recordings: Sequence[RecordingName]
@@ -72,7 +73,7 @@ def share_left_out(before: Sequence[Poses], after: Sequence[Poses]) -> dict[str,
 
 
 def is_elsewhere(before: HandFit, after: HandFit) -> bool:
-    """Whether a joint's centre moved by more than its sd, in either receiver's frame."""
+    """Say whether a joint's centre moved by more than its sd, in either receiver's frame."""
     for name, joint in before.joints.items():
         other = after.joints.get(name)
         if other is None:
@@ -108,7 +109,7 @@ def _errors(fit: HandFit, recordings: Sequence[Poses], field: Field) -> Array:
 
 
 def _way(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> Array:
-    """How far (T, 6) a receiver sits from its first place in every row of all recordings."""
+    """Return how far (T, 6) a receiver sits from its first place in every row of all recordings."""
     first_row = np.cumsum([0, *(len(poses.frame) for poses in recordings)])
     row = np.arange(first_row[-1])
     way = np.zeros((len(row), 6))

@@ -13,20 +13,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anatomy.known_digits import known_digits, root_of
-from schemas.poses import Poses
-from skeleton.rotations import Array, exp_rotation
-from stages.fit_hand.chain import HandModel
-from stages.fit_hand.compiled_equations import pose, residuals
-from stages.fit_hand.displacement_test import Displacement, ScoreTest
-from stages.fit_hand.empirical_bayes import FAMILIES
-from stages.fit_hand.field_test import LEAST_FIELD_GAIN, Field, likeliest_field
-from stages.fit_hand.fit import HandFit
-from stages.fit_hand.normal_equations import Frames, Point, Problem, Residuals
-from stages.fit_hand.operations import Index
-from stages.fit_hand.posterior import Evidence
-from stages.fit_hand.receiver_frames import concatenated
-from stages.fit_hand.solving import NEARLY, first_guess, solve
+from shukotsu.anatomy.known_digits import known_digits, root_of
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array, exp_rotation
+from shukotsu.stages.fit_hand.chain import HandModel
+from shukotsu.stages.fit_hand.compiled_equations import pose, residuals
+from shukotsu.stages.fit_hand.displacement_test import Displacement, ScoreTest
+from shukotsu.stages.fit_hand.empirical_bayes import FAMILIES
+from shukotsu.stages.fit_hand.field_test import LEAST_FIELD_GAIN, Field, likeliest_field
+from shukotsu.stages.fit_hand.fit import HandFit
+from shukotsu.stages.fit_hand.gauss_newton import NEARLY, first_guess, solve
+from shukotsu.stages.fit_hand.normal_equations import Frames, Point, Problem, Residuals
+from shukotsu.stages.fit_hand.operations import Index
+from shukotsu.stages.fit_hand.posterior import Evidence
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
 
 EVEN_FRAMES = 120
 """Evenly spaced over all recordings, several for each independent sample."""
@@ -85,17 +85,17 @@ class LooseReceiver:
 
     @property
     def slid(self) -> bool:
-        """Whether it went slowly."""
+        """Say whether it went slowly."""
         return (self.end.recording, self.end.frame) != (self.start.recording, self.start.frame)
 
     @property
     def shift_mm(self) -> float:
-        """How far its origin moved on the bone."""
+        """Return how far its origin moved on the bone."""
         return float(np.linalg.norm(self.step[:3]))
 
     @property
     def turn_deg(self) -> float:
-        """How far it turned."""
+        """Return how far it turned."""
         return float(np.degrees(np.linalg.norm(self.step[3:])))
 
 
@@ -188,7 +188,7 @@ class Tested:
 
 
 def recording_of_rows(recordings: Sequence[Poses]) -> Index:
-    """Which recording each frame (T,) of all of them, one after the other, is of."""
+    """Say which recording each frame (T,) of all of them, one after the other, is of."""
     return np.repeat(np.arange(len(recordings)), [len(poses.frame) for poses in recordings])
 
 
@@ -224,7 +224,7 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
 def _uncovered(
     problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Tested
 ) -> tuple[Point, list[Displacement]]:
-    """Where to begin and what is displaced there, if that is likelier than nothing being displaced.
+    """Choose where to begin and what is displaced there, if that is likelier than nothing being displaced.
 
     skinless : the problem without skin, in which it is looked for. A fit can cover a loose receiver up: joint
     angles jump with it, as far as they must for skin in proportion to them to make up for it, and no residual

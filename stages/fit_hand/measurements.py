@@ -1,4 +1,4 @@
-"""What was measured on the hand itself: bones with a calliper, receivers against the joints."""
+"""Use measurements on the hand itself: bones with a calliper, receivers against the joints."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy import average_hand as prior
-from anatomy.known_digits import known_digits, root_of
-from schemas.errors import InputError
-from schemas.layout import Joint, Layout
-from stages.fit_hand.building import Amount
-from stages.fit_hand.chain import HandModel
-from stages.fit_hand.normal_equations import Frames, Observations
-from stages.fit_hand.receiver_frames import Convention
+from shukotsu.anatomy import average_hand as prior
+from shukotsu.anatomy.known_digits import known_digits, root_of
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.stages.fit_hand.chain import HandModel
+from shukotsu.stages.fit_hand.chain_builder import Amount
+from shukotsu.stages.fit_hand.normal_equations import Frames, Observations
+from shukotsu.stages.fit_hand.receiver_frames import Convention
 
 PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
 """Of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
@@ -69,13 +69,13 @@ def planes(model: HandModel, layout: Layout, convention: Convention, frames: Fra
     frame are left out: they are not a hinge's own.
     """
     rows, values, n_unknowns = [], [], len(model.unknowns.names)
-    for name, seat in model.seats.items():
+    for name, centre in model.centres_in_child.items():
         joint = layout.joints[name]
         if joint.dof != 1 or joint.plane.frame != "child":
             continue
         own = np.array(joint.plane.normal) / np.linalg.norm(joint.plane.normal)
         normal = own @ convention.point_matrix(joint.child)
-        row = sum(along * amount.row(n_unknowns) for amount, along in zip(seat, normal, strict=True))
+        row = sum(along * amount.row(n_unknowns) for amount, along in zip(centre, normal, strict=True))
         sd_mm = np.hypot(PLANE_SD_MM, PLANE_SD_RAD * _distance_mm(model, joint, frames))
         rows.append(row / sd_mm)
         values.append(float(own @ joint.plane.point_mm) / sd_mm)
@@ -83,7 +83,9 @@ def planes(model: HandModel, layout: Layout, convention: Convention, frames: Fra
 
 
 def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
-    """Of a hinge's axis from its child's receiver, at first sight: Eq. 4 with what is not seen left out."""
+    """Give the distance of a hinge's axis from its child's receiver, at first sight: Eq. 4 with what is not
+    seen left out.
+    """
     parent, child = (model.receivers.index(name) for name in (joint.parent_receiver, joint.child))
     both = frames.valid[:, parent] & frames.valid[:, child]
     back = frames.rotation[both, child].swapaxes(-1, -2)

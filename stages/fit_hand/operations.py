@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 Index = npt.NDArray[np.int64]
 NOTHING: Array = np.empty(0)
@@ -83,7 +83,7 @@ class Branch:
     """A chain of steps from the root with its side branches, ready to be evaluated.
 
     marks : names in order. unknowns : indices into x, states : indices into y, of those that occur.
-    moving : operations that depend on the states. plan : what is done in turn, with the number of the
+    plan : what is done in turn, with the number of the
     operation or mark, and its constant. upstream : (M, O) which operations a mark follows.
     """
 
@@ -157,7 +157,6 @@ class Branch:
         self._product = np.array([p[3] for p in products])
         self._moves = np.any(self._by_state != 0, axis=1)
         self._moves[self._product_at[:, 0]] = True
-        self.moving: Index = np.flatnonzero(self._moves)
         select = np.zeros((len(products), len(self.unknowns)))
         select[np.arange(len(products)), self._product_at[:, 1]] = self._product
         self._by_unknown_and_product = np.concatenate([self._by_unknown, select])
@@ -218,20 +217,18 @@ class Branch:
                 turning[operation] = own
         return turning
 
-    def by_operation(self, reached: Reached, marks: Sequence[int], which: Index | None = None) -> Array:
-        """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation.
-
-        which : operations to give; all where None.
-        """
-        chosen = np.arange(len(self._rotates)) if which is None else which
-        out = np.zeros((len(marks), reached.axis.shape[1], 6, len(chosen)))
+    def by_operation(self, reached: Reached, marks: Sequence[int]) -> Array:
+        """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation."""
+        out = np.zeros((len(marks), reached.axis.shape[1], 6, len(self._rotates)))
         for i, mark in enumerate(marks):
-            before = self.upstream[mark, chosen]
-            turning, sliding = before & self._rotates[chosen], before & ~self._rotates[chosen]
-            axis, origin_mm = reached.axis[chosen[turning]], reached.origin_mm[chosen[turning]]
+            turning, sliding = (
+                self.upstream[mark] & self._rotates,
+                self.upstream[mark] & ~self._rotates,
+            )
+            axis, origin_mm = reached.axis[turning], reached.origin_mm[turning]
             out[i, :, :3, turning] = cross(axis, reached.position_mm[mark] - origin_mm)
             out[i, :, 3:, turning] = axis
-            out[i, :, :3, sliding] = reached.axis[chosen[sliding]]
+            out[i, :, :3, sliding] = reached.axis[sliding]
         return out
 
     def by_unknown(self, by_operation: Array, y: Array) -> Array:

@@ -9,19 +9,20 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from anatomy.known_digits import known_digits
-from schemas.layout import Digit, Layout
-from schemas.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
-from skeleton.joint_angles import angles_of_hand
-from skeleton.rotations import Array, rotate
-from stages.fit_hand.building import KINDS
-from stages.fit_hand.facing import facing_nails, side_of
-from stages.fit_hand.fingertips import BONE, TIP, Fingertips
-from stages.fit_hand.fit import HandFit
-from stages.fit_hand.frame_uncertainty import PosedErrors, posed_errors
-from stages.fit_hand.operations import Index
-from stages.fit_hand.receiver_frames import MIRROR
-from stages.fit_hand.replaying import PosedHand, pose_hand
+from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.schemas.layout import Digit, Layout
+from shukotsu.schemas.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
+from shukotsu.skeleton.joint_angles import angles_of_hand
+from shukotsu.skeleton.rotations import Array, rotate
+from shukotsu.stages.fit_hand.angle_bones import angle_bones, side_of
+from shukotsu.stages.fit_hand.calibration import REFERENCE_FRAMES, read_thinned
+from shukotsu.stages.fit_hand.chain_builder import KINDS
+from shukotsu.stages.fit_hand.fingertips import BONE, TIP, Fingertips
+from shukotsu.stages.fit_hand.fit import HandFit
+from shukotsu.stages.fit_hand.fitted_motion import PosedHand, pose_hand
+from shukotsu.stages.fit_hand.frame_uncertainty import PosedErrors, posed_errors
+from shukotsu.stages.fit_hand.operations import Index
+from shukotsu.stages.fit_hand.receiver_frames import MIRROR
 
 BLOCK_FRAMES = 1 << 14
 LEFT_OUT_FRAMES = 512
@@ -63,11 +64,24 @@ def posed_blocks(tips: Fingertips, path: Path) -> Iterator[dict[str, Columns]]:
         first += len(poses.frame)
 
 
+def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
+    """Pose a few frames of a recording with the hand that anatomy expects, which states no error; give
+    columns of bone_poses and posed_tips.
+    """
+    fit, name = tips.fit, recording_name(path)
+    poses = read_thinned(path, fit.evidence.layout.measured, REFERENCE_FRAMES)
+    posed, every = pose_hand(fit, poses), np.arange(len(poses.frame))
+    return {
+        "bone_poses": bone_columns(name, posed, poses),
+        "posed_tips": tip_columns(name, fit, posed, poses, every, posed_ends_mm(tips, posed)),
+    }
+
+
 def angle_columns(
     name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
 ) -> Columns:
     """Columns of joint_angles for the frames of poses, joint after joint; errors : where they are known."""
-    layout, (bones, rests) = fit.evidence.layout, facing_nails(fit, posed)
+    layout, (bones, rests) = fit.evidence.layout, angle_bones(fit, posed)
     angles = _turns_deg(posed, layout)
     angles |= angles_of_hand(posed.bones, bones, bones[:, 0], layout, side_of(fit), rests)
     unknown = np.full((len(poses.frame), 3), np.nan)

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.layout import Joint, Layout
-from skeleton.rotations import Array
-from stages.fit_hand.building import Amount, receiver
-from stages.fit_hand.chain import HandModel
-from stages.fit_hand.normal_equations import Point, Problem, Reduced, states_by_unknowns
-from stages.fit_hand.operations import cross
-from stages.fit_hand.receiver_frames import Convention
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.chain import HandModel
+from shukotsu.stages.fit_hand.chain_builder import Amount, receiver
+from shukotsu.stages.fit_hand.normal_equations import Point, Problem, Reduced, states_by_unknowns
+from shukotsu.stages.fit_hand.operations import cross
+from shukotsu.stages.fit_hand.receiver_frames import Convention
 
 
 @dataclass(frozen=True)

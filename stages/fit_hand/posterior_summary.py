@@ -1,4 +1,4 @@
-"""What a fitted hand says: joint centres, axes, bones and the wrist, each with its uncertainty."""
+"""Summarise a fitted hand: joint centres, axes, bones and the wrist, each with its uncertainty."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy import average_hand as prior
-from schemas.layout import Joint
-from schemas.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSETTLED, Doubts, Values
-from skeleton.angle_range import angle_range, flattening
-from skeleton.rotations import Array, cross_matrix
-from stages.fit_hand.building import KINDS, axis_frame, receiver
-from stages.fit_hand.posterior import Evidence, Place, centre_by_unknowns, places_of
+from shukotsu.anatomy import average_hand as prior
+from shukotsu.schemas.layout import Joint
+from shukotsu.schemas.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSETTLED, Doubts, Values
+from shukotsu.sentences.messages import message_of
+from shukotsu.skeleton.angle_range import angle_range, flattening
+from shukotsu.skeleton.rotations import Array, cross_matrix
+from shukotsu.stages.fit_hand.chain_builder import KINDS, axis_frame, receiver
+from shukotsu.stages.fit_hand.posterior import Evidence, Place, centre_by_unknowns, places_of
 
 STRANGE_SD = 5.0
 """A hand so far from the usual is rather wrong units, swapped receivers, or a receiver far off its bone."""
@@ -30,7 +31,7 @@ class FittedJoint:
     covariance_mm2 : (6, 6) of both. axis_parent, axis_child : (3,) unit flexion axis there; axis_sd_deg : its
     1-sigma direction error. range_deg : of flexion over the frames
     fitted. gap_rms_mm : of the centre in the recording. doubts : what is known against it beside its numbers
-    (schemas.verdict). message : why no receiver carries it; empty where one does.
+    (shukotsu.schemas.verdict). message : why no receiver carries it; empty where one does.
     """
 
     name: str
@@ -151,10 +152,6 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
     range_deg = angle_range(np.degrees(flexion), flattening(flexion))
     doubts, sides = _doubts(joint, evidence), (joint.parent_receiver, joint.child)
     unworn = doubts.get(ONE_RECEIVER, {}).get("segments", [])
-    nowhere = (
-        f"no receiver on {' or '.join(unworn)}: no worn receiver carries the centre; what is known is in "
-        "bone_lengths and bone_poses"
-    )
     return FittedJoint(
         name=joint.name,
         parent_segment="" if sides[0] in unworn else sides[0],
@@ -169,7 +166,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         range_deg=range_deg,
         gap_rms_mm=_gap_rms_mm(joint, evidence, points),
         doubts=doubts,
-        message=nowhere if len(unworn) == len(sides) else "",
+        message=message_of("nowhere", segments=unworn) if len(unworn) == len(sides) else "",
     )
 
 
@@ -222,7 +219,7 @@ def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -
 
 
 def _doubts(joint: Joint, evidence: Evidence) -> dict[str, Values]:
-    """What is known against a joint's centre beside its numbers, by kind; of the whole hand first."""
+    """List the doubts about a joint's centre beside its numbers, by kind; of the whole hand first."""
     off = np.abs(evidence.posterior.x) * np.sqrt(evidence.problem.precision)
     strangest, receivers = int(np.argmax(off)), evidence.model.receivers
     sides = (joint.parent_receiver, joint.child)

@@ -1,4 +1,5 @@
-"""What each receiver left out of a task would cost, and each smaller layout that ships, before anyone tries.
+"""Compute the cost of each receiver left out of a task, and of each smaller layout that ships, before anyone
+tries.
 
 How well receivers place a hand in a posture follows from where they sit and what the fit leaves open,
 whatever they would have measured. So postures of a task are taken as posed, receivers where the hand then has
@@ -12,19 +13,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.config_files import shipped
-from schemas.layout import Layout, read_layout
-from schemas.poses import Poses
-from skeleton.rotations import Array
-from stages.fit_hand.fingertips import Fingertips
-from stages.fit_hand.frame_uncertainty import (
+from shukotsu.schemas.config_files import shipped
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.fit_hand.fingertips import Fingertips
+from shukotsu.stages.fit_hand.fitted_motion import pose_hand
+from shukotsu.stages.fit_hand.frame_uncertainty import (
     BoneErrors,
     Postures,
     errors_with,
     measured_as_posed,
     posed_frames,
 )
-from stages.fit_hand.replaying import pose_hand
 
 FRAMES = 24
 """Of a task, evenly spaced: as many postures as an opposition with every finger has phases, and some."""
@@ -52,7 +53,7 @@ class ReceiverCost:
 
 
 def receiver_costs(tips: Fingertips, task: Poses) -> list[ReceiverCost]:
-    """Say what each receiver of the calibration, left out of a task, would cost: first none, then the dearest
+    """Compute the cost of each receiver of the calibration left out of a task: first none, then the dearest
     first, then layouts that ship by their number of receivers. Empty for a hand whose anatomy is not known.
 
     task : some FRAMES frames of it.

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.layout import Layout
-from schemas.poses import Poses
-from skeleton.rotations import Array, matrix
-from stages.fit_hand.normal_equations import Frames
-from stages.fit_hand.operations import Index
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.stages.fit_hand.normal_equations import Frames
+from shukotsu.stages.fit_hand.operations import Index
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 
@@ -21,7 +21,7 @@ MOST_CANDIDATES = 1500
 
 @dataclass(frozen=True)
 class Convention:
-    """How receivers' own frames become x distal, z dorsal of a right hand, and back.
+    """Hold how receivers' own frames become x distal, z dorsal of a right hand, and back.
 
     axes : (S, 3, 3) columns distal, lateral (z x x) and dorsal in the receiver's own frame; left : whether
     the hand is a left one, which is fitted as its mirror image.

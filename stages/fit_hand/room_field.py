@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy import average_hand as prior
-from skeleton.rotations import Array, exp_rotation
-from stages.fit_hand.building import Unknowns
-from stages.fit_hand.operations import Index
+from shukotsu.anatomy import average_hand as prior
+from shukotsu.skeleton.rotations import Array, exp_rotation
+from shukotsu.stages.fit_hand.chain_builder import Unknowns
+from shukotsu.stages.fit_hand.operations import Index
 
 _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
 """Times the median distance from the middle beyond which a place is none of the hand's: a flip, a spike."""
@@ -52,7 +52,7 @@ class RoomField:
         return out
 
     def turn(self, position_mm: Array, x: Array) -> Array:
-        """How the field turns what is measured at places (..., 3): rotations (..., 3, 3); x : (G,)."""
+        """Return the field's rotations (..., 3, 3) of what is measured at places (..., 3); x : (G,)."""
         return exp_rotation(self.by_unknown(position_mm) @ x[self.unknowns])
 
     def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from stages import command_line
+from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -24,9 +24,9 @@ def build_parser() -> argparse.ArgumentParser:
 
 def gather(arguments: argparse.Namespace) -> None:
     """Read what the hands wrote, write the study's tables."""
-    from schemas.results import Results
-    from schemas.study import read_study
-    from stages.gather.study_tables import gather_study
+    from shukotsu.schemas.results import Results
+    from shukotsu.schemas.study import read_study
+    from shukotsu.stages.gather.study_tables import gather_study
 
     gather_study(read_study(arguments.study), Results(arguments.results))
 

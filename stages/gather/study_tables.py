@@ -10,8 +10,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import yaml
 
-from schemas import PROGRAM, VERSION
-from schemas.catalogue import (
+from shukotsu.errors import INTERNAL
+from shukotsu.files.whole_files import write_text
+from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.schemas.catalogue import (
     FINDINGS,
     JOINT_CENTRES,
     JOINT_SOLUTIONS,
@@ -20,19 +22,26 @@ from schemas.catalogue import (
     RECORDINGS,
     TABLES,
 )
-from schemas.config_files import read_config
-from schemas.errors import INTERNAL
-from schemas.files import write_text
-from schemas.findings import NOTE, REFUSED, STAGE, Finding, problem_of, problem_row, same_file, worded
-from schemas.layout import read_layout
-from schemas.movement_tables import CLOCKS
-from schemas.parts import part_metadata
-from schemas.plan import SubjectPlan, read_plan
-from schemas.recording_summary import recording_row
-from schemas.results import GATHERED_TABLES, Results
-from schemas.sheets import CORRECTIONS, read_sheet
-from schemas.study import Recording, Study, SubjectSession, correction_problems, unmatched_rows
-from schemas.tables import (
+from shukotsu.schemas.config_files import REFERENCE, read_config
+from shukotsu.schemas.findings import (
+    NOTE,
+    REFUSED,
+    STAGE,
+    Finding,
+    problem_of,
+    problem_row,
+    same_file,
+    worded,
+)
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.movement_tables import CLOCKS
+from shukotsu.schemas.parts import part_metadata
+from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.recording_summary import recording_row
+from shukotsu.schemas.results import GATHERED_TABLES, Results
+from shukotsu.schemas.sheets import CORRECTIONS, read_sheet
+from shukotsu.schemas.study import Recording, Study, SubjectSession, correction_problems, unmatched_rows
+from shukotsu.schemas.tables import (
     Provenance,
     Table,
     columns_from_rows,
@@ -134,7 +143,6 @@ def _whole_skeletons(file: Path, table: Table) -> pa.Table:
 _WRITTEN_BEFORE = (
     (JOINT_SOLUTIONS, "joint_solutions", "solve_joints"),
     (JOINT_CENTRES, "projected_joints", "project_planes"),
-    (JOINT_CENTRES, "prior_joints", "fit_prior"),
     (RECEIVERS, RECEIVERS.name, "fit_hand"),
 )
 """Tables of stages whose failures others pass on, by form and file, and the rule that writes each."""
@@ -142,8 +150,10 @@ _WRITTEN_BEFORE = (
 
 def _bugs(plan: SubjectPlan) -> Iterator[Row]:
     """Name bugs with the stage that they are in, before others pass them on as their own failures."""
+    references = [plan.fit_table(hand, REFERENCE, RECEIVERS.name) for hand in plan.hands]
     for table, name, stage in _WRITTEN_BEFORE:
-        for file in filter(Path.is_file, plan.files_of(name)):
+        files = plan.files_of(name) + (references if name == RECEIVERS.name else [])
+        for file in filter(Path.is_file, files):
             problems = _part_problems(plan, file, table, stage)
             yield from (row for row in problems if row["message"].startswith(INTERNAL))
 
@@ -195,7 +205,7 @@ def _hand_of(row: Row) -> dict[str, str]:
 
 
 def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
-    """What a disturbed field did to the receivers in it, from their rows."""
+    """Summarise a disturbed field's effect on the receivers in it, from their rows."""
     mm, deg, share = (
         max(row[name] for row in rows) for name in ("loose_shift_mm", "loose_turn_deg", "left_out_share")
     )

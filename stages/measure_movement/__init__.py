@@ -1,1 +1,1 @@
-"""What a recording shows of movement: ranges of motion, speeds, cycles, and the ways of the fingertips."""
+"""Measure movement in a recording: ranges of motion, speeds, cycles, and the ways of the fingertips."""

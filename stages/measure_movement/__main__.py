@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
-    from schemas.parts import Part, PartsWriter
-    from schemas.plan import SubjectPlan
-    from schemas.study import Recording
-    from stages.measure_movement.cycles import Cycle
+    from shukotsu.schemas.parts import Part, PartsWriter
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.schemas.study import Recording
+    from shukotsu.stages.measure_movement.cycles import Cycle
 
     Cycles = Mapping[Recording, Sequence[Sequence[Cycle]]]
     """Of each recording the cycles of each event."""
@@ -28,9 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
         "those that only calibrate, ranges.",
         "shukotsu stage measure_movement --plan results/demo/sub-01/plan.json --out results/demo/sub-01",
     )
-    parser.add_argument(
-        "--plan", type=Path, required=True, help="the subject's plan, whose folder holds its tables"
-    )
+    subject_stage.add_plan(parser, "the subject's plan, whose folder holds its tables", required=True)
     parser.add_argument("--events", type=Path, help="the subject's events table (default: no cycles)")
     parser.add_argument("--out", type=Path, required=True, help="folder of the tables to write")
     return parser
@@ -40,17 +38,17 @@ def measure(arguments: argparse.Namespace) -> None:
     """Measure every recording under every whole skeleton, write the tables."""
     from contextlib import ExitStack
 
-    from schemas.catalogue import TABLES as CATALOGUE
-    from schemas.parts import parts_writer
-    from schemas.plan import read_plan
-    from schemas.results import MEASURED_TABLES
-    from stages.measure_movement.events import cycles_of
+    from shukotsu.schemas.catalogue import TABLES as CATALOGUE
+    from shukotsu.schemas.parts import parts_writer
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.schemas.results import MEASURED_TABLES
+    from shukotsu.stages.measure_movement.events import cycles_of
 
-    plan = read_plan(arguments.plan)
+    plan = read_plan(arguments.plan, arguments.inputs)
     events = [] if arguments.events is None else [arguments.events]
     own = [plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")]
     fits = [file for name in ("joint_angles", "posed_tips", "bone_poses") for file in plan.files_of(name)]
-    provenance = command_line.provenance_of(plan, [*own, *fits], [*command_line.poses_files(plan), *events])
+    provenance = subject_stage.provenance_of(plan, [*own, *fits], [*subject_stage.poses_files(plan), *events])
     with ExitStack() as stack:
         tables = {
             name: stack.enter_context(
@@ -60,12 +58,12 @@ def measure(arguments: argparse.Namespace) -> None:
         }
         for hand in plan.hands:
             cycles: Cycles = {}
-            with command_line.recording_failure(arguments, plan.part(hand), tables["movement_cycles"]):
+            with subject_stage.recording_failure(arguments, plan.part(hand), tables["movement_cycles"]):
                 cycles = cycles_of(plan, hand, arguments.events)
             used: set[tuple[Recording, str, int]] = set()
             for part in plan.parts():
                 if part.hand == hand and not part.made_without:
-                    with command_line.recording_failure(arguments, part, *_by_model(tables)):
+                    with subject_stage.recording_failure(arguments, part, *_by_model(tables)):
                         _measure_part(plan, part, cycles, tables, used)
             _write_cycles(plan, hand, cycles, used, tables["movement_cycles"])
 
@@ -83,8 +81,8 @@ def _measure_part(
     used: set[tuple[Recording, str, int]],
 ) -> None:
     """Write the rows of one model; used : takes the cycles that its curves are made of."""
-    from schemas.errors import InputError, TableError
-    from schemas.poses import frame_count
+    from shukotsu.errors import InputError, TableError
+    from shukotsu.schemas.poses import frame_count
 
     curves: list[dict[str, Any]] = []
     for table in _by_model(tables):
@@ -100,7 +98,7 @@ def _measure_part(
         used |= whole
         curves += own_curves
     for recording in _calibrations(plan, part):
-        tables["ranges_of_motion"].rows(part, _calibration_ranges(plan, part, recording))
+        _measure_recording(plan, part, recording, (), tables)
     for columns in curves:  # only now, as what `columns` has written stays there where the part fails
         tables["movement_curves"].columns(part, columns)
 
@@ -112,67 +110,64 @@ def _measure_recording(
     cycles: Sequence[Sequence[Cycle]],
     tables: Mapping[str, PartsWriter],
 ) -> tuple[set[tuple[Recording, str, int]], list[dict[str, Any]]]:
-    """Write the rows of one recording; give its curves' cycles and columns."""
-    from stages.measure_movement.movement_rows import (
+    """Write the rows of one recording, ranges alone where it only calibrates; give its curves."""
+    from itertools import groupby
+
+    from shukotsu.skeleton.posed_recording import posed_recording
+    from shukotsu.stages.measure_movement.movement_rows import (
+        Curve,
         curve_columns,
         distance_rows,
+        joint_curves,
         left_out_rows,
         path_rows,
         range_rows,
     )
-    from stages.measure_movement.recorded_movement import RecordedMovement
-    from stages.measure_movement.sampling import grid_of
+    from shukotsu.stages.measure_movement.recorded_movement import ANGLES, read_movement, unsolved
+    from shukotsu.stages.measure_movement.sampling import grid_of
 
-    keys: dict[str, Any] = {**recording.key}
-    curves: list[dict[str, Any]] = []
-    movement = RecordedMovement(plan, recording, part.model)
-    if unsolved := movement.unsolved():
-        tables["ranges_of_motion"].rows(part, [keys | row for row in left_out_rows(unsolved)])
+    posed, evaluated = posed_recording(plan, recording, part.model), recording.role != "calibration"
+
+    def write(name: str, rows: Iterable[dict[str, Any]]) -> None:
+        tables[name].rows(part, [{**recording.key, **row} for row in rows])
+
+    if reasons := unsolved(posed):
+        write("ranges_of_motion", left_out_rows(reasons) if evaluated else ())
         return set(), []
-    grid, ranges, used = grid_of(movement.poses.time_s), list(left_out_rows(movement.left_out())), set()
-    for series in movement.angles():
-        ranges += range_rows(series, grid, {joint: movement.reliability(joint) for joint in series.joints})
-        for own in cycles:
+    movement = read_movement(posed, with_tips=evaluated)
+    grid = grid_of(movement.time_s)
+    used: set[tuple[Recording, str, int]] = set()
+    ranges: list[dict[str, Any]] = []
+    curves: list[Curve] = []
+    for series in movement.joints():
+        ranges += range_rows(series, grid)
+        if cycles:
             assert grid is not None  # without times there are no cycles
-            columns, whole = curve_columns(series, grid, movement.poses.time_s, own)
-            used |= {(recording, own[0].event, number) for number in whole}
-            curves += [keys | columns] if whole else []
-    tips = movement.fingertips()
-    for name, rows in (
-        ("ranges_of_motion", ranges),
-        ("fingertip_paths", path_rows(tips, grid)),
-        ("fingertip_distances", distance_rows(tips, grid)),
-    ):
-        tables[name].rows(part, [keys | row for row in rows])
-    return used, curves
+            own, whole = joint_curves(series, grid, movement.time_s, cycles)
+            curves += own
+            used |= {(recording, *cycle) for cycle in whole}
+    ranges.sort(key=lambda row: ANGLES.index(row["angle"]))
+    if not evaluated:
+        write("ranges_of_motion", ranges)
+        return set(), []
+    write("ranges_of_motion", [*left_out_rows(movement.left_out), *ranges])
+    write("fingertip_paths", path_rows(movement.fingertips, grid))
+    write("fingertip_distances", distance_rows(movement.fingertips, grid))
+    events = [own[0].event for own in cycles]
+    curves.sort(key=lambda one: (ANGLES.index(one.angle), events.index(one.event)))
+    together = groupby(curves, key=lambda one: (one.angle, one.event))
+    return used, [{**recording.key, **curve_columns(list(own))} for _, own in together]
 
 
 def _calibrations(plan: SubjectPlan, part: Part) -> list[Recording]:
     """Recordings that only calibrate a hand and can be posed: without the tables of its metacarpals."""
-    from schemas.poses import usable_poses
+    from shukotsu.schemas.poses import usable_poses
 
-    rides = any(digit.metacarpal for digit in plan.layouts[part.hand].digits.values())
-    if rides and plan.models[part.model].fitting is None:
+    has_metacarpals = any(digit.metacarpal for digit in plan.layouts[part.hand].digits.values())
+    if has_metacarpals and plan.models[part.model].fitting is None:
         return []
     recordings = plan.recordings_of(part.hand, "calibration")
     return [own for own in recordings if usable_poses([plan.poses(own)])[0]]
-
-
-def _calibration_ranges(plan: SubjectPlan, part: Part, recording: Recording) -> list[dict[str, Any]]:
-    """Rows of ranges_of_motion of a recording that nothing else is measured in."""
-    from stages.measure_movement.movement_rows import range_rows
-    from stages.measure_movement.recorded_movement import RecordedMovement
-    from stages.measure_movement.sampling import grid_of
-
-    movement = RecordedMovement(plan, recording, part.model)
-    if movement.unsolved():
-        return []
-    grid = grid_of(movement.poses.time_s)
-    return [
-        {**recording.key, **row}
-        for series in movement.angles()
-        for row in range_rows(series, grid, {joint: movement.reliability(joint) for joint in series.joints})
-    ]
 
 
 def _write_cycles(
@@ -195,16 +190,16 @@ def _write_cycles(
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why nothing was measured, of every part."""
-    from schemas.catalogue import TABLES as CATALOGUE
-    from schemas.plan import read_plan
-    from schemas.results import MEASURED_TABLES
+    from shukotsu.schemas.catalogue import TABLES as CATALOGUE
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.schemas.results import MEASURED_TABLES
 
-    plan = read_plan(arguments.plan)
+    plan = read_plan(arguments.plan, arguments.inputs)
     whole = [part for part in plan.parts() if not part.made_without]
     for name in MEASURED_TABLES:
         parts = map(plan.part, plan.hands) if name == "movement_cycles" else whole
         tables = {arguments.out / f"{name}.parquet": CATALOGUE[name]}
-        command_line.record_failed_parts(message, tables, parts)
+        subject_stage.record_failed_parts(message, tables, parts)
 
 
 def main(argv: list[str] | None = None) -> int:

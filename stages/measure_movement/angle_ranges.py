@@ -1,4 +1,4 @@
-"""How far an angle moves in a recording, and what skin and skeleton leave uncertain of that.
+"""Define how far an angle moves in a recording, and what skin and skeleton leave uncertain of that.
 
 The error of an angle has three parts. What is common to all frames moves the median, and leaves the range
 as it is. What the fit leaves open of the hand and its skin grows with the distance from the mean posture,
@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
-from skeleton.rotations import Array
+from shukotsu.skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
+from shukotsu.skeleton.rotations import Array
 
 Booleans = npt.NDArray[np.bool_]
 _Ends = tuple[Booleans, Booleans]
@@ -91,7 +91,7 @@ def _at_ends(sd_deg: Array, ends: _Ends) -> float:
 
 
 def _visits(at_end: Booleans, beyond: Booleans) -> int:
-    """How often the angle comes to one end from beyond its median; both (T,)."""
+    """Count how often the angle comes to one end from beyond its median; both (T,)."""
     either = at_end | beyond
     there = at_end[either]
     return int(there[0]) + int((there[1:] & ~there[:-1]).sum())

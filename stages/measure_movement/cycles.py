@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 PERCENT = np.arange(101)
 SHORTEST, LONGEST = 0.5, 2.0

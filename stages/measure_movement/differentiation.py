@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 CUTOFF_HZ = 10.0
 """Where the local parabola halves the power (-3 dB). Finger movement is below: fast tapping is 5 to 7 Hz."""
@@ -28,7 +28,7 @@ def half_width(step_s: float) -> int:
 
 
 def _response(width: int, step_s: float) -> float:
-    """By what a sine of CUTOFF_HZ is multiplied where a parabola's value replaces it."""
+    """Give by what a sine of CUTOFF_HZ is multiplied where a parabola's value replaces it."""
     k = np.arange(-width, width + 1)
     m2, m4 = float((k**2).sum()), float((k**4).sum())
     weights = (m4 - m2 * k**2) / (len(k) * m4 - m2**2)

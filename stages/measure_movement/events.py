@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.errors import InputError
-from schemas.movement_tables import EVENTS
-from schemas.plan import SubjectPlan
-from schemas.poses import read_poses
-from schemas.study import Recording
-from schemas.tables import read_table, rows_of
-from stages.measure_movement.cycles import Cycle, cut_cycles, within_recording
-from stages.measure_movement.sampling import grid_of
+from shukotsu.errors import InputError
+from shukotsu.schemas.movement_tables import EVENTS
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.poses import read_poses
+from shukotsu.schemas.study import Recording
+from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.stages.measure_movement.cycles import Cycle, cut_cycles, within_recording
+from shukotsu.stages.measure_movement.sampling import grid_of
 
 
 def cycles_of(plan: SubjectPlan, hand: str, events: Path | None) -> dict[Recording, list[list[Cycle]]]:

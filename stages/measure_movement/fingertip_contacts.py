@@ -1,10 +1,10 @@
-"""How near two fingertips come, and when they touch."""
+"""Define how near two fingertips come, and when they touch."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 CONTACT_MM = 14.0
 """Ends of two digits' skin that are nearer touch: a thumb's pulp, 7.5 mm thick, on a finger's of 6.5 mm."""
@@ -22,5 +22,5 @@ def contacts(distance_mm: Array) -> Array:
 
 
 def contact_count(touching: Array) -> int:
-    """How often a contact begins in (T,)."""
+    """Count how often a contact begins in (T,)."""
     return int(np.diff(np.concatenate([[0], np.asarray(touching, np.int8)])).clip(0).sum())

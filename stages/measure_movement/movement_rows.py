@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array
-from stages.measure_movement.angle_ranges import AngleErrors, angle_range
-from stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
-from stages.measure_movement.differentiation import speed, velocity, velocity_noise_sd
-from stages.measure_movement.fingertip_contacts import contact_count, contacts
-from stages.measure_movement.recorded_movement import AngleSeries, Fingertip
-from stages.measure_movement.sampling import Grid, bridged
-from stages.measure_movement.smoothness import median_smoothness
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
+from shukotsu.stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
+from shukotsu.stages.measure_movement.differentiation import speed, velocity, velocity_noise_sd
+from shukotsu.stages.measure_movement.fingertip_contacts import contact_count, contacts
+from shukotsu.stages.measure_movement.recorded_movement import ANGLES, FingertipPath, JointSeries
+from shukotsu.stages.measure_movement.sampling import Grid, bridged
+from shukotsu.stages.measure_movement.smoothness import median_smoothness
 
 Row = dict[str, Any]
 
@@ -26,26 +26,35 @@ NO_SKIN = "a digit of this model ends at its distal receiver, which tells no con
 NO_TIMES = "the recording has no times, so there are no speeds"
 
 
-def range_rows(
-    series: AngleSeries, grid: Grid | None, reliability: Mapping[str, tuple[str, str]]
-) -> Iterator[Row]:
-    """Rows of ranges_of_motion of one angle. reliability : status and message of each joint.
+def range_rows(series: JointSeries, grid: Grid | None) -> Iterator[Row]:
+    """Give rows of ranges_of_motion of one joint.
 
     An angle that a joint lacks beside another that it has is none.
     """
     speeds = _angle_speeds(series.angle_deg, grid)
-    for index, joint in enumerate(series.joints):
+    for index, angle in enumerate(ANGLES):
         known = ~np.isnan(series.angle_deg[:, index])
-        row: Row = {"joint": joint, "angle": series.angle} | _coverage(known)
-        status, message = reliability[joint]
+        row: Row = {"joint": series.joint, "angle": angle} | _coverage(known)
         if not known.any():
-            if series.angle == "flexion":
-                yield row | {"status": "failed", "message": message or "no frame has this angle"}
+            if angle == "flexion":
+                yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
             continue
         errors = AngleErrors(*series.errors_deg[known, index].T)
         row |= asdict(angle_range(series.angle_deg[known, index], errors))
         row |= _speed_columns(speeds[:, index], "deg_s")
-        yield row | _judged(row, "ok" if status == "failed" else status, message, grid)
+        yield row | _judged(row, "ok" if series.status == "failed" else series.status, series.message, grid)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One angle's mean and SD between cycles, (101,) degrees, over the cycles of one event."""
+
+    joint: str
+    angle: str
+    event: str
+    mean_deg: Array
+    sd_deg: Array
+    n_cycles: int
 
 
 def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
@@ -54,7 +63,7 @@ def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
         yield {"joint": joint, "angle": "flexion", "n_frames": 0, "status": "failed", "message": reason}
 
 
-def path_rows(tips: Mapping[str, Fingertip], grid: Grid | None) -> Iterator[Row]:
+def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
     """Rows of fingertip_paths."""
     for digit, tip in tips.items():
         known = np.asarray(np.isfinite(tip.place_mm).all(-1))
@@ -75,7 +84,7 @@ def path_rows(tips: Mapping[str, Fingertip], grid: Grid | None) -> Iterator[Row]
         yield row | _judged(row, "ok", "", grid)
 
 
-def distance_rows(tips: Mapping[str, Fingertip], grid: Grid | None) -> Iterator[Row]:
+def distance_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
     """Rows of fingertip_distances, of every two digits.
 
     A contact goes on over a short gap: a lost frame is not a release, nor the next one another contact.
@@ -105,37 +114,47 @@ def distance_rows(tips: Mapping[str, Fingertip], grid: Grid | None) -> Iterator[
         yield row | {"status": "ok", "message": ""}
 
 
-def curve_columns(
-    series: AngleSeries, grid: Grid, time_s: Array, cycles: Sequence[Cycle]
-) -> tuple[dict[str, Any], set[int]]:
-    """Columns of movement_curves of one angle over the cycles of one event, and the cycles used, by number.
+def joint_curves(
+    series: JointSeries, grid: Grid, time_s: Array, events: Sequence[Sequence[Cycle]]
+) -> tuple[list[Curve], set[tuple[str, int]]]:
+    """Give a joint's mean curves over the cycles of each event, and the cycles used, by event and number.
 
-    time_s : (T,) of the frames. Joints of which no cycle is whole are left out.
+    time_s : (T,) of the frames. Angles of which no cycle is whole are left out.
     """
     values = bridged(grid.spread(series.angle_deg), grid.step_s)
     at_s = grid.times(time_s)
-    usable = [one for one in cycles if not one.refusal]
-    if not usable:
-        return {}, set()
-    curves = np.stack([normalised(values, at_s, one) for one in usable])
-    mean, sd, count = mean_curves(curves)
-    kept = np.flatnonzero(count)
-    whole = np.asarray(~np.isnan(curves).any(1))
-    used = {one.number for one, own in zip(usable, whole, strict=True) if own.any()}
+    found: list[Curve] = []
+    used: set[tuple[str, int]] = set()
+    for cycles in events:
+        usable = [one for one in cycles if not one.refusal]
+        if not usable:
+            continue
+        curves = np.stack([normalised(values, at_s, one) for one in usable])
+        mean, sd, count = mean_curves(curves)
+        for index in np.flatnonzero(count):
+            name, own = cycles[0].event, ANGLES[index]
+            found.append(Curve(series.joint, own, name, mean[:, index], sd[:, index], int(count[index])))
+        whole = np.asarray(~np.isnan(curves).any(1))
+        used |= {(one.event, one.number) for one, own in zip(usable, whole, strict=True) if own.any()}
+    return found, used
+
+
+def curve_columns(curves: Sequence[Curve]) -> dict[str, Any]:
+    """Give columns of movement_curves of some curves."""
     rows = len(PERCENT)
     return {
-        "joint": np.repeat(np.array(series.joints, object)[kept], rows),
-        "angle": [series.angle] * (rows * len(kept)),
-        "event": [cycles[0].event] * (rows * len(kept)),
-        "percent": np.tile(PERCENT, len(kept)),
-        "mean_deg": mean[:, kept].T.ravel(),
-        "sd_deg": sd[:, kept].T.ravel(),
-        "n_cycles": np.repeat(count[kept], rows),
-    }, used
+        "joint": np.repeat([one.joint for one in curves], rows).tolist(),
+        "angle": np.repeat([one.angle for one in curves], rows).tolist(),
+        "event": np.repeat([one.event for one in curves], rows).tolist(),
+        "percent": np.tile(PERCENT, len(curves)),
+        "mean_deg": np.concatenate([one.mean_deg for one in curves]),
+        "sd_deg": np.concatenate([one.sd_deg for one in curves]),
+        "n_cycles": np.repeat([one.n_cycles for one in curves], rows),
+    }
 
 
 def _coverage(known: npt.NDArray[np.bool_]) -> Row:
-    """How many frames (T,) there are, and of those of the recording."""
+    """Count the known frames (T,), and their share of the recording."""
     return {
         "n_frames": int(known.sum()),
         "valid_percent": 100.0 * float(known.mean()) if len(known) else None,
@@ -180,7 +199,7 @@ def _bridged_in(values: Array, grid: Grid) -> Array:
     return bridged(grid.spread(values[:, None]), grid.step_s)[:, 0]
 
 
-def _path_sd_mm(tip: Fingertip, turn_rad_s: Array, grid: Grid) -> float:
+def _path_sd_mm(tip: FingertipPath, turn_rad_s: Array, grid: Grid) -> float:
     """1-sigma error of a path's length: a tip that is off goes so much farther, or less far, as it turns."""
     turned_rad = float(np.nansum(turn_rad_s) * grid.step_s)
     return float(np.nanmedian(tip.sd_mm) / np.sqrt(3.0) * turned_rad) if tip.skin else float("nan")

@@ -1,52 +1,50 @@
-"""Joint angles and fingertips of a recording under a model, as the tables of its subject have them."""
+"""Joint angles and fingertips of a recording under a model, joint by joint and block by block.
+
+Of a recording only what is measured is in memory: angles of one joint, and a few numbers a digit and frame.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from anatomy.neutral_bones import bone_angles_deg, to_nail_side
-from schemas.catalogue import BONE_POSES, JOINT_ANGLES, POSED_TIPS
-from schemas.layout import Digit
-from schemas.parts import read_recording
-from schemas.plan import SubjectPlan
-from schemas.poses import Poses, read_poses
-from schemas.study import Recording
-from schemas.tables import Table
-from skeleton.posed_recording import read_motion, read_skeleton
-from skeleton.posing import PosedBones, pose_bones
-from skeleton.rotations import Array, conjugate, rotate
+from shukotsu.anatomy.neutral_bones import bone_angles_deg, to_nail_side
+from shukotsu.schemas.catalogue import JOINT_ANGLES, POSED_TIPS
+from shukotsu.schemas.layout import Digit
+from shukotsu.schemas.poses import Poses
+from shukotsu.sentences.messages import message_of
+from shukotsu.skeleton.posed_recording import Index, PosedRecording
+from shukotsu.skeleton.posing import PosedBones
+from shukotsu.skeleton.rotations import Array, conjugate, rotate
 
 ANGLES = ("flexion", "abduction", "rotation")
 
 ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
 """Columns of joint_angles, without the angle's name."""
 
-_BONE_POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-DOUBTED = "its centre is not to be believed"
-_BLOCK_FRAMES = 1 << 15
 _FACING_FRAMES = 512
 """Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
 
 
 @dataclass(frozen=True)
-class AngleSeries:
-    """One angle of J joints over T frames: (T, J) degrees, NaN in gaps.
+class JointSeries:
+    """The angles of a joint over T frames, in the order of `ANGLES`: angle_deg (T, 3), NaN in gaps.
 
-    errors_deg : (T, J, E) the errors in `ERRORS`, NaN where they are not known.
+    errors_deg : (T, 3, E) the errors in `ERRORS`, NaN where they are not known. status, message : of the
+    joint's centre.
     """
 
-    angle: str
-    joints: tuple[str, ...]
+    joint: str
     angle_deg: Array
     errors_deg: Array
+    status: str
+    message: str
 
 
-@dataclass(frozen=True)
-class Fingertip:
+@dataclass
+class FingertipPath:
     """The end of a digit in the hand's frame, (T, 3) mm, and where its distal receiver points, (T, 3).
 
     sd_mm : (T,) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the end of the skin.
@@ -58,143 +56,136 @@ class Fingertip:
     skin: bool
 
 
+@dataclass
 class RecordedMovement:
-    """One recording of a subject under one model. Raises InputError where a table cannot be read."""
+    """Hold what one pass over a recording gives.
 
-    def __init__(self, plan: SubjectPlan, recording: Recording, model: str) -> None:
-        self._plan, self._recording, self._model = plan, recording, model
-        self.hand = recording.hand.hand
-        self._layout = plan.layouts[self.hand]
-        self.poses: Poses = read_poses(plan.poses(recording), self._layout.measured)
-        self._fitted = plan.models[model].fitting is not None
-        self._skeleton = read_skeleton(plan, self.hand, model)
+    frame, time_s : (T,) numbers and device times. fingertips : by digit. left_out : joints that the model
+    cannot pose, and why.
+    """
 
-    def reliability(self, joint: str) -> tuple[str, str]:
-        """Status and message of a joint's centre."""
-        row = self._skeleton.joints.get(joint)
-        if row is None:
-            return "failed", "the joint was not solved"
-        return row["status"], DOUBTED if row["status"] == "weak" else row["message"]
+    posed: PosedRecording
+    frame: Index
+    time_s: Array
+    fingertips: Mapping[str, FingertipPath]
+    left_out: Mapping[str, str]
+    _angles_deg: Mapping[str, Array] = field(default_factory=dict)
 
-    def unsolved(self) -> Mapping[str, str]:
-        """Why each joint failed, where no joint of a digit was solved; else nothing."""
-        in_digits = {joint for digit in self._layout.digits.values() for joint in digit.joints}
-        rows = {joint: row for joint, row in self._skeleton.joints.items() if joint in in_digits}
-        solved = any(row["status"] != "failed" for row in rows.values())
-        return {} if solved else {joint: row["message"] for joint, row in rows.items()}
-
-    def left_out(self) -> Mapping[str, str]:
-        """Joints that the model cannot pose, and why."""
-        reasons = {} if self._fitted else self._ridden[2]
-        return {joint: reasons[name] for name in reasons for joint in self._layout.digits[name].joints}
-
-    def angles(self) -> Iterator[AngleSeries]:
-        """Flexion, abduction and rotation in turn, each of all joints."""
-        for index, angle in enumerate(ANGLES):
-            if self._fitted:
-                columns = [f"{angle}_{what}" for what in ("deg", *ERRORS)]
-                by_joint = self._table(JOINT_ANGLES, "joint", columns)
+    def joints(self) -> Iterator[JointSeries]:
+        """Read the angles of each joint in turn; of a fitted hand from its table, else from its bones."""
+        columns = [f"{angle}_{what}" for angle in ANGLES for what in ("deg", *ERRORS)]
+        for joint in (own for digit in self.posed.layout.digits.values() for own in digit.joints):
+            if self.posed.is_fitted:
+                read = self.posed.numbers(JOINT_ANGLES, columns, self.frame, joint)
+                values = None if joint not in read else read[joint].reshape(-1, len(ANGLES), 1 + len(ERRORS))
             else:
-                unknown = np.full((len(self.poses.frame), len(ERRORS)), np.nan)
-                by_joint = {
-                    joint: np.column_stack([own[:, index], unknown]) for joint, own in self._ridden[0].items()
-                }
-            none = np.empty((len(self.poses.frame), 0, 1 + len(ERRORS)))
-            stacked = np.stack([*by_joint.values()], 1) if by_joint else none
-            yield AngleSeries(angle, tuple(by_joint), running_on(stacked[..., 0]), stacked[..., 1:])
+                own_deg = self._angles_deg.get(joint)
+                unknown = np.full((len(self.time_s), len(ANGLES), len(ERRORS)), np.nan)
+                values = None if own_deg is None else np.concatenate([own_deg[..., None], unknown], -1)
+            if values is not None:
+                status = reliability(self.posed, joint)
+                yield JointSeries(joint, running_on(values[..., 0]), values[..., 1:], *status)
 
-    def fingertips(self) -> dict[str, Fingertip]:
-        """The ends of all digits that have one."""
-        ends = self._fitted_ends() if self._fitted else self._ridden_ends()
-        return {
-            name: Fingertip(
-                self._in_hand(digit, ends[name][0], place=True),
-                self._in_hand(digit, self._pointing(digit)),
-                ends[name][1],
-                ends[name][2],
-            )
-            for name, digit in self._layout.digits.items()
-            if name in ends
-        }
 
-    def _fitted_ends(self) -> dict[str, tuple[Array, Array, bool]]:
-        """Where digits end, its error and whether that is the skin's end; the bone's of unknown anatomy."""
-        columns = [
-            f"{end}_{what}" for end in ("skin_tip", "tip") for what in ("x_mm", "y_mm", "z_mm", "sd_mm")
-        ]
-        found = {}
-        for digit, values in self._table(POSED_TIPS, "digit", columns).items():
-            skin = bool(np.isfinite(values[:, :3]).any())
-            own = values[:, :4] if skin else values[:, 4:]
-            found[digit] = own[:, :3], own[:, 3], skin
-        return found
+def reliability(posed: PosedRecording, joint: str) -> tuple[str, str]:
+    """Status and message of a joint's centre."""
+    row = posed.skeleton.joints.get(joint)
+    if row is None:
+        return "failed", message_of("joint-not-solved")
+    return row["status"], message_of("not-believed") if row["status"] == "weak" else row["message"]
 
-    def _ridden_ends(self) -> dict[str, tuple[Array, Array, bool]]:
-        unknown = np.full(len(self.poses.frame), np.nan)
-        return {digit: (place, unknown, False) for digit, place in self._ridden[1].items()}
 
-    @cached_property
-    def _ridden(self) -> tuple[dict[str, Array], dict[str, Array], Mapping[str, str]]:
-        """Angles (T, 3) by joint and ends (T, 3) by digit of a skeleton that rides on receivers; digits that
-        are left out and why.
-        """
-        count = len(self.poses.frame)
-        bones = self._posed(slice(0, None, max(1, count // _FACING_FRAMES)))
-        facing = to_nail_side(self._layout, self.hand, bones.joints, bones.quaternion)
-        pieces: list[dict[str, Array]] = []
-        ends: list[dict[str, Array]] = []
-        for start in range(0, max(count, 1), _BLOCK_FRAMES):
-            bones = self._posed(slice(start, start + _BLOCK_FRAMES))
-            pieces.append(bone_angles_deg(self._layout, self.hand, bones, facing))
-            ends.append({j.digit: bones.position_mm[:, i] for i, j in enumerate(bones.joints) if j.tip})
-        return _joined(pieces), _joined(ends), bones.left_out
+def unsolved(posed: PosedRecording) -> Mapping[str, str]:
+    """Say why each joint failed, where no joint of a digit was solved; else nothing."""
+    in_digits = {joint for digit in posed.layout.digits.values() for joint in digit.joints}
+    rows = {joint: row for joint, row in posed.skeleton.joints.items() if joint in in_digits}
+    solved = any(row["status"] != "failed" for row in rows.values())
+    return {} if solved else {joint: row["message"] for joint, row in rows.items()}
 
-    def _posed(self, rows: slice) -> PosedBones:
-        poses = self.poses.take(rows)
-        motion = read_motion(self._plan, self._recording, self._model, poses.frame)
-        return pose_bones(self._skeleton, poses, motion)
 
-    def _table(
-        self, table: Table, by: str, columns: Sequence[str], rows: slice = slice(None)
-    ) -> dict[str, Array]:
-        """Columns (T, C) of a table of the fit, by joint, digit or segment; rows : some of the frames."""
-        path = self._plan.fit_table(self.hand, self._model, table.name)
-        part, own = self._plan.part(self.hand, self._model), self._recording
-        frame = self.poses.frame[rows]
-        ends = (int(frame[0]), int(frame[-1])) if len(frame) else None
-        return read_recording(path, table, part, own.task, own.trial, by, columns, len(frame), ends)
+def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedMovement:
+    """Pass over a recording. Raises InputError where a table cannot be read.
 
-    def _pointing(self, digit: Digit) -> Array:
-        """Where the last bone's receiver points by its layout, (T, 3) in the transmitter frame."""
-        distal = np.array(self._layout.segments[digit.tip].distal, float)
-        return rotate(self._turn(digit.tip), distal)
+    with_tips : False of one that only calibrates, in which a fit says the angles and poses no bones.
+    """
+    layout, hand = posed.layout, posed.part.hand
+    facing: dict[int, Array] = {}
+    if not posed.is_fitted:
+        some = posed.bones(posed.poses(max(1, posed.n_frames // _FACING_FRAMES)))
+        facing = to_nail_side(layout, hand, some.joints, some.quaternion)
+    count, start = posed.n_frames, 0
+    frame, time_s = np.empty(count, np.int64), np.empty(count)
+    angles: dict[str, Array] = {}
+    tips: dict[str, Array] = {}
+    left_out: Mapping[str, str] = {}
+    for poses in posed.pose_blocks():
+        rows = slice(start, start + len(poses.frame))
+        frame[rows], time_s[rows], start = poses.frame, poses.time_s, rows.stop
+        if posed.is_fitted and not with_tips:
+            continue
+        bones = posed.bones(poses)
+        found = [(tips, _fingertips(posed, poses, bones))]
+        if not posed.is_fitted:
+            left_out = bones.left_out
+            found.append((angles, bone_angles_deg(layout, hand, bones, facing)))
+        for series, own in found:
+            for name, values in own.items():
+                series.setdefault(name, np.full((count, values.shape[-1]), np.nan))[rows] = values
+    return RecordedMovement(
+        posed,
+        frame,
+        time_s,
+        {name: _fingertip_path(own) for name, own in tips.items()},
+        {joint: left_out[name] for name in left_out for joint in layout.digits[name].joints},
+        angles,
+    )
 
-    def _in_hand(self, digit: Digit, vectors: Array, *, place: bool = False) -> Array:
-        """Places or directions (T, 3) in the frame of what the digit hangs from."""
-        base_mm, turn = self._bases[digit.base]
-        return rotate(conjugate(turn), vectors - base_mm if place else vectors)
 
-    @cached_property
-    def _bases(self) -> dict[str, tuple[Array, Array]]:
-        """Where the bones are that digits hang from, (T, 3) and (T, 4): as fitted, else their receivers."""
-        names = {digit.base for digit in self._layout.digits.values()}
-        if not self._fitted:
-            return {
-                name: (self.poses.position_mm[:, self.poses.index(name)], self._turn(name)) for name in names
-            }
-        pieces: list[dict[str, Array]] = []
-        for start in range(0, max(len(self.poses.frame), 1), _BLOCK_FRAMES):  # of many bones few are kept
-            read = self._table(BONE_POSES, "segment", _BONE_POSE, slice(start, start + _BLOCK_FRAMES))
-            pieces.append({name: read[name] for name in names})
-        return {name: (pose[:, :3], pose[:, 3:]) for name, pose in _joined(pieces).items()}
+def _fingertips(posed: PosedRecording, poses: Poses, bones: PosedBones) -> dict[str, Array]:
+    """Ends of the digits in a block, (T, 7 or 11): where the receiver points, then of each end, the bone's
+    before the skin's, its sd_mm and place.
+    """
+    sd_mm: Mapping[str, Array] = {}
+    if posed.is_fitted:
+        sd_mm = posed.numbers(POSED_TIPS, ["tip_sd_mm", "skin_tip_sd_mm"], poses.frame)
+    unknown = np.full((len(poses.frame), 2), np.nan)
+    found = {}
+    for name, digit in posed.layout.digits.items():
+        if f"{name}_tip" not in bones.names or (posed.is_fitted and name not in sd_mm):
+            continue
+        base_mm, turn = _base(posed, digit, poses, bones)
+        back = conjugate(turn)
+        distal = np.array(posed.layout.segments[digit.tip].distal, float)
+        columns = [rotate(back, rotate(_turn(poses, digit.tip), distal))]
+        ends = [end for end in (f"{name}_tip", f"{name}_skin_tip") if end in bones.names]
+        for end, own_sd in zip(ends, sd_mm.get(name, unknown).T, strict=False):
+            columns += [own_sd[:, None], rotate(back, bones.position_mm[:, bones.index(end)] - base_mm)]
+        found[name] = np.concatenate(columns, -1)
+    return found
 
-    def _turn(self, segment: str) -> Array:
-        index = self.poses.index(segment)
-        return np.where(self.poses.valid[:, index, None], self.poses.quaternion[:, index], np.nan)
+
+def _fingertip_path(columns: Array) -> FingertipPath:
+    """One digit's path, to the skin's end where any frame knows it, else to the bone's."""
+    skin = columns.shape[-1] > 7 and bool(np.isfinite(columns[:, 8:]).any())
+    end = columns[:, 7:] if skin else columns[:, 3:7]
+    return FingertipPath(end[:, 1:], columns[:, :3], end[:, 0], skin)
+
+
+def _base(posed: PosedRecording, digit: Digit, poses: Poses, bones: PosedBones) -> tuple[Array, Array]:
+    """Return the pose of a digit's base bone, (T, 3) and (T, 4): as fitted, else its receiver."""
+    if posed.is_fitted:
+        index = next(i for i, own in enumerate(bones.joints) if own.segment == digit.base)
+        return bones.position_mm[:, index], bones.quaternion[:, index]
+    return poses.position_mm[:, poses.index(digit.base)], _turn(poses, digit.base)
+
+
+def _turn(poses: Poses, segment: str) -> Array:
+    index = poses.index(segment)
+    return np.where(poses.valid[:, index, None], poses.quaternion[:, index], np.nan)
 
 
 def running_on(angle_deg: Array) -> Array:
-    """Angles (T, J) within (-180, 180] degrees, those that pass 180 as they run on beyond it.
+    """Give angles (T, K) within (-180, 180] degrees, those that pass 180 as they run on beyond it.
 
     The circle is cut where an angle is not: in the widest arc between its values. NaN stays.
     """
@@ -202,17 +193,13 @@ def running_on(angle_deg: Array) -> Array:
     if not len(angle_deg):
         return out
     spread_deg = np.fmax.reduce(angle_deg, 0) - np.fmin.reduce(angle_deg, 0)
-    for joint in np.flatnonzero(spread_deg > 180.0):
-        known = np.sort(angle_deg[~np.isnan(angle_deg[:, joint]), joint])
+    for column in np.flatnonzero(spread_deg > 180.0):
+        known = np.sort(angle_deg[~np.isnan(angle_deg[:, column]), column])
         arcs = np.diff(known, append=known[0] + 360.0)
         widest = int(np.argmax(arcs))
         if widest + 1 < len(known):
             below = 2 * (widest + 1) < len(known)  # turned are the fewer, so that the median stays
-            turned = angle_deg[:, joint] <= known[widest]
+            turned = angle_deg[:, column] <= known[widest]
             out = out.copy() if out is angle_deg else out
-            out[turned if below else ~turned, joint] += 360.0 if below else -360.0
+            out[turned if below else ~turned, column] += 360.0 if below else -360.0
     return out
-
-
-def _joined(pieces: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
-    return {name: np.concatenate([own[name] for own in pieces]) for name in pieces[0]}

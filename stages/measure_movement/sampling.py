@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 MOST_GAP_S = 0.05
 """Gaps up to this length are bridged by a straight line, but for ranges and distances; longer ones stay."""
@@ -24,7 +24,7 @@ _UNSURE, _MOST_UNSURE = 0.35, 0.01
 
 @dataclass(frozen=True)
 class Grid:
-    """Where T frames are on an even grid of `count` places, `step_s` apart; place : (T,) their indices."""
+    """Place T frames on an even grid of `count` places, `step_s` apart; place : (T,) their indices."""
 
     place: npt.NDArray[np.int64]
     count: int

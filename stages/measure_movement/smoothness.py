@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 STRETCH_S = 5.0
 PAD_LEVEL = 4

@@ -7,12 +7,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
-    from schemas.parts import Part
-    from schemas.plan import SubjectPlan
-    from skeleton.rotations import Array
+    from shukotsu.schemas.parts import Part
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.skeleton.rotations import Array
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -23,7 +23,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage project_planes --joints joint_solutions.parquet --layout liberty16 "
         "--model paper-fig4 --out projected_joints.parquet",
     )
-    command_line.add_plan_options(parser, sheets=("corrections",))
+    subject_stage.add_plan_options(parser, sheets=("corrections",))
     parser.add_argument("--joints", type=Path, required=True, help="joint_solutions of the same hands")
     parser.add_argument("--out", type=Path, required=True, help="the joint_centres table to write")
     return parser
@@ -31,27 +31,28 @@ def build_parser() -> argparse.ArgumentParser:
 
 def project_planes(arguments: argparse.Namespace) -> None:
     """Place every joint of every skeleton of the plan, write the table."""
-    from schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
-    from schemas.parts import parts_writer
+    from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
+    from shukotsu.schemas.parts import parts_writer
 
-    plan = command_line.plan_of(arguments, (arguments.joints, JOINT_SOLUTIONS))
-    files = [*command_line.config_files(arguments), *plan.sheets.values()]
-    provenance = command_line.provenance_of(plan, [arguments.joints], files)
+    plan = subject_stage.plan_of(arguments, (arguments.joints, JOINT_SOLUTIONS))
+    files = subject_stage.config_files(arguments)
+    files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
+    provenance = subject_stage.provenance_of(plan, [arguments.joints], files)
     with parts_writer(arguments.out, JOINT_CENTRES, provenance) as joints:
         for part in plan.parts():
-            with command_line.recording_failure(arguments, part, joints):
+            with subject_stage.recording_failure(arguments, part, joints):
                 joints.rows(part, _placed_rows(arguments.joints, plan, part))
 
 
 def _placed_rows(joints_file: Path, plan: SubjectPlan, part: Part) -> list[dict[str, Any]]:
-    from schemas.catalogue import JOINT_SOLUTIONS
-    from schemas.errors import InputError
-    from schemas.parts import read_part
-    from schemas.tables import rows_of
-    from stages.project_planes.place import place_joint
+    from shukotsu.errors import InputError
+    from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
+    from shukotsu.schemas.parts import read_part
+    from shukotsu.schemas.tables import rows_of
+    from shukotsu.stages.project_planes.place import place_joint
 
     layout, model = plan.layouts[part.hand], plan.models[part.model]
-    corrections_mm = _corrections_mm(plan, part.hand) if model.corrections else {}
+    corrections_mm = _corrections_mm(plan, part.hand) if model.planes.corrections else {}
     rows = []
     for solution in rows_of(read_part(joints_file, JOINT_SOLUTIONS, part)):
         joint = layout.joints.get(solution["joint"])
@@ -77,10 +78,10 @@ def _corrections_mm(plan: SubjectPlan, hand: str) -> dict[str, Array]:
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why no joint was placed, of every part."""
-    from schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
+    from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
 
-    parts = command_line.plan_of(arguments, (arguments.joints, JOINT_SOLUTIONS)).parts()
-    command_line.record_failed_parts(message, {arguments.out: JOINT_CENTRES}, parts)
+    parts = subject_stage.plan_of(arguments, (arguments.joints, JOINT_SOLUTIONS)).parts()
+    subject_stage.record_failed_parts(message, {arguments.out: JOINT_CENTRES}, parts)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from schemas.layout import Joint, Layout
-from schemas.model import SkeletonModel
-from schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, doubts_of, noted
-from skeleton.rotations import Array
-from stages.project_planes.plane import (
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, doubts_of, noted
+from shukotsu.sentences.messages import message_of
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.project_planes.plane import (
     Projection,
     centre_sd_mm,
     correct,
@@ -19,7 +20,7 @@ from stages.project_planes.plane import (
     leave_uncut,
     project,
 )
-from stages.project_planes.unseen_error import unseen_covariance
+from shukotsu.stages.project_planes.unseen_error import unseen_covariance
 
 
 def place_joint(
@@ -49,13 +50,13 @@ def place_joint(
     row |= {name: solution[name] for name in ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")}
     row |= _named("axis_parent_", _vector(solution, "null_parent_"))
     row |= _named("axis_child_", _vector(solution, "null_child_"))
-    placed = _projection(joint, solution) if model.cut else _as_solved(solution)
+    placed = _projection(joint, solution) if model.planes.cut else _as_solved(solution)
     if placed is None:
-        return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
+        return row | {"status": "failed", "message": message_of("axis-in-plane")}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
     row |= _centre(solution, placed, shift_mm, model)
     doubts = doubts_of(solution)
-    if model.cut:
+    if model.planes.cut:
         row |= _whole_error(joint, layout, placed, solution)
         doubts |= _doubts(joint, row, model)
     if correction_mm is not None:
@@ -65,7 +66,7 @@ def place_joint(
 
 
 def _dof(joint: Joint, model: SkeletonModel) -> int:
-    if not model.cut:
+    if not model.planes.cut:
         return max(joint.dof, 1)
     return 3 if joint.plane.frame == "none" else 1
 
@@ -104,7 +105,7 @@ def _projection(joint: Joint, solution: Mapping[str, Any]) -> Projection | None:
 def _centre(
     solution: Mapping[str, Any], placed: Projection, shift_mm: Array, model: SkeletonModel
 ) -> dict[str, Any]:
-    """Where the centre is after the correction, how large its gap is and how far it can be trusted."""
+    """Return the centre after the correction, the size of its gap and how far it can be trusted."""
     mean_rotation = _mean_rotation(solution)
     p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
     gap = gap_rms_mm(
@@ -120,7 +121,7 @@ def _centre(
     return {
         **_named("parent_", p_mm, "_mm"),
         **_named("child_", q_mm, "_mm"),
-        "gap_rms_mm": gap if model.cut else solution["gap_rms_mm"],
+        "gap_rms_mm": gap if model.planes.cut else solution["gap_rms_mm"],
         "covariance_mm2": placed.covariance_mm2.ravel(),
         "sd_mm": centre_sd_mm(placed.covariance_mm2),
         "slide_mm": placed.slide_mm,
@@ -154,12 +155,12 @@ def _mean_rotation(solution: Mapping[str, Any]) -> Array:
 
 
 def _doubts(joint: Joint, row: Mapping[str, Any], model: SkeletonModel) -> dict[str, Values]:
-    """What is known against the centre beside its numbers, by kind."""
+    """List the doubts about the centre beside its numbers, by kind."""
     doubts: dict[str, Values] = {}
     if joint.compound:
         doubts[ACROSS] = {"segment": joint.parent, "receiver": joint.parent_receiver}
     angle_deg = row["axis_plane_deg"]
-    if angle_deg is not None and angle_deg < model.parallel_limit_deg:
+    if angle_deg is not None and angle_deg < model.planes.parallel_limit_deg:
         doubts[AXIS_IN_PLANE] = {"axis_plane_deg": angle_deg, "slide_mm": abs(row["slide_mm"])}
     return doubts
 

@@ -1,4 +1,4 @@
-"""Where a joint's axis meets its plane, what that does to the uncertainty, and manual corrections."""
+"""Cut a joint's axis with its plane, with the effect on the uncertainty, and manual corrections."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton.rotations import Array, nearest_rotation, unit
+from shukotsu.skeleton.rotations import Array, nearest_rotation, unit
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def leave_uncut(
 
 
 def _axis_covariance(axis_parent: Array, axis_child: Array, sideways_mm: float) -> Array:
-    """What an error in the axis' direction does to a point that slid along it: (6, 6) of (p, q).
+    """Propagate an error in the axis' direction to a point that slid along it: (6, 6) of (p, q).
 
     The axis turns by sideways_mm / slide; either half moves sideways by half the variance per direction.
     """

@@ -1,4 +1,4 @@
-"""What no frame shows of a centre's error: skin that moves in step with it, receivers beside the bone.
+"""Model a centre's error that no frame shows: skin that moves in step with it, receivers beside the bone.
 
 The gap's scatter, which the joint solve states, knows neither. Skin that slides by c mm per rad of the joint
 moves a solved centre by c mm across the axis and leaves no gap; a plane through a receiver that sits beside
@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from anatomy.average_hand import MOUNT_SD_MM, MOUNT_TURN_SD_RAD, UNKNOWN_SLIDE_SD_MM
-from anatomy.skin import is_known, slide_covariance
-from schemas.layout import Joint, Layout
-from skeleton.rotations import Array, cross_matrix, nearest_rotation
-from stages.project_planes.plane import Projection
+from shukotsu.anatomy.average_hand import MOUNT_SD_MM, MOUNT_TURN_SD_RAD, UNKNOWN_SLIDE_SD_MM
+from shukotsu.anatomy.skin import is_known, slide_covariance
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.skeleton.rotations import Array, cross_matrix, nearest_rotation
+from shukotsu.stages.project_planes.plane import Projection
 
 MARGIN = 1.7
 """By which other people's skin and mounts may exceed the tabulated ones (ours: with it the stated 95 % hold
@@ -69,7 +69,7 @@ def _looseness(segment: str, layout: Layout, gap_rms_mm: float) -> float:
 
 
 def _along_variance_mm2(joint: Joint, layout: Layout, placed: Projection) -> float:
-    """Of the place on the axis at which the plane cuts it; nothing where no plane does."""
+    """Give the variance of the place on the axis at which the plane cuts it; nothing where no plane does."""
     if placed.axis_plane_deg is None:
         return 0.0
     in_parent = joint.plane.frame == "parent"

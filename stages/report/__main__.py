@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from schemas.errors import InputError
-from stages import command_line
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -16,7 +16,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage report",
         "Write the page of a study's results, which opens offline, with report/movement.html beside it, or "
         "print its tables (cm). "
-        "The pages that it links to are written by stages.report.subject.",
+        "The pages that it links to are written by shukotsu.stages.report.subject.",
         "shukotsu stage report --study config/demo.yaml --results results/demo "
         "--out results/demo/report.html",
     )
@@ -38,25 +38,25 @@ def report(arguments: argparse.Namespace) -> None:
     """Read the study's results; write the page, print the tables."""
     if arguments.out is None and not arguments.to_terminal:
         raise InputError("nothing to do; give --out, --print or both")
-    from schemas.results import Results
-    from schemas.study import read_study
-    from stages.report.study_results import read_results
+    from shukotsu.schemas.results import Results
+    from shukotsu.schemas.study import read_study
+    from shukotsu.stages.report.study_results import read_results
 
     study = read_study(arguments.study)
     results = read_results(study, arguments.results)
     if arguments.out is not None:
-        from schemas.files import write_text
-        from stages.report.movement_page.movement_page import render_movement
-        from stages.report.movement_page.movement_results import read_movement
-        from stages.report.study_page import render_study
-        from stages.report.wording import speaking
+        from shukotsu.files.whole_files import write_text
+        from shukotsu.stages.report.movement_page.movement_page import render_movement
+        from shukotsu.stages.report.movement_page.movement_results import read_movement
+        from shukotsu.stages.report.study_page import render_study
+        from shukotsu.stages.report.wording import speaking
 
         movement = read_movement(results)
-        with speaking(study.language, results.problems):
+        with speaking(study.language):
             write_text(arguments.out, render_study(results, study, movement))
             write_text(arguments.out.parent / "report" / "movement.html", render_movement(results, movement))
     if arguments.to_terminal:
-        from stages.report.terminal import terminal_tables
+        from shukotsu.stages.report.terminal import terminal_tables
 
         page = arguments.out or Results(arguments.results).report
         sys.stdout.write(f"{terminal_tables(results)}\nThe whole report: {page}\n")
@@ -67,9 +67,9 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     if arguments.out is None:
         print(f"error: {message}", file=sys.stderr)
         return
-    from schemas.files import write_text
-    from stages.report.study_page import render_failure
-    from stages.report.wording import speaking
+    from shukotsu.files.whole_files import write_text
+    from shukotsu.stages.report.study_page import render_failure
+    from shukotsu.stages.report.wording import speaking
 
     with speaking(_language(arguments.study)):
         for page in (arguments.out, arguments.out.parent / "report" / "movement.html"):
@@ -78,12 +78,15 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 def _language(study: Path) -> str:
     """The study's language; English where its file cannot be read, which may be what went wrong."""
-    from schemas.config_files import read_config
+    from shukotsu.schemas.config_files import read_config
+    from shukotsu.stages.report.wording import check_language
 
     try:
-        return str(read_config(study, "study")["language"])
+        language = str(read_config(study, "study")["language"])
+        check_language(language)
     except InputError:
         return "en"
+    return language
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -17,10 +17,10 @@ from typing import Any
 
 import pyarrow as pa
 
-from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCORES, TIP_ERRORS
-from schemas.tables import Table
-from stages.report.comparison.comparisons import Comparison
-from stages.report.study_results import Row, StudyResults
+from shukotsu.schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCORES, TIP_ERRORS
+from shukotsu.schemas.model_tables import MODEL_DIFFERENCES
+from shukotsu.schemas.tables import Table
+from shukotsu.stages.report.study_results import Row, StudyResults
 
 MOST_BYTES = 1_500_000
 """What all files may add to the page; the scores of a hundred simulated subjects are more."""
@@ -40,19 +40,19 @@ class Download:
 
 @dataclass(frozen=True)
 class Downloads:
-    """What the page offers, and the tables that are too large for it: their files' names and rows."""
+    """Hold the page's files, and the tables that are too large for it: their files' names and rows."""
 
     files: tuple[Download, ...]
     not_packed: tuple[tuple[str, int], ...]
 
 
-def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downloads:
+def downloads(results: StudyResults) -> Downloads:
     """Pack comparisons, scores, errors, bone lengths and joint centres, as many as MOST_BYTES hold."""
-    compared = [comparison_row(each) for each in comparisons]
+    compared = [row for row in results.model_differences if row["baseline"]]
     files: list[Download] = []
     not_packed = []
     for name, columns, rows in (
-        ("comparisons", tuple(compared[0]) if compared else (), compared),
+        (MODEL_DIFFERENCES.name, _columns(MODEL_DIFFERENCES), compared),
         (SKELETON_SCORES.name, _columns(SKELETON_SCORES), results.scores),
         (JOINT_ERRORS.name, _columns(JOINT_ERRORS), results.joint_errors),
         (TIP_ERRORS.name, _columns(TIP_ERRORS), results.tip_errors),
@@ -70,8 +70,9 @@ def downloads(results: StudyResults, comparisons: Sequence[Comparison]) -> Downl
 
 
 def _columns(table: Table) -> tuple[str, ...]:
-    """Those of a table that are one value a row; a covariance is none."""
-    return tuple(column.name for column in table.columns if not pa.types.is_nested(column.type))
+    """Those of a table that are one value a row; a covariance is none, and a message is its sentence."""
+    names = (column.name for column in table.columns if not pa.types.is_nested(column.type))
+    return tuple(name for name in names if name != "message_values")
 
 
 def packed(
@@ -92,36 +93,6 @@ def csv_of(rows: Sequence[Row], columns: Sequence[str]) -> str:
     writer.writerow(columns)
     writer.writerows([_cell(row[name]) for name in columns] for row in rows)
     return out.getvalue()
-
-
-def comparison_row(comparison: Comparison) -> Row:
-    """One comparison; null where there is no such number.
-
-    Differences are model - other, in `unit`; an empty digit is all digits.
-    """
-    question, statistics = comparison.question, comparison.statistics
-    interval = (statistics.interval if statistics else None) or (None, None)
-    return {
-        "metric": question.metric,
-        "table": question.table,
-        "unit": question.unit,
-        "held_out": comparison.held_out,
-        "digit": comparison.digit,
-        "model": comparison.model,
-        "other": comparison.other,
-        "n_subjects": len(comparison.subjects),
-        "n_compared_subjects": len(comparison.compared),
-        **{
-            f"{name}_difference": getattr(statistics, name, None)
-            for name in ("mean", "median", "lowest", "highest")
-        },
-        **dict(zip(("interval_95_low", "interval_95_high"), interval, strict=True)),
-        "p": getattr(statistics, "p", None),
-        "p_holm": comparison.p_holm,
-        "n_comparisons": comparison.n_compared,
-        "effect_size": getattr(statistics, "effect", None),
-        **{name: getattr(statistics, name, None) for name in ("n_better", "n_equal")},
-    }
 
 
 def _cell(value: Any) -> Any:

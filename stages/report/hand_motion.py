@@ -1,7 +1,7 @@
-"""What moves in the view: joints and tips of one hand's skeletons over one recording, and its receivers.
+"""Hold what moves in the view: joints and tips of one hand's skeletons over a recording, and its receivers.
 
 Where a joint is says `skeleton.posing`: a fitted hand moves as its bones were posed with all receivers; every
-other skeleton rides on its receivers. Still pictures show one frame of the same motion.
+other skeleton is carried by them. Still pictures show one frame of the same motion.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError
-from schemas.layout import Layout, Vector
-from schemas.model import SkeletonModel
-from schemas.poses import Poses
-from skeleton.posing import Motion, Seat, Skeleton, digit_seats, pose_bones
-from skeleton.rotations import matrix
-from stages.report.belief import BELIEVED, belief
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout, Vector
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.posing import PosedBones, ReceiverPoint, digit_points
+from shukotsu.skeleton.rotations import matrix
+from shukotsu.stages.report.belief import BELIEVED, belief
 
 Array = npt.NDArray[np.float64]
 Rows = Mapping[str, Mapping[str, Any]]
@@ -31,7 +31,7 @@ MOST_FRAMES = 15_000
 
 
 @dataclass(frozen=True)
-class Bone:
+class BoneLine:
     """A line between two points (indices). digit : its index; level : 0 for a digit's first bone, -1 for
     the line from the wrist to where a digit starts, which is no bone. shared : whether other digits' bones
     start at the same point.
@@ -60,14 +60,14 @@ class JointAxis:
 
 
 @dataclass(frozen=True)
-class SkeletonMotion:
+class ShownSkeleton:
     """One skeleton over T frames: P points, B bones, D digits.
 
     place : index of the model in the study, which its colour goes by. points : names of joints, then of tips.
-    position_mm : (T, P, 3) in the transmitter frame, NaN in gaps. seats : where each point rides, if every
-    point is fixed on a receiver; None for a fitted skeleton. sd_mm : (P,) 1-sigma error of each point in 3-D,
-    NaN where none is stated. believed : (P,) one of BELIEFS; tips are. tip_error_mm : (T, D) of the replay,
-    NaN in gaps. posed_error_mm : (T, D) from where a fitted hand, posed with all receivers, puts the distal
+    position_mm : (T, P, 3) in the transmitter frame, NaN in gaps. on_receivers : the points as fixed on
+    receivers; None for a fitted skeleton. sd_mm : (P,) 1-sigma error of each point in 3-D, NaN where none is
+    stated. believed : (P,) one of BELIEFS; tips are. tip_error_mm : (T, D) of the replay, NaN in gaps.
+    posed_error_mm : (T, D) from where a fitted hand, posed with all receivers, puts the distal
     receivers to where they are, NaN in gaps; None of a skeleton that rides on its receivers.
     """
 
@@ -75,10 +75,10 @@ class SkeletonMotion:
     place: int
     points: tuple[str, ...]
     position_mm: Array
-    seats: tuple[Seat, ...] | None
+    on_receivers: tuple[ReceiverPoint, ...] | None
     sd_mm: Array
     believed: tuple[str, ...]
-    bones: tuple[Bone, ...]
+    bones: tuple[BoneLine, ...]
     axes: tuple[JointAxis, ...]
     tip_error_mm: Array
     posed_error_mm: Array | None = None
@@ -105,12 +105,12 @@ class HandMotion:
     base: int
     distal: Vector
     dorsal: Vector
-    skeletons: tuple[SkeletonMotion, ...]
+    skeletons: tuple[ShownSkeleton, ...]
     paper: str = ""
 
 
 @dataclass(frozen=True)
-class Point:
+class DrawnPoint:
     """A joint or a tip in one frame: position (right, up, towards the viewer) in mm, seen from the back.
 
     believed : one of BELIEFS. reach_mm : distance from the receiver that carries it, or of a fitted hand from
@@ -129,7 +129,7 @@ class Chain:
 
     digit: str
     names: tuple[str, ...]
-    points: tuple[Point | None, ...]
+    points: tuple[DrawnPoint | None, ...]
 
     @property
     def absent(self) -> list[str]:
@@ -138,12 +138,18 @@ class Chain:
 
 
 def hand_motion(
-    hand: str, layout: Layout, poses: Poses, skeletons: Iterable[SkeletonMotion], paper: str = ""
+    hand: str,
+    layout: Layout,
+    poses: Poses,
+    skeletons: Iterable[ShownSkeleton],
+    paper: str = "",
+    every: int = 1,
 ) -> HandMotion:
-    """Join skeletons with the receivers that they were made from, thinned to MOST_FRAMES.
+    """Join skeletons with the receivers that they were made from.
 
-    Receivers without a valid pose are left out. Raises InputError where the receiver that the view hangs on
-    has none: then nothing says which way the hand is up.
+    every : how many recorded frames there are to one of these. Receivers without a valid pose are left out.
+    Raises InputError where the receiver that the view hangs on has none: then nothing says which way the hand
+    is up.
     """
     base = view_base(layout)
     worn = np.asarray(poses.valid.any(axis=0))
@@ -152,12 +158,12 @@ def hand_motion(
             f"the receiver of {base} has no valid pose; without it no view of the hand is upright"
         )
     valid = poses.valid[..., None]
-    motion = HandMotion(
+    return HandMotion(
         hand=hand,
         digits=tuple(layout.digits),
         frame=poses.frame,
         time_s=poses.time_s,
-        every=1,
+        every=every,
         receivers=tuple(name for name, there in zip(poses.segments, worn, strict=True) if there),
         receiver_mm=np.where(valid, poses.position_mm, np.nan)[:, worn],
         receiver_quaternion=np.where(valid, poses.quaternion, np.nan)[:, worn],
@@ -167,7 +173,6 @@ def hand_motion(
         skeletons=tuple(skeletons),
         paper=paper,
     )
-    return thinned(motion, MOST_FRAMES)
 
 
 def view_base(layout: Layout) -> str:
@@ -175,43 +180,19 @@ def view_base(layout: Layout) -> str:
     return next(iter(layout.digits.values())).base
 
 
-def thinned(motion: HandMotion, most: int) -> HandMotion:
-    """Every n-th frame, n the smallest that leaves at most `most` frames; the frames keep their numbers."""
-    every = -(-len(motion.frame) // most)
-    if every <= 1:
-        return motion
-    return replace(
-        motion,
-        frame=motion.frame[::every],
-        time_s=motion.time_s[::every],
-        every=motion.every * every,
-        receiver_mm=motion.receiver_mm[::every],
-        receiver_quaternion=motion.receiver_quaternion[::every],
-        skeletons=tuple(
-            replace(
-                own,
-                position_mm=own.position_mm[::every],
-                tip_error_mm=own.tip_error_mm[::every],
-                posed_error_mm=None if own.posed_error_mm is None else own.posed_error_mm[::every],
-            )
-            for own in motion.skeletons
-        ),
-    )
-
-
-def ridden_skeleton(
+def receiver_skeleton(
     layout: Layout, model: SkeletonModel, place: int, joints: Rows, tip_error_mm: Array, poses: Poses
-) -> SkeletonMotion:
-    """A skeleton whose joints ride on receivers.
+) -> ShownSkeleton:
+    """Give a skeleton whose joints receivers carry.
 
     joints : rows of joint_centres by joint. tip_error_mm : (T, D).
     """
-    by_digit = [digit_seats(digit, layout, model, joints) for digit in layout.digits.values()]
-    seats = {seat.name: seat for own in by_digit for seat in own}
-    positions = {name: seat.position_mm(poses) for name, seat in seats.items()}
-    bones = _bones(list(seats), [[seat.name for seat in own] for own in by_digit], None)
+    by_digit = [digit_points(digit, layout, model, joints) for digit in layout.digits.values()]
+    points = {point.name: point for own in by_digit for point in own}
+    positions = {name: point.position_mm(poses) for name, point in points.items()}
+    bones = _bones(list(points), [[point.name for point in own] for own in by_digit], None)
     skeleton = _skeleton(layout, model, place, positions, bones, joints, {}, tip_error_mm)
-    return replace(skeleton, seats=tuple(seats.values()))
+    return replace(skeleton, on_receivers=tuple(points.values()))
 
 
 def fitted_skeleton(
@@ -220,22 +201,20 @@ def fitted_skeleton(
     place: int,
     joints: Rows,
     worn: Rows,
-    posed: Motion,
+    posed: PosedBones,
     tip_error_mm: Array,
     posed_error_mm: Array,
-    poses: Poses,
-) -> SkeletonMotion:
-    """A fitted hand, its bones as posed; each digit ends at the end of its distal bone.
+) -> ShownSkeleton:
+    """Give a fitted hand, its bones as posed; each digit ends at the end of its distal bone.
 
-    joints : rows of joint_centres by joint; worn : rows of receivers by segment; posed : this recording's
-    bone poses and tips. tip_error_mm, posed_error_mm : (T, D).
+    joints : rows of joint_centres by joint; worn : rows of receivers by segment. tip_error_mm, posed_error_mm
+    : (T, D).
     """
-    bones = pose_bones(Skeleton(layout, model, joints, {}), poses, posed)
-    known = dict(zip(bones.names, bones.position_mm.swapaxes(0, 1), strict=True))
     chains = [[*digit.joints, f"{name}_tip"] for name, digit in layout.digits.items()]
     wrist = layout.wrist.joint if layout.wrist else None
     names = dict.fromkeys([*([wrist] if wrist else []), *(name for chain in chains for name in chain)])
-    nowhere = np.full((len(poses.frame), 3), np.nan)
+    nowhere = np.full((len(tip_error_mm), 3), np.nan)
+    known = {name: posed.position_mm[:, index] for index, name in enumerate(posed.names)}
     positions = {name: known.get(name, nowhere) for name in names}
     sd_of_tip = {
         f"{name}_tip": _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
@@ -247,11 +226,11 @@ def fitted_skeleton(
 
 
 def shown_first(motion: HandMotion) -> tuple[int, ...]:
-    """Which skeletons a view shows before any is chosen: the last fitted one that was posed in this
+    """Tell which skeletons a view shows before any is chosen: the last fitted one that was posed in this
     recording, else the first; beside it the paper's or else the first of the others, if there are any.
     """
     posed = [np.isfinite(skeleton.position_mm).any() for skeleton in motion.skeletons]
-    fitted = [i for i, s in enumerate(motion.skeletons) if s.seats is None and posed[i]]
+    fitted = [i for i, s in enumerate(motion.skeletons) if s.on_receivers is None and posed[i]]
     first = fitted[-1] if fitted else 0
     others = [i for i in range(len(motion.skeletons)) if i != first and posed[i]]
     others.sort(key=lambda i: motion.skeletons[i].model != motion.paper)
@@ -298,16 +277,16 @@ def receivers_at(motion: HandMotion, frame: int) -> Array:
     return receivers[np.isfinite(receivers).all(-1)]
 
 
-def chains_at(motion: HandMotion, skeleton: SkeletonMotion, frame: int) -> list[Chain]:
+def chains_at(motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> list[Chain]:
     """Each digit's points at one frame in the view's axes, from its first bone outward."""
     places, receivers = _at(motion, frame, skeleton.position_mm), receivers_at(motion, frame)
 
-    def point(index: int) -> Point | None:
+    def point(index: int) -> DrawnPoint | None:
         if not np.isfinite(places[index]).all():
             return None
-        seat = None if skeleton.seats is None else skeleton.seats[index].point_mm
-        reach = np.linalg.norm(receivers - places[index] if seat is None else seat[None], axis=-1).min()
-        return Point(skeleton.points[index], places[index], skeleton.believed[index], float(reach))
+        own = None if skeleton.on_receivers is None else skeleton.on_receivers[index].point_mm
+        reach = np.linalg.norm(receivers - places[index] if own is None else own[None], axis=-1).min()
+        return DrawnPoint(skeleton.points[index], places[index], skeleton.believed[index], float(reach))
 
     chains = []
     for digit, name in enumerate(motion.digits):
@@ -331,15 +310,15 @@ def _at(motion: HandMotion, frame: int, world_mm: Array) -> Array:
     return np.asarray(seen(motion, np.array([frame]), world_mm[frame : frame + 1])[0])
 
 
-def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None) -> tuple[Bone, ...]:
+def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None) -> tuple[BoneLine, ...]:
     bones = []
     starts = Counter(chain[0] for chain in chains)
     for digit, chain in enumerate(chains):
         ends = [points.index(name) for name in chain]
         if wrist is not None:
-            bones.append(Bone(points.index(wrist), ends[0], digit, -1, shared=True))
+            bones.append(BoneLine(points.index(wrist), ends[0], digit, -1, shared=True))
         for level, (start, end) in enumerate(pairwise(ends)):
-            bones.append(Bone(start, end, digit, level, shared=level == 0 and starts[chain[0]] > 1))
+            bones.append(BoneLine(start, end, digit, level, shared=level == 0 and starts[chain[0]] > 1))
     return tuple(bones)
 
 
@@ -348,19 +327,19 @@ def _skeleton(
     model: SkeletonModel,
     place: int,
     positions: Mapping[str, Array],
-    bones: tuple[Bone, ...],
+    bones: tuple[BoneLine, ...],
     joints: Rows,
     sd_of_tip: Mapping[str, float],
     tip_error_mm: Array,
-) -> SkeletonMotion:
+) -> ShownSkeleton:
     points = tuple(positions)
     sd = [sd_of_tip.get(p, _number(joints.get(p, {}).get("sd_mm"))) for p in points]
-    return SkeletonMotion(
+    return ShownSkeleton(
         model=model.name,
         place=place,
         points=points,
         position_mm=np.stack(list(positions.values()), 1),
-        seats=None,
+        on_receivers=None,
         sd_mm=np.array(sd),
         believed=tuple(belief(joints[p]) if p in joints else BELIEVED for p in points),
         bones=bones,
@@ -381,7 +360,7 @@ def _axes(
         x, y, z = (float(row[f"axis_child_{axis}"]) for axis in "xyz")
         plane = joint.plane
         side = joint.parent_receiver if plane.frame == "parent" else joint.child
-        cut_by = side if model.cut and plane.frame != "none" else ""
+        cut_by = side if model.planes.cut and plane.frame != "none" else ""
         axes.append(JointAxis(points.index(joint.name), joint.child, (x, y, z), cut_by, plane.normal))
     return tuple(axes)
 

@@ -1,20 +1,20 @@
-"""What a page says first: which joints to believe and what to do next; then how good the skeletons are."""
+"""Write a page's opening: which joints to believe and what to do next; then how good the skeletons are."""
 
 from __future__ import annotations
 
 from collections import Counter
 from statistics import median
 
-from schemas.model import the_papers
-from schemas.study import Hand
-from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, joints_text
-from stages.report.next_step import hands_counted, hands_text, next_step
-from stages.report.score_tables import mean, tasks_text
-from stages.report.study_results import LEAST_SQUARES, Row, StudyResults, hand_of, row_key
-from stages.report.table_cells import counted, listed, number
-from stages.report.trust import study_beliefs
-from stages.report.truth_tables import FAR_MM, known
-from stages.report.wording import say
+from shukotsu.schemas.model import the_papers
+from shukotsu.schemas.study import Hand
+from shukotsu.sentences.translation import listed, ngettext, tr
+from shukotsu.stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, joints_text
+from shukotsu.stages.report.next_step import hands_counted, hands_text, next_step
+from shukotsu.stages.report.score_tables import mean, tasks_text
+from shukotsu.stages.report.study_results import LEAST_SQUARES, Row, StudyResults, hand_of, row_key
+from shukotsu.stages.report.table_cells import number
+from shukotsu.stages.report.trust import study_beliefs
+from shukotsu.stages.report.truth_tables import FAR_MM, known
 
 FEW_MODELS = 2
 MIDDLE_OF = 3
@@ -22,21 +22,20 @@ MIDDLE_OF = 3
 
 
 def used_text(results: StudyResults) -> str:
-    """How many of the recordings were used, in a sentence."""
+    """Say in a sentence how many of the recordings were used."""
     statuses = Counter(results.status_of(recording)[0] for recording in results.recordings)
     total = len(results.recordings)
     others = [
-        say("{count} {status}", count=count, status=status)
+        tr("{count} {status}", count=count, status=status)
         for status, count in sorted(statuses.items())
         if status != "used"
     ]
     rest = f" ({listed(others)})" if others else ""
-    verb = "was" if statuses["used"] == 1 else "were"
-    return say(
-        "{used} of {recordings} {verb} used{rest}.",
-        used=statuses["used"],
-        recordings=counted(total, "recording"),
-        verb=verb,
+    return ngettext(
+        "{n} of {recordings} was used{rest}.",
+        "{n} of {recordings} were used{rest}.",
+        statuses["used"],
+        recordings=ngettext("{n} recording", "{n} recordings", total),
         rest=rest,
     )
 
@@ -50,58 +49,58 @@ def opening(results: StudyResults) -> str:
         return f"{_nothing_judged(results, model)} {next_step(results)}"
     of = {each: [joint for joint, own in found.items() if own == each] for each in BELIEFS}
     sds = [row["sd_mm"] for row in rows if belief(row) == BELIEVED and row["sd_mm"] is not None]
-    known = say(", typically to {sds:.1f} mm", sds=median(sds)) if sds else ""
-    text = say(
+    known = tr(", typically to {sds:.1f} mm", sds=median(sds)) if sds else ""
+    text = tr(
         "{n_of} of {joints} can be believed{where}",
-        n_of=len(of[BELIEVED]) or say("None"),
-        joints=counted(len(found), "joint"),
+        n_of=len(of[BELIEVED]) or tr("None"),
+        joints=ngettext("{n} joint", "{n} joints", len(found)),
         where=_where(results, len(judged)),
     )
-    text += say(", as {model} places them{known}", model=model, known=known)
-    text += say(": {names}.", names=joints_text(of[BELIEVED])) if of[BELIEVED] else say(".")
-    text += say(" With care: {of}.", of=joints_text(of[CARE])) if of[CARE] else ""
-    text += say(" Not: {of}.", of=joints_text(of[NOT])) if of[NOT] else ""
+    text += tr(", as {model} places them{known}", model=model, known=known)
+    text += tr(": {names}.", names=joints_text(of[BELIEVED])) if of[BELIEVED] else tr(".")
+    text += tr(" With care: {of}.", of=joints_text(of[CARE])) if of[CARE] else ""
+    text += tr(" Not: {of}.", of=joints_text(of[NOT])) if of[NOT] else ""
     return f"{_how_many_judged(results, judged)}{text} {next_step(results)}"
 
 
 def _nothing_judged(results: StudyResults, model: str) -> str:
     """Why no joint is judged: every hand is suspect, or none has a joint at all."""
     if not results.hands:
-        return say("There is no recording, so nothing is judged.")
+        return tr("There is no recording, so nothing is judged.")
     total = hands_counted(results, len(results.hands))
     if results.suspect >= {*results.hands}:
-        return say(
+        return tr(
             "Nothing is judged: what was found in the recordings leaves everything out ({total}).",
             total=total,
         )
-    text = say("No joint was solved under {model}: {total}.", model=model, total=total)
+    text = tr("No joint was solved under {model}: {total}.", model=model, total=total)
     return text + _left_out_text(results)
 
 
 def _how_many_judged(results: StudyResults, judged: set[Hand]) -> str:
-    """Of how many hands what follows is, where it is not of all."""
+    """Say how many hands the text is about, where it is not about all."""
     if len(judged) == len(results.hands):
         return ""
     unsolved = len({*results.hands} - judged - results.suspect)
-    text = say(
+    text = tr(
         "Judged: {n} of {total}.", n=len(judged), total=hands_counted(results, len(results.hands))
     ) + _left_out_text(results)
-    text += say(" Without a joint: {unsolved}.", unsolved=unsolved) if unsolved else ""
+    text += tr(" Without a joint: {unsolved}.", unsolved=unsolved) if unsolved else ""
     return text + " "
 
 
 def _left_out_text(results: StudyResults) -> str:
-    """How many hands are left out for what was found in their recordings; empty where none is."""
+    """Say how many hands are left out for what was found in their recordings; empty where none is."""
     n = len(results.suspect)
-    return say(" Left out for what was found in their recordings: {n}.", n=n) if n else ""
+    return tr(" Left out for what was found in their recordings: {n}.", n=n) if n else ""
 
 
 def _where(results: StudyResults, judged: int) -> str:
     """In how many hands a joint has to be believed to be called so."""
     if judged < MIDDLE_OF:
-        both = say(" in both hands") if results.of_hands else say(" on both sides")
+        both = tr(" in both hands") if results.of_hands else tr(" on both sides")
         return both if judged == 2 else ""
-    return say(" in most of {hands}", hands=hands_counted(results, judged))
+    return tr(" in most of {hands}", hands=hands_counted(results, judged))
 
 
 def headline(results: StudyResults) -> str:
@@ -111,9 +110,9 @@ def headline(results: StudyResults) -> str:
     """
     used = used_text(results)
     if results.simulated:
-        used = used.rstrip(".") + say("; they are simulated, so no person's hand is behind these numbers.")
+        used = used.rstrip(".") + tr("; they are simulated, so no person's hand is behind these numbers.")
     if results.suspect:
-        used += say(
+        used += tr(
             " Left out of these numbers, for what was found in their recordings: {hands}.",
             hands=hands_text(hand for hand in results.hands if hand in results.suspect),
         )
@@ -147,8 +146,8 @@ def _judging(results: StudyResults, model: str) -> tuple[list[Row], str]:
     rows = [row for row in results.scores if row["model"] == model]
     held_out = [row for row in rows if row["held_out"]]
     if held_out:
-        return held_out, say("On recordings that it was not made from")
-    return rows, say("On the recordings that it was made from (nothing is held out)")
+        return held_out, tr("On recordings that it was not made from")
+    return rows, tr("On the recordings that it was made from (nothing is held out)")
 
 
 def _left_out(results: StudyResults, model: str, rows: list[Row], scored_on: str) -> str:
@@ -159,12 +158,10 @@ def _left_out(results: StudyResults, model: str, rows: list[Row], scored_on: str
         for row in results.scores
         if row["model"] == "prior-only" and row_key(row) in recordings
     )
-    beside = "" if prior is None else say(" (anatomy alone, without data: {prior} mm)", prior=number(prior))
-    return say(
-        (
-            "{scored_on}, {model} misses the distal receivers, whose positions it was not told, by "
-            "{missed} mm on average{beside}."
-        ),
+    beside = "" if prior is None else tr(" (anatomy alone, without data: {prior} mm)", prior=number(prior))
+    return tr(
+        "{scored_on}, {model} misses the distal receivers, whose positions it was not told, by "
+        "{missed} mm on average{beside}.",
         scored_on=scored_on,
         model=model,
         missed=missed,
@@ -173,16 +170,14 @@ def _left_out(results: StudyResults, model: str, rows: list[Row], scored_on: str
 
 
 def _against_truth(results: StudyResults, model: str) -> str:
-    """How far the model's joints are from the true ones, beside the paper's; nothing without a truth."""
+    """Compare the model's joints with the true ones, beside the paper's; empty without a truth."""
     mine = _joint_errors(results, model)
     if not mine:
         return ""
     made_from = _made_from(results, model)
-    text = say(
-        (
-            "Made from {made_from}, its joints are {mine} mm from the true ones in the median and "
-            "{far} are more than {FAR_MM:.0f} mm off"
-        ),
+    text = tr(
+        "Made from {made_from}, its joints are {mine} mm from the true ones in the median and "
+        "{far} are more than {FAR_MM:.0f} mm off",
         made_from=made_from,
         mine=number(median(mine), 1),
         far=_far(mine),
@@ -194,9 +189,9 @@ def _against_truth(results: StudyResults, model: str) -> str:
         return text + "."
     others = _made_from(results, paper)
     skeleton = (
-        paper if others == made_from else say("{paper} (made from {others})", paper=paper, others=others)
+        paper if others == made_from else tr("{paper} (made from {others})", paper=paper, others=others)
     )
-    return say(
+    return tr(
         "{text}; those of {skeleton} {theirs} mm and {far}.",
         text=text,
         skeleton=skeleton,
@@ -229,30 +224,28 @@ def _made_from(results: StudyResults, model: str) -> str:
 
 
 def _far(errors: list[float]) -> str:
-    return say("{n_far} of {n_errors}", n_far=sum(error > FAR_MM for error in errors), n_errors=len(errors))
+    return tr("{n_far} of {n_errors}", n_far=sum(error > FAR_MM for error in errors), n_errors=len(errors))
 
 
 def _closing(results: StudyResults) -> str:
-    """How well the models' replays close: the held-out errors if there are any, of many models the range."""
+    """Describe models' tip errors in replays: held-out ones if there are any, of many models the range."""
     held_out, seen = mean_tip_errors(results, held_out=True), mean_tip_errors(results, held_out=False)
     means = held_out or seen
     if not means:
-        return say("No tip error could be computed with any model.")
+        return tr("No tip error could be computed with any model.")
     ordered = sorted(means, key=lambda model: means[model])
     shown = ordered if len(ordered) <= FEW_MODELS else [ordered[0], ordered[-1]]
-    amounts = [say("{means} mm ({model})", means=number(means[model]), model=model) for model in shown]
+    amounts = [tr("{means} mm ({model})", means=number(means[model]), model=model) for model in shown]
     many = len(ordered) > FEW_MODELS
-    by = say("between {amounts}", amounts=listed(amounts)) if many else listed(amounts)
+    by = tr("between {amounts}", amounts=listed(amounts)) if many else listed(amounts)
     recordings = (
-        say("held-out recordings (the joints were solved from others)")
+        tr("held-out recordings (the joints were solved from others)")
         if held_out
-        else say("the recordings that the joints were solved from (nothing is held out)")
+        else tr("the recordings that the joints were solved from (nothing is held out)")
     )
-    return say(
-        (
-            "On {recordings} the replayed tip misses its receiver by {by} on average, which "
-            "says how well the joints close and not where they are."
-        ),
+    return tr(
+        "On {recordings} the replayed tip misses its receiver by {by} on average, which "
+        "says how well the joints close and not where they are.",
         recordings=recordings,
         by=by,
     )

@@ -11,10 +11,10 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from schemas.results import Results
-from schemas.study import Recording, SubjectSession
-from stages.report.study_results import StudyResults
-from stages.report.wording import say
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import Recording, SubjectSession
+from shukotsu.sentences.translation import tr
+from shukotsu.stages.report.study_results import StudyResults
 
 
 class Link(NamedTuple):
@@ -46,11 +46,9 @@ def recording_links(
 
 
 def recording_label(recording: Recording, *, with_hand: bool) -> str:
-    """What a recording is called in a link."""
-    parts = [recording.task, say("trial {trial}", trial=recording.trial) if recording.trial else ""]
-    return ", ".join(
-        filter(None, [*parts, say("{hand} hand", hand=recording.hand.hand) if with_hand else ""])
-    )
+    """Name a recording in a link."""
+    parts = [recording.task, tr("trial {trial}", trial=recording.trial) if recording.trial else ""]
+    return ", ".join(filter(None, [*parts, tr("{hand} hand", hand=recording.hand.hand) if with_hand else ""]))
 
 
 @dataclass(frozen=True)
@@ -66,9 +64,9 @@ class Navigation:
 def navigation(results: StudyResults, recording: Recording) -> Navigation:
     """The links of a recording's page, to pages of evaluated recordings alone."""
     paths, mine = results.paths, recording.hand
-    page, study = paths.recording_page(recording), say("Study {name}", name=results.name)
+    page, study = paths.recording_page(recording), tr("Study {name}", name=results.name)
     other = _same_task(results, "left" if mine.hand == "right" else "right", recording)
-    words = say("Right hand") if mine.hand == "left" else say("Left hand")
+    words = tr("Right hand") if mine.hand == "left" else tr("Left hand")
     others = [
         link(recording_label(own, with_hand=True), page, paths.recording_page(own))
         for own in results.shown
@@ -76,7 +74,7 @@ def navigation(results: StudyResults, recording: Recording) -> Navigation:
     ]
     return Navigation(
         study=link(study, page, paths.report),
-        subject=link(say("Subject {label}", label=mine.who.label), page, paths.subject_page(*mine.who)),
+        subject=link(tr("Subject {label}", label=mine.who.label), page, paths.subject_page(*mine.who)),
         other_hand=None if other is None else link(words, page, paths.recording_page(other)),
         others=tuple(others),
     )

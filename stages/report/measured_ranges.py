@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from schemas.errors import InputError
-from schemas.movement_tables import RANGES_OF_MOTION
-from schemas.parts import Part, read_part
-from schemas.study import Hand, Recording
-from stages.report.study_results import Row, StudyResults, recording_key, row_key
-from stages.report.table_cells import Column, DataTable, number, number_column, table_of, text_column
-from stages.report.wording import say
+from shukotsu.errors import InputError
+from shukotsu.schemas.movement_tables import RANGES_OF_MOTION
+from shukotsu.schemas.parts import Part, read_part
+from shukotsu.schemas.study import Hand, Recording
+from shukotsu.schemas.tables import rows_of
+from shukotsu.sentences.translation import tr
+from shukotsu.stages.report.study_results import Row, StudyResults, recording_key, row_key
+from shukotsu.stages.report.table_cells import Column, DataTable, number, number_column, table_of, text_column
 
 
 def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
@@ -19,7 +20,7 @@ def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
     part = Part(hand.hand, model, "", hand.subject, hand.session)
     columns = [column.name for column in RANGES_OF_MOTION.columns]
     try:
-        return list(read_part(path, RANGES_OF_MOTION, part, columns).to_pylist())
+        return list(rows_of(read_part(path, RANGES_OF_MOTION, part, columns)))
     except InputError:
         return []
 
@@ -31,19 +32,19 @@ def of_recording(rows: list[Row], recording: Recording) -> list[Row]:
 
 def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> DataTable:
     """Range, posture and speed of every joint angle, each range with its stated 1-sigma error."""
-    task = Column(say("Task"), lambda r: ", trial ".join(filter(None, (r["task"], r["trial"]))), is_text=True)
+    task = Column(tr("Task"), lambda r: ", trial ".join(filter(None, (r["task"], r["trial"]))), is_text=True)
     columns = (
-        text_column(say("Joint"), "joint"),
-        text_column(say("Angle"), "angle"),
+        text_column(tr("Joint"), "joint"),
+        text_column(tr("Angle"), "angle"),
         *((task,) if with_recording else ()),
-        Column(say("Range of motion [deg]"), lambda row: _with_sd(row, "range")),
-        number_column(say("2.5 % [deg]"), "low_deg", 1),
-        number_column(say("97.5 % [deg]"), "high_deg", 1),
-        number_column(say("Full range [deg]"), "full_range_deg", 1),
-        Column(say("Median [deg]"), lambda row: _with_sd(row, "median")),
-        number_column(say("Speed, median [deg/s]"), "speed_median_deg_s", 1),
-        number_column(say("Speed, 95 % [deg/s]"), "speed_p95_deg_s", 1),
-        number_column(say("Valid [%]"), "valid_percent", 1),
+        Column(tr("Range of motion [deg]"), lambda row: _with_sd(row, "range")),
+        number_column(tr("2.5 % [deg]"), "low_deg", 1),
+        number_column(tr("97.5 % [deg]"), "high_deg", 1),
+        number_column(tr("Full range [deg]"), "full_range_deg", 1),
+        Column(tr("Median [deg]"), lambda row: _with_sd(row, "median")),
+        number_column(tr("Speed, median [deg/s]"), "speed_median_deg_s", 1),
+        number_column(tr("Speed, 95 % [deg/s]"), "speed_p95_deg_s", 1),
+        number_column(tr("Valid [%]"), "valid_percent", 1),
     )
     return table_of(caption, columns, rows)
 

@@ -9,15 +9,16 @@ from collections import Counter
 from pathlib import Path
 from statistics import median
 
-from schemas import VERSION
-from schemas.errors import InputError
-from schemas.mapping import read_mapping
-from schemas.model import SkeletonModel
-from stages.report.movement_page.movement_results import Movement
-from stages.report.study_results import Row, StudyResults
-from stages.report.table_cells import capital, counted, listed, number
-from stages.report.wording import say, told
-from subject_statistics.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
+from shukotsu.errors import InputError
+from shukotsu.schemas import VERSION
+from shukotsu.schemas.mapping import read_mapping
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import listed, ngettext, tr
+from shukotsu.stages.report.movement_page.movement_results import Movement
+from shukotsu.stages.report.study_results import Row, StudyResults
+from shukotsu.stages.report.table_cells import number
+from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
 
 REFERENCES = (
     (
@@ -38,7 +39,7 @@ REFERENCES = (
         "joints for the reporting of human joint motion, part II. Journal of Biomechanics 38 "
         "(2005) 981–992."
     ),
-    ("R. A. Fisher: The Design of Experiments. Oliver and Boyd, 1935."),
+    "R. A. Fisher: The Design of Experiments. Oliver and Boyd, 1935.",
     (
         "T. C. Hesterberg: What Teachers Should Know About the Bootstrap. The American "
         "Statistician 69 (2015) 371–386."
@@ -62,20 +63,20 @@ def methods_text(results: StudyResults, movement: Movement | None = None) -> lis
 
 def _recorded(results: StudyResults) -> str:
     used = [row for row in results.recording_rows if row["status"] == "used"]
-    made = say("simulated") if results.simulated else say("recorded")
+    made = tr("simulated") if results.simulated else tr("recorded")
     receivers = sorted({row["n_receivers"] for row in used})
-    worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:])) or say("no")
+    worn = "–".join(str(count) for count in (receivers[:1] + receivers[1:][-1:])) or tr("no")
     tasks = Counter(row["task"] for row in used)
-    text = say(
-        ("{capital} of {subjects} {part}{verb} {made} with {worn} receivers a hand{rate}, in {recordings}"),
-        capital=capital(counted(len(results.hands), "hand")),
-        subjects=counted(len(results.subjects), "subject"),
-        part=say("(counted in each session) ") if results.has_sessions else "",
-        verb="was" if len(results.hands) == 1 else "were",
+    text = ngettext(
+        "{n} hand of {subjects} {part}was {made} with {worn} receivers a hand{rate}, in {recordings}",
+        "{n} hands of {subjects} {part}were {made} with {worn} receivers a hand{rate}, in {recordings}",
+        len(results.hands),
+        subjects=ngettext("{n} subject", "{n} subjects", len(results.subjects)),
+        part=tr("(counted in each session) ") if results.has_sessions else "",
         made=made,
         worn=worn,
         rate=_rate(used),
-        recordings=counted(len(used), "recording"),
+        recordings=ngettext("{n} recording", "{n} recordings", len(used)),
     )
     if tasks:
         text += " (" + listed(f"{task}: {count}" for task, count in sorted(tasks.items())) + ")"
@@ -83,45 +84,44 @@ def _recorded(results: StudyResults) -> str:
     text += (
         "."
         if not lost
-        else say(
-            "; {further_recordings} could not be used.",
-            further_recordings=counted(lost, "further recording"),
+        else ngettext(
+            "; {n} further recording could not be used.", "; {n} further recordings could not be used.", lost
         )
     )
     text += _left_out(results) + ("" if results.simulated else _tracker(used)) + _mappings(results)
     if results.simulated:
-        text += say(" The simulator knows the true skeleton; no person's hand is behind these numbers.")
+        text += tr(" The simulator knows the true skeleton; no person's hand is behind these numbers.")
     return text
 
 
 def _left_out(results: StudyResults) -> str:
     """Which hands are in no statistic, and why; empty where all are."""
-    hands = sorted(say("{hand}", hand=hand) for hand in results.suspect)
+    hands = sorted(tr("{hand}", hand=hand) for hand in results.suspect)
     if not hands:
         return ""
-    return say(
+    return tr(
         " Left out of every statistic, for what was found in their recordings: {hands}.", hands=listed(hands)
     )
 
 
 def _tracker(used: list[Row]) -> str:
-    """What recorded them, as far as their files say."""
+    """Name the trackers that recorded them, as far as their files say."""
     known = listed(sorted({row["tracker"] for row in used if row.get("tracker")}))
     unknown = any(not row.get("tracker") for row in used)
-    text = say(" The tracker was: {tracker}.", tracker=known) if known else ""
+    text = tr(" The tracker was: {tracker}.", tracker=known) if known else ""
     if unknown and known:
-        return text + say(" Other recordings do not name theirs.")
-    return say(" The recordings do not name the tracker: name it here.") if unknown else text
+        return text + tr(" Other recordings do not name theirs.")
+    return tr(" The recordings do not name the tracker: name it here.") if unknown else text
 
 
 def _mappings(results: StudyResults) -> str:
-    """What was declared of files of other programs."""
+    """Describe what mappings declare of files of other programs."""
     counts = Counter(own.mapping for own in results.recordings if own.mapping and not own.exclude)
     return "".join(
-        say(
-            " {recordings} of another program {verb} read as {mapping} declares{what}.",
-            recordings=capital(counted(count, "recording")),
-            verb="was" if count == 1 else "were",
+        ngettext(
+            " {n} recording of another program was read as {mapping} declares{what}.",
+            " {n} recordings of another program were read as {mapping} declares{what}.",
+            count,
             mapping=path.name,
             what=_declared(path),
         )
@@ -139,36 +139,33 @@ def _declared(path: Path) -> str:
     words = (orientation.get(key) for key in ("kind", "order", "axes", "unit", "rotates"))
     turning = " ".join(filter(None, words))
     unit = mapping.config["position_unit"]
-    return say(": positions in {unit}", unit=unit) + (f", {turning}" if turning else "")
+    return tr(": positions in {unit}", unit=unit) + (f", {turning}" if turning else "")
 
 
 def _described(results: StudyResults, name: str, model: SkeletonModel) -> str:
     """A model in a sentence; where no layout has a thumb, nothing is said of one."""
     digits = {digit for layout in results.layouts.values() for digit in layout.digits}
     if "thumb" not in digits and model.own_cmc:
-        return say("{model}: each joint by the receivers on both sides of it.", model=name)
-    return f"{name}: {told(model.description.rstrip('.'))}."
+        return tr("{model}: each joint by the receivers on both sides of it.", model=name)
+    return f"{name}: {translated(model.description.rstrip('.'))}."
 
 
 def _solved(results: StudyResults) -> str:
     described = (_described(results, name, model) for name, model in results.models.items())
     text = (
-        say(
-            (
-                "Joint centres were found from the relative motion of the receivers beside each joint "
-                "[1–3]. {capital} {verb} compared. "
-            ),
-            capital=capital(counted(len(results.models), "skeleton model")),
-            verb="was" if len(results.models) == 1 else "were",
+        ngettext(
+            "Joint centres were found from the relative motion of the receivers beside each joint "
+            "[1–3]. {n} skeleton model was compared. ",
+            "Joint centres were found from the relative motion of the receivers beside each joint "
+            "[1–3]. {n} skeleton models were compared. ",
+            len(results.models),
         )
     ) + " ".join(described)
     if results.fitted:
-        text += say(
-            (
-                " {fitted}: all joint centres, axes, bone lengths and the receivers' places were "
-                "estimated at once (maximum a posteriori, with anatomical priors), their uncertainty by "
-                "a Gaussian approximation. Joint angles follow ISB [4]."
-            ),
+        text += tr(
+            " {fitted}: all joint centres, axes, bone lengths and the receivers' places were "
+            "estimated at once (maximum a posteriori, with anatomical priors), their uncertainty by "
+            "a Gaussian approximation. Joint angles follow ISB [4].",
             fitted=listed(results.fitted),
         )
     return text
@@ -177,18 +174,16 @@ def _solved(results: StudyResults) -> str:
 def _judged(results: StudyResults) -> str:
     fresh = any(row["held_out"] and not row["reference"] for row in results.scores)
     seen = (
-        say("Skeletons were scored on recordings of tasks that they were not made from.")
+        tr("Skeletons were scored on recordings of tasks that they were not made from.")
         if fresh
-        else say("Skeletons were scored on the recordings that they were made from; nothing was held out.")
+        else tr("Skeletons were scored on the recordings that they were made from; nothing was held out.")
     )
-    return say(
-        (
-            "{seen} The subject was the unit of comparison: each gave one difference between two "
-            "models, the mean over its hands, recordings and digits. Differences were tested by "
-            "flipping their signs [5]; 95 % intervals are expanded percentile bootstrap intervals "
-            "over subjects [6] ({N_RESAMPLES} resamples, from {FEWEST_SUBJECTS} subjects on); Holm's "
-            "procedure corrected p [7]; effect sizes are Cohen's d_z with Hedges' correction [8]."
-        ),
+    return tr(
+        "{seen} The subject was the unit of comparison: each gave one difference between two "
+        "models, the mean over its hands, recordings and digits. Differences were tested by "
+        "flipping their signs [5]; 95 % intervals are expanded percentile bootstrap intervals "
+        "over subjects [6] ({N_RESAMPLES} resamples, from {FEWEST_SUBJECTS} subjects on); Holm's "
+        "procedure corrected p [7]; effect sizes are Cohen's d_z with Hedges' correction [8].",
         seen=seen,
         N_RESAMPLES=N_RESAMPLES,
         FEWEST_SUBJECTS=FEWEST_SUBJECTS,
@@ -196,40 +191,36 @@ def _judged(results: StudyResults) -> str:
 
 
 def movement_paragraph(movement: Movement) -> str:
-    """What was measured of movement, and how it was compared: filters, statistics, n."""
+    """Describe how movement was measured and compared: filters, statistics, n."""
     if movement.ranges.empty:
-        return say("No movement was measured: no recording has joint angles.")
+        return tr("No movement was measured: no recording has joint angles.")
     subjects = movement.ranges["subject"].nunique()
-    text = say(
-        (
-            "Movement was measured in {subjects} by joint angles under {model}. The range of motion "
-            "is the distance from the 2.5th to the 97.5th percentile of an angle. Speeds are slopes "
-            "of a parabola fitted in a moving window that passes 10 Hz at half power "
-            "(Savitzky-Golay). Smoothness is the spectral arc length of the fingertip's speed "
-            "(SPARC)."
-        ),
-        subjects=counted(subjects, "subject"),
+    text = tr(
+        "Movement was measured in {subjects} by joint angles under {model}. The range of motion "
+        "is the distance from the 2.5th to the 97.5th percentile of an angle. Speeds are slopes "
+        "of a parabola fitted in a moving window that passes 10 Hz at half power "
+        "(Savitzky-Golay). Smoothness is the spectral arc length of the fingertip's speed "
+        "(SPARC).",
+        subjects=ngettext("{n} subject", "{n} subjects", subjects),
         model=movement.model,
     )
     if len(movement.curves):
-        text += say(
+        text += tr(
             " Movement was cut into cycles at events, and each cycle brought to 0 to 100 % of its length."
         )
     if len(movement.differences):
-        tests = sorted(told(test) for test in movement.differences["test"].unique() if test)
-        text += say(
-            (
-                " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
-                "{tests}; two-sided, corrected over all joint angles of a quantity by the largest |t|; "
-                "95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
-                "corrected for few subjects."
-            ),
-            tests=listed(tests) or say("none, for want of subjects"),
+        tests = sorted(translated(test) for test in movement.differences["test"].unique() if test)
+        text += tr(
+            " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
+            "{tests}; two-sided, corrected over all joint angles of a quantity by the largest |t|; "
+            "95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
+            "corrected for few subjects.",
+            tests=listed(tests) or tr("none, for want of subjects"),
         )
     if len(movement.curve_differences):
-        text += say(" Curves were compared by permutation of the largest |t|, family-wise at 5 %.")
+        text += tr(" Curves were compared by permutation of the largest |t|, family-wise at 5 %.")
     if len(movement.reliability):
-        text += say(
+        text += tr(
             " Repeatability: ICC(2,1) and ICC(3,1) with F-based intervals, standard error of "
             "measurement within subjects, minimal detectable change 1.96 √2 times that, Bland-Altman "
             "limits of agreement."
@@ -238,11 +229,9 @@ def movement_paragraph(movement: Movement) -> str:
 
 
 def _software() -> str:
-    return say(
-        (
-            "All computations were made with Shukotsu {VERSION}; configuration, versions and the "
-            "SHA-256 of every input file are listed in the study's report."
-        ),
+    return tr(
+        "All computations were made with Shukotsu {VERSION}; configuration, versions and the "
+        "SHA-256 of every input file are listed in the study's report.",
         VERSION=VERSION,
     )
 
@@ -252,4 +241,4 @@ def _rate(used: list[Row]) -> str:
     rates = [
         (row["n_frames"] - 1) / row["duration_s"] for row in used if row["duration_s"] and row["n_frames"] > 1
     ]
-    return say(" at {rates} Hz", rates=number(median(rates), 0)) if rates else ""
+    return tr(" at {rates} Hz", rates=number(median(rates), 0)) if rates else ""

@@ -8,44 +8,45 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import mean
 
-from schemas.advice import MOVE, NOTHING_TO_DO
-from schemas.study import Hand
-from stages.report.study_results import Row, StudyResults, hand_of
-from stages.report.table_cells import Block, DataTable, Folded, counted, number
-from stages.report.wording import mark, say, told
+from shukotsu.schemas.advice import MOVE, NOTHING_TO_DO, advice_text
+from shukotsu.schemas.findings import values_of
+from shukotsu.schemas.study import Hand
+from shukotsu.sentences.translation import N_, ngettext, tr
+from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
+from shukotsu.stages.report.table_cells import Block, DataTable, Folded, number
 
 MOST_GAINS = 3
 
 _TOUCH = "touch"
 _PLACES = {
-    "along": mark("how far along {} its receiver sits"),
-    "lateral": mark("how far to the side of {} its receiver sits"),
-    "height": mark("how high over {} its receiver sits"),
-    "distal": mark("how far from the next joint the receiver of {} sits"),
+    "along": N_("how far along {bone} its receiver sits"),
+    "lateral": N_("how far to the side of {bone} its receiver sits"),
+    "height": N_("how high over {bone} its receiver sits"),
+    "distal": N_("how far from the next joint the receiver of {bone} sits"),
 }
 """Parts of a quantity that could be measured, as measurements.tsv calls them."""
 
 _HEADER = (
-    mark("Joint"),
-    mark("Receivers turned [deg]"),
-    mark("SD now [mm]"),
-    mark("SD if it moved so [mm]"),
-    mark("What to do"),
+    N_("Joint"),
+    N_("Receivers turned [deg]"),
+    N_("SD now [mm]"),
+    N_("SD if it moved so [mm]"),
+    N_("What to do"),
 )
 
 
 _FEWER_HEADER = (
-    mark("Receivers in the task"),
-    mark("How many"),
-    mark("SD of centres [mm]"),
-    mark("SD of flexion [deg]"),
-    mark("Joint that loses most"),
+    N_("Receivers in the task"),
+    N_("How many"),
+    N_("SD of centres [mm]"),
+    N_("SD of flexion [deg]"),
+    N_("Joint that loses most"),
 )
 
 
 @dataclass(frozen=True)
 class ModelGains:
-    """What measuring would gain with one fitted model: a remark, and sentences, best first."""
+    """Hold what measuring would gain with one fitted model: a remark, and sentences, best first."""
 
     remark: str
     sentences: tuple[str, ...]
@@ -66,40 +67,41 @@ class NextRecording:
 
 
 def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
-    """What would make a hand's skeleton better."""
+    """Describe what would make a hand's skeleton better."""
     rows = [row for row in results.advice if hand_of(row) == hand]
     lacking = [row for row in rows if row["kind"] == MOVE]
     stuck = [row for row in rows if row["kind"] not in (MOVE, *NOTHING_TO_DO)]
-    whose = say("{hand}", hand=hand)
+    whose = tr("{hand}", hand=hand)
     if not rows:
-        remark = say(
+        remark = tr(
             "Whether its joints move enough could not be computed; the reason is under “What went wrong”."
         )
     elif lacking:
-        remark = say(
+        remark = tr(
             "{n_lacking} of {joints} should move more.",
             n_lacking=len(lacking),
-            joints=counted(len(rows), "joint"),
+            joints=ngettext("{n} joint", "{n} joints", len(rows)),
         )
     elif not stuck:
-        remark = say(
-            "All {joints} move enough in the calibration recordings.", joints=counted(len(rows), "joint")
+        remark = tr(
+            "All {joints} move enough in the calibration recordings.",
+            joints=ngettext("{n} joint", "{n} joints", len(rows)),
         )
     else:
         remark = ""
     if stuck:
-        remark += " " * bool(remark) + say(
+        remark += " " * bool(remark) + tr(
             "Of {n_stuck} of {joints} more movement says nothing; what to look at stands beside each.",
             n_stuck=len(stuck),
-            joints=counted(len(rows), "joint"),
+            joints=ngettext("{n} joint", "{n} joints", len(rows)),
         )
     return NextRecording(
-        say("{hand} hand", hand=hand.hand.capitalize()),
+        tr("{hand} hand", hand=hand.hand.capitalize()),
         remark,
-        _table(say("Joints that should move more: {whose}.", whose=whose), lacking) if lacking else None,
+        _table(tr("Joints that should move more: {whose}.", whose=whose), lacking) if lacking else None,
         Folded(
-            say("All {joints}", joints=counted(len(rows), "joint")),
-            _table(say("Motion of every joint: {whose}.", whose=whose), rows),
+            tr("All {joints}", joints=ngettext("{n} joint", "{n} joints", len(rows))),
+            _table(tr("Motion of every joint: {whose}.", whose=whose), rows),
         )
         if rows
         else None,
@@ -111,10 +113,8 @@ def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
         ),
         tuple(
             Folded(
-                say("What a task would lose with fewer receivers, {model}", model=model),
-                _fewer(
-                    say("A task with fewer receivers, {model}: {whose}.", model=model, whose=whose), costs
-                ),
+                tr("What a task would lose with fewer receivers, {model}", model=model),
+                _fewer(tr("A task with fewer receivers, {model}: {whose}.", model=model, whose=whose), costs),
             )
             for model in results.fitted
             if (costs := results.receiver_costs_of.get((hand, model)))
@@ -123,14 +123,14 @@ def next_recording(results: StudyResults, hand: Hand) -> NextRecording:
 
 
 def _fewer(caption: str, rows: list[Row]) -> DataTable:
-    """What each receiver left out of a task would cost, and each smaller layout."""
+    """Tabulate the cost of each receiver left out of a task, and of each smaller layout."""
     cells = tuple(
         (
             _worn_text(row),
             str(row["n_receivers"]),
             number(row["centre_sd_mm"]),
             number(row["flexion_sd_deg"]),
-            say(
+            tr(
                 "{joint}: {joint_centre_sd_mm} mm, {joint_flexion_sd_deg} deg",
                 joint=row["joint"],
                 joint_centre_sd_mm=number(row["joint_centre_sd_mm"]),
@@ -144,11 +144,11 @@ def _fewer(caption: str, rows: list[Row]) -> DataTable:
 
 def _worn_text(row: Row) -> str:
     if row["layout"]:
-        return say("layout {layout}", layout=row["layout"])
+        return tr("layout {layout}", layout=row["layout"])
     return (
-        say("without {bone_text}", bone_text=_bone_text(row["without"]))
+        tr("without {bone_text}", bone_text=_bone_text(row["without"]))
         if row["without"]
-        else say("all of the calibration")
+        else tr("all of the calibration")
     )
 
 
@@ -159,7 +159,7 @@ def _table(caption: str, rows: list[Row]) -> DataTable:
             number(row["range_deg"], 0),
             number(row["sd_now_mm"]),
             number(row["sd_moved_mm"]),
-            told(row["advice"]),
+            advice_text(row["joint"], row["kind"], values_of(row["values"])),
         )
         for row in rows
     )
@@ -169,12 +169,12 @@ def _table(caption: str, rows: list[Row]) -> DataTable:
 def _gains(model: str, rows: list[Row], receivers: list[Row]) -> ModelGains:
     if not rows:
         return ModelGains(
-            say("What one more measurement on the hand would gain with {model} is not known.", model=model),
+            tr("What one more measurement on the hand would gain with {model} is not known.", model=model),
             (),
         )
     best = rows[:MOST_GAINS]
-    remark = say(
-        ("What one more measurement on the hand would gain with {model}, the best {n_best} of {n_rows}:"),
+    remark = tr(
+        "What one more measurement on the hand would gain with {model}, the best {n_best} of {n_rows}:",
         model=model,
         n_best=len(best),
         n_rows=len(rows),
@@ -183,10 +183,10 @@ def _gains(model: str, rows: list[Row], receivers: list[Row]) -> ModelGains:
 
 
 def _of_fingertips(receivers: list[Row]) -> Iterator[str]:
-    """What would make fingertips better, whose error no joint's tells."""
+    """Say what would make fingertips better, whose error no joint's tells."""
     sd_mm = [row["soft_tip_sd_mm"] for row in receivers if row["soft_tip_sd_mm"] is not None]
     if sd_mm:
-        yield say(
+        yield tr(
             "Fingertips are known to {sd_mm} mm. Where they matter, one touch of each on a known point is "
             "the cheapest next step.",
             sd_mm=number(mean(sd_mm)),
@@ -197,11 +197,9 @@ def _sentence(row: Row) -> str:
     """One gain: what to measure, what that does to the joint that gains most and to all joints together."""
     joint = _joint_text(row["joint"], row["quantity"].partition(".")[0].partition("_")[0])
     before, after = number(row["mean_sd_before_mm"]), number(row["mean_sd_after_mm"])
-    return say(
-        (
-            "{doing} to {sd_mm:.1f} mm would take {joint} from {joint_sd_before_mm:.1f} to "
-            "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm)."
-        ),
+    return tr(
+        "{doing} to {sd_mm:.1f} mm would take {joint} from {joint_sd_before_mm:.1f} to "
+        "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
         doing=doing_text(row),
         sd_mm=row["sd_mm"],
         joint=joint,
@@ -213,34 +211,34 @@ def _sentence(row: Row) -> str:
 
 
 def doing_text(row: Row, *, asked: bool = False) -> str:
-    """What a row of gains would have one do; asked : as something to do, not as something done."""
+    """Describe the action of a row of gains; asked : as something to do, not as something done."""
     name, _, part = row["quantity"].partition(".")
     if part == _TOUCH:
         touch = (
-            mark("touch a known point with the tip of {digit_text}")
+            N_("touch a known point with the tip of {digit_text}")
             if asked
-            else mark("Touching a known point with the tip of {digit_text}")
+            else N_("Touching a known point with the tip of {digit_text}")
         )
-        return say(touch, digit_text=_digit_text(name))
-    what = say(_PLACES[part]).format(_bone_text(name)) if part else _bone_text(name)
-    return say("measure {what}", what=what) if asked else say("Measuring ") + what
+        return tr(touch, digit_text=_digit_text(name))
+    what = tr(_PLACES[part], bone=_bone_text(name)) if part else _bone_text(name)
+    return tr("measure {what}", what=what) if asked else tr("Measuring {what}", what=what)
 
 
 def _digit_text(digit: str) -> str:
-    return say("the thumb") if digit == "thumb" else say("the {digit} finger", digit=digit)
+    return tr("the thumb") if digit == "thumb" else tr("the {digit} finger", digit=digit)
 
 
 def _bone_text(segment: str) -> str:
     digit, _, kind = segment.rpartition("_")
     if not digit:
-        return say("the {segment}", segment=segment)
+        return tr("the {segment}", segment=segment)
     bone = kind if kind == "metacarpal" else f"{kind} phalanx"
-    return say("{owner}'s {segment}", owner=_digit_text(digit), segment=bone)
+    return tr("{owner}'s {segment}", owner=_digit_text(digit), segment=bone)
 
 
 def _joint_text(joint: str, of_digit: str) -> str:
     digit, _, kind = joint.rpartition("_")
     if not digit:
-        return say("the {joint}", joint=joint)
-    owner = say("its") if digit == of_digit else say("{owner}'s", owner=_digit_text(digit))
-    return say("{owner} {joint}", owner=owner, joint=kind.upper())
+        return tr("the {joint}", joint=joint)
+    owner = tr("its") if digit == of_digit else tr("{owner}'s", owner=_digit_text(digit))
+    return tr("{owner} {joint}", owner=owner, joint=kind.upper())

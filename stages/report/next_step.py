@@ -1,4 +1,4 @@
-"""What to do next, in a sentence: settle what was found, else the one thing that would gain most.
+"""Choose the next step, in a sentence: settle what was found, else the one thing that would gain most.
 
 Everything that could be done is weighed by the same number, the mean 1-sigma error of a hand's joint centres
 before and after it, as the tables calibration_advice and gains have it, and the mean of that over the hands.
@@ -11,13 +11,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from statistics import mean
 
-from schemas.advice import MOVE
-from schemas.study import Hand
-from stages.report.belief import joints_text
-from stages.report.next_recording import doing_text
-from stages.report.study_results import Row, StudyResults, hand_of
-from stages.report.table_cells import counted, listed, number
-from stages.report.wording import say
+from shukotsu.schemas.advice import MOVE
+from shukotsu.schemas.study import Hand
+from shukotsu.sentences.translation import listed, ngettext, tr
+from shukotsu.stages.report.belief import joints_text
+from shukotsu.stages.report.next_recording import doing_text
+from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
+from shukotsu.stages.report.table_cells import number
 
 WORTH = 0.03
 """By this share of what the study asks of a centre a thing must lower the mean error to be worth doing."""
@@ -41,26 +41,26 @@ class Step:
 
 
 def next_step(results: StudyResults) -> str:
-    """What to do next, in a sentence."""
+    """Recommend the next step in a sentence."""
     if results.findings:
-        return say(
+        return tr(
             "Next: settle what was found in the recordings of {whose} (in the report: “Settle this first”) "
             "before any of their numbers is used.",
             whose=hands_text(dict.fromkeys(map(hand_of, results.findings))),
         )
     steps = [*_modelling(results), *_moving(results), *_measuring(results)]
     if not steps:
-        return say("Next: see “What went wrong”.")
+        return tr("Next: see “What went wrong”.")
     best = max(steps, key=lambda step: step.gain_mm)
     least_mm = WORTH * min(layout.wanted_mm for layout in results.layouts.values())
     if best.gain_mm < least_mm:
-        return say(
+        return tr(
             "Next: nothing is worth recording or measuring again; whatever it is, it would lower the mean "
             "error of the joints by less than {least_mm:g} mm. Leave joints that are not believed out of "
             "conclusions.",
             least_mm=least_mm,
         )
-    return say(
+    return tr(
         "Next: {doing}. Of all that could be done that gains most: the mean error of the joints would fall "
         "from {before} to {after} mm.",
         doing=best.doing,
@@ -72,14 +72,14 @@ def next_step(results: StudyResults) -> str:
 def hands_text(hands: Iterable[Hand]) -> str:
     """Hands by name, of many the first ones."""
     hands = list(hands)
-    names = [say("{who}'s {hand} hand", who=own.who, hand=own.hand) for own in hands[:FEW_HANDS]]
+    names = [tr("{who}'s {hand} hand", who=own.who, hand=own.hand) for own in hands[:FEW_HANDS]]
     more = len(hands) - len(names)
-    return listed([*names, *([say("{more} more", more=more)] if more else [])])
+    return listed([*names, *([tr("{more} more", more=more)] if more else [])])
 
 
 def hands_counted(results: StudyResults, n: int) -> str:
     """So many hands, or sides of a body where a layout is of no hand."""
-    return counted(n, "hand") if results.of_hands else counted(n, "side")
+    return ngettext("{n} hand", "{n} hands", n) if results.of_hands else ngettext("{n} side", "{n} sides", n)
 
 
 def _modelling(results: StudyResults) -> Iterator[Step]:
@@ -101,7 +101,7 @@ def _modelling(results: StudyResults) -> Iterator[Step]:
     if pairs:
         model = "whole-hand" if results.of_hands else "anatomical"
         before, after = zip(*pairs, strict=True)
-        yield Step(say("add {model} to the models of the study", model=model), mean(before), mean(after))
+        yield Step(tr("add {model} to the models of the study", model=model), mean(before), mean(after))
 
 
 def _moving(results: StudyResults) -> Iterator[Step]:
@@ -121,7 +121,7 @@ def _moving(results: StudyResults) -> Iterator[Step]:
     gained = [
         sum(_gain_mm(row) for row in rows if row["joint"] in named) / len(rows) for rows in of_hand.values()
     ]
-    doing = say(
+    doing = tr(
         "let {joints} move more when calibrating{where}",
         joints=joints_text(joint for joint in gains if joint in named),
         where=_where(results, len(lacking), len(of_hand)),
@@ -147,7 +147,7 @@ def _measuring(results: StudyResults) -> Iterator[Step]:
         own = {hand: rows[quantity] for hand, rows in of_hand.items() if quantity in rows}
         after = [own[hand]["mean_sd_after_mm"] if hand in own else before[hand] for hand in of_hand]
         row = next(iter(own.values()))
-        doing = say(
+        doing = tr(
             "{doing}, to {sd_mm:.1f} mm{where}",
             doing=doing_text(row, asked=True),
             sd_mm=row["sd_mm"],
@@ -158,4 +158,4 @@ def _measuring(results: StudyResults) -> Iterator[Step]:
 
 def _where(results: StudyResults, n: int, of: int) -> str:
     """On how many of the hands that is to be done; empty where there is one hand."""
-    return say(" ({n} of {hands})", n=n, hands=hands_counted(results, of)) if of > 1 else ""
+    return tr(" ({n} of {hands})", n=n, hands=hands_counted(results, of)) if of > 1 else ""

@@ -63,10 +63,9 @@ MARK_PATHS = {
     "*": "M0 -4.4L1.1 -1.5L4.2 -1.4L1.8 0.6L2.6 3.6L0 1.9L-2.6 3.6L-1.8 0.6L-4.2 -1.4L-1.1 -1.5z",
     "p": "M0 -3.8L3.6 -1.2L2.2 3.1L-2.2 3.1L-3.6 -1.2z",
 }
-"""Marks of models and digits, the commonest first: matplotlib's letter, and the outline of a page's, which is
-about MARK_PX wide. With 7 hues, 77 models differ in one or the other.
+"""Marks of models and digits, the commonest first: matplotlib's letter, and the outline of the linked plots'.
+With 7 hues, 77 models differ in one or the other.
 """
-MARK_PX = 6.4
 MARKERS = tuple(MARK_PATHS)
 
 INK, SOFT, RULE, PAPER, BONE, AMBER, WEAK_LINE, NO = (

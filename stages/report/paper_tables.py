@@ -11,37 +11,34 @@ from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
-from schemas.model import SkeletonModel
-from schemas.study import Recording
-from stages.report.study_results import FIRST_FRAME, HANDS, LEAST_SQUARES, Row, StudyResults, Trial
-from stages.report.table_cells import Block, DataTable, listed, number, title
-from stages.report.wording import mark, say, told, word
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.study import Recording
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import N_, listed, tr, word
+from shukotsu.stages.report.study_results import FIRST_FRAME, HANDS, LEAST_SQUARES, Row, StudyResults, Trial
+from shukotsu.stages.report.table_cells import Block, DataTable, number, title
 
 PRINTED = Path(__file__).parent / "paper_tables.tsv"
 
 PAPER_DIGITS = ("thumb", "index", "middle", "ring", "little")
 STATISTICS = {
-    "max": mark("Max [cm]"),
-    "min": mark("Min [cm]"),
-    "mean": mark("Average [cm]"),
-    "sd": mark("Standard Deviation [cm]"),
+    "max": N_("Max [cm]"),
+    "min": N_("Min [cm]"),
+    "mean": N_("Average [cm]"),
+    "sd": N_("Standard Deviation [cm]"),
 }
 TITLES = {
-    1: mark(
+    1: N_(
         "Position error of the fingertip without estimating metacarpal posture in the model shown in Fig. 3"
     ),
-    2: mark(
-        "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 3"
-    ),
-    3: mark(
-        "Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 4"
-    ),
-    4: mark(
+    2: N_("Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 3"),
+    3: N_("Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 4"),
+    4: N_(
         "Position error of the fingertip with estimating metacarpal posture and corrected joint "
         "positions in the model shown in Fig. 4"
     ),
 }
-SLIPS = mark(
+SLIPS = N_(
     "Known slips of the printed tables: the left ring finger's average of 0.74 cm in Tables "
     "2 to 4 does not go with its standard deviation, and the text's “7.5 mm or less” after "
     "correction leaves out both little fingers (13.1 and 18.2 mm)."
@@ -59,16 +56,16 @@ def own_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Data
         blocks.append(_own_block(recording, rows))
         notes += _notes(results, recording, rows)
     notes += [
-        say("The sheet has no {hand}-hand recording of this task.", hand=hand)
+        tr("The sheet has no {hand}-hand recording of this task.", hand=hand)
         for hand in HANDS
         if hand not in trial.recordings
     ]
     table = (
         ""
         if model.paper_table is None
-        else say("Table {paper_table}, this study: ", paper_table=model.paper_table)
+        else tr("Table {paper_table}, this study: ", paper_table=model.paper_table)
     )
-    caption = say(
+    caption = tr(
         "{table}{who}, {title}, model {name}.", table=table, who=trial.who, title=trial.title, name=model.name
     )
     return DataTable(caption, tuple(blocks), tuple(notes))
@@ -81,21 +78,21 @@ def printed_table(table: int) -> DataTable:
         Block(
             _header(hand, PAPER_DIGITS),
             tuple(
-                (say(words), *(values[table, hand, digit, statistic] for digit in PAPER_DIGITS))
+                (tr(words), *(values[table, hand, digit, statistic] for digit in PAPER_DIGITS))
                 for statistic, words in STATISTICS.items()
             ),
         )
         for hand in HANDS
     )
-    return DataTable(say("Table {table}, as the paper prints it.", table=table), blocks)
+    return DataTable(tr("Table {table}, as the paper prints it.", table=table), blocks)
 
 
 def table_title(model: SkeletonModel) -> str:
-    """What a model's table shows, in the paper's words where the paper has that table."""
+    """Title a model's table, in the paper's words where the paper has that table."""
     if model.paper_table is None:
-        return say("Model {name}, in the layout of the paper's tables", name=model.name)
-    return say(
-        "Table {paper_table}. {TITLES}", paper_table=model.paper_table, TITLES=say(TITLES[model.paper_table])
+        return tr("Model {name}, in the layout of the paper's tables", name=model.name)
+    return tr(
+        "Table {paper_table}. {TITLES}", paper_table=model.paper_table, TITLES=tr(TITLES[model.paper_table])
     )
 
 
@@ -110,7 +107,7 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
     blocks = []
     for hand, recording in trial.recordings.items():
         digits = tuple(results.layouts[recording.hand].digits)
-        titles = [f"{title(digit)} {kind}" for digit in digits for kind in (say("mean"), "p95")]
+        titles = [f"{title(digit)} {kind}" for digit in digits for kind in (tr("mean"), "p95")]
         rows = []
         for model in results.models:
             found = [results.tip_error(recording, model, digit, LEAST_SQUARES) for digit in digits]
@@ -118,11 +115,9 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
                 number(None if row is None else row[name]) for row in found for name in ("mean_mm", "p95_mm")
             ]
             rows.append((model, *cells, _held_out(found)))
-        blocks.append(
-            Block((say("{hand} hand [mm]", hand=title(hand)), *titles, say("Held out")), tuple(rows))
-        )
-    caption = say(
-        ("Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: {who}, {title}."),
+        blocks.append(Block((tr("{hand} hand [mm]", hand=title(hand)), *titles, tr("Held out")), tuple(rows)))
+    caption = tr(
+        "Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: {who}, {title}.",
         who=trial.who,
         title=trial.title,
     )
@@ -142,14 +137,14 @@ def _own_block(recording: Recording, rows: dict[str, Row | None]) -> Block:
     return Block(
         _header(recording.hand.hand, tuple(rows)),
         tuple(
-            (say(words), *(_cm(None if row is None else row[f"{statistic}_mm"]) for row in rows.values()))
+            (tr(words), *(_cm(None if row is None else row[f"{statistic}_mm"]) for row in rows.values()))
             for statistic, words in STATISTICS.items()
         ),
     )
 
 
 def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:
-    return (say("Error ({hand} hand)", hand=title(hand)), *map(title, digits))
+    return (tr("Error ({hand} hand)", hand=title(hand)), *map(title, digits))
 
 
 def _cm(value_mm: float | None) -> str:
@@ -164,26 +159,26 @@ def _notes(results: StudyResults, recording: Recording, rows: dict[str, Row | No
     for digit, row in rows.items():
         if row is None:
             why = (
-                say("no tip error was computed")
+                tr("no tip error was computed")
                 if status == "used"
-                else say("recording {status}", status=status)
+                else tr("recording {status}", status=status)
             )
-            reasons[why + (f" ({told(message)})" if message and status != "used" else "")].append(digit)
+            reasons[why + (f" ({translated(message)})" if message and status != "used" else "")].append(digit)
             continue
         if row["message"] or row["mean_mm"] is None:
-            reasons[told(row["message"]) or "no frame has an error"].append(digit)
+            reasons[translated(row["message"]) or tr("no frame has an error")].append(digit)
         if row["mean_mm"] is not None and row["n_frames"] < row["n_frames_total"]:
             frames[f"{row['n_frames']} of {row['n_frames_total']} frames"].append(digit)
-    hand = say("{hand} hand", hand=title(recording.hand.hand))
+    hand = tr("{hand} hand", hand=title(recording.hand.hand))
     notes = [
         f"{hand}, {listed(map(word, digits))}: {reason.rstrip('.')}." for reason, digits in reasons.items()
     ]
     return notes + [
-        say("{hand}, {digits}: from {text}.", hand=hand, digits=listed(map(word, digits)), text=text)
+        tr("{hand}, {digits}: from {text}.", hand=hand, digits=listed(map(word, digits)), text=text)
         for text, digits in frames.items()
     ]
 
 
 def _held_out(rows: list[Row | None]) -> str:
-    words = {say("yes") if row["held_out"] else say("no") for row in rows if row is not None}
+    words = {tr("yes") if row["held_out"] else tr("no") for row in rows if row is not None}
     return "/".join(sorted(words)) or number(None)

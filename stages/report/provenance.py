@@ -1,4 +1,4 @@
-"""Where the numbers come from: recordings, models, configuration, program versions, hashes of the inputs."""
+"""Trace the numbers to recordings, models, configuration, program versions, hashes of the inputs."""
 
 from __future__ import annotations
 
@@ -9,37 +9,38 @@ from importlib import metadata
 
 import yaml
 
-from schemas import VERSION
-from schemas.errors import InputError
-from schemas.finding_groups import Fault, faults
-from schemas.model import SkeletonModel
-from schemas.study import Recording, Study
-from schemas.tables import read_metadata
-from stages.report.study_results import Row, StudyResults, hand_of, recording_key
-from stages.report.table_cells import Block, DataTable, counted, number_column, table_of, text_column
-from stages.report.wording import mark, say, told, word
+from shukotsu.errors import InputError
+from shukotsu.schemas import VERSION
+from shukotsu.schemas.finding_groups import Fault, faults
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.study import Recording, Study
+from shukotsu.schemas.tables import read_metadata
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import N_, ngettext, tr, word
+from shukotsu.stages.report.study_results import Row, StudyResults, hand_of, recording_key
+from shukotsu.stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
 
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 
 _RECORDING_TEXTS = (
-    mark("File"),
-    mark("Subject"),
-    mark("Session"),
-    mark("Hand"),
-    mark("Task"),
-    mark("Trial"),
-    mark("Role"),
+    N_("File"),
+    N_("Subject"),
+    N_("Session"),
+    N_("Hand"),
+    N_("Task"),
+    N_("Trial"),
+    N_("Role"),
 )
-_STATUS = mark("Status")
+_STATUS = N_("Status")
 STATUS_MARKS = {
-    "used": mark("used"),
-    "excluded": mark("○ excluded"),
-    "failed": mark("✕ failed"),
-    "missing": mark("? missing"),
+    "used": N_("used"),
+    "excluded": N_("○ excluded"),
+    "failed": N_("✕ failed"),
+    "missing": N_("? missing"),
 }
 
 
-def recordings_table(results: StudyResults, whose: str = mark("of the study's sheet")) -> DataTable:
+def recordings_table(results: StudyResults, whose: str = N_("of the study's sheet")) -> DataTable:
     """Every recording of the sheet and what became of it."""
     rows = []
     for recording in results.recordings:
@@ -48,7 +49,7 @@ def recordings_table(results: StudyResults, whose: str = mark("of the study's sh
         texts = (recording.file_as_written, *key, recording.role)
         row = dict(zip(_RECORDING_TEXTS, texts, strict=True)) | {"message": message}
         rows.append(
-            results.recording_row_of.get(key, {}) | row | {_STATUS: say(STATUS_MARKS.get(status, status))}
+            results.recording_row_of.get(key, {}) | row | {_STATUS: tr(STATUS_MARKS.get(status, status))}
         )
     columns = (
         *(
@@ -56,31 +57,32 @@ def recordings_table(results: StudyResults, whose: str = mark("of the study's sh
             for heading in (*_RECORDING_TEXTS, _STATUS)
             if heading != "Session" or results.has_sessions
         ),
-        number_column(say("Frames"), "n_frames", 0),
-        number_column(say("Duration [s]"), "duration_s"),
-        number_column(say("Valid [%]"), "valid_percent", 1),
-        text_column(say("Message"), "message"),
+        number_column(tr("Frames"), "n_frames", 0),
+        number_column(tr("Duration [s]"), "duration_s"),
+        number_column(tr("Valid [%]"), "valid_percent", 1),
+        text_column(tr("Message"), "message"),
     )
-    return table_of(say("Every recording {whose}.", whose=say(whose)), columns, rows)
+    return table_of(tr("Every recording {whose}.", whose=tr(whose)), columns, rows)
 
 
-def problems_table(results: StudyResults, whose: str = mark("as the study asked")) -> DataTable | None:
+def problems_table(results: StudyResults, whose: str = N_("as the study asked")) -> DataTable | None:
     """Everything that did not go as the study asked, but what the findings say; None where all did.
 
     A row of what went wrong in the same way.
     """
-    rows = [_problem_cells(fault) for fault in faults(results.other_problems, say)]
+    rows = [_problem_cells(fault) for fault in faults(results.other_problems)]
     messages = {row["message"] for row in results.problems}
     for recording in results.recordings:
         status, message = results.status_of(recording)
         if status != "used" and not (message and message in messages):
-            reason = f"{word(status)}: {told(message) or say('no reason given')}"
+            why = translated(message) or tr("no reason given")
+            reason = f"{word(status)}: {why}"
             rows.append((recording.file_as_written, "recordings", reason))
     if not rows:
         return None
     return DataTable(
-        say("Everything that did not go {whose}.", whose=say(whose)),
-        (Block((say("Where"), say("Stage"), say("What happened")), tuple(rows)),),
+        tr("Everything that did not go {whose}.", whose=tr(whose)),
+        (Block((tr("Where"), tr("Stage"), tr("What happened")), tuple(rows)),),
         (),
         frozenset({0, 1, 2}),
     )
@@ -89,7 +91,7 @@ def problems_table(results: StudyResults, whose: str = mark("as the study asked"
 def _problem_cells(fault: Fault) -> tuple[str, str, str]:
     stage, places = fault.seen[0].row["stage"], "; ".join(places_of(fault))
     if any(seen.what for seen in fault.seen):
-        return counted(len(fault.seen), "recording"), stage, f"{fault.text} {places}"
+        return ngettext("{n} recording", "{n} recordings", len(fault.seen)), stage, f"{fault.text} {places}"
     return places, stage, fault.text
 
 
@@ -108,7 +110,7 @@ class Found:
 
 def found(rows: Sequence[Row]) -> list[Found]:
     """Findings by fault, each with the recordings that have it."""
-    return [_found(fault) for fault in faults(rows, say)]
+    return [_found(fault) for fault in faults(rows)]
 
 
 def _found(fault: Fault) -> Found:
@@ -116,37 +118,43 @@ def _found(fault: Fault) -> Found:
     if len(places) == 1:
         return Found(places[0], fault.severity, fault.text)
     evidence = tuple(f"{where(seen.row)}: {seen.evidence}" for seen in fault.seen if seen.evidence)
-    return Found(counted(len(places), "recording"), fault.severity, fault.text, "; ".join(places), evidence)
+    return Found(
+        ngettext("{n} recording", "{n} recordings", len(places)),
+        fault.severity,
+        fault.text,
+        "; ".join(places),
+        evidence,
+    )
 
 
 def places_of(fault: Fault) -> list[str]:
-    """Where a fault is, each place once; with what is wrong there where that differs."""
+    """List where a fault is, each place once; with what is wrong there where that differs."""
     return list(dict.fromkeys(": ".join(filter(None, (where(own.row), own.what))) for own in fault.seen))
 
 
 def where(problem: Row) -> str:
-    """What a row of problems is about, in words."""
+    """Name in words what a row of problems is about."""
     named = (
-        say("{who}", who=hand_of(problem).who) if problem["subject"] else "",
-        say("{hand} hand", hand=problem["hand"]) if problem["hand"] else "",
+        tr("{who}", who=hand_of(problem).who) if problem["subject"] else "",
+        tr("{hand} hand", hand=problem["hand"]) if problem["hand"] else "",
         problem["task"],
-        say("model {model}", model=problem["model"]) if problem["model"] else "",
+        tr("model {model}", model=problem["model"]) if problem["model"] else "",
     )
-    return say(", ").join(filter(None, named)) or say("the study")
+    return tr(", ").join(filter(None, named)) or tr("the study")
 
 
 def models_table(results: StudyResults) -> DataTable:
     """The skeleton models in words."""
     rows = tuple(_model_cells(model) for model in results.models.values())
     header = (
-        say("Model"),
-        say("Description"),
-        say("Paper's table"),
-        say("Wrist"),
-        say("First joints of their own"),
-        say("Metacarpals"),
+        tr("Model"),
+        tr("Description"),
+        tr("Paper's table"),
+        tr("Wrist"),
+        tr("First joints of their own"),
+        tr("Metacarpals"),
     )
-    return DataTable(say("Skeleton models."), (Block(header, rows),), (), frozenset(range(6)))
+    return DataTable(tr("Skeleton models."), (Block(header, rows),), (), frozenset(range(6)))
 
 
 def versions_table() -> DataTable:
@@ -154,20 +162,20 @@ def versions_table() -> DataTable:
     rows = [("shukotsu", VERSION), ("python", platform.python_version())]
     rows += [(package, _version(package)) for package in PACKAGES]
     return DataTable(
-        say("Program and package versions."),
-        (Block((say("Program"), say("Version")), tuple(rows)),),
+        tr("Program and package versions."),
+        (Block((tr("Program"), tr("Version")), tuple(rows)),),
         (),
         frozenset({0, 1}),
     )
 
 
-def inputs_table(results: StudyResults, whose: str = mark("of the study")) -> DataTable:
+def inputs_table(results: StudyResults, whose: str = N_("of the study")) -> DataTable:
     """SHA-256 of the files that each recording's poses were made from."""
     rows = [row for recording in results.recordings for row in _input_rows(results, recording)]
     return DataTable(
-        say("Input files {whose} and their SHA-256.", whose=say(whose)),
-        (Block((say("Recording"), say("Input file"), say("SHA-256")), tuple(rows)),),
-        () if rows else (say("No poses table is there to read hashes from."),),
+        tr("Input files {whose} and their SHA-256.", whose=tr(whose)),
+        (Block((tr("Recording"), tr("Input file"), tr("SHA-256")), tuple(rows)),),
+        () if rows else (tr("No poses table is there to read hashes from."),),
         frozenset({0, 1, 2}),
     )
 
@@ -180,14 +188,14 @@ def config_text(study: Study) -> str:
 def _model_cells(model: SkeletonModel) -> tuple[str, ...]:
     return (
         model.name,
-        told(model.description),
+        translated(model.description),
         "" if model.paper_table is None else str(model.paper_table),
         model.wrist,
-        ", ".join(model.own_cmc) or say("none"),
-        say(
+        ", ".join(model.own_cmc) or tr("none"),
+        tr(
             "without a receiver: {unmeasured}; with one: {measured}",
-            unmeasured=model.unmeasured,
-            measured=model.measured,
+            unmeasured=model.metacarpals.unmeasured,
+            measured=model.metacarpals.measured,
         ),
     )
 
@@ -196,7 +204,7 @@ def _version(package: str) -> str:
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
-        return say("not installed")
+        return tr("not installed")
 
 
 def _input_rows(results: StudyResults, recording: Recording) -> list[tuple[str, str, str]]:

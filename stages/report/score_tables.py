@@ -1,4 +1,4 @@
-"""What the skeletons are worth: every model and every reference in one evaluated task.
+"""Tabulate the skeletons' scores: every model and every reference in one evaluated task.
 
 A skeleton is a model made from certain tasks: a model has a row for each set of tasks that it was made from.
 """
@@ -11,22 +11,22 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from schemas.study import Hand
-from stages.report.study_results import HANDS, Row, StudyResults, Trial, hand_of
-from stages.report.table_cells import (
+from shukotsu.schemas.study import Hand
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import N_, ngettext, tr
+from shukotsu.stages.report.study_results import HANDS, Row, StudyResults, Trial, hand_of
+from shukotsu.stages.report.table_cells import (
     DASH,
     Column,
     DataTable,
     Folded,
-    counted,
     number,
     table_of,
     table_of_blocks,
     title,
 )
-from stages.report.wording import mark, say, told
 
-IN_SAMPLE = mark("○ no")
+IN_SAMPLE = N_("○ no")
 
 
 class Skeleton(NamedTuple):
@@ -45,12 +45,12 @@ class Skeleton(NamedTuple):
     @property
     def seen(self) -> str:
         """Whether it was made without the task that it is scored on."""
-        return DASH if self.reference else say("yes") if self.held_out else say(IN_SAMPLE)
+        return DASH if self.reference else tr("yes") if self.held_out else tr(IN_SAMPLE)
 
     @property
     def kind(self) -> str:
-        """What the terminal heads it with."""
-        return say("Reference") if self.reference else say("Held out") if self.held_out else say("In-sample")
+        """Return its heading in the terminal."""
+        return tr("Reference") if self.reference else tr("Held out") if self.held_out else tr("In-sample")
 
     @property
     def title(self) -> str:
@@ -58,7 +58,7 @@ class Skeleton(NamedTuple):
         return (
             self.model
             if self.reference
-            else say("{model} (from {made_from})", model=self.model, made_from=self.made_from)
+            else tr("{model} (from {made_from})", model=self.model, made_from=self.made_from)
         )
 
 
@@ -66,12 +66,12 @@ Scored = tuple[Skeleton, list[Row]]
 """A skeleton with its rows of skeleton_scores."""
 
 _SKELETON = (
-    Column(mark("Skeleton"), lambda scored: scored[0].model, is_text=True),
-    Column(mark("Made from"), lambda scored: scored[0].made_from, is_text=True),
-    Column(mark("Held out"), lambda scored: scored[0].seen, is_text=True),
+    Column(N_("Skeleton"), lambda scored: scored[0].model, is_text=True),
+    Column(N_("Made from"), lambda scored: scored[0].made_from, is_text=True),
+    Column(N_("Held out"), lambda scored: scored[0].seen, is_text=True),
 )
-_FRAMES = Column(mark("Frames"), lambda scored: number(scored[1][0]["n_frames"], 0))
-_MESSAGE = Column(mark("Message"), lambda scored: told(str(scored[1][0]["message"])), is_text=True)
+_FRAMES = Column(N_("Frames"), lambda scored: number(scored[1][0]["n_frames"], 0))
+_MESSAGE = Column(N_("Message"), lambda scored: translated(scored[1][0]["message"]), is_text=True)
 
 
 class Score(NamedTuple):
@@ -83,20 +83,20 @@ class Score(NamedTuple):
 
 
 MEANS = (
-    Score("replay_mean_mm", mark("Tip error of the replay [mm]"), "replay"),
-    Score("posed_mean_mm", mark("Posed with all receivers [mm]"), "posed"),
-    Score("left_out_mean_mm", mark("Distal positions left out [mm]"), mark("left out")),
-    Score("wrist_mcp_sd_mm", mark("SD of wrist to MCP [mm]"), "wr-MCP"),
-    Score("metacarpal_deg", mark("Metacarpal direction [deg]"), "metac."),
-    Score("true_tip_mean_mm", mark("True fingertip [mm]"), mark("true tip")),
+    Score("replay_mean_mm", N_("Tip error of the replay [mm]"), "replay"),
+    Score("posed_mean_mm", N_("Posed with all receivers [mm]"), "posed"),
+    Score("left_out_mean_mm", N_("Distal positions left out [mm]"), N_("left out")),
+    Score("wrist_mcp_sd_mm", N_("SD of wrist to MCP [mm]"), "wr-MCP"),
+    Score("metacarpal_deg", N_("Metacarpal direction [deg]"), "metac."),
+    Score("true_tip_mean_mm", N_("True fingertip [mm]"), N_("true tip")),
 )
 OF_A_DIGIT = (
     *MEANS[:1],
-    Score("replay_p95_mm", mark("p95 [mm]")),
+    Score("replay_p95_mm", N_("p95 [mm]")),
     *MEANS[1:3],
-    Score("left_out_p95_mm", mark("p95 [mm]")),
+    Score("left_out_p95_mm", N_("p95 [mm]")),
     *MEANS[3:],
-    Score("true_tip_p95_mm", mark("p95 [mm]")),
+    Score("true_tip_p95_mm", N_("p95 [mm]")),
 )
 LEFT_OUT = ("left_out_mean_mm", "left_out_p95_mm")
 """A replay never uses the distal receivers' positions: without a posed hand these are the replay's, and stand
@@ -106,7 +106,7 @@ in its column alone.
 
 def tasks_text(calibrated_on: str) -> str:
     """The tasks of a column calibrated_on."""
-    return ", ".join(calibrated_on.split(";")) or say("unknown")
+    return ", ".join(calibrated_on.split(";")) or tr("unknown")
 
 
 def score_table(results: StudyResults, trial: Trial, *, compact: bool = False) -> DataTable | None:
@@ -121,17 +121,17 @@ def score_table(results: StudyResults, trial: Trial, *, compact: bool = False) -
         return None
     scores = _with_numbers(MEANS, results.scores_in(trial))
     notes = _shortfalls(results, trial, dict(found), scores)
-    whose = say("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
+    whose = tr("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
     if not compact:
         fresh = any(own.held_out and not own.reference for own, _ in found)
         shown = [each for each in found if each[0].held_out or each[0].reference or not fresh]
         return table_of_blocks(whose, (*_SKELETON, *_columns(scores)), _blocks(shown), notes)
     by_kind = {
         kind: [own for own in found if own[0].kind == kind]
-        for kind in (say("Held out"), say("In-sample"), say("Reference"))
+        for kind in (tr("Held out"), tr("In-sample"), tr("Reference"))
     }
     legend = "; ".join(f"{score.short}: {score.heading}" for score in scores)
-    remark = say("{legend}. The replay does not judge a skeleton (docs/evaluation.md).", legend=legend)
+    remark = tr("{legend}. The replay does not judge a skeleton (docs/evaluation.md).", legend=legend)
     columns = (_SKELETON[0], *_columns(scores, short=True))
     notes = (remark, *_made_from(dict(found)), *notes)
     return table_of_blocks(f"Skeletons, m{whose[1:]}", columns, by_kind, notes)
@@ -144,14 +144,14 @@ def in_sample_table(results: StudyResults, trial: Trial) -> DataTable | None:
     if not seen or not any(own.held_out and not own.reference for own, _ in found):
         return None
     scores = _with_numbers(MEANS, (row for _, rows in seen for row in rows))
-    caption = say("In-sample, mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
+    caption = tr("In-sample, mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
     return table_of_blocks(caption, (*_SKELETON, *_columns(scores)), _blocks(seen))
 
 
 def _blocks(found: list[Scored]) -> dict[str, list[Scored]]:
     return {
         kind: [own for own in found if own[0].reference == is_reference]
-        for kind, is_reference in ((say("Skeleton"), False), (say("Reference"), True))
+        for kind, is_reference in ((tr("Skeleton"), False), (tr("Reference"), True))
     }
 
 
@@ -169,11 +169,11 @@ def digit_tables(results: StudyResults, trial: Trial) -> list[Folded]:
             title(digit): [(own, [row]) for own, its in found for row in its if row["digit"] == digit]
             for digit in dict.fromkeys(row["digit"] for row in rows)
         }
-        whose = say("{who}, {hand} hand, {title}", who=trial.who, hand=hand, title=trial.title)
+        whose = tr("{who}, {hand} hand, {title}", who=trial.who, hand=hand, title=trial.title)
         table = table_of_blocks(
-            say("Digit by digit: {whose}; p95: 95th percentile.", whose=whose), columns, blocks
+            tr("Digit by digit: {whose}; p95: 95th percentile.", whose=whose), columns, blocks
         )
-        folded.append(Folded(say("{hand} hand, digit by digit", hand=title(hand)), table))
+        folded.append(Folded(tr("{hand} hand, digit by digit", hand=title(hand)), table))
     return folded
 
 
@@ -224,16 +224,16 @@ def _shortfalls(
     for skeleton, rows in found.items():
         counts = [sum(row[score.name] is not None for row in rows) for score in scores]
         fewest = min((count for count in counts if count), default=0)
-        reasons = dict.fromkeys(told(row["message"].rstrip(".")) for row in rows if row["message"])
+        reasons = dict.fromkeys(translated(row["message"]).rstrip(".。") for row in rows if row["message"])
         words = (
-            [say("{fewest} of {digits}", fewest=fewest, digits=counted(total, "digit"))]
+            [tr("{fewest} of {digits}", fewest=fewest, digits=ngettext("{n} digit", "{n} digits", total))]
             if fewest < total
             else []
         )
         if words or reasons:
             titles_of["; ".join([*words, *reasons])].append(skeleton.title)
     models = [skeleton.title for skeleton in found if not skeleton.reference]
-    groups = {tuple(skeleton.title for skeleton in found): say("All rows"), tuple(models): say("All models")}
+    groups = {tuple(skeleton.title for skeleton in found): tr("All rows"), tuple(models): tr("All models")}
     return tuple(
         f"{groups.get(tuple(names), '; '.join(names))}: {text}." for text, names in titles_of.items()
     )
@@ -245,7 +245,7 @@ def _made_from(found: dict[Skeleton, list[Row]]) -> list[str]:
         if not skeleton.reference:
             groups[skeleton.kind, skeleton.made_from].append(skeleton.model)
     return [
-        say("{kind}, made from {tasks}: {models}.", kind=kind, tasks=tasks, models=", ".join(models))
+        tr("{kind}, made from {tasks}: {models}.", kind=kind, tasks=tasks, models=", ".join(models))
         for (kind, tasks), models in groups.items()
     ]
 
@@ -263,30 +263,30 @@ def held_out_table(results: StudyResults) -> DataTable | None:
             order.index(each[0][0].model), not each[0][0].held_out, each[0][0].calibrated_on, each[0][1]
         ),
     )  # fmt: skip
-    table = table_of(say("What skeletons were made from, and what they were scored on."), _HELD_OUT, made)
-    return replace(table, notes=(say(_HELD_OUT_NOTE),)) if made else None
+    table = table_of(tr("What skeletons were made from, and what they were scored on."), _HELD_OUT, made)
+    return replace(table, notes=(tr(_HELD_OUT_NOTE),)) if made else None
 
 
 _HELD_OUT = (
-    Column(mark("Model"), lambda made: made[0][0].model, is_text=True),
-    Column(mark("Made from"), lambda made: made[0][0].made_from, is_text=True),
-    Column(mark("Scored on"), lambda made: made[0][1], is_text=True),
+    Column(N_("Model"), lambda made: made[0][0].model, is_text=True),
+    Column(N_("Made from"), lambda made: made[0][0].made_from, is_text=True),
+    Column(N_("Scored on"), lambda made: made[0][1], is_text=True),
     Column(
-        mark("The score is"),
-        lambda made: say("held out") if made[0][0].held_out else say("○ in-sample"),
+        N_("The score is"),
+        lambda made: tr("held out") if made[0][0].held_out else tr("○ in-sample"),
         is_text=True,
     ),
     Column(
-        mark("Hands"),
-        lambda made: say(
+        N_("Hands"),
+        lambda made: tr(
             "{hands} of {subjects}",
-            hands=counted(len(made[1]), "hand"),
-            subjects=counted(len({hand.subject for hand in made[1]}), "subject"),
+            hands=ngettext("{n} hand", "{n} hands", len(made[1])),
+            subjects=ngettext("{n} subject", "{n} subjects", len({hand.subject for hand in made[1]})),
         ),
         is_text=True,
     ),
 )
-_HELD_OUT_NOTE = mark(
+_HELD_OUT_NOTE = N_(
     "A held-out score judges a skeleton by recordings that it has not seen. An in-sample one "
     "tells how well it describes what it was made from."
 )

@@ -7,16 +7,21 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from schemas.errors import InputError
-from schemas.study import Hand, SubjectSession
-from stages.report.belief import NOT
-from stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
-from stages.report.pictures.hand_index import IndexEntry, hand_index
-from stages.report.pictures.hand_views import Window, hand_picture, window_of
-from stages.report.recording_results import read_still
-from stages.report.study_results import StudyResults
-from stages.report.table_cells import alike, listed
-from stages.report.wording import say, word
+from shukotsu.errors import InputError
+from shukotsu.schemas.study import Hand, SubjectSession
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import listed, tr, word
+from shukotsu.stages.report.belief import NOT
+from shukotsu.stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
+from shukotsu.stages.report.plots.description import HandPanel, JointLink
+from shukotsu.stages.report.plots.hand_views import Window, window_of
+from shukotsu.stages.report.plots.page_pictures import page_picture
+from shukotsu.stages.report.recording_results import read_still
+from shukotsu.stages.report.study_results import StudyResults
+from shukotsu.stages.report.table_cells import alike
+
+_PAGE_MM = 100.0
+"""How wide the wider of two hands is in its picture."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class FigureRow:
 
 
 @dataclass(frozen=True)
-class PosedHand:
+class DrawnHand:
     """A hand at the frame that is drawn: receivers (n, 3) in the view's axes and chains by model."""
 
     hand: Hand
@@ -53,14 +58,14 @@ class PosedHand:
 
 
 @dataclass(frozen=True)
-class PosedHands:
+class DrawnHands:
     """A subject's hands as they can be drawn, the left one on the left, and why others cannot."""
 
-    hands: tuple[PosedHand, ...]
+    hands: tuple[DrawnHand, ...]
     remarks: tuple[str, ...]
 
 
-def posed_hands(results: StudyResults, who: SubjectSession) -> PosedHands:
+def posed_hands(results: StudyResults, who: SubjectSession) -> DrawnHands:
     """Pose each of the subject's hands in one frame."""
     posed, remarks = [], []
     for hand in reversed(results.hands_of(*who)):
@@ -68,39 +73,43 @@ def posed_hands(results: StudyResults, who: SubjectSession) -> PosedHands:
             posed.append(_posed_hand(results, hand))
         except InputError as error:
             remarks.append(
-                say("{hand} hand: no picture, for {error}.", hand=hand.hand.capitalize(), error=error)
+                tr(
+                    "{hand} hand: no picture, for {error}.",
+                    hand=hand.hand.capitalize(),
+                    error=translated(error.message),
+                )
             )
-    return PosedHands(tuple(posed), tuple(remarks))
+    return DrawnHands(tuple(posed), tuple(remarks))
 
 
-def index_figure(item: PosedHand, model: str, entries: Mapping[str, IndexEntry]) -> Figure:
+def index_figure(item: DrawnHand, model: str, entries: Mapping[str, JointLink]) -> Figure:
     """The hand as `model` has it as an index of its joints."""
     hand, chains = item.hand, item.chains[model]
-    title = say(
-        ("Joints of {hand}, {model}, seen from the back of the hand; each leads to its row in a table."),
+    title = tr(
+        "Joints of {hand}, {model}, seen from the back of the hand; each leads to its row in a table.",
         hand=hand,
         model=model,
     )
     window = window_of(item.receivers_mm, chains)
-    drawing = hand_index(title, hand.hand, chains, window, entries)
+    panel = HandPanel("", title, hand.hand, tuple(chains), item.receivers_mm, window, links=entries)
     return Figure(
-        say(
+        tr(
             "{hand} hand, {task}, frame {frame}",
             hand=hand.hand.capitalize(),
             task=item.task,
             frame=item.frame,
         ),
-        drawing,
+        page_picture(panel),
     )
 
 
-def skeleton_pictures(results: StudyResults, hands: PosedHands) -> list[FigureRow]:
+def skeleton_pictures(results: StudyResults, hands: DrawnHands) -> list[FigureRow]:
     """The subject's posed skeletons: a row for each model (models with equal joints share one)."""
     posed, remarks = hands.hands, hands.remarks
     if not posed:
-        return [FigureRow(say("No picture"), (), tuple(remarks))]
+        return [FigureRow(tr("No picture"), (), tuple(remarks))]
     windows = {item.hand: item.window() for item in posed}
-    scale = min(window.scale for window in windows.values())
+    scale = min(_PAGE_MM / window.width_mm for window in windows.values())
     groups = alike({model: [chains_key(item.chains[model]) for item in posed] for model in results.models})
     return [
         FigureRow(
@@ -112,7 +121,7 @@ def skeleton_pictures(results: StudyResults, hands: PosedHands) -> list[FigureRo
     ]
 
 
-def _posed_hand(results: StudyResults, hand: Hand) -> PosedHand:
+def _posed_hand(results: StudyResults, hand: Hand) -> DrawnHand:
     """Pose the hand in the first of its recordings that has a usable frame; InputError says why none has."""
     mine = [r for r in results.recordings if r.hand == hand and not r.exclude]
     mine.sort(key=lambda recording: recording.role == "calibration")
@@ -121,26 +130,24 @@ def _posed_hand(results: StudyResults, hand: Hand) -> PosedHand:
         try:
             motion = read_still(results, recording, list(results.models))
         except InputError as error:
-            reasons.append(str(error))
+            reasons.append(error.message)
             continue
         chains = {own.model: chains_at(motion, own, 0) for own in motion.skeletons}
-        return PosedHand(hand, recording.task, int(motion.frame[0]), receivers_at(motion, 0), chains)
+        return DrawnHand(hand, recording.task, int(motion.frame[0]), receivers_at(motion, 0), chains)
     raise InputError("; ".join(dict.fromkeys(reasons)) or "it has no recording in use")
 
 
-def _figure(item: PosedHand, models: Sequence[str], window: Window, scale: float) -> Figure:
+def _figure(item: DrawnHand, models: Sequence[str], window: Window, scale: float) -> Figure:
     """One hand under models whose joints are equal."""
     hand, chains = item.hand, item.chains[models[0]]
-    title = say(
-        (
-            "Skeleton of {hand}, {models}, seen from the back of the hand and from its side. The "
-            "caption names the joints not to believe."
-        ),
+    title = tr(
+        "Skeleton of {hand}, {models}, seen from the back of the hand and from its side. The "
+        "caption names the joints not to believe.",
         hand=hand,
         models=listed(models),
     )
-    drawing = hand_picture(title, hand.hand, chains, item.receivers_mm, window, scale)
-    caption = say(
+    panel = HandPanel("", title, hand.hand, tuple(chains), item.receivers_mm, window, scale)
+    caption = tr(
         "{hand} hand, {task}, frame {frame}", hand=hand.hand.capitalize(), task=item.task, frame=item.frame
     )
     doubted = dict.fromkeys(
@@ -148,9 +155,9 @@ def _figure(item: PosedHand, models: Sequence[str], window: Window, scale: float
     )
     absent = dict.fromkeys(name for chain in chains for name in chain.absent)
     remarks: tuple[str, ...] = (
-        (say("Not to be believed (✕): {doubted}.", doubted=listed(map(word, doubted))),) if doubted else ()
+        (tr("Not to be believed (✕): {doubted}.", doubted=listed(map(word, doubted))),) if doubted else ()
     )
     remarks += (
-        (say("Without a place, so left out: {absent}.", absent=listed(map(word, absent))),) if absent else ()
+        (tr("Without a place, so left out: {absent}.", absent=listed(map(word, absent))),) if absent else ()
     )
-    return Figure(caption, drawing, remarks)
+    return Figure(caption, page_picture(panel), remarks)

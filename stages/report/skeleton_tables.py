@@ -4,30 +4,30 @@ from __future__ import annotations
 
 from collections import Counter
 
-from schemas.catalogue import DISTAL_RECEIVER
-from schemas.study import Hand
-from stages.report.belief import BELIEVED, belief
-from stages.report.links import anchor, link
-from stages.report.study_results import Row, StudyResults
-from stages.report.table_cells import (
+from shukotsu.schemas.catalogue import DISTAL_RECEIVER
+from shukotsu.schemas.study import Hand
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import N_, ngettext, tr, word
+from shukotsu.stages.report.belief import BELIEVED, belief
+from shukotsu.stages.report.links import anchor, link
+from shukotsu.stages.report.study_results import Row, StudyResults
+from shukotsu.stages.report.table_cells import (
     DASH,
     Block,
     Column,
     DataTable,
     Folded,
-    counted,
     number,
     number_column,
     table_of,
     text_column,
     title,
 )
-from stages.report.wording import mark, say, told, word
 
-STATUS_MARKS = {"ok": mark("ok"), "weak": mark("◆ weak"), "failed": mark("✕ failed")}
+STATUS_MARKS = {"ok": N_("ok"), "weak": N_("◆ weak"), "failed": N_("✕ failed")}
 
 STATUS = Column(
-    "Status", lambda row: say(STATUS_MARKS.get(str(row["status"]), str(row["status"]))), is_text=True
+    "Status", lambda row: tr(STATUS_MARKS.get(str(row["status"]), str(row["status"]))), is_text=True
 )
 
 
@@ -41,9 +41,9 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     bones = sorted(by_bone, key=lambda name: order.get(name.split(" ")[0], len(order)))
     rows = tuple((bone, *(_length(by_bone[bone].get(model)) for model in results.models)) for bone in bones)
     return DataTable(
-        say("Bone lengths of {hand}, in mm, with 1-sigma error.", hand=hand),
-        (Block((say("Bone [mm]"), *results.models), rows),),
-        _bone_notes(by_bone) if rows else (say("No bone length was computed."),),
+        tr("Bone lengths of {hand}, in mm, with 1-sigma error.", hand=hand),
+        (Block((tr("Bone [mm]"), *results.models), rows),),
+        _bone_notes(by_bone) if rows else (tr("No bone length was computed."),),
     )
 
 
@@ -72,22 +72,22 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
         )
         for hand, own in bones.items()
     )
-    header = (say("Subject"), say("Hand"), say("Lengths to believe"))
+    header = (tr("Subject"), tr("Hand"), tr("Lengths to believe"))
     return DataTable(
-        say("Bone lengths of every hand under {model}, in mm, with 1-sigma error.", model=model),
+        tr("Bone lengths of every hand under {model}, in mm, with 1-sigma error.", model=model),
         (Block((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
-        _lengths_notes(results, model) if names else (say("No bone length was computed."),),
+        _lengths_notes(results, model) if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
     )
 
 
 def _believed(results: StudyResults, hand: Hand, beliefs: dict[str, str]) -> str:
-    """How many of a hand's lengths to believe; none of one with a finding."""
+    """Count how many of a hand's lengths to believe; none of one with a finding."""
     if not beliefs:
         return DASH
     yes = 0 if hand in results.suspect else sum(own == BELIEVED for own in beliefs.values())
-    text = say("{n_far} of {n_rows}", n_far=yes, n_rows=len(beliefs))
-    return text + (say(" (◆ has a finding)") if hand in results.suspect else "")
+    text = tr("{n_far} of {n_rows}", n_far=yes, n_rows=len(beliefs))
+    return text + (tr(" (◆ has a finding)") if hand in results.suspect else "")
 
 
 def _believed_length(row: Row | None, believed: str) -> str:
@@ -99,14 +99,14 @@ def _believed_length(row: Row | None, believed: str) -> str:
 
 
 def _lengths_notes(results: StudyResults, model: str) -> tuple[str, ...]:
-    """What the signs mean, and what of the model's lengths is not the bone itself."""
+    """Explain the signs, and what of the model's lengths is not the bone itself."""
     rows = [row for hand in results.hands for row in results.bones_of.get((hand, model), [])]
     notes = [
-        say("◆ with care, ✕ not to believe: the worst of the joints at the bone's ends and of its own error.")
+        tr("◆ with care, ✕ not to believe: the worst of the joints at the bone's ends and of its own error.")
     ]
     if any(row["ends_at"] == DISTAL_RECEIVER for row in rows):
         notes.append(
-            say(
+            tr(
                 "{model} ends a digit at its distal receiver and may begin a finger at the wrist; such a "
                 "length is not the bone's and is with care at best.",
                 model=model,
@@ -114,7 +114,7 @@ def _lengths_notes(results: StudyResults, model: str) -> tuple[str, ...]:
         )
     if model in results.fitted:
         notes.append(
-            say(
+            tr(
                 "Where {model} shares lengths between a person's hands, the two are not independent.",
                 model=model,
             )
@@ -123,33 +123,26 @@ def _lengths_notes(results: StudyResults, model: str) -> tuple[str, ...]:
 
 
 def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
-    """Where the receivers of a hand sit on their bones: one table for each model that fits the whole hand."""
+    """Tabulate where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
     folded = []
     for model in results.fitted:
         rows = results.receivers_of.get((hand, model), [])
-        caption = say("Receivers of {hand}, model {model}, with 1-sigma errors.", hand=hand, model=model)
-        no_hand = say("No hand was fitted; the reason is under “What went wrong”.")
+        caption = tr("Receivers of {hand}, model {model}, with 1-sigma errors.", hand=hand, model=model)
+        no_hand = tr("No hand was fitted; the reason is under “What went wrong”.")
         table = table_of(caption, _RECEIVER_COLUMNS, rows, no_hand)
-        folded.append(
-            Folded(
-                say(
-                    "{hand} hand, {model}: {counts}",
-                    hand=title(hand.hand),
-                    model=model,
-                    counts=_counts(rows, "receiver", say("no hand was fitted")),
-                ),
-                table,
-            )
-        )
+        counted = ngettext("{n} receiver", "{n} receivers", len(rows))
+        counts = _counts(rows, counted, tr("no hand was fitted"))
+        summary = tr("{hand} hand, {model}: {counts}", hand=title(hand.hand), model=model, counts=counts)
+        folded.append(Folded(summary, table))
     return folded
 
 
 def _loose(row: Row) -> str:
     if row["loose_from_frame"] is None:
         return ""
-    where = say(" of {loose_task}", loose_task=row["loose_task"]) if row["loose_task"] else ""
-    return say(
-        ("◆ from frame {loose_from_frame}{where}: moved {loose_shift_mm} mm, turned {loose_turn_deg} deg"),
+    where = tr(" of {loose_task}", loose_task=row["loose_task"]) if row["loose_task"] else ""
+    return tr(
+        "◆ from frame {loose_from_frame}{where}: moved {loose_shift_mm} mm, turned {loose_turn_deg} deg",
         loose_from_frame=row["loose_from_frame"],
         where=where,
         loose_shift_mm=number(row["loose_shift_mm"], 1),
@@ -162,15 +155,15 @@ def _placed(heading: str, name: str) -> Column:
 
 
 _RECEIVER_COLUMNS = (
-    text_column(mark("Receiver"), "segment"),
+    text_column(N_("Receiver"), "segment"),
     STATUS,
-    _placed(mark("Along the bone [mm]"), "along"),
-    _placed(mark("To the thumb's side [mm]"), "lateral"),
-    _placed(mark("Over the bone [mm]"), "height"),
-    number_column(mark("Residual [mm]"), "residual_mm"),
-    number_column(mark("Residual [deg]"), "residual_deg"),
-    Column(mark("Came loose"), _loose, is_text=True),
-    text_column(mark("Message"), "message"),
+    _placed(N_("Along the bone [mm]"), "along"),
+    _placed(N_("To the thumb's side [mm]"), "lateral"),
+    _placed(N_("Over the bone [mm]"), "height"),
+    number_column(N_("Residual [mm]"), "residual_mm"),
+    number_column(N_("Residual [deg]"), "residual_deg"),
+    Column(N_("Came loose"), _loose, is_text=True),
+    text_column(N_("Message"), "message"),
 )
 
 
@@ -178,18 +171,18 @@ def _with_error(value: float | None, sd: float | None) -> str:
     return number(value) + (f" ± {number(sd)}" if value is not None and sd is not None else "")
 
 
-def _counts(rows: list[Row], word: str, nothing: str) -> str:
+def _counts(rows: list[Row], counted: str, nothing: str) -> str:
     if not rows:
         return nothing
     statuses = Counter(row["status"] for row in rows)
     loose = sum(row.get("loose_from_frame") is not None for row in rows)
     doubts = [
-        say("{count} {status}", count=statuses[kind], status=kind)
+        tr("{count} {status}", count=statuses[kind], status=kind)
         for kind in ("weak", "failed")
         if statuses[kind]
     ]
-    doubts += [say("{loose} came loose", loose=loose)] if loose else []
-    return ", ".join([counted(len(rows), word), *(doubts or [say("all ok")])])
+    doubts += [tr("{loose} came loose", loose=loose)] if loose else []
+    return ", ".join([counted, *(doubts or [tr("all ok")])])
 
 
 def _length(row: Row | None) -> str:
@@ -197,23 +190,23 @@ def _length(row: Row | None) -> str:
         return DASH
     varies = row["sd_over_frames_mm"]
     return _with_error(row["length_mm"], row["sd_mm"]) + (
-        "" if varies is None else say(" (varies {varies})", varies=number(varies))
+        "" if varies is None else tr(" (varies {varies})", varies=number(varies))
     )
 
 
 def _bone_notes(by_bone: dict[str, dict[str, Row]]) -> tuple[str, ...]:
-    """What “varies” means where it is shown, and every message once, with the bones and models it is of."""
+    """Explain “varies” where it is shown, and give every message once, with the bones and models it is of."""
     places: dict[str, list[str]] = {}
     varies = False
     for bone, by_model in by_bone.items():
         for model, row in by_model.items():
             varies = varies or row["sd_over_frames_mm"] is not None
             if row["message"]:
-                places.setdefault(row["message"].rstrip("."), []).append(f"{bone} ({model})")
-    notes = [f"{', '.join(where)}: {told(message)}." for message, where in places.items()]
+                places.setdefault(translated(row["message"]).rstrip(".。"), []).append(f"{bone} ({model})")
+    notes = [f"{', '.join(where)}: {message}." for message, where in places.items()]
     if varies:
         notes.append(
-            say(
+            tr(
                 "“varies”: standard deviation over the frames of a metacarpal's length, from its base to "
                 "the MCP joint. A true skeleton keeps it near 0."
             )

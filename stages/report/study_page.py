@@ -7,25 +7,26 @@ from typing import Any
 
 from markupsafe import Markup
 
-from schemas.results import STUDY_FIGURES
-from schemas.study import Hand, Study, path_token
-from stages.report import provenance
-from stages.report.downloads import downloads
-from stages.report.headline import headline, opening, used_text
-from stages.report.links import Link, anchor, link, recording_links
-from stages.report.methods_text import REFERENCES, methods_text
-from stages.report.models_compared.sections import models_compared
-from stages.report.movement_page.movement_results import Movement
-from stages.report.movement_page.movement_text import groups_differ, moved_most
-from stages.report.pictures.hand_index import IndexEntry
-from stages.report.score_tables import held_out_table, mean
-from stages.report.skeleton_stills import index_figure, posed_hands
-from stages.report.skeleton_tables import lengths_table
-from stages.report.study_results import Row, StudyResults, hand_of
-from stages.report.table_cells import DASH, Block, DataTable, counted, number
-from stages.report.templates import render
-from stages.report.trust import believed_text, study_beliefs, study_trust_table
-from stages.report.wording import full_name, say, told, word
+from shukotsu.schemas.results import STUDY_FIGURES
+from shukotsu.schemas.study import Hand, Study, path_token
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import full_name, ngettext, tr, word
+from shukotsu.stages.report import provenance
+from shukotsu.stages.report.downloads import downloads
+from shukotsu.stages.report.headline import headline, opening, used_text
+from shukotsu.stages.report.links import Link, anchor, link, recording_links
+from shukotsu.stages.report.methods_text import REFERENCES, methods_text
+from shukotsu.stages.report.models_compared.sections import models_compared
+from shukotsu.stages.report.movement_page.movement_results import Movement
+from shukotsu.stages.report.movement_page.movement_text import groups_differ, moved_most
+from shukotsu.stages.report.plots.description import JointLink
+from shukotsu.stages.report.score_tables import held_out_table, mean
+from shukotsu.stages.report.skeleton_stills import index_figure, posed_hands
+from shukotsu.stages.report.skeleton_tables import lengths_table
+from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
+from shukotsu.stages.report.table_cells import DASH, Block, DataTable, number
+from shukotsu.stages.report.templates import render
+from shukotsu.stages.report.trust import believed_text, study_beliefs, study_trust_table
 
 FEW_HANDS = 30
 """As many rows as are shown unfolded."""
@@ -50,7 +51,7 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         figures=figure_files(results),
         export_models=study.export_settings["models"],
         compared=compared,
-        downloads=downloads(results, compared.comparisons),
+        downloads=downloads(results),
         subjects=subjects_table(results),
         lengths=lengths_table(results, results.leading),
         lengths_open=len(results.hands) <= FEW_HANDS,
@@ -68,10 +69,10 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
 
 
 def _movement(results: StudyResults, movement: Movement | None) -> dict[str, Any] | None:
-    """What the study's page says of movement, and where the page of it is."""
+    """Return what the study's page says of movement, and a link to the page of it."""
     if movement is None:
         return None
-    to = link(say("Movement"), results.paths.report, results.paths.movement_page)
+    to = link(tr("Movement"), results.paths.report, results.paths.movement_page)
     return {"to": to, "said": [moved_most(movement), *groups_differ(movement)]}
 
 
@@ -79,10 +80,10 @@ def _front(results: StudyResults) -> dict[str, Any] | None:
     """The first hand that is judged and has a picture, as an index of the study's joints, or None."""
     beliefs = study_beliefs(results.judging, results.leading)
     entries = {
-        joint: IndexEntry(
+        joint: JointLink(
             believed,
             f"#joint-{path_token(joint)}",
-            say("{joint}: {believed}, in most hands", joint=full_name(joint), believed=say(believed)),
+            tr("{joint}: {believed}, in most hands", joint=full_name(joint), believed=tr(believed)),
         )
         for joint, believed in beliefs.items()
     }
@@ -117,8 +118,8 @@ def render_failure(message: str) -> str:
     """Give a page that says only why there is no report."""
     return render(
         "failure.html.j2",
-        title=say("No report"),
-        message=say("The report could not be made: {message}", message=message),
+        title=tr("No report"),
+        message=tr("The report could not be made: {message}", message=translated(message)),
     )
 
 
@@ -132,14 +133,14 @@ def subjects_table(results: StudyResults) -> DataTable:
     truth = any(row["true_tip_mean_mm"] is not None for rows in scores.values() for row in rows)
     fitted = model in results.fitted
     header: tuple[str, ...] = (
-        say("Subject"),
-        say("Hand"),
-        say("See it move"),
-        say("Recordings"),
-        say("Joints to believe"),
+        tr("Subject"),
+        tr("Hand"),
+        tr("See it move"),
+        tr("Recordings"),
+        tr("Joints to believe"),
     )
-    header += (say("Distal receivers left out [mm]"),) if fitted else ()
-    header += (say("Fingertip against the truth [mm]"),) if truth else ()
+    header += (tr("Distal receivers left out [mm]"),) if fitted else ()
+    header += (tr("Fingertip against the truth [mm]"),) if truth else ()
     rows = tuple(
         (*_who(results, hand), believed_text(results, hand, model))
         + ((_score_of(scores.get(hand, []), "left_out_mean_mm"),) if fitted else ())
@@ -147,11 +148,9 @@ def subjects_table(results: StudyResults) -> DataTable:
         for hand in results.hands
     )
     return DataTable(
-        say(
-            (
-                "Every hand of the study; the numbers are those of {model}, means over digits (held-out "
-                "scores where there are any)."
-            ),
+        tr(
+            "Every hand of the study; the numbers are those of {model}, means over digits (held-out "
+            "scores where there are any).",
             model=model,
         ),
         (Block(header, rows),),
@@ -172,20 +171,22 @@ def _who(results: StudyResults, hand: Hand) -> tuple[str, ...]:
 
 
 def _recordings(results: StudyResults, hand: Hand) -> str:
-    """How many of the hand's recordings were used, and why the others were not."""
+    """Say how many of the hand's recordings were used, and why the others were not."""
     mine = [recording for recording in results.recordings if recording.hand == hand]
     statuses = [results.status_of(recording) for recording in mine]
     used = sum(status == "used" for status, _ in statuses)
     if used == len(mine):
-        return counted(used, "recording")
+        return ngettext("{n} recording", "{n} recordings", used)
     reasons = Counter(
-        ": ".join(filter(None, (word(each[0]), told(each[1])))) for each in statuses if each[0] != "used"
+        ": ".join(filter(None, (word(status), translated(why))))
+        for status, why in statuses
+        if status != "used"
     )
     texts = "; ".join(f"{why} ({count}×)" if count > 1 else why for why, count in reasons.items())
-    return say(
+    return tr(
         "◆ {used} of {recordings}; {texts}",
         used=used,
-        recordings=counted(len(mine), "recording"),
+        recordings=ngettext("{n} recording", "{n} recordings", len(mine)),
         texts=texts,
     )
 

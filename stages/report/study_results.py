@@ -1,4 +1,4 @@
-"""What the report's pages read: a study, or one subject of it, with the short tables of its hands."""
+"""Read the report's input: a study, or one subject of it, with the short tables of its hands."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from typing import Any
 
 import pyarrow as pa
 
-from anatomy.known_digits import known_digits
-from schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
-from schemas.errors import InputError
-from schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
-from schemas.layout import Layout
-from schemas.model import SkeletonModel, read_model
-from schemas.parts import part_metadata
-from schemas.plan import SubjectPlan
-from schemas.recording_summary import recording_row
-from schemas.results import FAILED_PAGES, GATHERED_TABLES, Results
-from schemas.study import Hand, Recording, Study, SubjectSession, path_token
-from schemas.tables import Table, open_table, read_metadata, read_table, rows_of
-from stages.report.wording import say
+from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
+from shukotsu.schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.model import SkeletonModel, read_model
+from shukotsu.schemas.parts import part_metadata
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.recording_summary import recording_row
+from shukotsu.schemas.results import FAILED_PAGES, GATHERED_TABLES, MODEL_COMPARISONS, Results
+from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, path_token
+from shukotsu.schemas.tables import Table, open_table, read_metadata, read_table, rows_of
+from shukotsu.sentences.translation import tr
 
 Row = dict[str, Any]
 HandModel = tuple[Hand, str]
@@ -44,6 +44,7 @@ _ROWS_OF = {
     "receivers": "receivers",
     "gains": "gains",
     "receiver_costs": "receiver_costs",
+    **{name: name for name in MODEL_COMPARISONS},
 }
 """The tables that are read, and what StudyResults calls their rows."""
 
@@ -66,7 +67,7 @@ class Trial:
     @property
     def title(self) -> str:
         """Task and trial in words."""
-        return say("{task}, trial {trial}", task=self.task, trial=self.trial) if self.trial else self.task
+        return tr("{task}, trial {trial}", task=self.task, trial=self.trial) if self.trial else self.task
 
 
 def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[Row]]]:
@@ -106,6 +107,9 @@ class StudyResults:
     receivers: list[Row]
     gains: list[Row]
     receiver_costs: list[Row]
+    model_values: list[Row]
+    model_pairs: list[Row]
+    model_differences: list[Row]
 
     @cached_property
     def subjects(self) -> list[str]:
@@ -199,7 +203,7 @@ class StudyResults:
         A study of corrected models alone has its last, and one without a hand none that fits a whole one.
         """
         fitted = self.fitted[:1] if any(map(known_digits, self.layouts.values())) else []
-        uncorrected = [name for name, model in self.models.items() if not model.corrections]
+        uncorrected = [name for name, model in self.models.items() if not model.planes.corrections]
         possible = [name for name in uncorrected if fitted or name not in self.fitted]
         return [*self.models, *uncorrected, *possible, *fitted][-1]
 
@@ -298,6 +302,7 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
         where = {**vars(recording.hand), "task": recording.title}
         rows["problems"] += [problem_row("capture", one, **where) for one in problems]
     rows["problems"] += _findings(plan)
+    rows |= {name: [] for name in MODEL_COMPARISONS}
     for name, stage in GATHERED_TABLES.items():
         rows[name] = (
             [] if name not in _ROWS_OF else _subject_rows(plan, TABLES[name], stage, rows["problems"])
@@ -318,7 +323,7 @@ def _findings(plan: SubjectPlan) -> list[Row]:
     try:
         found = list(rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)))
     except InputError as error:
-        return [_problem(plan.who, STAGE, str(error))]
+        return [_problem(plan.who, STAGE, error.message)]
     return [problem_of(row) for row in found]
 
 
@@ -343,14 +348,14 @@ def _subject_rows(plan: SubjectPlan, table: Table, stage: str, problems: list[Ro
         try:
             with open_table(path, table):
                 pass
-            rows += whole_skeletons(read_table(path, table, _columns_shown(table))).to_pylist()
+            rows += rows_of(whole_skeletons(read_table(path, table, _columns_shown(table))))
             failed = {
                 part: made["failure"]
                 for part, made in part_metadata(path, table).items()
                 if "failure" in made
             }
         except InputError as error:
-            problems.append(_problem(plan.who, stage, str(error), hand=hand, model=model))
+            problems.append(_problem(plan.who, stage, error.message, hand=hand, model=model))
             continue
         problems += [
             _problem(plan.who, stage, message, hand=part.hand, model=part.model)
@@ -361,7 +366,7 @@ def _subject_rows(plan: SubjectPlan, table: Table, stage: str, problems: list[Ro
 
 
 def _failed_exports(study: Study, paths: Results) -> list[Row]:
-    """What the export stage could not write, and why."""
+    """List what the export stage could not write, and why."""
     files = sorted(paths.exports.glob("*.failed.txt")) if study.exports else []
     return [
         _problem(SubjectSession(""), "export", message, task=file.name.removesuffix(".failed.txt"))
@@ -390,7 +395,7 @@ def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
     if failure is not None:
         failures.append(_problem(SubjectSession(""), "report", f"{path.name}: {failure}"))
         return []
-    return list(whole_skeletons(read_table(path, table, _columns_shown(table))).to_pylist())
+    return list(rows_of(whole_skeletons(read_table(path, table, _columns_shown(table)))))
 
 
 def _columns_shown(table: Table) -> list[str]:

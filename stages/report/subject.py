@@ -9,12 +9,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.errors import InputError
-from stages import command_line
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
 
 if TYPE_CHECKING:
-    from schemas.study import Recording
-    from stages.report.study_results import StudyResults
+    from shukotsu.schemas.study import Recording
+    from shukotsu.stages.report.study_results import StudyResults
 
     Page = tuple[Callable[[], str], Callable[[str], str]]
     """What makes a page, and the one that says why there is none."""
@@ -50,17 +50,17 @@ def write_pages(arguments: argparse.Namespace) -> None:
     """Read the subject's tables, write its pages; one that cannot be made says why, and costs no other."""
     from functools import partial
 
-    from schemas.files import write_text
-    from schemas.plan import read_plan
-    from stages.report.recording_page.recording_content import failure_page, recording_title
-    from stages.report.study_page import render_failure
-    from stages.report.study_results import read_subject
-    from stages.report.subject_page import render_subject
-    from stages.report.wording import speaking
+    from shukotsu.files.whole_files import write_text
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.stages.report.recording_page.recording_content import failure_page, recording_title
+    from shukotsu.stages.report.study_page import render_failure
+    from shukotsu.stages.report.study_results import read_subject
+    from shukotsu.stages.report.subject_page import render_subject
+    from shukotsu.stages.report.wording import check_language, speaking
 
-    language = _language(arguments)
+    check_language(arguments.language, "--language")
     results = read_subject(read_plan(arguments.plan))
-    with speaking(language, results.problems):
+    with speaking(arguments.language):
         pages: dict[Path, Page] = {}
         if not arguments.recording:
             pages[Path("subject.html")] = partial(render_subject, results), render_failure
@@ -87,27 +87,13 @@ def _page(recording: Recording) -> Path:
 
 def _write_failures(folder: Path, failures: Sequence[str]) -> None:
     """Write which pages could not be made into a file that the study's report reads; none without any."""
-    from schemas.files import write_text
-    from schemas.results import FAILED_PAGES
+    from shukotsu.files.whole_files import write_text
+    from shukotsu.schemas.results import FAILED_PAGES
 
     if failures:
         write_text(folder / FAILED_PAGES, "".join(f"{line}\n" for line in failures))
     else:
         (folder / FAILED_PAGES).unlink(missing_ok=True)
-
-
-def _language(arguments: argparse.Namespace) -> str:
-    """The language asked for; InputError where there is no such one."""
-    if arguments.language not in _languages():
-        raise InputError(f"--language {arguments.language}: expected one of {', '.join(_languages())}")
-    return str(arguments.language)
-
-
-def _languages() -> list[str]:
-    """Every language that a study may name."""
-    from schemas.config_files import json_schema
-
-    return list(json_schema("study")["properties"]["language"]["enum"])
 
 
 def _named(results: StudyResults, hand: str, name: str) -> Recording:
@@ -120,28 +106,31 @@ def _named(results: StudyResults, hand: str, name: str) -> Recording:
 
 def _recording_page(results: StudyResults, recording: Recording) -> str:
     """The recording's page, or one that says why there is none: the subject's others must not be lost."""
-    from stages.report.recording_page.recording_content import failure_page, recording_page, recording_title
-    from stages.report.recording_results import read_recording
+    from shukotsu.stages.report.recording_page.recording_content import (
+        failure_page,
+        recording_page,
+        recording_title,
+    )
+    from shukotsu.stages.report.recording_results import read_recording
 
     try:
         return recording_page(read_recording(results, recording))
     except InputError as error:
-        return failure_page(recording_title(recording), str(error))
+        return failure_page(recording_title(recording), error.message)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write pages that say why there is none; where the plan cannot be read, that of the subject alone."""
-    from schemas.files import write_text
-    from schemas.plan import read_plan
-    from stages.report.study_page import render_failure
-    from stages.report.wording import speaking
+    from shukotsu.files.whole_files import write_text
+    from shukotsu.schemas.plan import read_plan
+    from shukotsu.stages.report.study_page import render_failure
+    from shukotsu.stages.report.wording import languages, speaking
 
-    known = arguments.language in _languages()
     shown: list[Recording] = []
     with suppress(InputError):
         plan = read_plan(arguments.plan)
         shown = [own for hand in plan.hands for own in plan.evaluated(hand)]
-    with speaking(arguments.language if known else "en"):
+    with speaking(arguments.language if arguments.language in languages() else "en"):
         for page in (Path("subject.html"), *map(_page, shown)):
             write_text(arguments.out / page, render_failure(message))
     _write_failures(arguments.out, [f"subject.html: {message}"])

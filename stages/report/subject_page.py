@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from schemas.study import Hand
-from stages.report import provenance
-from stages.report.headline import opening, used_text
-from stages.report.links import link, recording_links
-from stages.report.measured_ranges import measured_ranges, measured_table
-from stages.report.next_recording import next_recording
-from stages.report.paper_tables import (
+from shukotsu.schemas.study import Hand
+from shukotsu.sentences.translation import full_name, tr
+from shukotsu.stages.report import provenance
+from shukotsu.stages.report.headline import opening, used_text
+from shukotsu.stages.report.links import link, recording_links
+from shukotsu.stages.report.measured_ranges import measured_ranges, measured_table
+from shukotsu.stages.report.next_recording import next_recording
+from shukotsu.stages.report.paper_tables import (
     SLIPS,
     is_the_papers_hand,
     least_squares_table,
@@ -19,14 +20,20 @@ from stages.report.paper_tables import (
     printed_table,
     table_title,
 )
-from stages.report.pictures.hand_index import IndexEntry
-from stages.report.score_tables import digit_tables, in_sample_table, score_table
-from stages.report.skeleton_stills import Figure, PosedHands, index_figure, posed_hands, skeleton_pictures
-from stages.report.skeleton_tables import bone_table, receiver_tables
-from stages.report.study_results import Row, StudyResults, Trial
-from stages.report.table_cells import DataTable, Folded, number
-from stages.report.templates import render
-from stages.report.trust import (
+from shukotsu.stages.report.plots.description import JointLink
+from shukotsu.stages.report.score_tables import digit_tables, in_sample_table, score_table
+from shukotsu.stages.report.skeleton_stills import (
+    DrawnHands,
+    Figure,
+    index_figure,
+    posed_hands,
+    skeleton_pictures,
+)
+from shukotsu.stages.report.skeleton_tables import bone_table, receiver_tables
+from shukotsu.stages.report.study_results import Row, StudyResults, Trial
+from shukotsu.stages.report.table_cells import DataTable, Folded, number
+from shukotsu.stages.report.templates import render
+from shukotsu.stages.report.trust import (
     Verdict,
     believed_counts,
     joint_anchor,
@@ -34,8 +41,7 @@ from stages.report.trust import (
     reasons,
     verdicts,
 )
-from stages.report.truth_tables import joint_error_tables, truth_summary, truth_table
-from stages.report.wording import full_name, say
+from shukotsu.stages.report.truth_tables import joint_error_tables, truth_summary, truth_table
 
 
 def render_subject(results: StudyResults) -> str:
@@ -56,7 +62,7 @@ def render_subject(results: StudyResults) -> str:
         used=used_text(results),
         findings=provenance.found(results.findings),
         accepted=provenance.found(results.accepted),
-        problems=provenance.problems_table(results, say("as the study asked: {who}", who=who)),
+        problems=provenance.problems_table(results, tr("as the study asked: {who}", who=who)),
         name=who.label,
         trust=[_trust_part(results, hand, posed) for hand in reversed(hands)],
         remarks=posed.remarks,
@@ -67,12 +73,12 @@ def render_subject(results: StudyResults) -> str:
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         skeletons=skeleton_pictures(results, posed),
         bones=[
-            Folded(say("{hand} hand", hand=hand.hand.capitalize()), bone_table(results, hand))
+            Folded(tr("{hand} hand", hand=hand.hand.capitalize()), bone_table(results, hand))
             for hand in hands
         ],
         ranges=[
             Folded(
-                say("{hand} hand: {n_rows} angles of joints", hand=hand.hand.capitalize(), n_rows=len(rows)),
+                tr("{hand} hand: {n_rows} angles of joints", hand=hand.hand.capitalize(), n_rows=len(rows)),
                 _ranges_table(hand, rows),
             )
             for hand in hands
@@ -83,17 +89,17 @@ def render_subject(results: StudyResults) -> str:
         fitted=results.fitted,
         simulated=results.simulated,
         slips=SLIPS,
-        sheet=provenance.recordings_table(results, say("of {who}", who=who)),
-        inputs=provenance.inputs_table(results, say("of {who}", who=who)),
+        sheet=provenance.recordings_table(results, tr("of {who}", who=who)),
+        inputs=provenance.inputs_table(results, tr("of {who}", who=who)),
     )
 
 
 def _ranges_table(hand: Hand, rows: list[Row]) -> DataTable:
-    caption = say("Range of motion, posture and speed of {hand}, with stated 1-sigma errors.", hand=hand)
+    caption = tr("Range of motion, posture and speed of {hand}, with stated 1-sigma errors.", hand=hand)
     return measured_table(caption, rows, with_recording=True)
 
 
-def _trust_part(results: StudyResults, hand: Hand, posed: PosedHands) -> dict[str, Any]:
+def _trust_part(results: StudyResults, hand: Hand, posed: DrawnHands) -> dict[str, Any]:
     """One hand: its picture as an index, the reasons for doubt, and every model's table folded."""
     model = results.leading
     found = verdicts(results, hand, model)
@@ -105,7 +111,7 @@ def _trust_part(results: StudyResults, hand: Hand, posed: PosedHands) -> dict[st
         for name in (model, *(name for name in results.models if name != model))
     ]
     return {
-        "hand": say("{hand} hand", hand=hand.hand.capitalize()),
+        "hand": tr("{hand} hand", hand=hand.hand.capitalize()),
         "index": _index(hand, model, found, posed),
         "reasons": reasons(found),
         "leading": tables[0],
@@ -113,20 +119,20 @@ def _trust_part(results: StudyResults, hand: Hand, posed: PosedHands) -> dict[st
     }
 
 
-def _index(hand: Hand, model: str, found: Iterable[Verdict], posed: PosedHands) -> Figure | None:
+def _index(hand: Hand, model: str, found: Iterable[Verdict], posed: DrawnHands) -> Figure | None:
     entries = {
-        v.joint: IndexEntry(v.believed, f"#{joint_anchor(hand, v.joint, model)}", _words(v)) for v in found
+        v.joint: JointLink(v.believed, f"#{joint_anchor(hand, v.joint, model)}", _words(v)) for v in found
     }
     drawn = (index_figure(item, model, entries) for item in posed.hands if item.hand == hand)
     return next(drawn, None) if entries else None
 
 
 def _words(verdict: Verdict) -> str:
-    """What a pointer on a joint of the index is told."""
+    """Write the text that a pointer on a joint of the index shows."""
     sd = verdict.row["sd_mm"]
-    known = "" if sd is None else say(", known to {sd} mm (1 sigma)", sd=number(sd))
+    known = "" if sd is None else tr(", known to {sd} mm (1 sigma)", sd=number(sd))
     doubt = f"; {verdict.why}" if verdict.why else ""
-    return f"{full_name(verdict.joint)}: {say(verdict.believed)}{known}{doubt}"
+    return f"{full_name(verdict.joint)}: {tr(verdict.believed)}{known}{doubt}"
 
 
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
@@ -146,7 +152,7 @@ def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
         "scores": score_table(results, trial),
         "folded": [
             *(
-                [Folded(say("In-sample scores, of skeletons made with this task too"), in_sample)]
+                [Folded(tr("In-sample scores, of skeletons made with this task too"), in_sample)]
                 if in_sample
                 else []
             ),

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from stages.report.wording import say, say_count, shown, word
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import word
 
 DASH = "–"
 
@@ -56,7 +57,19 @@ def number_column(heading: str, name: str, decimals: int = 2) -> Column:
 
 def text_column(heading: str, name: str) -> Column:
     """The text of that name in the rows."""
-    return Column(heading, lambda row: shown(name, str(row[name])), is_text=True)
+    return Column(heading, lambda row: _shown(name, row[name]), is_text=True)
+
+
+def _shown(column: str, text: str) -> str:
+    """A table's text as a page shows it: what is a name stays."""
+    if column in _SENTENCES:
+        return translated(text)
+    return word(text) if column in _NAMES else text
+
+
+_SENTENCES = frozenset({"message", "question", "test"})
+_NAMES = frozenset({"hand", "digit", "angle", "binding", "across", "Hand"})
+"""Columns of tables whose texts are sentences, and whose texts are names of the project."""
 
 
 def table_of(caption: str, columns: Sequence[Column], rows: Iterable[Any], if_empty: str = "") -> DataTable:
@@ -90,12 +103,6 @@ def number(value: float | None, decimals: int = 2) -> str:
     return f"{value:.{decimals}f}".replace("-0." + "0" * decimals, "0." + "0" * decimals)
 
 
-def listed(words: Iterable[str]) -> str:
-    """Words as a sentence lists them: a, b and c."""
-    words = list(words)
-    return say(" and ").join([say(", ").join(words[:-1]), words[-1]] if len(words) > 1 else words)
-
-
 def alike(values: Mapping[str, object]) -> list[list[str]]:
     """Names in groups of equal values, in their order."""
     groups: list[list[str]] = []
@@ -103,11 +110,6 @@ def alike(values: Mapping[str, object]) -> list[list[str]]:
         same = next((group for group in groups if values[group[0]] == value), None)
         groups.append([name]) if same is None else same.append(name)
     return groups
-
-
-def counted(count: int, word: str) -> str:
-    """The count with its word: 1 joint, 2 joints."""
-    return say_count(count, word)
 
 
 def capital(text: str) -> str:

@@ -93,7 +93,7 @@
       shown += here;
       all += rows.length;
     }
-    told.textContent = `${shown} of ${all} rows`;
+    told.textContent = wording("rows_of", {shown, all});
   };
 
   /* ---- saving ---- */
@@ -168,9 +168,9 @@
   };
 
   const addFilter = (table, n_rows) => {
-    const told = made("output", {}, `${n_rows} rows`);
-    const box = made("input", { type: "search", placeholder: "filter rows" });
-    box.setAttribute("aria-label", `Filter rows: ${captionOf(table)}`);
+    const told = made("output", {}, wording("rows", {n: n_rows}));
+    const box = made("input", { type: "search", placeholder: wording("filter") });
+    box.setAttribute("aria-label", wording("filter_of", {table: captionOf(table)}));
     box.addEventListener("input", () => filter(table, box.value, told));
     const line = made("p", { className: "table-filter" });
     line.append(box, " ", told);
@@ -187,14 +187,14 @@
     const most = Math.max(...every.map((block) => block.rows.length));
     for (const row of most > 1 ? headers(table) : []) {
       for (const cell of row.cells) {
-        const button = made("button", { type: "button", className: "sort", title: "Sort" });
+        const button = made("button", { type: "button", className: "sort", title: wording("sort") });
         button.append(...cell.childNodes);
         cell.append(button);
       }
     }
     const said = made("span", { className: "caption" });
     said.append(...table.caption.childNodes);
-    const button = made("button", { type: "button", className: "save-csv", title: "Save the rows shown" }, "CSV");
+    const button = made("button", { type: "button", className: "save-csv", title: wording("save") }, "CSV");
     table.caption.append(said, " ", button);
     if (n_rows > MANY_ROWS) addFilter(table, n_rows);
   };

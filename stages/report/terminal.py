@@ -5,14 +5,15 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-from schemas.finding_groups import Fault, faults
-from schemas.finding_sentences import in_quotes
-from stages.report.headline import opening, used_text
-from stages.report.paper_tables import own_table, table_title
-from stages.report.provenance import places_of, where
-from stages.report.score_tables import score_table
-from stages.report.study_results import Row, StudyResults, Trial
-from stages.report.table_cells import DataTable, counted
+from shukotsu.schemas.finding_groups import Fault, faults
+from shukotsu.sentences.finding_sentences import in_quotes
+from shukotsu.sentences.translation import ngettext
+from shukotsu.stages.report.headline import opening, used_text
+from shukotsu.stages.report.paper_tables import own_table, table_title
+from shukotsu.stages.report.provenance import places_of, where
+from shukotsu.stages.report.score_tables import score_table
+from shukotsu.stages.report.study_results import Row, StudyResults, Trial
+from shukotsu.stages.report.table_cells import DataTable
 
 WIDTH = 79
 MOST_PROBLEMS, MOST_PLACES = 10, 4
@@ -46,7 +47,7 @@ def terminal_tables(results: StudyResults) -> str:
 
 
 def _problems(results: StudyResults) -> list[str]:
-    """What went wrong, what was found in recordings first, and what is accepted of it: a paragraph each.
+    """List what went wrong, what was found in recordings first, and what is accepted of it: a paragraph each.
 
     An item is what is wrong in the same way; the first ones, for all stand in the report.
     """
@@ -73,7 +74,8 @@ def _item(fault: Fault) -> list[str]:
     if not evidence and not fault.seen[0].what:
         return [_wrapped(f"- {named}, {stage}: {text}")]
     below = [named, *([f"{where(fault.seen[0].row)}: {evidence}"] if evidence else [])]
-    head = f"- {counted(len(places), 'recording')}, {stage}: {text}"
+    recordings = ngettext("{n} recording", "{n} recordings", len(places))
+    head = f"- {recordings}, {stage}: {text}"
     return [_wrapped(head), *(_wrapped(line, indent="  ") for line in below)]
 
 

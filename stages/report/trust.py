@@ -8,24 +8,25 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 
-from schemas.advice import NOTHING_TO_DO
-from schemas.study import Hand, path_token
-from stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, commonest, reasons_of
-from stages.report.study_results import Row, StudyResults, hand_of
-from stages.report.table_cells import DASH, Block, DataTable, listed, number
-from stages.report.wording import mark, say, told, word
+from shukotsu.schemas.advice import NOTHING_TO_DO, advice_text
+from shukotsu.schemas.findings import values_of
+from shukotsu.schemas.study import Hand, path_token
+from shukotsu.sentences.translation import N_, listed, tr, word
+from shukotsu.stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, commonest, reasons_of
+from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
+from shukotsu.stages.report.table_cells import DASH, Block, DataTable, number
 
 APART_MM = 5.0
 """Models that put a joint farther apart than this cannot both be right: it is half a bone's breadth."""
 
-NO_JOINT = mark("No joint was solved; the reason is under “What went wrong”.")
+NO_JOINT = N_("No joint was solved; the reason is under “What went wrong”.")
 
 _COLUMNS = (
-    (mark("Moved [deg]"), "range_deg", 1),
-    (mark("Gap rms [mm]"), "gap_rms_mm", 2),
-    (mark("Free gap rms [mm]"), "gap_rms_free_mm", 2),
-    (mark("Axis to plane [deg]"), "axis_plane_deg", 1),
-    (mark("Correction [mm]"), "correction_mm", 1),
+    (N_("Moved [deg]"), "range_deg", 1),
+    (N_("Gap rms [mm]"), "gap_rms_mm", 2),
+    (N_("Free gap rms [mm]"), "gap_rms_free_mm", 2),
+    (N_("Axis to plane [deg]"), "axis_plane_deg", 1),
+    (N_("Correction [mm]"), "correction_mm", 1),
 )
 """What else is told of a joint where any joint of the hand has it: heading, column, decimals."""
 
@@ -64,7 +65,7 @@ class Verdict:
 
 
 def verdicts(results: StudyResults, hand: Hand, model: str) -> list[Verdict]:
-    """What to think of every joint of a hand under one model."""
+    """Judge every joint of a hand under one model."""
     others = {
         name: {row["joint"]: row for row in results.joints_of.get((hand, name), [])}
         for name in results.models
@@ -90,21 +91,23 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     found = verdicts(results, hand, model)
     columns = [c for c in _COLUMNS if any(v.row[c[1]] is not None for v in found)]
     advice = {
-        row["joint"]: "" if row["kind"] in NOTHING_TO_DO else told(row["advice"])
+        row["joint"]: ""
+        if row["kind"] in NOTHING_TO_DO
+        else advice_text(row["joint"], row["kind"], values_of(row["values"]))
         for row in results.advice
         if hand_of(row) == hand
     }
     helps = any(advice.get(v.joint) for v in found)
     header = (
-        say("Joint"),
-        say("Believe it?"),
-        say("SD of the centre [mm]"),
+        tr("Joint"),
+        tr("Believe it?"),
+        tr("SD of the centre [mm]"),
         *(heading for heading, _, _ in columns),
     )
     rows = tuple(
         (
             v.joint,
-            say(v.believed),
+            tr(v.believed),
             number(v.row["sd_mm"]),
             *(number(v.row[name], decimals) for _, name, decimals in columns),
             _apart_in_words(v),
@@ -112,12 +115,12 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
         )
         for v in found
     )
-    header += (say("Farthest other model [mm]"), *((say("What would help"),) if helps else ()))
+    header += (tr("Farthest other model [mm]"), *((tr("What would help"),) if helps else ()))
     last = len(header) - 1
     return DataTable(
-        say("Whether to believe the joints of {model}: {hand}.", model=model, hand=hand),
+        tr("Whether to believe the joints of {model}: {hand}.", model=model, hand=hand),
         (Block(header, rows),),
-        tuple(reasons(found)) if rows else (say(NO_JOINT),),
+        tuple(reasons(found)) if rows else (tr(NO_JOINT),),
         frozenset({0, 1, last, last - helps}),
         tuple(joint_anchor(hand, v.joint, model) for v in found),
     )
@@ -139,11 +142,11 @@ def reasons(found: Iterable[Verdict]) -> list[str]:
 
 
 def _named(joints: list[str], found: list[Verdict]) -> str:
-    return say("All joints") if len(joints) == len(found) > 1 else listed(map(word, joints))
+    return tr("All joints") if len(joints) == len(found) > 1 else listed(map(word, joints))
 
 
 def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
-    """What holds of each joint in the middle one of the study's hands: one of BELIEFS by joint."""
+    """Return each joint's verdict in the middle one of the study's hands: one of BELIEFS by joint."""
     of_joint: dict[str, list[str]] = defaultdict(list)
     for hand in results.hands:
         for row in results.joints_of.get((hand, model), []):
@@ -159,35 +162,35 @@ def study_trust_table(results: StudyResults, model: str) -> DataTable:
             by_joint[verdict.joint].append(verdict)
     rows = tuple((joint, *_over_hands(found)) for joint, found in by_joint.items())
     header = (
-        say("Joint"), say("Hands"), say("Believed"), say("With care"), say("Not"), say("Median SD [mm]"),
-        say("Median to the farthest model [mm]"), say("Most frequent doubt"),
+        tr("Joint"), tr("Hands"), tr("Believed"), tr("With care"), tr("Not"), tr("Median SD [mm]"),
+        tr("Median to the farthest model [mm]"), tr("Most frequent doubt"),
     )  # fmt: skip
     return DataTable(
-        say("Whether to believe the joints of {model}, all hands of the study.", model=model),
+        tr("Whether to believe the joints of {model}, all hands of the study.", model=model),
         (Block(header, rows),),
-        () if rows else (say(NO_JOINT),),
+        () if rows else (tr(NO_JOINT),),
         frozenset({0, 7}),
         tuple(f"joint-{path_token(joint)}" for joint in by_joint),
     )
 
 
 def believed_text(results: StudyResults, hand: Hand, model: str) -> str:
-    """How many of a hand's joints to believe."""
+    """Count how many of a hand's joints to believe."""
     rows = results.joints_of.get((hand, model), [])
     return (
-        say("{n_far} of {n_rows}", n_far=sum(belief(row) == BELIEVED for row in rows), n_rows=len(rows))
+        tr("{n_far} of {n_rows}", n_far=sum(belief(row) == BELIEVED for row in rows), n_rows=len(rows))
         if rows
         else DASH
     )
 
 
 def believed_counts(rows: Iterable[Row]) -> str:
-    """How many joints of rows of joint_centres are believed, with care and not: for a line of summary."""
+    """Count joints of rows of joint_centres to believe, with care and not: for a line of summary."""
     counts = Counter(belief(row) for row in rows)
-    words = dict(zip(BELIEFS, (say("to believe"), say("with care"), say("not")), strict=True))
-    return say(", ").join(
-        say("{count} {belief}", count=counts[each], belief=words[each]) for each in BELIEFS if counts[each]
-    ) or say("no joint was solved")
+    words = dict(zip(BELIEFS, (tr("to believe"), tr("with care"), tr("not")), strict=True))
+    return tr(", ").join(
+        tr("{count} {belief}", count=counts[each], belief=words[each]) for each in BELIEFS if counts[each]
+    ) or tr("no joint was solved")
 
 
 def _apart_mm(row: Row, other: Row | None) -> float | None:
@@ -206,8 +209,8 @@ def _apart_mm(row: Row, other: Row | None) -> float | None:
 def _apart_in_words(verdict: Verdict) -> str:
     if verdict.apart_mm is None:
         return DASH
-    mark = "◆ " if verdict.apart_mm > APART_MM else ""
-    return f"{mark}{number(verdict.apart_mm, 1)}, {verdict.apart_model}"
+    sign = "◆ " if verdict.apart_mm > APART_MM else ""
+    return f"{sign}{number(verdict.apart_mm, 1)}, {verdict.apart_model}"
 
 
 def _over_hands(found: list[Verdict]) -> tuple[str, ...]:
@@ -236,7 +239,7 @@ def _most_frequent(doubts: Counter[str]) -> str:
         return ""
     most = max(kinds.values(), key=len)
     return (
-        say("{most} ({n_most} of {total})", most=most[0], n_most=len(most), total=doubts.total())
+        tr("{most} ({n_most} of {total})", most=most[0], n_most=len(most), total=doubts.total())
         if doubts.total() > 1
         else most[0]
     )

@@ -7,11 +7,20 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from schemas.study import SubjectSession
-from stages.report.score_tables import tasks_text
-from stages.report.study_results import Row, StudyResults, hand_of
-from stages.report.table_cells import DASH, Block, Column, DataTable, Folded, number, table_of_blocks, title
-from stages.report.wording import mark, say
+from shukotsu.schemas.study import SubjectSession
+from shukotsu.sentences.translation import N_, tr
+from shukotsu.stages.report.score_tables import tasks_text
+from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
+from shukotsu.stages.report.table_cells import (
+    DASH,
+    Block,
+    Column,
+    DataTable,
+    Folded,
+    number,
+    table_of_blocks,
+    title,
+)
 
 FAR_MM = 5.0
 """A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
@@ -26,35 +35,33 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
     if not made:
         return None
     columns = (
-        Column(say("Skeleton"), lambda own: own[0][0], is_text=True),
-        Column(say("Made from"), lambda own: made_from(results, own[0]), is_text=True),
-        Column(say("Joints"), _joint_count),
-        _quantile_column(mark("Median [mm]"), 0.5),
-        _quantile_column(mark("p90 [mm]"), 0.9),
-        _quantile_column(mark("Worst [mm]"), 1.0),
+        Column(tr("Skeleton"), lambda own: own[0][0], is_text=True),
+        Column(tr("Made from"), lambda own: made_from(results, own[0]), is_text=True),
+        Column(tr("Joints"), _joint_count),
+        _quantile_column(N_("Median [mm]"), 0.5),
+        _quantile_column(N_("p90 [mm]"), 0.9),
+        _quantile_column(N_("Worst [mm]"), 1.0),
         Column(
-            say("Over {FAR_MM:.0f} mm [%]", FAR_MM=FAR_MM),
+            tr("Over {FAR_MM:.0f} mm [%]", FAR_MM=FAR_MM),
             lambda own: _percent([error > FAR_MM for error in known(own[1], "error_mm")]),
         ),
-        _quantile_column(mark("Along [mm]"), 0.5, "along_mm"),
-        _quantile_column(mark("Across [mm]"), 0.5, "across_mm"),
-        _quantile_column(mark("Axis [deg]"), 0.5, "axis_deg"),
-        _quantile_column(mark("Bone length [%]"), 0.5, "bone_error_percent"),
+        _quantile_column(N_("Along [mm]"), 0.5, "along_mm"),
+        _quantile_column(N_("Across [mm]"), 0.5, "across_mm"),
+        _quantile_column(N_("Axis [deg]"), 0.5, "axis_deg"),
+        _quantile_column(N_("Bone length [%]"), 0.5, "bone_error_percent"),
         Column(
-            say("In the stated 95 % [%]"),
+            tr("In the stated 95 % [%]"),
             lambda own: _percent([row["within_95"] for row in own[1] if row["within_95"] is not None]),
         ),
     )
     blocks = {
         kind: [own for own in made.items() if (own[0][0] in results.models) == is_model]
-        for kind, is_model in ((say("Skeleton"), True), (say("Reference"), False))
+        for kind, is_model in ((tr("Skeleton"), True), (tr("Reference"), False))
     }
     return table_of_blocks(
-        say(
-            (
-                "Distance of the joints from the true ones, both hands: {who}. Along and across the "
-                "axis, axis and bone length: medians."
-            ),
+        tr(
+            "Distance of the joints from the true ones, both hands: {who}. Along and across the "
+            "axis, axis and bone length: medians.",
             who=who,
         ),
         columns,
@@ -63,15 +70,13 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
 
 
 def truth_summary(results: StudyResults, who: SubjectSession, model: str) -> str:
-    """How far a model's joints are from the true ones, best first; empty without a truth."""
+    """Say how far a model's joints are from the true ones, best first; empty without a truth."""
     of_subject = [r for r in results.joint_errors if (hand_of(r).who, r["model"]) == (who, model)]
     made = _by_skeleton(results, of_subject)
     parts = [
-        say(
-            (
-                "made from {made_from} {errors} mm in the median, {n_far} of {n_errors} more than "
-                "{FAR_MM:.0f} mm off"
-            ),
+        tr(
+            "made from {made_from} {errors} mm in the median, {n_far} of {n_errors} more than "
+            "{FAR_MM:.0f} mm off",
             made_from=made_from(results, key),
             errors=number(float(np.median(errors)), 1),
             n_far=sum(error > FAR_MM for error in errors),
@@ -95,12 +100,12 @@ def joint_error_tables(results: StudyResults, who: SubjectSession) -> list[Folde
         errors = {key: {row["joint"]: row["error_mm"] for row in of_key} for key, of_key in made.items()}
         joints = dict.fromkeys(row["joint"] for row in rows)
         block = Block(
-            (say("Joint [mm]"), *(_title(results, key) for key in made)),
+            (tr("Joint [mm]"), *(_title(results, key) for key in made)),
             tuple((joint, *(number(errors[key].get(joint)) for key in made)) for joint in joints),
         )
-        caption = say("Distance of each joint from the true one, in mm: {hand}.", hand=hand)
+        caption = tr("Distance of each joint from the true one, in mm: {hand}.", hand=hand)
         folded.append(
-            Folded(say("{hand} hand, joint by joint", hand=title(hand.hand)), DataTable(caption, (block,)))
+            Folded(tr("{hand} hand, joint by joint", hand=title(hand.hand)), DataTable(caption, (block,)))
         )
     return folded
 
@@ -114,7 +119,7 @@ def made_from(results: StudyResults, skeleton: Made) -> str:
 def _title(results: StudyResults, skeleton: Made) -> str:
     model = skeleton[0]
     return (
-        say("{model}, from {made_from}", model=model, made_from=made_from(results, skeleton))
+        tr("{model}, from {made_from}", model=model, made_from=made_from(results, skeleton))
         if model in results.models
         else model
     )
@@ -132,7 +137,7 @@ def _by_skeleton(results: StudyResults, rows: Iterable[Row]) -> dict[Made, list[
 
 def _joint_count(own: tuple[Made, list[Row]]) -> str:
     found, every = len(known(own[1], "error_mm")), len(own[1])
-    return str(every) if found == every else say("{found} of {every}", found=found, every=every)
+    return str(every) if found == every else tr("{found} of {every}", found=found, every=every)
 
 
 def _quantile_column(heading: str, share: float, name: str = "error_mm") -> Column:

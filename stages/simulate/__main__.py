@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from stages import command_line
+from shukotsu.stages import command_line
 
 ANATOMIES = ("blend", "ct", "xray", "buchholz", "myohand", "mixed-table")
 SKIN_LAWS = ("saturating", "polynomial", "phase-lag")
@@ -78,12 +78,12 @@ def _scale(text: str) -> float:
 
 def write_simulation(arguments: argparse.Namespace) -> None:
     """Simulate one recording; write it and its truth."""
-    from schemas.errors import InputError
-    from schemas.tables import Provenance  # not at start-up: --help needs no NumPy
-    from stages.simulate.realism import Realism
-    from stages.simulate.recording import check_ending, write_recording
-    from stages.simulate.simulation import simulate
-    from stages.simulate.written_truth import write_truth
+    from shukotsu.errors import InputError
+    from shukotsu.schemas.tables import Provenance  # not at start-up: --help needs no NumPy
+    from shukotsu.stages.simulate.realism import Realism
+    from shukotsu.stages.simulate.recording import check_ending, write_recording
+    from shukotsu.stages.simulate.simulation import simulate
+    from shukotsu.stages.simulate.written_truth import write_truth
 
     check_ending(arguments.out)
     given = {name: getattr(arguments, name) for name in REALISM_OPTIONS}

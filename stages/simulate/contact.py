@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from skeleton import rotations
-from skeleton.rotations import Array
-from stages.simulate.forward import coupled_angles, poses_in_hand
-from stages.simulate.random_hand import ABDUCTION, FINGERS, FLEXION, JOINTS, TIP_BONES, Hand
-from stages.simulate.realism import Realism
+from shukotsu.skeleton import rotations
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.forward import coupled_angles, poses_in_hand
+from shukotsu.stages.simulate.random_hand import ABDUCTION, FINGERS, FLEXION, JOINTS, TIP_BONES, Hand
+from shukotsu.stages.simulate.realism import Realism
 
 _DISTANCE_SD_MM, _FACING_SD = 0.4, 0.8
 _STEPS, _NUDGE_DEG, _LARGEST_STEP_DEG = 25, 0.05, 12.0
@@ -55,7 +55,7 @@ def contact_postures(hand: Hand, starts_deg: Array, realism: Realism) -> Array:
 
 
 def _where() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Where the angles stand in a posture: joint (4, n) per finger, column (n,)."""
+    """Return the angles' places in a posture: joint (4, n) per finger, column (n,)."""
     joints = [
         [JOINTS.index(name if name in JOINTS else f"{digit}_{name}") for name, *_ in _ANGLES]
         for digit in FINGERS
@@ -64,7 +64,7 @@ def _where() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
 
 
 def _misfit(hand: Hand, postures_deg: Array, realism: Realism) -> Array:
-    """Give what should vanish at contact, (4, N, 6): pad distance and pads' normals, over their spreads."""
+    """Return residuals, zero at contact, (4, N, 6): pad distance and pads' normals, over their spreads."""
     fingers, n = postures_deg.shape[:2]
     voluntary = np.radians(postures_deg.reshape(fingers * n, len(JOINTS), 2))
     padded = np.concatenate([voluntary, np.zeros((*voluntary.shape[:2], 1))], -1)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from skeleton import rotations
-from skeleton.rotations import Array
-from stages.simulate.random_hand import (
+from shukotsu.skeleton import rotations
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.random_hand import (
     ABDUCTION,
     AXIAL,
     BONES,
@@ -18,7 +18,7 @@ from stages.simulate.random_hand import (
     WRIST,
     Hand,
 )
-from stages.simulate.realism import Realism
+from shukotsu.stages.simulate.realism import Realism
 
 
 def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:
@@ -84,7 +84,7 @@ def bone_poses(
 
 
 def _glided_mm(hand: Hand, level: slice, flexion_rad: Array) -> Array:
-    """How far (T, n, 3) joints of a level have glided in their parents' frames, bent by (T, n)."""
+    """Return how far (T, n, 3) joints of a level have glided in their parents' frames, bent by (T, n)."""
     bent = (flexion_rad - hand.relaxed_rad[level])[..., None]
     across, along = hand.glide_mm[level, 0], hand.glide_mm[level, 1]
     return np.asarray((1.0 - np.cos(bent)) * across + np.sin(bent) * along)

@@ -1,4 +1,4 @@
-"""Where each receiver sits on its bone."""
+"""Place each receiver on its bone."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from anatomy import drawn_hands as drawn
-from skeleton import rotations
-from skeleton.rotations import Array
-from stages.simulate.random_hand import BONES, Hand
-from stages.simulate.randomness import generator
-from stages.simulate.realism import Realism
+from shukotsu.anatomy import drawn_hands as drawn
+from shukotsu.skeleton import rotations
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.random_hand import BONES, Hand
+from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.realism import Realism
 
 FIRST_WORN = 2
 """Of the bones of digits, which come after forearm and hand."""
@@ -75,7 +75,7 @@ def habit_share(subject: str, seed: int) -> float:
 
 
 def _off(rng: np.random.Generator, habit: float) -> tuple[Array, Array]:
-    """How far receivers are from where they should be: mm and rotation vectors in rad, (B, 3) each."""
+    """Draw how far receivers are from where they should be: mm and rotation vectors in rad, (B, 3) each."""
     nails = [_on_nail(bone) for bone in BONES]
     alike = np.sqrt(habit) * rng.standard_normal((2, 1, 3))
     own = np.clip(rng.standard_t(4, (2, len(BONES), 3)) / np.sqrt(2.0), -4.0, 4.0) * np.sqrt(1.0 - habit)

@@ -1,4 +1,4 @@
-"""How skin moves receivers on their bones: what all its laws share.
+"""Move receivers on their bones by skin: share the code of all its laws.
 
 A law gives how far each receiver slides (mm) and turns (rotation vectors, rad) from where it sits on the
 relaxed hand, both (T, S, 3) in its own frame, for joint angles (T, J, 3) counted from there. It draws a
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from anatomy.drawn_hands import (
+from shukotsu.anatomy.drawn_hands import (
     LITTLE,
     NAIL,
     THENAR,
@@ -23,19 +23,19 @@ from anatomy.drawn_hands import (
     THUMB_TURN_FURTHER,
     WANDER_S,
 )
-from skeleton import rotations
-from skeleton.rotations import Array
-from stages.simulate.forward import bone_poses
-from stages.simulate.mounts import Mounts
-from stages.simulate.random_hand import BONES, JOINTS, PARENT, Hand
-from stages.simulate.randomness import generator
-from stages.simulate.task_motion import RATE_HZ, Motion
-from stages.simulate.tracker_errors import turned
+from shukotsu.skeleton import rotations
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.forward import bone_poses
+from shukotsu.stages.simulate.mounts import Mounts
+from shukotsu.stages.simulate.random_hand import BONES, JOINTS, PARENT, Hand
+from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.task_motion import RATE_HZ, Motion
+from shukotsu.stages.simulate.tracker_errors import turned
 
 
 @dataclass(frozen=True)
 class Skin:
-    """Which joints move each of S receivers, and how loosely it sits.
+    """Hold which joints move each of S receivers, and how loosely it sits.
 
     bone : (S,) index into BONES. joint : (S, 2) the bone's own (proximal) joint and the one after it; present
     : (S, 2) whether there is one. looseness : (S,) 1 for a typical receiver; scale : of the whole skin, which
@@ -53,7 +53,7 @@ class Skin:
 
     @property
     def distal(self) -> npt.NDArray[np.bool_]:
-        """Which receivers sit on a digit's last bone."""
+        """Say which receivers sit on a digit's last bone."""
         return np.array([BONES[bone].endswith("_distal") for bone in self.bone])
 
 

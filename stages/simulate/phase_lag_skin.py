@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anatomy.drawn_hands import (
+from shukotsu.anatomy.drawn_hands import (
     DISTAL_TILT,
     PALM_SHARE,
     PHASE_LAG_S,
@@ -20,9 +20,9 @@ from anatomy.drawn_hands import (
     WANDER_MM,
     WEB_SHARE,
 )
-from skeleton.rotations import Array
-from stages.simulate.moving_skin import Skin, lagged, wander
-from stages.simulate.random_hand import BONES, DIGITS, FLEXION, JOINTS
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.moving_skin import Skin, lagged, wander
+from shukotsu.stages.simulate.random_hand import BONES, DIGITS, FLEXION, JOINTS
 
 
 def phase_lag(
@@ -45,7 +45,7 @@ def phase_lag(
 
 
 def shares(skin: Skin) -> Array:
-    """How much each joint moves the skin under each receiver (S, J), over what a joint next to it does."""
+    """Return how much each joint moves the skin under each receiver (S, J), over what one next to it does."""
     share = np.zeros((len(skin.bone), len(JOINTS)))
     for receiver, bone in enumerate(skin.bone):
         for joint, name in enumerate(JOINTS):

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from anatomy.drawn_hands import (
+from shukotsu.anatomy.drawn_hands import (
     BENT_SHARES,
     DISTAL_TILT,
     HYSTERESIS,
@@ -26,10 +26,10 @@ from anatomy.drawn_hands import (
     WANDER_DEG,
     WANDER_MM,
 )
-from skeleton.rotations import Array
-from stages.simulate.moving_skin import Skin
-from stages.simulate.random_hand import FLEXION
-from stages.simulate.task_motion import RATE_HZ
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.moving_skin import Skin
+from shukotsu.stages.simulate.random_hand import FLEXION
+from shukotsu.stages.simulate.task_motion import RATE_HZ
 
 _TAIL, _FARTHEST = 3.0, 5.0
 

@@ -5,7 +5,7 @@ nearest to what the joint's flexion axis is in the hand that the person is drawn
 is tilted in it. A positive flexion turns x towards the palm. The hand's frame has its origin at the wrist
 centre. Right hand: y towards the thumb; the left hand is the mirror image.
 
-The hands that people are drawn around, and how people differ, are those of `anatomy.drawn_hands`.
+The hands that people are drawn around, and how people differ, are those of `shukotsu.anatomy.drawn_hands`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from anatomy import drawn_hands as drawn
-from skeleton import rotations
-from skeleton.rotations import Array
-from stages.simulate.randomness import generator
-from stages.simulate.realism import Realism
+from shukotsu.anatomy import drawn_hands as drawn
+from shukotsu.skeleton import rotations
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.realism import Realism
 
 DIGITS = tuple(drawn.CT)
 FINGERS = DIGITS[1:]
@@ -327,7 +327,7 @@ def _second_and_third_axes(side: str, frames: Array, straight: _Straight) -> tup
 
 
 def _pads_mm(straight: _Straight) -> Array:
-    """Where the digits' pads touch (5, 3): under the distal third of their last bones."""
+    """Return the digits' pads where they touch (5, 3): under the distal third of their last bones."""
     pads = np.zeros((len(DIGITS), 3))
     pads[:, 0] = 0.7 * straight.lengths_mm[TIP_BONES] + 0.3 * straight.soft_tip_mm
     pads[:, 2] = [-drawn.PAD_DEPTH_MM[digit] * straight.scale for digit in DIGITS]

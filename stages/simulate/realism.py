@@ -1,10 +1,10 @@
-"""What the simulated recording shares with a real one; every departure from the paper is a switch."""
+"""List what the simulated recording shares with a real one; every departure from the paper is a switch."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from anatomy.drawn_hands import BLEND
+from shukotsu.anatomy.drawn_hands import BLEND
 
 SATURATING, POLYNOMIAL, PHASE_LAG = "saturating", "polynomial", "phase-lag"
 SKIN_LAWS = (SATURATING, POLYNOMIAL, PHASE_LAG)
@@ -19,7 +19,7 @@ class Realism:
     as their axes are, and the MCP axis is at right angles to the vector from the wrist to the MCP joint (for
         the thumb: CMC and MCP axes at right angles to the metacarpal), so that Eq. 11 finds no twist.
     glide : scale of how far joints' centres glide as they bend.
-    anatomy : whom hands are drawn around, one of `anatomy.drawn_hands.ANATOMIES`.
+    anatomy : whom hands are drawn around, one of `shukotsu.anatomy.drawn_hands.ANATOMIES`.
     mounts : scale of how far receivers are misplaced; at 0 they sit exactly: axes along the bone, no lateral
         offset, so that the sagittal plane of the receiver (y = 0) holds the centre of the bone's proximal
         joint.

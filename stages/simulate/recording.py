@@ -9,10 +9,10 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from schemas.errors import InputError
-from schemas.files import replacing
-from schemas.parquet_files import store_digest
-from stages.simulate.simulation import Simulated
+from shukotsu.errors import InputError
+from shukotsu.files.parquet_files import store_digest
+from shukotsu.files.whole_files import replacing
+from shukotsu.stages.simulate.simulation import Simulated
 
 ENDINGS = (".parquet", ".csv")
 

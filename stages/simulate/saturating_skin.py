@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anatomy.drawn_hands import (
+from shukotsu.anatomy.drawn_hands import (
     DISTAL_TILT,
     LAG_S,
     LAG_SHARE,
@@ -14,9 +14,9 @@ from anatomy.drawn_hands import (
     WANDER_DEG,
     WANDER_MM,
 )
-from skeleton.rotations import Array
-from stages.simulate.moving_skin import Skin, lagged, wander
-from stages.simulate.random_hand import FLEXION
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.moving_skin import Skin, lagged, wander
+from shukotsu.stages.simulate.random_hand import FLEXION
 
 
 def saturating(
@@ -36,7 +36,7 @@ def saturating(
 
 
 def _drive(flexion_rad: Array) -> Array:
-    """What moves the skin, (T, J): flexion, saturating, partly lagging behind."""
+    """Return the angle that moves the skin, (T, J): flexion, saturating, partly lagging behind."""
     direct = SATURATION_RAD * np.tanh(flexion_rad / SATURATION_RAD)
     start = direct[:1]
     return np.asarray(start + (1 - LAG_SHARE) * (direct - start) + LAG_SHARE * lagged(direct - start, LAG_S))

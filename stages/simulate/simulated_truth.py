@@ -1,4 +1,4 @@
-"""What the simulation knows of a recording: bones, tips, and joints as the receivers see them.
+"""Hold a simulated recording's truth: bones, tips, and joints as the receivers see them.
 
 A joint centre is stated where it was on average over the recording, in the receiver's frame as the receiver
 rode on the skin; axes and the bones' directions likewise. Tracker and field have no part in that.
@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.layout import Layout
-from skeleton import rotations
-from skeleton.rotations import Array
-from stages.simulate.forward import flexion_axis
-from stages.simulate.mounts import Mounts
-from stages.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, Hand
-from stages.simulate.realism import Realism
+from shukotsu.schemas.layout import Layout
+from shukotsu.skeleton import rotations
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.forward import flexion_axis
+from shukotsu.stages.simulate.mounts import Mounts
+from shukotsu.stages.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, Hand
+from shukotsu.stages.simulate.realism import Realism
 
 
 @dataclass(frozen=True)

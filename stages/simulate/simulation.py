@@ -8,22 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError
-from schemas.layout import read_layout
-from schemas.poses import Poses
-from skeleton.rotations import Array
-from stages.simulate.forward import bone_poses, relaxed_angles
-from stages.simulate.mounts import mounts_of
-from stages.simulate.moving_skin import SkinLaw, displaced, on_skin, skin_of
-from stages.simulate.phase_lag_skin import phase_lag
-from stages.simulate.polynomial_skin import polynomial
-from stages.simulate.random_hand import DIGITS, hand_of
-from stages.simulate.randomness import generator
-from stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, Realism
-from stages.simulate.saturating_skin import saturating
-from stages.simulate.simulated_truth import Truth
-from stages.simulate.task_motion import RATE_HZ, TASK_FRAMES, Motion, move
-from stages.simulate.tracker_errors import distorted, faulty, noisy
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.forward import bone_poses, relaxed_angles
+from shukotsu.stages.simulate.mounts import mounts_of
+from shukotsu.stages.simulate.moving_skin import SkinLaw, displaced, on_skin, skin_of
+from shukotsu.stages.simulate.phase_lag_skin import phase_lag
+from shukotsu.stages.simulate.polynomial_skin import polynomial
+from shukotsu.stages.simulate.random_hand import DIGITS, hand_of
+from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, Realism
+from shukotsu.stages.simulate.saturating_skin import saturating
+from shukotsu.stages.simulate.simulated_truth import Truth
+from shukotsu.stages.simulate.task_motion import RATE_HZ, TASK_FRAMES, Motion, move
+from shukotsu.stages.simulate.tracker_errors import distorted, faulty, noisy
 
 LAWS: Mapping[str, SkinLaw] = {SATURATING: saturating, POLYNOMIAL: polynomial, PHASE_LAG: phase_lag}
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton import rotations
-from skeleton.rotations import Array
-from stages.simulate.contact import contact_postures
-from stages.simulate.forward import coupled_angles
-from stages.simulate.random_hand import ABDUCTION, FINGER_CMC, FINGERS, FLEXION, JOINTS, Hand
-from stages.simulate.randomness import generator
-from stages.simulate.realism import Realism
+from shukotsu.skeleton import rotations
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.contact import contact_postures
+from shukotsu.stages.simulate.forward import coupled_angles
+from shukotsu.stages.simulate.random_hand import ABDUCTION, FINGER_CMC, FINGERS, FLEXION, JOINTS, Hand
+from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.realism import Realism
 
 RATE_HZ = 240.0
 TASK_FRAMES = {"opposition": 3774, "rom": 7200}
@@ -118,7 +118,7 @@ def _opposition(
 
 
 def _dip_ranges_deg(rng: np.random.Generator, side: str) -> Array:
-    """How far each DIP gives way in opposition; the left ring and little fingers are particularly stiff."""
+    """Draw how far each DIP gives way in opposition; the left ring and little fingers are very stiff."""
     ranges = rng.uniform(4.0, 10.0, len(FINGERS))
     stiff = rng.uniform(2.0, 3.0, len(FINGERS))
     if side == "left":

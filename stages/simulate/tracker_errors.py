@@ -1,14 +1,14 @@
-"""What the tracker adds: a distorted field, white noise, and faults."""
+"""Add the tracker's errors: a distorted field, white noise, and faults."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from skeleton import rotations
-from skeleton.rotations import Array
-from stages.simulate.randomness import generator
-from stages.simulate.task_motion import RATE_HZ
+from shukotsu.skeleton import rotations
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.task_motion import RATE_HZ
 
 NOISE_MM, NOISE_DEG = 0.10, 0.06
 """White noise of the tracker at scale 1: sd per axis of position and of rotation vector."""
@@ -82,7 +82,7 @@ def faulty(
 def bursts(
     rng: np.random.Generator, shape: tuple[int, int], share: float, mean_s: float
 ) -> npt.NDArray[np.bool_]:
-    """Which frames of each receiver (T, S): about that share, in bursts of random length."""
+    """Say which frames of each receiver (T, S): about that share, in bursts of random length."""
     n_frames, n_receivers = shape
     on = np.zeros(shape, bool)
     for receiver in range(n_receivers):

@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from schemas.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
-from schemas.tables import Column, Provenance, columns_from_rows, vector_columns, write_table
-from schemas.verdict import UNJUDGED
-from skeleton.rotations import Array
-from stages.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
-from stages.simulate.simulation import Simulated
+from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
+from shukotsu.schemas.tables import Column, Provenance, columns_from_rows, vector_columns, write_table
+from shukotsu.schemas.verdict import UNJUDGED
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
+from shukotsu.stages.simulate.simulation import Simulated
 
 MODEL_NAME = "truth"
 

@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
-    from schemas.plan import SubjectPlan
-    from stages.solve_joints.part_solutions import PartRequest
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.stages.solve_joints.part_solutions import PartRequest
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -22,27 +22,27 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage solve_joints --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16 --model paper-fig4 --out joint_solutions.parquet",
     )
-    command_line.add_plan_options(parser, calibration="--poses", sizes=("hand_length_mm",))
+    subject_stage.add_plan_options(parser, calibration="--poses", sizes=("hand_length_mm",))
     parser.add_argument("--out", type=Path, required=True, help="the joint_solutions table to write")
     return parser
 
 
 def solve(arguments: argparse.Namespace) -> None:
     """Solve the joints of every hand under every model, also without each task that is left out in turn."""
-    from schemas.catalogue import JOINT_SOLUTIONS
-    from schemas.errors import InputError
-    from schemas.parts import parts_writer
-    from schemas.tables import Provenance
-    from stages.solve_joints.part_solutions import solve_parts
+    from shukotsu.errors import InputError
+    from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
+    from shukotsu.schemas.parts import parts_writer
+    from shukotsu.schemas.tables import Provenance
+    from shukotsu.stages.solve_joints.part_solutions import solve_parts
 
-    plan = command_line.plan_of(arguments)
+    plan = subject_stage.plan_of(arguments)
     if not plan.models:
         raise InputError("--model: none is given; expected a skeleton model that ships, or a path")
-    provenance = Provenance.of(command_line.poses_files(plan), plan.folder)
+    provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder)
     outcomes = solve_parts(part_requests(plan))
     with parts_writer(arguments.out, JOINT_SOLUTIONS, provenance) as write:
         for part, outcome in outcomes.items():
-            with command_line.recording_failure(arguments, part, write):
+            with subject_stage.recording_failure(arguments, part, write):
                 plan.check_calibration_left(part.hand)
                 if isinstance(outcome, Exception):
                     raise outcome
@@ -50,16 +50,16 @@ def solve(arguments: argparse.Namespace) -> None:
 
 
 def part_requests(plan: SubjectPlan) -> list[PartRequest]:
-    """Give what every part of the plan is to be solved from."""
-    from stages.solve_joints.part_solutions import PartRequest
-    from stages.solve_joints.solve import HandDescription, SolverSettings
+    """List the inputs to solve every part of the plan from."""
+    from shukotsu.stages.solve_joints.part_solutions import PartRequest
+    from shukotsu.stages.solve_joints.solve import HandDescription
 
     return [
         PartRequest(
             part,
             tuple(plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)),
             plan.layouts[part.hand],
-            SolverSettings.of(plan.models[part.model]),
+            plan.models[part.model].solving,
             HandDescription(part.hand, plan.hand_length_mm),
         )
         for part in plan.parts()
@@ -68,10 +68,10 @@ def part_requests(plan: SubjectPlan) -> list[PartRequest]:
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why no joint was solved, of every part."""
-    from schemas.catalogue import JOINT_SOLUTIONS
+    from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
 
-    parts = command_line.plan_of(arguments).parts()
-    command_line.record_failed_parts(message, {arguments.out: JOINT_SOLUTIONS}, parts)
+    parts = subject_stage.plan_of(arguments).parts()
+    subject_stage.record_failed_parts(message, {arguments.out: JOINT_SOLUTIONS}, parts)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.layout import Joint, Layout
-from schemas.verdict import BY_ANATOMY, LITTLE_RANGE_DEG, Values
-from skeleton.rotations import Array, matrix
-from skeleton.thumb_facing import faces_nail
-from stages.solve_joints.closed import JointSolution, is_solvable, normal_equations, solve_closed
-from stages.solve_joints.evidence import (
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.schemas.verdict import BY_ANATOMY, LITTLE_RANGE_DEG, Values
+from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.skeleton.thumb_facing import faces_nail
+from shukotsu.stages.solve_joints.closed import JointSolution, is_solvable, normal_equations, solve_closed
+from shukotsu.stages.solve_joints.evidence import (
     JointEvidence,
     Neighbour,
     joint_evidence,
@@ -25,11 +25,11 @@ from stages.solve_joints.evidence import (
     turn_of,
     weigh,
 )
-from stages.solve_joints.hand_posterior import HandPosterior, HandPrior, Information, hand_posterior
-from stages.solve_joints.hand_prior import hand_prior
-from stages.solve_joints.joint_prior import average_bones, joint_prior
-from stages.solve_joints.moments import JointMoments, RelativePoses
-from stages.solve_joints.posture_sample import SpreadFrames, SpreadSample
+from shukotsu.stages.solve_joints.hand_posterior import HandPosterior, HandPrior, Information, hand_posterior
+from shukotsu.stages.solve_joints.hand_prior import hand_prior
+from shukotsu.stages.solve_joints.joint_prior import average_bones, joint_prior
+from shukotsu.stages.solve_joints.moments import JointMoments, RelativePoses
+from shukotsu.stages.solve_joints.posture_sample import SpreadFrames, SpreadSample
 
 ROUNDS = 3
 """Robust re-weightings; the weights hardly change after the second."""
@@ -81,12 +81,12 @@ class HandSample:
 
 
 def _only(segment: str, among: list[str]) -> int | None:
-    """Where the segment stands among others, if it does once: the joints of a palm do not move its skin."""
+    """Find the segment among others, if it is there once: the joints of a palm do not move its skin."""
     return among.index(segment) if among.count(segment) == 1 else None
 
 
 @dataclass(frozen=True)
-class HandFit:
+class WeighedHand:
     """A hand's joints weighed against anatomy, by their place in the sample; only joints that have a frame.
 
     information : from each joint's frames; posterior : the centres, six rows a joint, in the same order.
@@ -107,9 +107,9 @@ class HandFit:
         return np.asarray(posterior.covariance[6 * row : 6 * row + 6, 6 * row : 6 * row + 6] + remainder)
 
 
-def fit_hand(
+def weigh_hand(
     sample: HandSample, moments: JointMoments, layout: Layout, hand: str, hand_length_mm: float | None
-) -> HandFit | None:
+) -> WeighedHand | None:
     """Weigh a hand's frames against anatomy; None where no joint has a frame.
 
     hand : right or left, whose anatomy to expect. hand_length_mm : wrist crease to the middle finger's tip,
@@ -142,7 +142,7 @@ def fit_hand(
             np.where(np.diag(covariance) < UNKNOWN_MM2, mean, posterior.mean[6 * row : 6 * row + 6])
             for row, (mean, covariance) in enumerate(own)
         ]
-    return HandFit(joints, prior, information, posterior, looseness, free)
+    return WeighedHand(joints, prior, information, posterior, looseness, free)
 
 
 def _n_effective(free: JointSolution | None) -> float:
@@ -152,11 +152,11 @@ def _n_effective(free: JointSolution | None) -> float:
 def solve_hand(
     sample: HandSample, moments: JointMoments, layout: Layout, hand: str, hand_length_mm: float | None
 ) -> dict[str, JointSolution]:
-    """Solve all joints that have a frame, as `fit_hand`; the others are left out."""
-    return solutions(fit_hand(sample, moments, layout, hand, hand_length_mm), moments)
+    """Solve all joints that have a frame, as `weigh_hand`; the others are left out."""
+    return solutions(weigh_hand(sample, moments, layout, hand, hand_length_mm), moments)
 
 
-def solutions(fit: HandFit | None, moments: JointMoments) -> dict[str, JointSolution]:
+def solutions(fit: WeighedHand | None, moments: JointMoments) -> dict[str, JointSolution]:
     """Give a fitted hand's joints in the terms of the closed form."""
     if fit is None:
         return {}
@@ -184,7 +184,7 @@ def _evidence(sample: HandSample, layout: Layout, hand: str) -> dict[int, JointE
 
 
 def _thumb_faces_nail(sample: HandSample, layout: Layout, hand: str) -> bool:
-    """Whether the receiver over the thumb's metacarpal does; no where that and its phalanx's never meet."""
+    """Say whether the receiver over the thumb's metacarpal faces its nail; no where none shows it."""
     ends = "thumb_metacarpal", "thumb_proximal"
     for index, joint in enumerate(sample.joints):
         if (joint.parent_receiver, joint.child) == ends:
@@ -195,7 +195,7 @@ def _thumb_faces_nail(sample: HandSample, layout: Layout, hand: str) -> bool:
     return False
 
 
-def _solution(fit: HandFit, row: int, moments: JointMoments) -> JointSolution:
+def _solution(fit: WeighedHand, row: int, moments: JointMoments) -> JointSolution:
     """The joint in the terms of the closed form; what only its best fit can say is that of the free fit."""
     index, evidence = list(fit.joints.items())[row]
     free, motion, normal = fit.free[index], evidence.motion, normal_equations(moments, index)
@@ -224,7 +224,7 @@ def _solution(fit: HandFit, row: int, moments: JointMoments) -> JointSolution:
     )
 
 
-def _prior_share(fit: HandFit, row: int) -> float:
+def _prior_share(fit: WeighedHand, row: int) -> float:
     """Share of the prior's variance across a joint's axis that the data leave."""
     axis = list(fit.joints.values())[row].motion.axis_child
     rows, across = slice(6 * row, 6 * row + 6), np.eye(3) - np.outer(axis, axis)
@@ -236,7 +236,7 @@ def _prior_share(fit: HandFit, row: int) -> float:
 
 
 def _doubts(evidence: JointEvidence, prior_share: float) -> dict[str, Values]:
-    """That anatomy says more about a centre than its frames, where that is so."""
+    """Say that anatomy says more about a centre than its frames, where that is so."""
     known = evidence.prior.knows_parent and evidence.prior.knows_child
     moved_deg = evidence.motion.range_deg
     if known and (moved_deg < LITTLE_RANGE_DEG or prior_share > MOSTLY):

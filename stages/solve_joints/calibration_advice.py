@@ -1,4 +1,4 @@
-"""What each joint's motion is worth now, what a full motion would be worth, and advice of a kind."""
+"""Value each joint's motion now and a full motion, and choose advice of a kind."""
 
 from __future__ import annotations
 
@@ -8,14 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from schemas.advice import ENOUGH, GAP, MOVE, ON_SKIN, OPEN_AXIS, UNCERTAIN, UNSEEN, Values, advice_text
-from schemas.layout import FINGER_MM, Joint, Layout
-from schemas.verdict import WIDE_GAP_TIMES
-from skeleton.rotations import Array, about_axis, from_matrix, matrix, multiply
-from stages.solve_joints.anatomical import MAX_EFFECTIVE, HandFit, centre_sd_mm
-from stages.solve_joints.evidence import JointEvidence, joint_evidence, weigh
-from stages.solve_joints.hand_posterior import Information, hand_posterior
-from stages.solve_joints.posture_sample import SpreadFrames
+from shukotsu.schemas.advice import (
+    ENOUGH,
+    GAP,
+    MOVE,
+    ON_SKIN,
+    OPEN_AXIS,
+    UNCERTAIN,
+    UNSEEN,
+    Values,
+    advice_text,
+)
+from shukotsu.schemas.layout import FINGER_MM, Joint, Layout
+from shukotsu.schemas.verdict import WIDE_GAP_TIMES
+from shukotsu.skeleton.rotations import Array, about_axis, from_matrix, matrix, multiply
+from shukotsu.stages.solve_joints.anatomical import MAX_EFFECTIVE, WeighedHand, centre_sd_mm
+from shukotsu.stages.solve_joints.evidence import JointEvidence, joint_evidence, weigh
+from shukotsu.stages.solve_joints.hand_posterior import Information, hand_posterior
+from shukotsu.stages.solve_joints.posture_sample import SpreadFrames
 
 WANTED_DEG = {"thumb_mcp": 40.0, "cmc": 30.0, "mcp": 50.0, "pip": 60.0, "dip": 40.0, "ip": 40.0}
 """Range that a healthy joint has to spare (published: MCP 90, PIP 100, DIP 90, thumb IP 80 deg)."""
@@ -33,7 +43,7 @@ _FRAMES = 120
 class Advice:
     """One joint; range_deg, sd_now_mm and sd_moved_mm are None where no frame shows it.
 
-    kind, values : what to do, see `schemas.advice`.
+    kind, values : what to do, see `shukotsu.schemas.advice`.
     """
 
     joint: str
@@ -53,7 +63,7 @@ class Advice:
         }
 
 
-def advise(fit: HandFit | None, layout: Layout) -> list[Advice]:
+def advise(fit: WeighedHand | None, layout: Layout) -> list[Advice]:
     """Give an advice for every solvable joint of the layout, in its order."""
     rows = {} if fit is None else {index: row for row, index in enumerate(fit.joints)}
     advice = []
@@ -69,7 +79,7 @@ def _receivers(joint: Joint) -> dict[str, Any]:
     return {"parent": joint.parent_receiver, "child": joint.child}
 
 
-def _advice(fit: HandFit, row: int, evidence: JointEvidence, layout: Layout) -> Advice:
+def _advice(fit: WeighedHand, row: int, evidence: JointEvidence, layout: Layout) -> Advice:
     name = evidence.joint.name
     wanted_deg = WANTED_DEG.get(name) or WANTED_DEG.get(name.rsplit("_", 1)[-1], WANTED_ELSEWHERE_DEG)
     moved_deg, free = evidence.motion.range_deg, list(fit.free.values())[row]
@@ -85,7 +95,7 @@ def _advice(fit: HandFit, row: int, evidence: JointEvidence, layout: Layout) -> 
 
 
 def _standing(
-    fit: HandFit, row: int, evidence: JointEvidence, layout: Layout, gap_mm: float
+    fit: WeighedHand, row: int, evidence: JointEvidence, layout: Layout, gap_mm: float
 ) -> tuple[str, Values]:
     """The advice on a joint where more motion gains nothing. gap_mm : rms, that no centre closes."""
     wanted_mm = layout.wanted_mm
@@ -105,7 +115,7 @@ def _standing(
 
 
 def _if_it_moved(
-    fit: HandFit, row: int, evidence: JointEvidence, range_rad: float, layout: Layout
+    fit: WeighedHand, row: int, evidence: JointEvidence, range_rad: float, layout: Layout
 ) -> Information:
     """Information from the joint if it alone moved through the range, with the same skin."""
     centre_mm = fit.posterior.mean[6 * row : 6 * row + 6]

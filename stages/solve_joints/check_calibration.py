@@ -7,13 +7,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stages import command_line
+from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from schemas.plan import SubjectPlan
-    from stages.solve_joints.calibration_advice import Advice
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.stages.solve_joints.calibration_advice import Advice
 
 ENDINGS = (".csv", ".parquet")
 _HEADINGS = ("joint", "turned deg", "sd now mm", "sd with more motion mm", "advice")
@@ -27,32 +27,32 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage solve_joints.check_calibration --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16",
     )
-    command_line.add_plan_options(parser, calibration="--poses", sizes=("hand_length_mm",))
+    subject_stage.add_plan_options(parser, calibration="--poses", sizes=("hand_length_mm",))
     parser.add_argument("--out", type=Path, help="write the table there too, as .csv or .parquet")
     return parser
 
 
 def check(arguments: argparse.Namespace) -> None:
     """Weigh every joint of every hand against anatomy; print what to move, and write it where asked to."""
-    from schemas.catalogue import CALIBRATION_ADVICE
-    from schemas.errors import InputError
-    from schemas.parts import parts_writer
-    from schemas.tables import Provenance
+    from shukotsu.errors import InputError
+    from shukotsu.schemas.catalogue import CALIBRATION_ADVICE
+    from shukotsu.schemas.parts import parts_writer
+    from shukotsu.schemas.tables import Provenance
 
     out: Path | None = arguments.out
     if out is not None and out.suffix not in ENDINGS:
         raise InputError(f"{out}: the ending says the format; expected {' or '.join(ENDINGS)}")
-    plan = command_line.plan_of(arguments)
+    plan = subject_stage.plan_of(arguments)
     if out is None or out.suffix == ".csv":
         rows = [row for hand in plan.hands for row in _printed_rows(arguments, plan, hand)]
         if out is not None:
             _write_csv(out, rows)
         return
-    provenance = Provenance.of(command_line.poses_files(plan), plan.folder)
+    provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder)
     with parts_writer(out, CALIBRATION_ADVICE, provenance) as write:
         for hand in plan.hands:
             part = plan.part(hand)
-            with command_line.recording_failure(arguments, part, write):
+            with subject_stage.recording_failure(arguments, part, write):
                 write.rows(part, _printed_rows(arguments, plan, hand))
 
 
@@ -73,27 +73,28 @@ def hand_advice(plan: SubjectPlan, hand: str, *, allow_none: bool) -> tuple[list
     """
     from dataclasses import replace
 
-    from schemas.advice import UNSETTLED
-    from schemas.errors import InputError
-    from schemas.finding_groups import row_what
-    from schemas.finding_sentences import in_quotes
-    from schemas.poses import usable_poses
-    from stages.solve_joints.calibration_advice import advise
-    from stages.solve_joints.solve import HandDescription, stream_recordings
+    from shukotsu.errors import InputError
+    from shukotsu.schemas.advice import UNSETTLED
+    from shukotsu.schemas.finding_groups import row_message
+    from shukotsu.schemas.poses import usable_poses
+    from shukotsu.sentences.finding_sentences import in_quotes
+    from shukotsu.sentences.messages import joined, message_of
+    from shukotsu.stages.solve_joints.calibration_advice import advise
+    from shukotsu.stages.solve_joints.solve import HandDescription, stream_recordings
 
     layout = plan.layouts[hand]
     usable, reasons = usable_poses([plan.poses(recording) for recording in plan.all_calibrating(hand)])
     if not usable and allow_none:  # what became of the recordings stands with them
         return [], ""
     if not usable:
-        raise InputError(f"no calibration recording: {'; '.join(reasons) or 'none is given'}")
+        raise InputError(message_of("no-calibration", reason=joined(reasons) or message_of("none-given")))
     recordings = stream_recordings(usable, layout, sample_frames=True)
-    advice = advise(recordings.fit(HandDescription(hand, plan.hand_length_mm)), layout)
+    advice = advise(recordings.weigh(HandDescription(hand, plan.hand_length_mm)), layout)
     stands = _suspicion(plan, hand, usable)
     if stands is None:
         return advice, ""
     line = f"{stands['severity']}: {stands['kind']}: {in_quotes(stands['message'])}"
-    values = {"finding": row_what(stands)}
+    values = {"finding": row_message(stands).parts}
     return [replace(row, kind=UNSETTLED, values=values) for row in advice], line
 
 
@@ -102,13 +103,14 @@ def _suspicion(plan: SubjectPlan, hand: str, usable: Sequence[Path]) -> dict[str
 
     It is that of the subject's findings table, or of a hand alone what its poses say now.
     """
-    from schemas.catalogue import FINDINGS
-    from schemas.findings import NOTE
-    from schemas.tables import read_table, rows_of
+    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.schemas.catalogue import FINDINGS
+    from shukotsu.schemas.findings import NOTE
+    from shukotsu.schemas.tables import read_table, rows_of
 
     if not plan.is_study:
         layout = plan.layouts[hand]
-        found = [one for path in usable for one in command_line.checked_poses(path, layout).findings]
+        found = [one for path in usable for one in checked_poses(path, layout).findings]
         return next((one.columns for one in found if one.severity != NOTE), None)
     if not plan.table(FINDINGS.name).is_file():
         return None
@@ -143,9 +145,9 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     import pyarrow as pa
     import pyarrow.csv
 
-    from schemas.catalogue import CALIBRATION_ADVICE
-    from schemas.files import replacing
-    from schemas.tables import columns_from_rows
+    from shukotsu.files.whole_files import replacing
+    from shukotsu.schemas.catalogue import CALIBRATION_ADVICE
+    from shukotsu.schemas.tables import columns_from_rows
 
     with replacing(path) as temporary:
         pa.csv.write_csv(pa.table(columns_from_rows(CALIBRATION_ADVICE, rows)), temporary)
@@ -153,14 +155,14 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why there is no advice, of every hand."""
-    from schemas.catalogue import CALIBRATION_ADVICE
-    from schemas.errors import InputError
+    from shukotsu.errors import InputError
+    from shukotsu.schemas.catalogue import CALIBRATION_ADVICE
 
     if arguments.out is None or arguments.out.suffix == ".csv":
         raise InputError(message)
-    plan = command_line.plan_of(arguments)
+    plan = subject_stage.plan_of(arguments)
     tables = {arguments.out: CALIBRATION_ADVICE}
-    command_line.record_failed_parts(message, tables, map(plan.part, plan.hands))
+    subject_stage.record_failed_parts(message, tables, map(plan.part, plan.hands))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from schemas.verdict import Doubts
-from skeleton.angle_range import angle_range, flattening
-from skeleton.effective_samples import effective_samples
-from skeleton.rotations import Array
-from stages.solve_joints.moments import JointMoments
-from stages.solve_joints.stacked import EXACT_HINGE
+from shukotsu.schemas.verdict import Doubts
+from shukotsu.skeleton.angle_range import angle_range, flattening
+from shukotsu.skeleton.effective_samples import effective_samples
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.solve_joints.moments import JointMoments
+from shukotsu.stages.solve_joints.stacked import EXACT_HINGE
 
 _SINGULAR = 1e-12
 """1 - s^2 below this is no motion at all: 1e-6 rad rms, far under any tracker's noise."""
@@ -31,7 +31,7 @@ class JointSolution:
     mean_rotation : (3, 3) mean of R_a^T R_b.
     singular_values : (6,) of the stack over sqrt(frames), largest first.
     covariance_mm2 : (6, 6) of (p, q), without the null direction when five singular values are inverted.
-    doubts : what the solver knows against the centre, by kind (schemas.verdict).
+    doubts : what the solver knows against the centre, by kind (shukotsu.schemas.verdict).
     """
 
     p_mm: Array
@@ -79,7 +79,7 @@ class NormalEquations:
 
 
 def is_solvable(moments: JointMoments, joint: int) -> bool:
-    """Whether the joint moved at all: five of its six unknowns have an answer."""
+    """Say whether the joint moved at all: five of its six unknowns have an answer."""
     if moments.count[joint] < 2:
         return False
     return bool(np.linalg.eigvalsh(moments.spread(joint)[0])[1] > _SINGULAR)

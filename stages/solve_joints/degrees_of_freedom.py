@@ -1,4 +1,4 @@
-"""How a joint turned: its main axis, the angle about it, and how many axes the rotation needs."""
+"""Analyse a joint's rotation: its main axis, the angle about it, and how many axes the rotation needs."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton.angle_range import angle_range
-from skeleton.rotations import Array, conjugate, from_matrix, matrix, multiply, nearest_rotation
-from stages.solve_joints.posture_sample import rotation_vector
+from shukotsu.skeleton.angle_range import angle_range
+from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, matrix, multiply, nearest_rotation
+from shukotsu.stages.solve_joints.posture_sample import rotation_vector
 
 SKIN_FLOOR_DEG = 4.0
 """Skin alone turns receivers by this much (Metcalf et al. 2020), so less says nothing about a joint."""

@@ -8,19 +8,24 @@ from functools import cached_property
 
 import numpy as np
 
-from anatomy import average_hand
-from anatomy.skin import slide_covariance
-from schemas.layout import Joint, Layout
-from skeleton.angle_range import flattening
-from skeleton.rotations import Array, matrix
-from stages.solve_joints import skin_drift
-from stages.solve_joints.degrees_of_freedom import JointMotion, degrees_of_freedom, joint_motion, turns_from
-from stages.solve_joints.frame_weights import robust_scale, tukey
-from stages.solve_joints.hand_posterior import Information, information
-from stages.solve_joints.hand_prior import MeasuredAxis
-from stages.solve_joints.joint_prior import JointPrior
-from stages.solve_joints.posture_sample import SpreadFrames
-from stages.solve_joints.skin_drift import Drift, drift
+from shukotsu.anatomy import average_hand
+from shukotsu.anatomy.skin import slide_covariance
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.skeleton.angle_range import flattening
+from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.stages.solve_joints import skin_drift
+from shukotsu.stages.solve_joints.degrees_of_freedom import (
+    JointMotion,
+    degrees_of_freedom,
+    joint_motion,
+    turns_from,
+)
+from shukotsu.stages.solve_joints.frame_weights import robust_scale, tukey
+from shukotsu.stages.solve_joints.hand_posterior import Information, information
+from shukotsu.stages.solve_joints.hand_prior import MeasuredAxis
+from shukotsu.stages.solve_joints.joint_prior import JointPrior
+from shukotsu.stages.solve_joints.posture_sample import SpreadFrames
+from shukotsu.stages.solve_joints.skin_drift import Drift, drift
 
 SMALLEST_SCATTER_MM = 0.3
 FIRST_SCATTER_MM = 1.0
@@ -63,7 +68,7 @@ class JointEvidence:
 
     @property
     def compound(self) -> bool:
-        """Whether a bone between the two receivers carries none and moves."""
+        """Say whether a bone between the two receivers carries none and moves."""
         return bool(self.prior.sweep_mm.any())
 
     def measured_axis(self) -> MeasuredAxis | None:
@@ -92,7 +97,7 @@ def joint_evidence(joint: Joint, prior: JointPrior, frames: SpreadFrames, latera
 
 
 def turn_of(other: JointEvidence, quaternion: Array) -> Array:
-    """How another joint turned, (N, 3) rotation vectors as in JointMotion; none where it was not seen."""
+    """Return another joint's rotations, (N, 3) vectors as in JointMotion; none where it was not seen."""
     return np.nan_to_num(turns_from(other.motion.mean, quaternion))
 
 
@@ -179,6 +184,6 @@ def _pivot(turn: Array, p_mm: Array, axes: Array) -> Drift:
 
 
 def looseness_of(hand: Mapping[int, JointEvidence], typical_mm: float, limits: tuple[float, float]) -> float:
-    """How loose a hand's skin is, from the scatter of its joints but those with a palm between."""
+    """Estimate how loose a hand's skin is, from the scatter of its joints but those with a palm between."""
     scatter = [joint.scatter_mm for joint in hand.values() if not joint.compound]
     return float(np.clip(np.median(scatter) / typical_mm, *limits)) if scatter else 1.0

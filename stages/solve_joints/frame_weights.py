@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 _CUT = 6.0
 """Tukey's limit in robust standard deviations: skin has heavy tails, wrong readings are far beyond."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array
 
 
 @dataclass(frozen=True)

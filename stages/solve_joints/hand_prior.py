@@ -1,4 +1,4 @@
-"""Where receivers sit on their bones, and what that makes of the centres of a whole hand before it moved.
+"""Model where receivers sit on bones, and what that makes of the centres of a whole hand before it moved.
 
 A receiver is stuck somewhere near mid-bone and a little turned. Both of its bone's joints share that error,
 so it is an unknown of the receiver; the axes that were measured in its frame tell part of how it is turned.
@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy import average_hand
-from schemas.layout import Joint, Layout
-from skeleton.rotations import Array, cross_matrix
-from stages.solve_joints.hand_posterior import HandPrior
-from stages.solve_joints.joint_prior import JointPrior
+from shukotsu.anatomy import average_hand
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.skeleton.rotations import Array, cross_matrix
+from shukotsu.stages.solve_joints.hand_posterior import HandPrior
+from shukotsu.stages.solve_joints.joint_prior import JointPrior
 
 UNKNOWN_SD_MM = 500.0
 """Of a centre in a receiver's frame where anatomy says nothing of it."""
@@ -77,7 +77,7 @@ def _mount_rotation(
     priors: Sequence[JointPrior],
     axes: Sequence[MeasuredAxis | None],
 ) -> tuple[Array, Array]:
-    """How the receiver is turned on its bone, (3,) rad in its own frame, and the covariance (3, 3).
+    """Estimate the receiver's rotation on its bone, (3,) rad in its own frame, and the covariance (3, 3).
 
     A receiver turned by r sees a direction v of the bone as v - r x v, also the bone's own axes.
     """
@@ -112,7 +112,7 @@ def _along(place_mm: Array, layout: Layout, segment: str) -> Array:
 
 
 def _own_loadings(joints: Sequence[Joint], priors: Sequence[JointPrior], layout: Layout) -> Array:
-    """What each half of a centre has for itself: its place on the hand, or that nothing is known of it."""
+    """Return each half of a centre's own loadings: its place on the hand, or that nothing is known."""
     sd = np.zeros(6 * len(joints))
     for i, (joint, prior) in enumerate(zip(joints, priors, strict=True)):
         if not prior.knows_parent:

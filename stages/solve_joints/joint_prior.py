@@ -1,4 +1,4 @@
-"""What anatomy says of a joint before it moves: where its centre lies in its receivers, and how surely.
+"""Predict a joint from anatomy before it moves: where its centre lies in its receivers, and how surely.
 
 The average hand is that of `anatomy.average_hand`; a hand of another size is scaled. A segment that it does
 not have gets a prior so weak that the data alone decide.
@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anatomy.average_hand import BONE_KINDS, CMC_RANGE_DEG, DIGITS
-from schemas.layout import Joint, Layout
-from skeleton.rotations import Array
+from shukotsu.anatomy.average_hand import BONE_KINDS, CMC_RANGE_DEG, DIGITS
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.skeleton.rotations import Array
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def average_bones(hand: str, *, thumb_faces_nail: bool = False) -> dict[str, Bon
     """Give the bones of an average hand by segment; a left hand is the mirror image of a right one.
 
     thumb_faces_nail : whether the frame of the thumb's metacarpal faces as those of its phalanges do, y
-    nearest the MCP joint's axis (`skeleton.thumb_facing`).
+    nearest the MCP joint's axis (`shukotsu.skeleton.thumb_facing`).
     """
     mirror = np.array([1.0, -1.0 if hand == "left" else 1.0, 1.0])
     bones = {}
@@ -109,7 +109,7 @@ def joint_prior(joint: Joint, layout: Layout, bones: Mapping[str, Bone]) -> Join
 
 
 def _sweep_mm(joint: Joint, below: Bone, bones: Mapping[str, Bone]) -> Array:
-    """How far (3,) the metacarpal's own motion takes its MCP joint, hand's frame; zero for other joints."""
+    """Return how far (3,) the metacarpal's own motion takes its MCP joint, hand's frame; zero for others."""
     between = bones.get(joint.parent)
     if between is None or below.kind != "proximal" or below.digit not in CMC_RANGE_DEG:
         return np.zeros(3)

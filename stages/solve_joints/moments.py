@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array, conjugate, from_matrix, left_matrix, matrix, multiply, rotate
+from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, left_matrix, matrix, multiply, rotate
 
 BATCH_FRAMES = 2
 """Frames averaged into one batch mean: short beside any motion of a hand, at 240 Hz and at 60 Hz."""

@@ -7,22 +7,31 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from schemas.errors import TableError
-from schemas.layout import Layout
-from schemas.parts import Part
-from schemas.poses import usable_poses
-from stages.solve_joints.solution_rows import Row, solution_rows
-from stages.solve_joints.solve import HandDescription, SolverSettings, solve_recordings, stream_recordings
+from shukotsu.errors import TableError
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.model import JointSolving
+from shukotsu.schemas.parts import Part
+from shukotsu.schemas.poses import usable_poses
+from shukotsu.sentences.messages import joined, message_of
+from shukotsu.stages.solve_joints.solution_rows import Row, solution_rows
+from shukotsu.stages.solve_joints.solve import (
+    ANATOMICAL,
+    HandDescription,
+    solve_recordings,
+    stream_recordings,
+)
 
 
 @dataclass(frozen=True)
 class PartRequest:
-    """What one part of the table is made from: calibration recordings of a hand, and a solver's settings."""
+    """Hold what one part of the table is made from: calibration recordings of a hand, and a solver's
+    settings.
+    """
 
     part: Part
     poses: tuple[Path, ...]
     layout: Layout
-    settings: SolverSettings
+    settings: JointSolving
     hand: HandDescription
 
 
@@ -48,16 +57,18 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Excep
     return {request.part: outcomes[request.part] for request in requests}
 
 
-def _rows_by_settings(group: Sequence[PartRequest]) -> dict[SolverSettings, list[Row]]:
+def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[Row]]:
     """Solve the joints of one hand's recordings with every solver that the group asks for."""
     layout, hand = group[0].layout, group[0].hand
     usable, reasons = usable_poses(group[0].poses)
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
     settings = dict.fromkeys(request.settings for request in group)
-    recordings = stream_recordings(usable, layout, sample_frames=any(own.anatomical for own in settings))
+    recordings = stream_recordings(
+        usable, layout, sample_frames=any(own.solver == ANATOMICAL for own in settings)
+    )
     rows = {own: solution_rows(layout, solve_recordings(recordings, own, hand)) for own in settings}
     if not usable:
-        message = f"no calibration recording: {'; '.join(reasons) or 'the study names none'}"
-        rows = {own: [{**row, "message": message} for row in failed] for own, failed in rows.items()}
+        why = message_of("no-calibration", reason=joined(reasons) or message_of("none-named"))
+        rows = {own: [{**row, "message": why} for row in failed] for own, failed in rows.items()}
     return rows

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.rotations import Array, conjugate, left_matrix
-from stages.solve_joints.moments import RelativePoses
+from shukotsu.skeleton.rotations import Array, conjugate, left_matrix
+from shukotsu.stages.solve_joints.moments import RelativePoses
 
 MAX_CELLS = 256
 """Postures told apart: a finger's joint through its range has some 30 along its axis and a few across."""
@@ -149,7 +149,7 @@ def _values(poses: RelativePoses, joint: int, others: Sequence[int], rows: Integ
 
 
 def _lots(frame: Integers) -> npt.NDArray[np.uint64]:
-    """Which of a cell's frames are kept: those with the lowest of these numbers (N,)."""
+    """Say which of a cell's frames are kept: those with the lowest of these numbers (N,)."""
     return np.asarray(frame.astype(np.uint64) * _SPREADING)
 
 

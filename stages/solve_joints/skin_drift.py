@@ -1,4 +1,4 @@
-"""What moving skin does to a joint's centre, as unknowns beside the centre that stay linear.
+"""Model the effect of moving skin on a joint's centre, as unknowns beside the centre that stay linear.
 
 A slide in step with the joint's angle (`anatomy.skin`) leaves almost no gap; the data cannot tell it from a
 centre elsewhere: c mm per rad move the centre by c mm. Here each slide is an unknown with a prior of the
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anatomy.average_hand import SKEW_MM
-from skeleton.rotations import Array
+from shukotsu.anatomy.average_hand import SKEW_MM
+from shukotsu.skeleton.rotations import Array
 
 SKEW_SD_MM = SKEW_MM / 2
 """Per rad of either angle of the thumb's CMC joint: half the distance of its axes."""
@@ -22,7 +22,7 @@ SKEW_SD_MM = SKEW_MM / 2
 
 @dataclass(frozen=True)
 class Drift:
-    """How a centre moves over the frames: columns (N, 3, K), prior mean (K,) and covariance (K, K)."""
+    """Hold how a centre moves over the frames: columns (N, 3, K), prior mean (K,) and covariance (K, K)."""
 
     columns: Array
     mean: Array

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from schemas.layout import Joint, Layout
-from schemas.verdict import noted
-from skeleton.rotations import Array
-from stages.solve_joints.closed import JointSolution
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.schemas.verdict import noted
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.solve_joints.closed import JointSolution
 
 Row = dict[str, Any]
 

@@ -8,31 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.layout import Joint, Layout
-from schemas.model import SkeletonModel
-from schemas.poses import Poses, frame_count, pose_blocks, read_poses
-from stages.solve_joints.anatomical import HandFit, HandSample, fit_hand, solutions
-from stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
-from stages.solve_joints.moments import BLOCK_FRAMES, JointMoments, RelativePoses, relative_poses
-from stages.solve_joints.stacked import solve_stacked
+from shukotsu.schemas.layout import Joint, Layout
+from shukotsu.schemas.model import JointSolving
+from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_poses
+from shukotsu.sentences.messages import message_of
+from shukotsu.stages.solve_joints.anatomical import HandSample, WeighedHand, solutions, weigh_hand
+from shukotsu.stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
+from shukotsu.stages.solve_joints.moments import BLOCK_FRAMES, JointMoments, RelativePoses, relative_poses
+from shukotsu.stages.solve_joints.stacked import solve_stacked
 
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """All of a skeleton model that the solutions of its joints depend on."""
-
-    solver: str
-    n_singular_values: int
-
-    @classmethod
-    def of(cls, model: SkeletonModel) -> SolverSettings:
-        """Give the settings of a model; models with equal settings have equal solutions."""
-        return cls(model.solver, model.singular_values)
-
-    @property
-    def anatomical(self) -> bool:
-        """Whether joints are weighed against anatomy, for which frames are sampled."""
-        return self.solver == "anatomical"
+ANATOMICAL = "anatomical"
+"""The solver that weighs joints against anatomy, for which frames are sampled."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +42,11 @@ class StreamedRecordings:
     seen: Mapping[str, bool]
     sample: HandSample | None
 
-    def fit(self, hand: HandDescription) -> HandFit | None:
-        """Weigh the sample against anatomy, see `anatomical.fit_hand`."""
+    def weigh(self, hand: HandDescription) -> WeighedHand | None:
+        """Weigh the sample against anatomy, see `anatomical.weigh_hand`."""
         if self.sample is None:
             raise ValueError("the frames were not sampled")
-        return fit_hand(self.sample, self.moments, self.layout, hand.side, hand.length_mm)
+        return weigh_hand(self.sample, self.moments, self.layout, hand.side, hand.length_mm)
 
 
 def stream_recordings(paths: Sequence[Path], layout: Layout, *, sample_frames: bool) -> StreamedRecordings:
@@ -83,14 +69,14 @@ def stream_recordings(paths: Sequence[Path], layout: Layout, *, sample_frames: b
 
 
 def solve_recordings(
-    recordings: StreamedRecordings, settings: SolverSettings, hand: HandDescription
+    recordings: StreamedRecordings, settings: JointSolving, hand: HandDescription
 ) -> dict[str, JointSolution | str]:
     """Solve every joint between two receivers; a joint without an answer has the reason instead.
 
     hand : for the solver `anatomical` alone.
     """
-    if settings.anatomical:
-        solved = solutions(recordings.fit(hand), recordings.moments)
+    if settings.solver == ANATOMICAL:
+        solved = solutions(recordings.weigh(hand), recordings.moments)
     else:
         solved = {
             joint.name: _solve_joint(recordings, index, joint, settings)
@@ -105,11 +91,11 @@ def solve_recordings(
 
 
 def _solve_joint(
-    recordings: StreamedRecordings, index: int, joint: Joint, settings: SolverSettings
+    recordings: StreamedRecordings, index: int, joint: Joint, settings: JointSolving
 ) -> JointSolution:
-    solution = solve_closed(recordings.moments, index, settings.n_singular_values)
+    solution = solve_closed(recordings.moments, index, settings.singular_values)
     if settings.solver == "stacked-svd":
-        return _by_stack(solution, recordings.paths, joint, settings.n_singular_values)
+        return _by_stack(solution, recordings.paths, joint, settings.singular_values)
     return solution
 
 
@@ -125,7 +111,7 @@ def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> R
 def _by_stack(
     closed: JointSolution, paths: Sequence[Path], joint: Joint, n_singular_values: int
 ) -> JointSolution:
-    """The same joint by the stacked SVD; what only the moments tell (precision, range) is kept."""
+    """Solve the same joint by the stacked SVD; what only the moments tell (precision, range) is kept."""
     pairs = [read_poses(path, (joint.parent_receiver, joint.child)) for path in paths]
     valid = np.concatenate([pair.valid.all(1) for pair in pairs])
     quaternion = np.concatenate([pair.quaternion for pair in pairs])[valid]
@@ -141,7 +127,8 @@ def _by_stack(
 def _reason(joint: Joint, seen: Mapping[str, bool], n_frames: int) -> str:
     dead = [segment for segment in (joint.parent_receiver, joint.child) if not seen[segment]]
     if dead:
-        return f"no valid pose of {' and '.join(dead)}; check that receiver"
+        return message_of("no-valid-pose", segments=dead)
     if n_frames < 2:
-        return f"{joint.parent_receiver} and {joint.child} have {n_frames} valid frames in common; expected 2"
-    return "the joint did not move, so its centre cannot be found; record it moving"
+        ends = {"segment": joint.parent_receiver, "segment_2": joint.child}
+        return message_of("few-frames", count=n_frames, **ends)
+    return message_of("not-moved")

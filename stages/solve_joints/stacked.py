@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skeleton.rotations import Array, matrix
+from shukotsu.skeleton.rotations import Array, matrix
 
 EXACT_HINGE = 5e-13
 """Square of the last singular value over frames below which it is rounding: a hinge without any noise,

@@ -1,30 +1,26 @@
 """The drawn hands: read by the simulator alone, which reads nothing that an estimator reads."""
 
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
+from program_files import PACKAGE, package_files
 
-from anatomy.drawn_hands import CT, MIXED, SOURCES, DrawnHand, blended
-from skeleton.rotations import Array, unit
-
-ROOT = Path(__file__).parents[2]
-ROOMS = ("anatomy", "checks", "schemas", "skeleton", "stages", "trackers", "workflow")
+from shukotsu.anatomy.drawn_hands import CT, DrawnHand
+from shukotsu.skeleton.rotations import Array, unit
 
 
 def readers_of(module: str) -> set[str]:
     """Folders of two levels whose modules name the anatomy module."""
-    paths = (path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
     return {
-        "/".join(path.relative_to(ROOT).parts[:2])
-        for path in paths
+        "/".join(path.relative_to(PACKAGE).parts[:-1][:2])
+        for path in package_files(suffix=".py")
         if path.stem != module and module in path.read_text("utf-8")
     }
 
 
 def test_no_estimator_reads_whom_the_simulator_draws() -> None:
-    assert readers_of("drawn_hands") - {"anatomy/average_hand.py"} == {"stages/simulate"}
+    assert readers_of("drawn_hands") - {"anatomy"} == {"stages/simulate"}
 
 
 @pytest.mark.parametrize("module", ["average_hand", "known_digits", "anatomy.skin"])
@@ -58,37 +54,3 @@ def test_the_ct_hand_is_what_its_numbers_say() -> None:
             abs(lean_deg)
         )
         assert (digit.directions[3, 1] > digit.directions[2, 1]) == (lean_deg > 0)
-
-
-@pytest.mark.parametrize("name", SOURCES)
-def test_sources_are_hands_of_one_frame_and_one_size(name: str) -> None:
-    """Digits in their order from the thumb's side, joints and axes near those of the CT hand."""
-    hand = SOURCES[name]
-    assert list(hand) == list(CT)
-    lateral = [point[1] for point in knuckles_mm(hand)]
-    assert lateral == sorted(lateral, reverse=True)
-    for digit, ct in zip(hand.values(), CT.values(), strict=True):
-        np.testing.assert_allclose(np.linalg.norm(digit.directions, axis=-1), 1.0)
-        assert np.linalg.norm(digit.base_mm - ct.base_mm) < 10
-        assert (np.abs(digit.lengths_mm / ct.lengths_mm - 1) < 0.2).all()
-        alike = (unit(digit.flexion_axes) * unit(ct.flexion_axes)).sum(-1)
-        assert (alike[1:] > np.cos(np.radians(25))).all()
-
-
-def test_the_mixed_table_is_outside_of_all_sources() -> None:
-    """Its metacarpals are longer, its fingers shorter than anybody's."""
-    for digit, mixed in MIXED.items():
-        lengths = np.array([hand[digit].lengths_mm for hand in SOURCES.values()])
-        assert mixed.lengths_mm[0] > lengths[:, 0].max()
-        assert mixed.lengths_mm[1:].sum() < lengths[:, 1:].sum(-1).min() - 2
-
-
-def test_a_blend_of_one_hand_is_that_hand_and_of_two_between() -> None:
-    hands = [SOURCES["ct"], SOURCES["myohand"]]
-    alone, half = blended(hands, [1.0, 0.0]), blended(hands, [0.5, 0.5])
-    for name, ct in CT.items():
-        np.testing.assert_allclose(alone[name].lengths_mm, ct.lengths_mm)
-        np.testing.assert_allclose(alone[name].flexion_axes, unit(ct.flexion_axes), atol=1e-12)
-        expected = (ct.lengths_mm + hands[1][name].lengths_mm) / 2
-        np.testing.assert_allclose(half[name].lengths_mm, expected)
-        np.testing.assert_allclose(np.linalg.norm(half[name].directions, axis=-1), 1.0)

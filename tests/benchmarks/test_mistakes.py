@@ -4,9 +4,9 @@ import numpy as np
 
 from benchmarks.believed_joints import believed_joints
 from benchmarks.mistakes import Person, tables_of
-from schemas.poses import Poses
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import simulate
+from shukotsu.schemas.poses import Poses
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import simulate
 
 
 def test_shares_and_alarms_are_counted_by_drawing() -> None:

@@ -10,7 +10,6 @@ from benchmarks.two_drawings import (
     OWN,
     WITHOUT,
     JointErrors,
-    area_under_curve,
     expected_calibration_error,
     one_hand,
     shared_table,
@@ -23,14 +22,6 @@ def test_a_stated_error_that_is_true_is_calibrated() -> None:
     error_mm = np.linalg.norm(rng.standard_normal((4000, 3)), axis=1) * sd_mm / 3**0.5
     assert expected_calibration_error(error_mm, sd_mm) < 0.02
     assert expected_calibration_error(error_mm, 0.5 * sd_mm) > 0.25
-
-
-def test_the_area_is_that_of_all_pairs() -> None:
-    rng = np.random.default_rng(1)
-    score, positive = rng.integers(0, 9, 60).astype(float), rng.random(60) < 0.3
-    pairs = [(a > b) + (a == b) / 2 for a, b in product(score[positive], score[~positive])]
-    assert area_under_curve(score, positive) == pytest.approx(np.mean(pairs))
-    assert area_under_curve(score, np.zeros(60, bool)) is None
 
 
 def test_what_all_hands_share_is_told_from_what_they_do_not() -> None:

@@ -1,7 +1,7 @@
 """Hands for the checks' tests, simulated once."""
 
 import pytest
-from checked_hands import hand_of
+from simulated_poses import hand_of
 
 from benchmarks.faultless_hands import Planted
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from checks.mirror_jumps import OwnSides, own_sides
+from shukotsu.checks.mirror_jumps import OwnSides, own_sides
 
 
 def swinging(rate_hz: float, seconds: float = 10.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -51,18 +51,3 @@ def test_a_receiver_that_is_carried_past_the_transmitter_does_not_jump() -> None
     found = own_sides(frame, frame / 240, place)
     assert not found.changes
     assert len(found.first) == 1
-
-
-def test_after_a_long_gap_a_side_is_no_more_than_guessed() -> None:
-    """Also where frames are counted without those that are lost."""
-    frame, time_s, place = swinging(240)
-    kept = (time_s < 3) | (time_s > 5)
-    counted = np.arange(kept.sum())
-    for frames in (frame[kept], counted):
-        assert own_sides(frames, time_s[kept], place[kept]).run.tolist() == [0, 1]
-
-
-def test_no_pose_and_one_pose_are_on_one_side() -> None:
-    for count in (0, 1):
-        found = own_sides(np.arange(count), np.zeros(count), np.ones((count, 3)))
-        assert not found.changes

@@ -65,7 +65,7 @@ def missing() -> str:
     if absent:
         return f"a private Slurm needs Debian's slurm-wlm and munge; absent: {', '.join(absent)}"
     if importlib.util.find_spec(PLUGIN) is None:
-        return "needs what requirements-cluster.lock has"
+        return f"needs {PLUGIN}"
     if SYSTEM_CONF.exists() or SYSTEM_CONF.is_symlink():
         return f"this machine has a Slurm of its own: {SYSTEM_CONF}"
     return ""

@@ -6,11 +6,9 @@ the least that it gives. That study therefore runs beside the others.
 
 from __future__ import annotations
 
-import os
 import subprocess
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -87,31 +85,6 @@ def test_results_are_those_of_a_laptop_from_few_jobs(
     assert hashes(study.results.folder) == hashes(local.results.folder)
 
 
-def test_a_cancelled_job_is_reported_and_its_work_finished_later(
-    slurm: PrivateSlurm, local: StudyRun, tmp_path: Path
-) -> None:
-    """The other subject is finished meanwhile; a second run does the rest, to the same bytes."""
-    study = _study(tmp_path / "study")
-    (study.folder / "slow").write_text("5")
-    with ThreadPoolExecutor(1) as pool:
-        running = pool.submit(_through_slurm, study)
-        cancelled = _wait_for(lambda: slurm.jobs("RUNNING", study.folder))[0]
-        _wait_for(lambda: list(study.results.folder.rglob("poses.parquet")))
-        subprocess.run(["scancel", cancelled], check=True)
-        done = running.result()
-    assert done.returncode == 1
-    assert f"Slurm job {cancelled}: CANCELLED (log: .snakemake/slurm/{cancelled}.log)" in done.stderr
-    assert "CANCELLED" in _slurm_log(study, cancelled)
-    assert sorted(_states(slurm, study)) == ["CANCELLED", "COMPLETED"]
-    assert len(list((study.results.folder / "report").glob("sub-*"))) == 1
-
-    (study.folder / "slow").unlink()
-    done = _through_slurm(study)
-    assert done.returncode == 0, done.stderr
-    assert sorted(_states(slurm, study)) == ["CANCELLED", *["COMPLETED"] * 3]
-    assert hashes(study.results.folder) == hashes(local.results.folder)
-
-
 def test_a_job_out_of_time_is_reported_and_finishes_with_more(
     slurm: PrivateSlurm, out_of_time: Future[tuple[StudyRun, Done, Done]]
 ) -> None:
@@ -147,11 +120,3 @@ def _states(slurm: PrivateSlurm, study: StudyRun) -> list[str]:
 
 def _slurm_log(study: StudyRun, job: str) -> str:
     return (study.folder / ".snakemake" / "slurm" / f"{job}.log").read_text("utf-8")
-
-
-def _wait_for(found: Callable[[], list[str] | list[Path]]) -> list[str]:
-    until = time.monotonic() + 60.0
-    while not (now := found()):
-        assert time.monotonic() < until, "nothing came within a minute"
-        time.sleep(0.2)
-    return [os.fspath(each) for each in now]

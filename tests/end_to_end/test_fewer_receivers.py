@@ -11,12 +11,12 @@ from planned_subject import QUICK, PlannedSubject
 from simulated_poses import recorded
 from small_study import write_plans, write_study
 
-from schemas.catalogue import FINDINGS, POSES, SKELETON_SCORES
-from schemas.tables import read_metadata, read_table, rows_of
-from stages.check_recordings.__main__ import main as check_recordings
-from stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
-from stages.simulate.random_hand import DIGITS
-from stages.simulate.recording import write_recording
+from shukotsu.schemas.catalogue import FINDINGS, POSES, SKELETON_SCORES
+from shukotsu.schemas.tables import read_metadata, read_table, rows_of
+from shukotsu.stages.check_recordings.__main__ import main as check_recordings
+from shukotsu.stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
+from shukotsu.stages.simulate.random_hand import DIGITS
+from shukotsu.stages.simulate.recording import write_recording
 
 SIX = ("hand", *(f"{digit}_distal" for digit in DIGITS))
 LAYOUTS = {"rom": "liberty16", "tips": "tips-and-hand"}
@@ -81,7 +81,7 @@ def test_what_cannot_be_scored_is_said_in_words(subject: PlannedSubject) -> None
         index = next(row for row in errors if row["digit"] == "index")
         assert index["mean_mm"] is None
         assert index["message"] == (
-            "the recording has no pose of index_proximal, index_middle, which the replay rides on"
+            "the recording has no pose of index_proximal and index_middle, which the replay rides on"
         )
     scores = list(rows_of(read_table(folder / "skeleton_scores.parquet", SKELETON_SCORES)))
     fitted = [row for row in scores if row["model"] == "quick"]

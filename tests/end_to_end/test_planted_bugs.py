@@ -9,24 +9,25 @@ from typing import Any
 import pytest
 from planned_subject import PlannedSubject, planned_subject
 
-from schemas.catalogue import PROBLEMS
-from schemas.results import Results
-from schemas.tables import read_table, rows_of
-from stages.align_events.__main__ import main as align_events
-from stages.check_recordings.__main__ import main as check_recordings
-from stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
-from stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
-from stages.evaluate_tips.__main__ import main as evaluate_tips
-from stages.export.__main__ import main as export
-from stages.fit_hand.__main__ import main as fit_hand
-from stages.fit_hand.prior import main as fit_prior
-from stages.gather.__main__ import main as gather
-from stages.measure_movement.__main__ import main as measure_movement
-from stages.project_planes.__main__ import main as project_planes
-from stages.report.__main__ import main as report
-from stages.report.subject import main as subject_pages
-from stages.solve_joints.__main__ import main as solve_joints
-from stages.solve_joints.check_calibration import main as check_calibration
+from shukotsu.schemas.catalogue import PROBLEMS
+from shukotsu.schemas.config_files import REFERENCE
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.stages.align_events.__main__ import main as align_events
+from shukotsu.stages.check_recordings.__main__ import main as check_recordings
+from shukotsu.stages.compare_models.__main__ import main as compare_models
+from shukotsu.stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
+from shukotsu.stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
+from shukotsu.stages.evaluate_tips.__main__ import main as evaluate_tips
+from shukotsu.stages.export.__main__ import main as export
+from shukotsu.stages.fit_hand.__main__ import main as fit_hand
+from shukotsu.stages.gather.__main__ import main as gather
+from shukotsu.stages.measure_movement.__main__ import main as measure_movement
+from shukotsu.stages.project_planes.__main__ import main as project_planes
+from shukotsu.stages.report.__main__ import main as report
+from shukotsu.stages.report.subject import main as subject_pages
+from shukotsu.stages.solve_joints.__main__ import main as solve_joints
+from shukotsu.stages.solve_joints.check_calibration import main as check_calibration
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +39,6 @@ STAGES: dict[str, tuple[Callable[[list[str]], int], dict[str, str]]] = {
     "solve_joints": (solve_joints, {"out": "joint_solutions"}),
     "project_planes": (project_planes, {"joints": "joint_solutions", "out": "projected_joints"}),
     "fit_hand": (fit_hand, {}),
-    "fit_hand.prior": (fit_prior, {}),
     "estimate_metacarpals": (
         estimate_metacarpals,
         {"joints": "projected_joints", "out-joints": "joint_centres", "out-bones": "bone_lengths"}
@@ -53,25 +53,24 @@ STAGES: dict[str, tuple[Callable[[list[str]], int], dict[str, str]]] = {
 """In their order: the command line, and its tables by option."""
 
 IN_A_PART = {
-    "check_recordings": "stages.command_line.checked_poses",
-    "align_events": "stages.align_events.recording_events.RecordingEvents.aligned",
-    "solve_joints.check_calibration": "stages.solve_joints.calibration_advice.advise",
-    "solve_joints": "stages.solve_joints.part_solutions.solution_rows",
-    "project_planes": "stages.project_planes.place.place_joint",
-    "fit_hand": "stages.fit_hand.calibration.fit_hand",
-    "fit_hand.prior": "stages.fit_hand.prior.fit_prior",
-    "estimate_metacarpals": "stages.estimate_metacarpals.hand.build_hand",
-    "evaluate_tips": "stages.evaluate_tips.tip_tables.replay_recording",
-    "evaluate_skeletons": "stages.evaluate_skeletons.evaluation.evaluate_hand",
-    "measure_movement": "stages.measure_movement.recorded_movement.RecordedMovement.angles",
-    "export": "stages.export.__main__.write_format",
-    "report.subject": "stages.report.recording_page.recording_content.recording_page",
+    "check_recordings": "shukotsu.checks.checked_poses.checked_poses",
+    "align_events": "shukotsu.stages.align_events.recording_events.RecordingEvents.aligned",
+    "solve_joints.check_calibration": "shukotsu.stages.solve_joints.calibration_advice.advise",
+    "solve_joints": "shukotsu.stages.solve_joints.part_solutions.solution_rows",
+    "project_planes": "shukotsu.stages.project_planes.place.place_joint",
+    "fit_hand": "shukotsu.stages.fit_hand.calibration.fit_hand",
+    "estimate_metacarpals": "shukotsu.stages.estimate_metacarpals.hand.build_hand",
+    "evaluate_tips": "shukotsu.stages.evaluate_tips.tip_tables.replay_recording",
+    "evaluate_skeletons": "shukotsu.stages.evaluate_skeletons.evaluation.evaluate_hand",
+    "measure_movement": "shukotsu.stages.measure_movement.recorded_movement.RecordedMovement.joints",
+    "export": "shukotsu.stages.export.__main__.write_format",
+    "report.subject": "shukotsu.stages.report.recording_page.recording_content.recording_page",
 }
 OUTSIDE = {
-    **dict.fromkeys(STAGES, "stages.command_line.poses_files"),
-    "project_planes": "stages.command_line.provenance_of",
-    "export": "stages.export.plan_selection.chosen_recordings",
-    "report.subject": "stages.report.study_results.read_subject",
+    **dict.fromkeys(STAGES, "shukotsu.stages.subject_stage.poses_files"),
+    "project_planes": "shukotsu.stages.subject_stage.provenance_of",
+    "export": "shukotsu.stages.export.plan_selection.chosen_recordings",
+    "report.subject": "shukotsu.stages.report.study_results.read_subject",
 }
 
 
@@ -83,7 +82,9 @@ def run(subject: PlannedSubject, stage: str) -> None:
     own = [f"--plan={subject.plan_file}", "--record-failure", *files]
     if stage == "fit_hand":
         for hand in subject.plan.hands:
-            assert main([*own, f"--hand={hand}", "--model=quick", f"--out={subject.fit_folder(hand)}"]) == 0
+            for model in ("quick", REFERENCE):
+                out = f"--out={subject.fit_folder(hand, model)}"
+                assert main([*own, f"--hand={hand}", f"--model={model}", out]) == 0
     elif stage == "export":
         assert main([*own, "--formats=csv", f"--out={folder / 'exports'}"]) == 0
     elif stage == "report.subject":
@@ -125,7 +126,8 @@ def test_the_study_ends_with_a_report_that_names_it(
     after = [*STAGES]
     for later in after[after.index(stage) + 1 :]:
         run(subject, later)
-    assert gather([study, f"--results={results.folder}"]) == 0
+    for make in (gather, compare_models):
+        assert make([study, f"--results={results.folder}"]) == 0
     assert report([study, f"--results={results.folder}", f"--out={results.report}"]) == 0
     sentence = f"internal error in {stage} (RuntimeError: planted); please report it with the log"
     if stage == "export":
@@ -140,7 +142,6 @@ def test_the_study_ends_with_a_report_that_names_it(
             for row in rows_of(read_table(results.study_table("problems"), PROBLEMS))
             if sentence in row["message"]
         ]
-        name = {"fit_hand.prior": "fit_prior"}.get(stage, stage.rpartition(".")[2])
-        assert {(row["subject"], row["stage"]) for row in problems} == {("01", name)}
+        assert {(row["subject"], row["stage"]) for row in problems} == {("01", stage.rpartition(".")[2])}
     for pages in ("subject.html", "right/rom.html"):
         assert results.subject_pages("01").joinpath(pages).is_file()

@@ -11,16 +11,16 @@ import pytest
 from planned_subject import PlannedSubject, planned_subject
 from small_study import run_stages
 
-from schemas.catalogue import FINDINGS, POSES, TABLES
-from schemas.findings import SUSPECT, worded
-from schemas.parts import part_metadata
-from schemas.results import FIT_TABLES, PRIOR_TABLES, SUBJECT_TABLES
-from schemas.tables import Provenance, columns_from_rows, read_table, write_failure, write_table
-from stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
-from stages.fit_hand.hand_tables import FIT, PRIOR
-from stages.fit_hand.prior import main as fit_prior
-from stages.measure_movement.__main__ import main as measure_movement
-from stages.solve_joints.check_calibration import main as check_calibration
+from shukotsu.schemas.catalogue import FINDINGS, POSES, TABLES
+from shukotsu.schemas.config_files import REFERENCE
+from shukotsu.schemas.findings import SUSPECT, worded
+from shukotsu.schemas.parts import part_metadata
+from shukotsu.schemas.results import FIT_TABLES, SUBJECT_TABLES
+from shukotsu.schemas.tables import Provenance, columns_from_rows, read_table, write_failure, write_table
+from shukotsu.stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
+from shukotsu.stages.fit_hand.hand_tables import FIT
+from shukotsu.stages.measure_movement.__main__ import main as measure_movement
+from shukotsu.stages.solve_joints.check_calibration import main as check_calibration
 
 pytestmark = pytest.mark.slow
 
@@ -28,7 +28,7 @@ RIGHT = [("right", "rom", "calibration"), ("right", "opposition", "both")]
 LEFT = [("left", "rom", "calibration"), ("left", "opposition", "evaluation")]
 MODELS = ("paper-fig4", "quick")
 WRITTEN = [name for name in SUBJECT_TABLES if name not in ("findings", "events", "clocks")]
-FORMS = {**TABLES, **FIT, **PRIOR, "projected_joints": TABLES["joint_centres"]}
+FORMS = {**TABLES, **FIT, "projected_joints": TABLES["joint_centres"]}
 ALONE = "fitted without the left hand's bone lengths: "
 
 
@@ -46,8 +46,8 @@ def run(subject: PlannedSubject) -> PlannedSubject:
     own = [f"--plan={subject.plan_file}", "--record-failure"]
     for hand in subject.plan.hands:
         assert subject.fit(hand, "--record-failure") == 0
+        assert subject.fit(hand, "--record-failure", model=REFERENCE) == 0
     run_stages(subject.plan_file, "--record-failure")
-    assert fit_prior([*own, f"--out={folder}"]) == 0
     assert check_calibration([*own, f"--out={folder / 'calibration_advice.parquet'}"]) == 0
     scores = [f"--out={folder}/skeleton_scores.parquet", f"--out-joints={folder}/joint_errors.parquet"]
     assert evaluate_skeletons([*own, *scores]) == 0
@@ -89,7 +89,7 @@ def notes(subject: PlannedSubject, hand: str = "right") -> set[str]:
 
 
 def assert_right_hand_is_alone(subject: PlannedSubject, alone: PlannedSubject) -> None:
-    for name in (*WRITTEN, *PRIOR_TABLES, *FIT_TABLES):
+    for name in (*WRITTEN, *FIT_TABLES):
         expected = of_the_right_hand(alone, name)
         assert expected.num_rows or name in ("receiver_costs", "movement_cycles", "movement_curves"), name
         assert of_the_right_hand(subject, name).equals(expected), name
@@ -127,12 +127,3 @@ def test_hands_without_a_finding_or_with_a_note_tell_each_other_their_lengths(
     assert notes(subject) == {""}
     sds = [of_the_right_hand(own, "fitted_bones").column("sd_mm").to_pylist() for own in (subject, alone)]
     assert all(shared < own for shared, own in zip(*sds, strict=True))
-
-
-def test_a_suspect_hand_is_fitted_alone_as_well(both: Path, tmp_path: Path) -> None:
-    subject = PlannedSubject(both).copied(tmp_path)
-    find(subject, task="rom", severity="suspect")
-    assert subject.fit("left") == 0
-    assert notes(subject, "left") == {
-        "fitted without the right hand's bone lengths: there is a finding on the left hand's rom"
-    }

@@ -14,21 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS, POSES
-from schemas.layout import Layout
-from schemas.parts import part_metadata, parts_writer, read_part
-from schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
-from schemas.poses import Poses, read_poses
-from schemas.study import Recording, read_study
-from schemas.tables import Provenance, Table, rows_of, write_table
-from schemas.verdict import UNJUDGED
-from skeleton.rotations import Array, bone_frame, from_matrix, rotate
-from stages.export.motion import SkeletonMotion
-from stages.export.recorded_motion import read_motion
-from stages.export.settings import Settings, prepared
-from stages.simulate.random_hand import BONES, DIGITS
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
+from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS, POSES
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.parts import part_metadata, parts_writer, read_part
+from shukotsu.schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
+from shukotsu.schemas.poses import Poses, read_poses
+from shukotsu.schemas.study import Recording, read_study
+from shukotsu.schemas.tables import Provenance, Table, rows_of, write_table
+from shukotsu.schemas.verdict import UNJUDGED
+from shukotsu.skeleton.posed_recording import posed_recording
+from shukotsu.skeleton.rotations import Array, bone_frame, from_matrix, rotate
+from shukotsu.stages.export.motion import SkeletonMotion
+from shukotsu.stages.export.recorded_motion import read_motion
+from shukotsu.stages.export.settings import Settings, prepared
+from shukotsu.stages.simulate.random_hand import BONES, DIGITS
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import Simulated, simulate
 
 REPLAYED, FITTED = "paper-fig4", "whole-hand"
 LAYOUT = "liberty16"
@@ -64,7 +65,7 @@ class KnownHand:
 
     def motion(self, model: str) -> SkeletonMotion:
         """The recording's motion under that model."""
-        return read_motion(self.plan, self.recording, model)
+        return read_motion(posed_recording(self.plan, self.recording, model))
 
     def ready(self, model: str = "whole-hand", up: str = "y", **options: Any) -> SkeletonMotion:
         """The same as a format without gaps is to write it, with those settings."""

@@ -8,9 +8,9 @@ import numpy as np
 from long_poses import long_poses
 
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
-from schemas.catalogue import BONE_POSES, METACARPALS, POSED_TIPS
-from schemas.parts import parts_writer, read_part
-from schemas.tables import Provenance, Table
+from shukotsu.schemas.catalogue import BONE_POSES, METACARPALS, POSED_TIPS
+from shukotsu.schemas.parts import parts_writer, read_part
+from shukotsu.schemas.tables import Provenance, Table
 
 
 def long_hand(folder: Path, n_frames: int) -> KnownHand:

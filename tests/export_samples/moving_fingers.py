@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from skeleton.posing import SkeletonJoint
-from skeleton.rotations import about_axis, multiply, rotate
-from stages.export.motion import Origin, Receivers, SkeletonMotion, continuous, local_motion
+from shukotsu.skeleton.posing import SkeletonJoint
+from shukotsu.skeleton.rotations import about_axis, multiply, rotate
+from shukotsu.stages.export.motion import Origin, Receivers, SkeletonMotion, continuous
 
 JOINTS = (
     SkeletonJoint("wrist", -1, "hand"),
@@ -81,12 +81,6 @@ def both_hands(later_s: float, rate_hz: float = 100.0) -> list[SkeletonMotion]:
     one, other = moving_fingers(40, slip_mm=0.5), moving_fingers(20, rate_hz=rate_hz, seed=2)
     other = replace(other, time_s=other.time_s + later_s, origin=replace(other.origin, hand="left"))
     return [one, replace(other, position_mm=other.position_mm + 30)]
-
-
-def translation_mm(motion: SkeletonMotion) -> np.ndarray:
-    """Largest translation (J,) of each joint but the root, whose is 0, beyond its rest offset."""
-    beyond = np.linalg.norm(local_motion(motion).offset_mm - motion.rest_offset_mm, axis=-1)
-    return np.asarray(np.append(0.0, np.nanmax(beyond[:, 1:], axis=0)))
 
 
 def blanked(motion: SkeletonMotion, joints: Any = None, receivers: Any = None) -> SkeletonMotion:

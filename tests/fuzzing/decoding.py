@@ -10,11 +10,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from schemas.errors import InputError
-from trackers.families import decoder_of
-from trackers.protocols.piecewise import PiecewiseDecoder as Decoder
-from trackers.protocols.records import Decoded, Records, Reply, concatenated
-from trackers.protocols.stream_settings import StreamSettings, settings_from_json
+from shukotsu.errors import InputError
+from shukotsu.trackers.families import decoder_of
+from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder as Decoder
+from shukotsu.trackers.protocols.records import Decoded, Records, Reply, concatenated
+from shukotsu.trackers.protocols.stream_settings import StreamSettings, settings_from_json
 
 MOST_FRAMING = 12
 """Bytes of a reply that are not its body, at the most: VIPER's leader and checksum."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,12 +13,12 @@ import pyarrow.parquet as pq
 
 from fuzzing.sample_files import FRAMES, SEGMENTS
 from fuzzing.tracker_streams import pose
-from schemas.catalogue import POSES, TABLES
-from schemas.config_files import CONFIG_FOLDER
-from schemas.parts import PARTS_KEY, Part
-from schemas.plan import StudyPlans, plan_text
-from schemas.study import read_study
-from schemas.tables import METADATA_KEY, Table
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.config_files import CONFIG_FOLDER
+from shukotsu.schemas.parts import PARTS_KEY, Part
+from shukotsu.schemas.plan import StudyPlans, plan_text
+from shukotsu.schemas.study import read_study
+from shukotsu.schemas.tables import METADATA_KEY, Table
 
 STUDY: dict[str, bytes] = {
     "study.yaml": b"study: a\nrecordings: recordings.tsv\nparticipants: participants.tsv\n"
@@ -59,7 +58,7 @@ _TEXTS = {"subject": "01", "hand": "right", "task": "rom", "model": "paper-fig4"
 
 
 def metadata_of(table: Table) -> dict[str, Any]:
-    """What this program writes into a table's file, as JSON types."""
+    """Give what this program writes into a table's file, as JSON types."""
     names = {"subject": "01", "hand": "right", "task": "rom", "trial": "", "layout": "liberty16"}
     extra = {
         "inputs": [{"file": "a.csv", "sha256": "0" * 64}],
@@ -70,7 +69,7 @@ def metadata_of(table: Table) -> dict[str, Any]:
 
 
 def parts_list() -> list[dict[str, Any]]:
-    """What a subject table lists of its parts."""
+    """Give what a subject table lists of its parts."""
     return [asdict(PARTS[0]), {**asdict(PARTS[1]), "failure": "too few frames"}]
 
 
@@ -118,35 +117,3 @@ def _poses_columns() -> dict[str, list[Any]]:
         "valid": [True] * len(rows),
         **dict(zip(names, map(list, zip(*numbers, strict=True)), strict=True)),
     }
-
-
-_NUMBER_TYPES: Sequence[pa.DataType] = (
-    *(pa.float64(), pa.float32(), pa.float16(), pa.int64(), pa.uint64(), pa.int8(), pa.bool_(), pa.null()),
-    *(pa.string(), pa.large_string(), pa.binary(), pa.decimal128(20, 3), pa.timestamp("ns"), pa.date32()),
-    *(pa.list_(pa.float64()), pa.struct([("a", pa.int64())]), pa.dictionary(pa.int32(), pa.string())),
-    *(pa.dictionary(pa.int8(), pa.float64()), pa.duration("s"), pa.string_view(), pa.time64("us")),
-)
-
-
-def odd_parquet(data: bytes) -> bytes:
-    """A Parquet recording of columns as the bytes say: of each a type, and what is in its rows."""
-    names = ("frame", "time_s", "segment", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-    arrays: dict[str, pa.Array] = {}
-    for index, name in enumerate(names):
-        kind, *choices = data[4 * index : 4 * index + 4].ljust(4, b"\0")
-        plain: list[Any] = ["hand", "index_proximal", "hand"] if name == "segment" else [0.0, 1.0, 2.0]
-        plain = [1.0, 1.0, 1.0] if name == "qw" else [0.0, 0.0, 0.0] if name.startswith("q") else plain
-        odd: tuple[Any, ...] = (None, float("nan"), 1e300, -1, 2**62, "nan", "", "hand", b"\xff", True)
-        values = [p if c < 200 else odd[c % len(odd)] for p, c in zip(plain, choices, strict=True)]
-        default = pa.string() if name == "segment" else pa.float64()
-        chosen = default if kind < 128 else _NUMBER_TYPES[kind % len(_NUMBER_TYPES)]
-        try:
-            arrays[name] = pa.array(values, chosen)
-        except (pa.ArrowException, TypeError, ValueError, OverflowError):
-            arrays[name] = pa.array([None] * 3, chosen)
-    out = io.BytesIO()
-    pq.write_table(pa.table(arrays), out)
-    return out.getvalue()
-
-
-TABLE_NAMES = tuple(TABLES)

@@ -10,19 +10,16 @@ import contextlib
 import gzip
 import io
 import json
-import os
 import random
-import subprocess
 import tempfile
 import zlib
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import event_files
 
@@ -31,28 +28,26 @@ from fuzzing.damage import damage, damage_values
 from fuzzing.decoding import check_decoder, check_settings
 from fuzzing.sample_files import RECORDINGS, SEGMENTS, Recording, capture_bytes
 from fuzzing.tracker_streams import Stream, streams
-from schemas.catalogue import POSES, TABLES
-from schemas.errors import MOST_LETTERS, InputError
-from schemas.layout import read_layout
-from schemas.mapping import read_mapping
-from schemas.marked_text import replaced_between
-from schemas.model import read_model
-from schemas.parts import check_subject, one_hand_of, open_parts, part_metadata
-from schemas.plan import StudyPlans, read_plan
-from schemas.poses import check_layout, frame_count, one_hand, pose_blocks, read_poses, usable_poses
-from schemas.recording_summary import recording_row
-from schemas.results import SUBJECT_TABLES
-from schemas.sheets import SHEETS, read_sheet
-from schemas.study import Hand, read_study
-from schemas.study import Recording as StudyRecording
-from schemas.tables import read_metadata, read_table, rows_of
-from stages.align_events.recording_events import read_events
-from stages.capture.formats import c3d_content
-from stages.capture.formats.readers import find_parts_reader
-from stages.capture.import_recording import build_parser, import_recording
-from stages.capture.inspect_file import inspect
-from stages.capture.poses_table import poses_table
-from trackers.archive import open_archive
+from shukotsu.errors import MOST_LETTERS, InputError
+from shukotsu.schemas.catalogue import POSES, TABLES
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.mapping import read_mapping
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.parts import check_subject, one_hand_of, open_parts, part_metadata
+from shukotsu.schemas.plan import StudyPlans, read_plan
+from shukotsu.schemas.poses import check_layout, frame_count, one_hand, pose_blocks, read_poses, usable_poses
+from shukotsu.schemas.recording_summary import recording_row
+from shukotsu.schemas.results import SUBJECT_TABLES
+from shukotsu.schemas.sheets import SHEETS, read_sheet
+from shukotsu.schemas.study import Hand, read_study
+from shukotsu.schemas.study import Recording as StudyRecording
+from shukotsu.schemas.tables import read_metadata, read_table, rows_of
+from shukotsu.stages.align_events.recording_events import read_events
+from shukotsu.stages.capture.formats.readers import find_parts_reader
+from shukotsu.stages.capture.import_recording import build_parser, import_recording
+from shukotsu.stages.capture.inspect_file import inspect
+from shukotsu.stages.capture.poses_table import poses_table
+from shukotsu.trackers.archive import open_archive
 
 FOLDER_OF_SEEDS = Path(__file__).with_name("seeds")
 """Inputs that failed once, in a folder for each target."""
@@ -62,7 +57,7 @@ LAYOUT = "liberty16"
 
 @dataclass(frozen=True)
 class Target:
-    """What is fuzzed.
+    """Hold what is fuzzed.
 
     seeds : clean inputs. check : takes an input, gives the name of its outcome, or raises. damage : makes
     another input of one. share : of all inputs, against other targets': less where a reader takes long.
@@ -188,7 +183,7 @@ def _archive() -> Target:
 
 def _archive_settings() -> Target:
     """A raw capture with sound checksums whose settings say anything, and whose bytes are any."""
-    from trackers.archive import ArchiveWriter
+    from shukotsu.trackers.archive import ArchiveWriter
 
     clean = streams()
 
@@ -247,10 +242,9 @@ def _reader(name: str) -> Target:
 
     def take(path: Path) -> None:
         mapping = path.with_name("mapping.yaml") if recording.mapping is not None else None
-        with _c3d_in_a_fork() if name == "c3d" else contextlib.nullcontext():
-            _samples(path.with_name(recording.path), mapping)
+        _samples(path.with_name(recording.path), mapping)
 
-    share = {"c3d": 0.1, "motion-bids": 0.5, "mapped csv": 0.5, "capture": 0.3, "xdf": 1.5}.get(name, 1.0)
+    share = {"c3d": 0.05, "motion-bids": 0.5, "mapped csv": 0.5, "capture": 0.3, "xdf": 1.5}.get(name, 1.0)
     return _files(f"file {name}", _with_mapping(recording), take, share=share, structured=True)
 
 
@@ -267,63 +261,13 @@ def _packed_xdf() -> Target:
     return Target(seeds, check, lambda data, chance: data[:1] + damage(data[1:], chance), 1.0)
 
 
-def _odd_parquet() -> Target:
-    path = scratch() / "odd.parquet"
-
-    def check(data: bytes) -> str:
-        _put(path, sample_tables.odd_parquet(data))
-        return sentence_or(lambda: _samples(path, None))
-
-    return Target((bytes(40), bytes(range(128, 168))), check, share=0.3)
-
-
-@contextlib.contextmanager
-def _c3d_in_a_fork() -> Iterator[None]:
-    """Let the process that reads C3D be a fork, which starts in a tenth of the time."""
-
-    def run(command: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
-        reading, writing = os.pipe()
-        child = os.fork()
-        if not child:
-            _be_c3d_reader(command[-1], writing)
-        os.close(writing)
-        with os.fdopen(reading, "rb") as stream:
-            said = stream.read()
-        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        return subprocess.CompletedProcess(command, code, said if not code else b"", said if code else b"")
-
-    with mock.patch.object(c3d_content.subprocess, "run", run):
-        yield
-
-
-def _be_c3d_reader(path: str, writing: int) -> None:
-    """Read a C3D file as its process does, and end."""
-    import signal
-
-    code = 1
-    try:
-        for number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGALRM):
-            signal.signal(number, signal.SIG_DFL)
-        os.dup2(writing, 1)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-        stdout = os.fdopen(1, "wb")
-        with mock.patch.object(c3d_content.sys, "stdout", Namespace(buffer=stdout)):
-            c3d_content.main(path)
-        stdout.flush()
-        code = 0
-    except BaseException as error:
-        os.write(writing, f"{type(error).__name__}: {error}"[-2000:].encode("utf-8", "replace"))
-    finally:
-        os._exit(code)
-
-
 def _inspection(name: str) -> Target:
-    """What `inspect` prints of a file, import's refusals and the findings among it."""
+    """Give what `inspect` prints of a file, import's refusals and the findings among it."""
     recording = RECORDINGS[name]()
 
     def take(path: Path) -> None:
         named = path.with_name(recording.path)
-        with contextlib.redirect_stdout(io.StringIO()), _c3d_in_a_fork():
+        with contextlib.redirect_stdout(io.StringIO()):
             inspect(Namespace(file=named, layout=LAYOUT, hand=None, write_mapping=None))
 
     share = {"c3d": 0.05, "capture": 0.05, "motion-bids": 0.08, "matrices": 1.0}.get(name, 0.2)
@@ -373,7 +317,7 @@ def _read_any_table(path: Path, name: str) -> None:
             parts.rows(part)
             parts.part(part)
             if name in ("metacarpals", "tips"):
-                parts.recording(part, "rom", "", "digit", ["frame"], between=(0, 9))
+                parts.recording(part, "rom", "", "digit", ["frame"], name="thumb")
 
 
 def _tables() -> Target:
@@ -474,14 +418,6 @@ def _mapping() -> Target:
     return _files("mapping", {"mapping.yaml": first}, read_mapping, more=more, structured=True, share=1.5)
 
 
-def _marked_text() -> Target:
-    def check(data: bytes) -> str:
-        page, _, text = data.decode("utf-8", "replace").partition("\0")
-        return sentence_or(lambda: replaced_between(page, "<a>", "<b>", text))
-
-    return Target((b"one <a> two <b> three\0new",), check)
-
-
 EVENT_FILES = {name: name.rpartition(".")[2] for name in event_files.SAMPLES}
 _DECODERS = dict.fromkeys(" ".join(name.split(" ")[:2] if "(" in name else [name]) for name in streams(1))
 _TARGETS: Mapping[str, Callable[[], Target]] = {
@@ -491,7 +427,6 @@ _TARGETS: Mapping[str, Callable[[], Target]] = {
     "archive settings": _archive_settings,
     **{f"file {name}": partial(_reader, name) for name in RECORDINGS},
     "file xdf, packed": _packed_xdf,
-    "file parquet, odd types": _odd_parquet,
     **{f"inspect {name}": partial(_inspection, name) for name in RECORDINGS},
     "inspect tables": _inspect_table,
     "import": _import,
@@ -504,7 +439,6 @@ _TARGETS: Mapping[str, Callable[[], Target]] = {
     "layout": _layout,
     "model": _model,
     "mapping": _mapping,
-    "marked text": _marked_text,
 }
 
 TARGETS = tuple(_TARGETS)
@@ -513,7 +447,7 @@ TARGETS = tuple(_TARGETS)
 
 @cache
 def target(name: str) -> Target:
-    """What a name of TARGETS stands for, the inputs that failed once among its seeds."""
+    """Give what a name of TARGETS stands for, the inputs that failed once among its seeds."""
     from dataclasses import replace
 
     made = _TARGETS[name]()

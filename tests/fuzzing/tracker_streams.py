@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 Numbers = tuple[float, ...]
 

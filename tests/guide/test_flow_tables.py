@@ -2,8 +2,8 @@
 
 from guide_pages import REPOSITORY
 
+from guide.diagram import PAGE, RuleGraph, mermaid
 from guide.flow_tables import CHART, HEAD, as_table, on_page_markdown
-from workflow.diagram import PAGE, RuleGraph, mermaid
 
 GRAPH = RuleGraph({"draw": ["report.html"], "solve": ["joints", "planes"]}, [("solve", "draw")])
 TABLE = f"{HEAD['en']}\n| **solve** | joints, planes | draw |\n| **draw** | report.html |  |"
@@ -11,11 +11,6 @@ TABLE = f"{HEAD['en']}\n| **solve** | joints, planes | draw |\n| **draw** | repo
 
 def test_a_chart_of_rules_is_a_table_in_their_order() -> None:
     assert as_table(mermaid(GRAPH)) == TABLE
-
-
-def test_on_a_page_nothing_else_changes() -> None:
-    page = f"before\n\n```mermaid\n{mermaid(GRAPH)}\n```\n\n```sh\nls\n```\n"
-    assert on_page_markdown(page, page=None) == f"before\n\n{TABLE}\n\n```sh\nls\n```\n"
 
 
 def test_every_chart_of_the_guide_is_turned() -> None:

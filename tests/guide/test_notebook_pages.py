@@ -1,12 +1,8 @@
 """A notebook's cells on a page of the site."""
 
-from pathlib import Path
-from types import SimpleNamespace
-
-import pytest
 from guide_pages import REPOSITORY
 
-from guide.notebook_pages import MARK, cells_as_markdown, on_page_markdown
+from guide.notebook_pages import MARK, cells_as_markdown
 
 NOTEBOOK = {
     "cells": [
@@ -18,15 +14,6 @@ NOTEBOOK = {
 
 def test_cells_are_text_and_blocks_without_outputs() -> None:
     assert cells_as_markdown(NOTEBOOK) == "## A question\nWhy?\n\n```python\nx = 1\nx\n```"
-
-
-def test_a_mark_is_replaced_and_the_rest_stays(tmp_path: Path) -> None:
-    (tmp_path / "a.ipynb").write_text('{"cells": [{"cell_type": "markdown", "source": ["cells"]}]}')
-    config = SimpleNamespace(docs_dir=str(tmp_path))
-    page = "before\n<!-- notebook: a.ipynb -->\nafter"
-    assert on_page_markdown(page, config=config) == "before\ncells\nafter"
-    with pytest.raises(FileNotFoundError):
-        on_page_markdown("<!-- notebook: b.ipynb -->", config=config)
 
 
 def test_notebooks_are_kept_without_outputs() -> None:

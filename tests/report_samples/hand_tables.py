@@ -10,13 +10,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from report_samples.made_study import lacking_text
-from schemas.catalogue import TABLES
-from schemas.files import write_text
-from schemas.parts import Part, parts_writer
-from schemas.plan import StudyPlans, plan_text, read_plan
-from schemas.results import GATHERED_TABLES, Results
-from schemas.study import Hand, Study
-from schemas.tables import Provenance, Table, read_table
+from shukotsu.files.whole_files import write_text
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.parts import Part, parts_writer
+from shukotsu.schemas.plan import StudyPlans, plan_text, read_plan
+from shukotsu.schemas.results import GATHERED_TABLES, Results
+from shukotsu.schemas.study import Hand, Study
+from shukotsu.schemas.tables import Provenance, Table, read_table
 
 FITTED = ("receivers", "gains", "receiver_costs")
 

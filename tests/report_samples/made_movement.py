@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from report_samples.made_study import write
-from schemas.movement_tables import (
+from shukotsu.schemas.movement_tables import (
     CURVE_DIFFERENCES,
     MODEL_DEPENDENCE,
     MOVEMENT_CURVES,

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from schemas.advice import ENOUGH, MOVE
-from schemas.layout import Layout
-from schemas.model import SkeletonModel
-from stages.solve_joints.calibration_advice import Advice
+from shukotsu.schemas.advice import ENOUGH, MOVE
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.stages.solve_joints.calibration_advice import Advice
 
 Rows = list[dict[str, Any]]
 

@@ -24,14 +24,15 @@ from report_samples.made_scores import (
     score_rows,
     spoiled,
 )
-from schemas.catalogue import BONE_TIP, DISTAL_RECEIVER, POSES, TABLES
-from schemas.layout import Layout, read_layout
-from schemas.model import SkeletonModel, read_model
-from schemas.results import STUDY_TABLES
-from schemas.study import path_token
-from schemas.tables import Provenance, Table, columns_from_rows, write_table
-from schemas.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
-from stages.estimate_metacarpals.hand import is_whole
+from shukotsu.schemas.catalogue import BONE_TIP, DISTAL_RECEIVER, POSES, TABLES
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.model import SkeletonModel, read_model
+from shukotsu.schemas.results import STUDY_TABLES, Results
+from shukotsu.schemas.study import path_token, read_study
+from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, write_table
+from shukotsu.schemas.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
+from shukotsu.stages.compare_models.study_comparison import compare_study
+from shukotsu.stages.estimate_metacarpals.hand import is_whole
 
 HOSTILE = 'A & <b>"x"'
 FITTED_MODELS = ("paper-fig4", "whole-hand")
@@ -89,6 +90,7 @@ def make_study(
     )
     (folder / "sheet.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
     write_rows(results, rows)
+    compare_study(read_study(study), Results(results))
     return study, results
 
 
@@ -224,7 +226,7 @@ def _joint_rows(
         failed, weak = spoiled(key) and name == "ring_dip", spoiled(key) and name == "little_dip"
         status = "failed" if failed else "weak" if weak else "ok"
         message = "too few frames (3)" if failed else ""
-        moved = centre + (np.array([40.0, -300.0, 60.0]) if weak and not model.corrections else 0.0)
+        moved = centre + (np.array([40.0, -300.0, 60.0]) if weak and not model.planes.corrections else 0.0)
         row = _who(key) | {"model": model.name, "joint": name, "dof": joint.dof, "n_frames": 300}
         doubts = {AXIS_IN_PLANE: {"axis_plane_deg": 4.0, "slide_mm": 59.0}} if weak else {}
         row |= {"source": "fit", "status": status, "message": message, "child_segment": joint.child}
@@ -277,8 +279,8 @@ def _add_digit(
         rows["tip_errors"] += [failed | {"binding": binding} for binding in ("first-frame", "least-squares")]
         return
     level = {"thumb": 3.0, "index": 5.0, "middle": 6.5, "ring": 6.8, "little": 9.0}[digit]
-    level *= 15.0 if spoiled(key) and digit == "little" and not model.corrections else 1.0
-    level *= 20.0 if model.unmeasured == "rest" and digit != "thumb" else 1.0
+    level *= 15.0 if spoiled(key) and digit == "little" and not model.planes.corrections else 1.0
+    level *= 20.0 if model.metacarpals.unmeasured == "rest" and digit != "thumb" else 1.0
     time_s = np.arange(n_frames) / 240
     noise = rng.normal(0, 0.03, n_frames)
     error = level * np.abs(1 + 0.4 * np.sin(time_s * 1.7 + len(digit)) + 0.1 * np.sin(time_s * 9) + noise)

@@ -15,8 +15,11 @@ import numpy as np
 
 from report_samples.made_scores import seen_joints
 from report_samples.made_study import Rows, write_rows
-from schemas.layout import read_layout
-from schemas.model import read_model
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import read_study
+from shukotsu.stages.compare_models.study_comparison import compare_study
 
 SEVEN = (
     "paper-fig3-rest",
@@ -63,6 +66,7 @@ def many_subjects(
     )
     (folder / "sheet.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
     write_rows(folder / "results", rows)
+    compare_study(read_study(study), Results(folder / "results"))
     return study, folder / "results"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from browser import chromium, watched
 
-from schemas.results import Results
+from shukotsu.schemas.results import Results
 
 PAGE = Results(Path("results/demo")).subject_page("01")
 PICTURE = Path("docs/hands.png")

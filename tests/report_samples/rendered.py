@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 
-from schemas.study import Study
-from stages.report.study_page import render_study
-from stages.report.study_results import StudyResults
-from stages.report.subject_page import render_subject
+from shukotsu.schemas.study import Study
+from shukotsu.stages.report.study_page import render_study
+from shukotsu.stages.report.study_results import StudyResults
+from shukotsu.stages.report.subject_page import render_subject
 
-ROWS = [field.name for field in fields(StudyResults) if field.type == "list[Row]"]
+ROWS = [
+    field.name
+    for field in fields(StudyResults)
+    if field.type == "list[Row]" and not field.name.startswith("model_")
+]
 
 
 def of_subject(results: StudyResults, subject: str) -> StudyResults:

@@ -12,7 +12,7 @@ from pathlib import Path
 from browser import WatchedPage, chromium, watched
 from PIL import Image
 
-from schemas.results import Results
+from shukotsu.schemas.results import Results
 
 FOLDER = Path("docs/screenshots")
 WIDTH, SCALE = 1000, 1.5

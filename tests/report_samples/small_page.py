@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from stages.report.hand_motion import HandMotion
-from stages.report.templates import ENVIRONMENT, render
-from stages.report.viewer.view import view_of
+from shukotsu.stages.report.hand_motion import HandMotion
+from shukotsu.stages.report.templates import ENVIRONMENT, render
+from shukotsu.stages.report.viewer.view import view_of
 
 PAGE = """{% extends "base.html.j2" %}{% block title %}{{ title }}{% endblock %}
 {% block styles %}{% include "models_compared/models_compared.css" %}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stages.report.hand_motion import Array
+from shukotsu.stages.report.hand_motion import Array
 
 
 def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:

@@ -5,19 +5,15 @@ from typing import Any
 
 import pytest
 
-from schemas.config_files import (
-    check_config,
+from shukotsu.errors import InputError
+from shukotsu.schemas.config_files import (
     config_path,
     json_schema,
     read_config,
     shipped,
 )
-from schemas.errors import InputError
-
-REPOSITORY = Path(__file__).resolve().parents[2]
 
 MODEL = "model: mine\ndescription: A test.\n"
-STUDY = {"study": "s", "recordings": "r.tsv", "layout": "liberty16", "models": ["rigid"]}
 
 
 def read(tmp_path: Path, text: str, kind: str = "model") -> dict[str, Any]:
@@ -32,24 +28,6 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
     assert config["planes"] == {"cut": True, "parallel_limit_deg": 20, "corrections": False}
     assert config["metacarpals"]["rest_direction"] == [1, 0, 0]
     assert "paper_table" not in config
-
-
-def test_defaults_reach_into_named_parts() -> None:
-    """Where the names are the user's own, as segments' are, each part still gets its defaults."""
-    config = {
-        "layout": "l",
-        "description": "",
-        "segments": {"a": {}, "b": {"optional": True}},
-        "joints": {"j": {"parent": "a", "child": "b", "plane": {"normal": [0, 1, 0]}}},
-        "digits": {"d": {"segments": ["b"]}},
-    }
-    filled = check_config(config, "layout", "here")
-    assert filled["segments"] == {
-        "a": {"measured": True, "optional": False},
-        "b": {"measured": True, "optional": True},
-    }
-    assert filled["joints"]["j"]["dof"] == 1
-    assert filled["joints"]["j"]["plane"] == {"frame": "child", "point_mm": [0, 0, 0], "normal": [0, 1, 0]}
 
 
 @pytest.mark.parametrize(
@@ -84,29 +62,6 @@ def test_a_mistake_is_named(tmp_path: Path, text: str, message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "what"), [("", "nothing"), ("[1]", "a list"), ("word", "a text"), ("word " * 30_000, "a text")]
-)
-def test_a_file_that_holds_no_keys(tmp_path: Path, text: str, what: str) -> None:
-    """As another file given in its place; it is not printed back."""
-    with pytest.raises(
-        InputError, match=rf"mine.yaml: holds {what}, no keys; expected a model file, lines of"
-    ):
-        read(tmp_path, text)
-
-
-def test_a_missing_key_is_named_once(tmp_path: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        read(tmp_path, "study: s\nlayout: liberty16\n", "study")
-    assert str(caught.value).count("is missing") == 1
-    assert str(caught.value).endswith("the key 'recordings', 'models' is missing")
-
-
-def test_several_mistakes_are_told_together() -> None:
-    with pytest.raises(InputError, match=r"exports\.0: is 'fbx'; expected one .*; models: has 0; expected"):
-        check_config(STUDY | {"models": [], "exports": ["fbx"]}, "study", "here")
-
-
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no\.yaml: no such file; expected a study file"):
         read_config(tmp_path / "no.yaml", "study")
@@ -115,12 +70,6 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         read_config(tmp_path / "latin.yaml", "study")
     with pytest.raises(InputError, match="is a folder; expected a study file, a regular file"):
         read_config(tmp_path, "study")
-
-
-def test_what_is_wrong_is_said_in_words() -> None:
-    """And not by a regular expression."""
-    with pytest.raises(InputError, match=r"study: 'My Study' is not a name of letters A to Z, digits, "):
-        check_config(STUDY | {"study": "My Study"}, "study", "study.yaml")
 
 
 def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:

@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import InputError
-from schemas.factors import factor_levels
-from schemas.plan import StudyPlans, plan_from_content
-from schemas.study import read_study
+from shukotsu.errors import InputError
+from shukotsu.schemas.factors import factor_levels
+from shukotsu.schemas.study import read_study
 
 SHEET = """subject\tsession\thand\ttask\trole\tfile\tcondition
 01\t1\tright\tscale\tboth\ta.csv\tslow
@@ -37,15 +36,6 @@ def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path
         ("01", "2", "right", "scale", "", "expert", "fast"),
         ("02", "1", "right", "scale", "", "", ""),
     ]
-
-
-def test_the_plan_has_them_and_a_fit_does_not(tmp_path: Path) -> None:
-    plans = StudyPlans(read_study(write(tmp_path, "group, condition")), tmp_path / "results")
-    plan = plan_from_content(plans.content("01", "2"), "here")
-    assert plan.factors == {"group": "expert"}
-    assert [dict(recording.factors) for recording in plan.recordings] == [{"condition": "fast"}]
-    for content in (plans.fit_content("01", "right", "rigid", "2"), plans.recordings_content("01", "2")):
-        assert not {"expert", "fast"} & {*str(content).split("'")}
 
 
 @pytest.mark.parametrize(

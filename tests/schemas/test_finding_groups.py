@@ -6,8 +6,8 @@ from typing import Any
 
 from finding_examples import EVIDENCE, EXAMPLES, examples
 
-from schemas.finding_groups import Seen, faults, row_sentence
-from schemas.findings import NOTE, REFUSED, STAGE, SUSPECT, Finding, problem_row, worded
+from shukotsu.schemas.finding_groups import Seen, faults, row_sentence
+from shukotsu.schemas.findings import REFUSED, STAGE, SUSPECT, Finding, problem_row
 
 
 def rows(finding: Finding, count: int) -> list[dict[str, Any]]:
@@ -38,21 +38,6 @@ def test_a_fault_of_one_recording_is_its_sentence() -> None:
         assert fault.seen == (Seen(rows(finding, 1)[0]),)
 
 
-def test_other_receivers_are_the_same_fault_and_named_for_each() -> None:
-    pairs = [("index_middle", "index_distal"), ("ring_middle", "ring_distal")]
-    each = [
-        rows(Finding("receivers-swapped", SUSPECT, "", {"segment": a, "segment_2": b}), 1)[0]
-        for a, b in pairs
-    ]
-    (fault,) = faults(each)
-    assert fault.text == (
-        "Two receivers stand for each other's segments; exchange their names in `receivers` of the mapping."
-    )
-    assert [seen.what for seen in fault.seen] == [
-        f"The receivers {a} and {b} seem to be swapped" for a, b in pairs
-    ]
-
-
 def test_another_cure_variant_severity_or_reason_is_another_item() -> None:
     inches = EXAMPLES["units", "positions-small"][0] | {"true": "inch"}
     different = [
@@ -65,23 +50,6 @@ def test_another_cure_variant_severity_or_reason_is_another_item() -> None:
     ]
     every = [row for finding in different for row in rows(finding, 2)]
     assert [len(fault.seen) for fault in faults(every)] == [2] * 6
-
-
-def test_an_accepted_fault_has_its_reason_once() -> None:
-    (fault,) = faults(rows(units(0.1).accept("a doll"), 3))
-    assert (fault.severity, fault.accepted) == (NOTE, "a doll")
-    assert fault.text.endswith("in the mapping. Accepted: a doll")
-    assert all("doll" not in seen.evidence for seen in fault.seen)
-
-
-def test_problems_without_a_template_are_one_item_by_their_text() -> None:
-    same, other = (worded("recording", REFUSED, text) for text in ("a.csv: is empty", "b.csv: is empty"))
-    found = faults([*rows(same, 2), *rows(other, 1), problem_row("export", same)])
-    assert [(fault.text, len(fault.seen)) for fault in found] == [
-        ("a.csv: is empty", 2),
-        ("b.csv: is empty", 1),
-        ("a.csv: is empty", 1),
-    ]
 
 
 def test_evidence_stands_where_it_is_seen() -> None:

@@ -1,8 +1,6 @@
 """Findings: what accepting one does, which hands judge nothing, and the kinds that users rely on."""
 
-from schemas.findings import KINDS, NOTE, REFUSED, SUSPECT, Finding, mistakes_page
-
-ROW = {"subject": "01", "hand": "right", "task": "", "stage": "check_recordings", "severity": SUSPECT}
+from shukotsu.schemas.findings import KINDS, NOTE, REFUSED, SUSPECT, Finding, mistakes_page
 
 
 def test_kinds_are_those_of_the_contract() -> None:

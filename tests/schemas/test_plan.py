@@ -7,23 +7,24 @@ from typing import Any
 import pytest
 from small_study import write_plans, write_study
 
-from schemas.catalogue import FINDINGS, POSES
-from schemas.errors import InputError
-from schemas.findings import worded
-from schemas.layout import read_layout
-from schemas.model import read_model
-from schemas.parts import Part
-from schemas.plan import (
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import FINDINGS
+from shukotsu.schemas.findings import worded
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.parts import Part
+from shukotsu.schemas.plan import (
     StudyPlans,
     SubjectPlan,
+    fit_part,
     plan_digest,
     plan_from_content,
-    plan_of_poses,
     plan_text,
     read_plan,
+    recordings_part,
 )
-from schemas.study import read_study
-from schemas.tables import Provenance, columns_from_rows, write_table
+from shukotsu.schemas.study import read_study
+from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
 
 ROWS = (
     "01 right rom calibration data/rom.csv",
@@ -71,26 +72,6 @@ def test_what_is_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (read.touches, read.truth(read.recordings[0])) == ((), None)
 
 
-def test_the_subjects_files(tmp_path: Path) -> None:
-    read = plan(tmp_path, *ROWS, models=("rigid", "whole-hand"))
-    folder = Path("results/test/sub-01")
-    assert read.folder == folder
-    assert read.poses(read.recordings[1]) == folder / "right/opposition_1/poses.parquet"
-    assert read.table("tips") == folder / "tips.parquet"
-    assert read.files_of("tips") == [folder / "tips.parquet"]
-    assert read.fitted_models == ("whole-hand",)
-    assert read.files_of("gains") == [folder / f"fits/{h}/whole-hand/gains.parquet" for h in (RIGHT, LEFT)]
-
-
-def test_a_simulated_recordings_truth(tmp_path: Path) -> None:
-    rows = ("01 right rom both made/sub-01.rom.arrows", "01 right x both real/x.csv")
-    read = plan(tmp_path, *rows, more="simulation: {folder: made, seed: 1}\n")
-    truth = read.truth(read.recordings[0])
-    assert truth is not None
-    assert truth.resolve() == tmp_path / "made/sub-01.rom_truth"
-    assert read.truth(read.recordings[1]) is None
-
-
 def test_paths_are_relative_to_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """So that a study moved with its results needs nothing anew."""
     texts = []
@@ -130,8 +111,8 @@ def test_what_the_study_asks_of_a_joint_concerns_those_who_judge_alone(tmp_path:
     file = write_study(tmp_path, *ROWS, models=("rigid", "whole-hand"))
 
     def plans() -> tuple[dict[str, Any], ...]:
-        made = StudyPlans(read_study(file), Path("results/test"))
-        return made.content("01"), made.recordings_content("01"), made.fit_content("01", RIGHT, "whole-hand")
+        plan = StudyPlans(read_study(file), Path("results/test")).content("01")
+        return plan, recordings_part(plan), fit_part(plan, RIGHT, "whole-hand")
 
     before = plans()
     assert plan_from_content(before[0], "plan.json").layouts[RIGHT].wanted_mm == 2.0
@@ -214,56 +195,7 @@ def test_tasks_that_are_left_out_in_turn(
     assert own == [Part(RIGHT, model, task, "01") for task in ("", *left_out)]
 
 
-def test_parts_are_every_hand_under_every_model(tmp_path: Path) -> None:
-    read = plan(tmp_path, "01 left b both 1", "01 left c calibration 2", "01 right b both 3")
-    assert [(part.hand, part.model, part.made_without) for part in read.parts()] == [
-        (LEFT, "rigid", ""),
-        (LEFT, "rigid", "b"),
-        (LEFT, "anatomical", ""),
-        (LEFT, "anatomical", "b"),
-        (RIGHT, "rigid", ""),
-        (RIGHT, "anatomical", ""),
-    ]
-
-
 # --- a hand alone -----------------------------------------------------------------------------------------
-
-
-def poses(folder: Path, task: str, hand: str = RIGHT) -> Path:
-    names = {"subject": "01", "hand": hand, "task": task, "trial": ""}
-    path = folder / f"{hand}-{task}.parquet"
-    write_table(path, POSES, columns_from_rows(POSES, []), Provenance(parameters=names))
-    return path
-
-
-def test_poses_alone_are_used_as_the_command_line_names_them(tmp_path: Path) -> None:
-    """Roles leave nothing out: what calibrates is what is named."""
-    rom, both, other = (poses(tmp_path, task) for task in ("rom", "both", "other"))
-    model = read_model("rigid")
-    read = plan_of_poses([rom, both], [both, other], read_layout("liberty16"), [model])
-    assert (read.subject, read.hands, list(read.models)) == ("01", (RIGHT,), ["rigid"])
-    assert [(r.task, r.role) for r in read.recordings] == [
-        ("rom", "calibration"),
-        ("both", "both"),
-        ("other", "evaluation"),
-    ]
-    assert [read.poses(r) for r in read.calibrating(RIGHT, "rigid")] == [rom, both]
-    assert [read.poses(r) for r in read.evaluated(RIGHT)] == [both, other]
-    assert read.parts() == [Part(RIGHT, "rigid", "", "01")]
-
-
-def test_sheets_and_sizes_of_a_hand_alone(tmp_path: Path) -> None:
-    sheet = tmp_path / "corrections.tsv"
-    rows = "".join(f"\n{s} {h} wrist 1 2 3" for s in "12" for h in (RIGHT, LEFT))
-    sheet.write_text(f"subject hand joint dx_mm dy_mm dz_mm{rows}".replace(" ", "\t"))
-    read = plan_of_poses(
-        [], [], read_layout("liberty16"), [], subject="1", hand=LEFT,
-        sizes_mm={"hand_length_mm": 180.0}, sheets={"corrections": sheet, "touches": None},
-    )  # fmt: skip
-    assert [(row["subject"], row["hand"]) for row in read.corrections] == [("1", LEFT)]
-    assert (read.hand_length_mm, read.hand_breadth_mm) == (180.0, None)
-    assert read.sheets == {"corrections": sheet}
-    assert (read.hands, read.parts("rigid")) == ((LEFT,), [Part(LEFT, "rigid", "", "1")])
 
 
 def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(tmp_path: Path) -> None:
@@ -275,21 +207,3 @@ def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(
         write_table(plan.table("findings"), FINDINGS, columns_from_rows(FINDINGS, [row]), Provenance())
         found = plan.with_findings()
         assert (found.doubted("left"), found.doubted("right")) == (doubted, "")
-
-
-def test_poses_of_two_hands_are_refused(tmp_path: Path) -> None:
-    files = [poses(tmp_path, "rom"), poses(tmp_path, "rom", LEFT)]
-    with pytest.raises(InputError, match=r"left-rom.parquet: is of .*; expected subject 01, right hand"):
-        plan_of_poses(files[:1], files[1:], read_layout("liberty16"), [])
-
-
-def test_a_recording_counts_once(tmp_path: Path) -> None:
-    """A copy would halve the variance of every joint; the same file by another path is the same file."""
-    rom, layout = poses(tmp_path, "rom"), read_layout("liberty16")
-    copy, link = tmp_path / "copy.parquet", tmp_path / "link.parquet"
-    copy.write_bytes(rom.read_bytes())
-    link.symlink_to(rom)
-    with pytest.raises(InputError, match=r"copy.parquet: is of .* rom, as .*-rom.parquet is; give a record"):
-        plan_of_poses([rom, copy], [], layout, [])
-    (recording,) = plan_of_poses([rom], [link], layout, []).recordings
-    assert recording.role == "both"

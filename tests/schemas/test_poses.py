@@ -1,25 +1,24 @@
 """Reading poses tables: names, hands, and files that are not what they should be."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from schemas import poses as poses_module
-from schemas.catalogue import POSES, PROBLEMS
-from schemas.errors import InputError, TableError
-from schemas.poses import (
-    frame_count,
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.poses import (
     one_hand,
     pose_blocks,
-    poses_reader,
     read_poses,
     recording_name,
-    usable_poses,
 )
-from schemas.study import Hand
-from schemas.tables import Provenance, columns_from_rows, write_failure, write_table, write_table_in_parts
+from shukotsu.schemas.study import Hand
+from shukotsu.schemas.tables import (
+    Provenance,
+    write_table,
+    write_table_in_parts,
+)
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 NAME = {"subject": "01", "hand": "right", "task": "rom", "trial": ""}
@@ -53,25 +52,12 @@ def write(
     return path
 
 
-def test_a_recording_without_rows_gives_one_empty_block(tmp_path: Path) -> None:
-    poses = read_poses(write(tmp_path / "p.parquet", {}), ("hand", "thumb"))
-    assert poses.position_mm.shape == (0, 2, 3)
-    assert poses.quaternion.shape == (0, 2, 4)
-    assert poses.segments == ("hand", "thumb")
-
-
 def test_a_segment_that_the_file_lacks_is_never_valid(tmp_path: Path) -> None:
     poses = read_poses(write(tmp_path / "p.parquet", {"hand": [4, 5]}), ("thumb", "hand"))
     np.testing.assert_array_equal(poses.valid, [[False, True]] * 2)
     assert np.isnan(poses.position_mm[:, poses.index("thumb")]).all()
     nobody = read_poses(tmp_path / "p.parquet", ("thumb",))
     assert nobody.frame.size == 0
-
-
-def test_a_frames_time_is_that_of_the_first_segment_that_has_one(tmp_path: Path) -> None:
-    times = [None, 0.2, None, 0.1, 9.0, None]
-    path = write(tmp_path / "p.parquet", {"hand": [1, 2, 3], "thumb": [1, 2, 3]}, times)
-    np.testing.assert_array_equal(read_poses(path, ("hand", "thumb")).time_s, [0.1, 0.2, np.nan])
 
 
 @pytest.mark.parametrize("thumb", [[1, 2, 4], [1, 2], [1, 2, 3, 4]])
@@ -114,11 +100,6 @@ def test_blocks_do_not_depend_on_row_groups(
         np.testing.assert_array_equal(joined, getattr(whole, name), err_msg=name)
 
 
-def test_frames_are_counted(tmp_path: Path) -> None:
-    assert frame_count(moving(tmp_path / "p.parquet", 20, 8, slice(5, 9))) == 20
-    assert frame_count(write(tmp_path / "empty.parquet", {})) == 0
-
-
 def test_a_damaged_column_is_said(tmp_path: Path) -> None:
     path = moving(tmp_path / "p.parquet", 2000, 2000)
     content = bytearray(path.read_bytes())
@@ -128,31 +109,13 @@ def test_a_damaged_column_is_said(tmp_path: Path) -> None:
         read_poses(path, ("hand", "thumb"))
 
 
-def test_recordings_are_kept_until_they_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same arrays, which nobody can write to; another file under the same name is read again."""
-    path = moving(tmp_path / "p.parquet", 20, 20)
-    first = read_poses(path, ("hand", "thumb"))
-    assert read_poses(path, ("hand", "thumb")) is first
-    assert read_poses(path, ("thumb",)).segments == ("thumb",)
-    with pytest.raises(ValueError, match="read-only"):
-        first.position_mm[0] = 0.0
-    moving(path, 30, 30)
-    assert len(read_poses(path, ("hand", "thumb")).frame) == 30
-    others = [moving(tmp_path / f"{n}.parquet", 20, 20) for n in range(6)]
-    size = sum(array.nbytes for array in (first.frame, first.time_s, first.position_mm)) * 3
-    monkeypatch.setattr(poses_module, "KEPT_BYTES", 4 * size)
-    kept = [read_poses(other, ("hand", "thumb")) for other in others]
-    assert read_poses(others[-1], ("hand", "thumb")) is kept[-1]
-    assert read_poses(others[0], ("hand", "thumb")) is not kept[0]
-    monkeypatch.setattr(poses_module, "KEPT_BYTES", 100)
-    assert read_poses(others[1], ("thumb",)) is not read_poses(others[1], ("thumb",))
-
-
 def test_a_recordings_name(tmp_path: Path) -> None:
     path = write(tmp_path / "p.parquet", {"hand": [1]}, trial="2")
     assert str(recording_name(path)) == "subject 01, right hand, rom, 2"
     write_table(path, POSES, {column.name: [] for column in POSES.columns}, Provenance())
-    with pytest.raises(InputError, match=r"its metadata lacks 'subject'; make it with stages\.capture"):
+    with pytest.raises(
+        InputError, match=r"its metadata lacks 'subject'; make it with shukotsu\.stages\.capture"
+    ):
         recording_name(path)
 
 
@@ -169,52 +132,3 @@ def test_all_files_must_be_of_one_hand(tmp_path: Path) -> None:
         one_hand([], "02", None, None)
     with pytest.raises(InputError, match=r"absent.parquet: no such file; expected a poses table"):
         one_hand([tmp_path / "absent.parquet"], "02", None, None)
-
-
-def test_usable_files_and_the_reasons_why_others_are_not(tmp_path: Path) -> None:
-    """A recorded failure is a reason; what is no poses table is refused."""
-    good, failed = write(tmp_path / "good.parquet", {"hand": [1]}), tmp_path / "failed.parquet"
-    write_failure(failed, POSES, "the reason", Provenance())
-    assert usable_poses([failed, good]) == ([good], ["the reason"])
-    with pytest.raises(TableError, match="no such file; expected a poses table"):
-        usable_poses([good, tmp_path / "absent.parquet"])
-
-
-def test_a_reader_gives_the_recordings_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Short ones with all segments, and the same arrays again; of long ones what is asked for."""
-    paths = [moving(tmp_path / f"{n}.parquet", n, n) for n in (20, 30)]
-    reader = poses_reader(paths, ("hand", "thumb"))
-    short = list(reader("thumb"))
-    assert [len(poses.frame) for poses in short] == [20, 30]
-    assert [poses.segments for poses in short] == [("hand", "thumb")] * 2
-    assert list(reader("hand"))[1] is short[1]
-    monkeypatch.setattr(poses_module, "KEPT_BYTES", 4 * 25 * 2 * poses_module.BYTES_A_POSE)
-    assert [poses.segments for poses in reader("thumb")] == [("hand", "thumb"), ("thumb",)]
-    np.testing.assert_array_equal(list(reader("thumb"))[1].position_mm[:, 0], short[1].position_mm[:, 1])
-
-
-@pytest.mark.parametrize("spoil", ["text", "other", "absent", "folder", "pipe"])
-def test_a_name_is_of_a_poses_table(tmp_path: Path, spoil: str) -> None:
-    path = tmp_path / "p.parquet"
-    if spoil == "text":
-        path.write_text("frame,time_s")
-    elif spoil == "other":
-        write_table(path, PROBLEMS, columns_from_rows(PROBLEMS, []), Provenance())
-    elif spoil == "folder":
-        path.mkdir()
-    elif spoil == "pipe":
-        os.mkfifo(path)
-    said = {
-        "text": "not a readable Parquet file",
-        "other": "is a problems table; expected poses",
-        "absent": "no such file; expected a poses table",
-        "folder": "is a folder; expected a poses table, a regular file",
-        "pipe": "is a pipe; expected a poses table, a regular file",
-    }
-    with pytest.raises(TableError, match=rf"p\.parquet: {said[spoil]}"):
-        recording_name(path)
-
-
-def test_a_failed_import_still_has_its_name(tmp_path: Path) -> None:
-    write_failure(tmp_path / "p.parquet", POSES, "the reason", Provenance(parameters=NAME))
-    assert str(recording_name(tmp_path / "p.parquet")) == "subject 01, right hand, rom"

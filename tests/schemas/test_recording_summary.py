@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.catalogue import POSES
-from schemas.findings import NOTE, REFUSED, Finding, worded
-from schemas.recording_summary import recording_row
-from schemas.study import Hand, Recording
-from schemas.tables import Provenance, write_failure, write_table
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.findings import NOTE, REFUSED, Finding, worded
+from shukotsu.schemas.recording_summary import recording_row
+from shukotsu.schemas.study import Hand, Recording
+from shukotsu.schemas.tables import Provenance, write_failure, write_table
 
 RECORDING = Recording(
     Hand("01", "right"), "rom", "2", "both", Path("a.csv"), "data/a.csv", Path("l"), "auto", None, "keep", ""
@@ -70,27 +70,6 @@ def test_gaps_and_missing_frames_count(tmp_path: Path, rows: int) -> None:
     assert row["n_frames"] == N_FRAMES
     assert row["valid_percent"] == pytest.approx(100 * GAPS.sum() / (50 * 4))
     assert problems == [Finding("recording", NOTE, "no-pose", {"segments": ["little"]})]
-
-
-@pytest.mark.parametrize(
-    ("known", "duration_s"), [(slice(0), None), (slice(5, None), 114 / 240), (slice(3, 4), 0.0)]
-)
-def test_the_duration_is_that_of_the_device(tmp_path: Path, known: slice, duration_s: float | None) -> None:
-    time_s = np.full(N_FRAMES * len(SEGMENTS), np.nan)
-    time_s[known] = np.arange(len(time_s))[known] / 240
-    row, _ = recording_row(RECORDING, poses(tmp_path / "p.parquet", {}, time_s=time_s))
-    assert row["duration_s"] == (None if duration_s is None else pytest.approx(duration_s))
-
-
-def test_notes_are_in_the_row_and_losses_are_problems(tmp_path: Path) -> None:
-    notes, losses = ["times were missing", "lost 3 frames"], ["lost 3 frames"]
-    parameters = {"notes": notes, "losses": losses}
-    never = np.repeat([True, False, True], N_FRAMES)
-    row, problems = recording_row(RECORDING, poses(tmp_path / "p.parquet", parameters, never))
-    messages = [one.message for one in problems]
-    assert messages == ["no usable pose of thumb; check that receiver", "lost 3 frames"]
-    assert row["message"] == "; ".join([*messages, "times were missing"])
-    assert row["status"] == "used"
 
 
 def test_a_failed_import_and_an_excluded_recording(tmp_path: Path) -> None:

@@ -1,20 +1,18 @@
 """Studies: paths, roles, and what two rows of a sheet may not do to each other."""
 
 from pathlib import Path
-from urllib.parse import unquote
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from small_study import HEADER, write_study
-from snakemake.io import PeriodicityDetector
 
-from schemas.config_files import CONFIG_FOLDER
-from schemas.errors import InputError
-from schemas.layout import read_layout
-from schemas.plan import StudyPlans, plan_from_content
-from schemas.sheets import CORRECTIONS, read_sheet
-from schemas.study import Hand, Study, correction_problems, path_token, read_study, unmatched_rows
+from shukotsu.errors import InputError
+from shukotsu.schemas.config_files import CONFIG_FOLDER
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.plan import StudyPlans, recordings_part
+from shukotsu.schemas.sheets import CORRECTIONS, read_sheet
+from shukotsu.schemas.study import Hand, Study, correction_problems, path_token, read_study
 
 
 def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
@@ -66,46 +64,6 @@ def test_the_study_s_mapping_is_that_of_rows_which_may_need_one(tmp_path: Path) 
     assert mappings == [tmp_path / "lab.yaml", tmp_path / "own.yaml", None, None, None]
 
 
-def test_recordings_of_a_hand_may_wear_fewer_receivers(tmp_path: Path) -> None:
-    """The hand has the layout with most of them, whichever comes first."""
-    rows = ("01 right tips evaluation t.csv - tips-and-hand", "01 right rom calibration r.csv")
-    read = study(tmp_path, *rows, "02 right tips both t.csv - tips-and-hand")
-    assert read.layout_of(Hand("01", "right")).stem == "liberty16"
-    assert read.layout_of(Hand("02", "right")).stem == "tips-and-hand"
-    assert [recording.layout.stem for recording in read.recordings] == [
-        "tips-and-hand",
-        "liberty16",
-        "tips-and-hand",
-    ]
-
-
-def test_recordings_that_are_shown(tmp_path: Path) -> None:
-    """Those that tips are evaluated on, but for excluded ones."""
-    rows = ("a calibration 1", "b both 2", "c evaluation 3", "d both 4 - - moved")
-    read = study(tmp_path, *(f"01 right {row}" for row in rows), "01 left a both 5", "02 right a both 6")
-    assert [(r.hand.subject, r.hand.hand, r.task) for r in read.shown] == [
-        ("01", "right", "b"),
-        ("01", "right", "c"),
-        ("01", "left", "a"),
-        ("02", "right", "a"),
-    ]
-
-
-def test_the_study_of_one_subject(tmp_path: Path) -> None:
-    read = study(tmp_path, "b left x both 1", "a right x both 2", "b right y both 4")
-    assert read.subjects == ("b", "a")
-    own = read.of_session("b")
-    assert [r.file_as_written for r in own.recordings] == ["1", "4"]
-    assert own.hands == (Hand("b", "left"), Hand("b", "right"))
-    with pytest.raises(InputError, match=r"study test: has no subject 'c'; expected one of b, a"):
-        read.of_session("c")
-
-
-def test_hands_come_in_the_sheets_order(tmp_path: Path) -> None:
-    rows = ("b left x both 1", "a right x both 2", "b left y both 3", "b right x both 4")
-    assert study(tmp_path, *rows).hands == (Hand("b", "left"), Hand("a", "right"), Hand("b", "right"))
-
-
 @given(st.text(), st.text())
 @example("a.b", "a%2Eb")
 @example("é", "e\u0301")
@@ -119,46 +77,6 @@ def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
     token = path_token(name)
     assert all(letter.isalnum() or letter in "-_%" for letter in token)
     assert path_token(token.replace("%", "")) == token.replace("%", "")
-
-
-@pytest.mark.parametrize("name", ["a" * 24, "ab" * 30, "/" * 24, "-" * 20, "x" + "é" * 40])
-def test_a_name_of_many_repetitions_is_none_in_its_path(name: str) -> None:
-    """Snakemake refuses to run a job with such a name."""
-    assert PeriodicityDetector().is_periodic(path_token(name)) is None
-    assert unquote(path_token(name).replace("%%", "%")) == name
-
-
-def test_a_row_that_no_file_can_be_named_by_is_left_out(tmp_path: Path) -> None:
-    long, file = "s" * 300, "f" * 300
-    read = study(
-        tmp_path, f"{long} right rom both a.csv", f"01 left rom both {file}.csv", "01 right rom both b.csv"
-    )
-    assert [recording.hand for recording in read.recordings] == [Hand("01", "right")]
-    assert [(row.hand, row.task) for row in read.unusable] == [
-        (Hand(long, "right"), "rom"),
-        (Hand("01", "left"), "rom"),
-    ]
-    left_out = "the row was left out"
-    assert [row.message for row in read.unusable] == [
-        "recordings.tsv: row 2, columns subject, session, task, trial: have 306 bytes in the names of files; "
-        f"expected at most 200; {left_out}",
-        "recordings.tsv: row 3, column file: has a part of more than 255 bytes, which no file's name has; "
-        f"{left_out}",
-    ]
-    with pytest.raises(InputError, match=r"has no recording; .*row 2, columns subject"):
-        study(tmp_path, f"{long} right rom both a.csv")
-
-
-def test_a_subject_of_any_name(tmp_path: Path) -> None:
-    (tmp_path / "r.tsv").write_text(
-        'subject\thand\ttask\trole\tfile\nA & <b>"x"\tright\t../rom 1\tboth\tr.csv\n'
-    )
-    text = write_study(tmp_path, "01 right a both a.csv").read_text()
-    (tmp_path / "study.yaml").write_text(text.replace("sheets/recordings", "r"))
-    (recording,) = read_study(tmp_path / "study.yaml").recordings
-    assert recording.hand.subject == 'A & <b>"x"'
-    assert recording.hand.folder == "sub-A%20%26%20%3Cb%3E%22x%22/right"
-    assert recording.name == "%2E%2E%2From%201"
 
 
 @pytest.mark.parametrize(
@@ -188,13 +106,6 @@ def test_a_subject_of_any_name(tmp_path: Path) -> None:
 def test_a_contradiction_is_refused(tmp_path: Path, rows: tuple[str, ...], more: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         study(tmp_path, *rows, more=more)
-
-
-def test_a_model_given_by_name_and_by_path_is_given_twice(tmp_path: Path) -> None:
-    (tmp_path / "rigid.yaml").write_text("model: rigid\ndescription: Another.\n")
-    file = write_study(tmp_path, "01 right a both a.csv", models=("rigid", "rigid.yaml"))
-    with pytest.raises(InputError, match="models: rigid is given twice"):
-        read_study(file)
 
 
 def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) -> None:
@@ -235,27 +146,6 @@ def study_of_sessions(folder: Path, *rows: str, **sheets: str) -> Study:
     return read_study(folder / "study.yaml")
 
 
-def test_names_that_the_sheets_write_otherwise_are_told(tmp_path: Path) -> None:
-    """A spreadsheet makes 1 of 01, and the hand's length would be unknown without a word."""
-    rows = ("01  right rom both a.csv", "02  right rom both a.csv")
-    measured = "subject hand quantity value_mm sd_mm\n1 right ring_distal 25 1\n01 left ring_distal 25 1"
-    read = study_of_sessions(
-        tmp_path,
-        *(row.replace("  ", " - ") for row in rows),
-        participants="subject hand_length_mm\n1 180\n02 190\n",
-        measurements=measured,
-    )
-    first, second, people = unmatched_rows(read)
-    assert first == (
-        "measurements.tsv: row 2, column subject: the study has no right hand of '1'; the row was not applied"
-    )
-    assert "row 3, column subject: the study has no left hand of '01'" in second
-    assert "participants.tsv: has no row of '01', and row 2 is of '1', who has no recording" in people
-    for text in ("subject hand_length_mm\n02 190\n", "subject hand_length_mm\n01 1e2\n02 190\n03 180\n"):
-        (tmp_path / "participants.tsv").write_text(text.replace(" ", "\t"))
-        assert unmatched_rows(read)[2:] == [], "who was not measured, or not recorded, is no mistake"
-
-
 def test_sessions_are_kept_apart(tmp_path: Path) -> None:
     read = study_of_sessions(
         tmp_path,
@@ -277,17 +167,6 @@ def test_sessions_are_kept_apart(tmp_path: Path) -> None:
         read.of_session("01", "3")
 
 
-def test_a_session_may_not_have_the_path_of_another_subject(tmp_path: Path) -> None:
-    (tmp_path / "recordings.tsv").write_text(
-        f"{SESSIONS}\n01\t2\tright\trom\tboth\ta.csv\n01_ses-2\t\tright\treach\tboth\tb.csv\n"
-    )
-    (tmp_path / "study.yaml").write_text(
-        "study: s\nlayout: liberty16\nmodels: [rigid]\nrecordings: recordings.tsv\n"
-    )
-    with pytest.raises(InputError, match="row 3: results of subject 01_ses-2 would have the path of subject"):
-        read_study(tmp_path / "study.yaml")
-
-
 @pytest.mark.parametrize(
     ("row", "message"),
     [
@@ -304,21 +183,8 @@ def test_events_are_of_one_recording(tmp_path: Path, row: str, message: str) -> 
     read = study_of_sessions(tmp_path, *recordings, events=events.replace("-", ""))
     plans = StudyPlans(read, tmp_path / "results")
     for session, tasks in (("1", {"rom"}), ("2", {"scale", "rom"})):
-        plan = plan_from_content(plans.recordings_content("01", session), "here")
-        assert {row["task"] for row in plan.events} == tasks
-
-
-def test_rows_of_one_session_come_before_those_of_all(tmp_path: Path) -> None:
-    sheet = (
-        "subject hand session quantity value_mm sd_mm\n01 right - a 1 1\n01 right 2 a 2 1\n01 right 2 b 3 1\n"
-    )
-    recordings = ("01 1 right rom both a.csv", "01 2 right rom both b.csv")
-    read = study_of_sessions(tmp_path, *recordings, measurements=sheet.replace("-", ""))
-    plans = StudyPlans(read, tmp_path / "results")
-    for session, values in (("1", {"a": 1.0}), ("2", {"a": 2.0, "b": 3.0})):
-        content = plans.content("01", session)
-        assert content["session"] == session
-        assert {row["quantity"]: row["value_mm"] for row in content["measurements"]} == values
+        part = recordings_part(plans.content("01", session))
+        assert {row["task"] for row in part["events"]} == tasks
 
 
 def test_exports_are_of_models_of_the_study(tmp_path: Path) -> None:

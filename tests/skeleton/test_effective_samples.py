@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from skeleton.effective_samples import effective_samples
-
-
-def test_few_samples_count_each() -> None:
-    assert effective_samples(np.ones((2, 3)), 3.0, 16) == 2
+from shukotsu.skeleton.effective_samples import effective_samples
 
 
 @pytest.mark.parametrize("waves", [0.5, 1.5, 20.0])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
 
-from schemas.catalogue import BONE_POSES, JOINT_CENTRES, METACARPALS
-from schemas.errors import InputError
-from schemas.tables import Table
-from skeleton.posed_recording import posed_bones
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import BONE_POSES, JOINT_CENTRES, METACARPALS
+from shukotsu.schemas.tables import Table
+from shukotsu.skeleton.posed_recording import posed_recording
 
 
 @pytest.fixture
@@ -22,9 +22,10 @@ def hand(tmp_path: Path) -> KnownHand:
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
 def test_some_frames_are_those_of_the_whole(hand: KnownHand, model: str) -> None:
-    whole = posed_bones(hand.plan, hand.recording, model, hand.poses())
+    recording = posed_recording(hand.plan, hand.recording, model)
+    whole = recording.bones(hand.poses())
     rows = np.array([3, 4, 11])
-    some = posed_bones(hand.plan, hand.recording, model, hand.poses().take(rows))
+    some = recording.bones(hand.poses().take(rows))
     np.testing.assert_array_equal(some.position_mm, whole.position_mm[rows])
     np.testing.assert_array_equal(some.quaternion, whole.quaternion[rows])
     assert np.isfinite(whole.quaternion).all()
@@ -33,7 +34,7 @@ def test_some_frames_are_those_of_the_whole(hand: KnownHand, model: str) -> None
 def test_a_frame_that_a_table_lacks_is_not_known(hand: KnownHand) -> None:
     rows = [row for row in hand.rows(FITTED, BONE_POSES) if (row["segment"], row["frame"]) != ("hand", 5)]
     hand.write(FITTED, BONE_POSES, rows)
-    bones = posed_bones(hand.plan, hand.recording, FITTED, hand.poses())
+    bones = posed_recording(hand.plan, hand.recording, FITTED).bones(hand.poses())
     assert np.flatnonzero(np.isnan(bones.position_mm[:, 0, 0])).tolist() == [4], "frames count from 1"
 
 
@@ -41,16 +42,16 @@ def test_a_frame_that_a_table_lacks_is_not_known(hand: KnownHand) -> None:
 def test_a_recording_that_was_not_posed_is_refused(hand: KnownHand, model: str, table: Table) -> None:
     hand.write(model, table, [row | {"task": "rom"} for row in hand.rows(model, table)])
     with pytest.raises(InputError, match="no row of opposition; only recordings of role evaluation"):
-        posed_bones(hand.plan, hand.recording, model, hand.poses())
+        posed_recording(hand.plan, hand.recording, model).bones(hand.poses())
 
 
 def test_a_failed_or_absent_table_is_refused_with_its_reason(hand: KnownHand) -> None:
     hand.write(REPLAYED, JOINT_CENTRES, "subject 01: no calibration recording")
     with pytest.raises(InputError, match="no calibration recording"):
-        posed_bones(hand.plan, hand.recording, REPLAYED, hand.poses())
-    assert posed_bones(hand.plan, hand.recording, FITTED, hand.poses()).joints, (
+        posed_recording(hand.plan, hand.recording, REPLAYED).bones(hand.poses())
+    assert posed_recording(hand.plan, hand.recording, FITTED).bones(hand.poses()).joints, (
         "the other skeleton is as it was"
     )
     hand.path(REPLAYED, JOINT_CENTRES).unlink()
     with pytest.raises(InputError, match="no such file"):
-        posed_bones(hand.plan, hand.recording, REPLAYED, hand.poses())
+        posed_recording(hand.plan, hand.recording, REPLAYED).bones(hand.poses())

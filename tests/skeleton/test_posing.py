@@ -9,21 +9,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from schemas.errors import InputError
-from schemas.layout import read_layout
-from schemas.model import read_model
-from schemas.poses import Poses
-from skeleton.posing import (
-    Motion,
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.posing import (
+    BoneMotion,
     PosedBones,
     Skeleton,
-    digit_seats,
+    digit_points,
     fitted_bones,
     pose_bones,
-    ridden_bones,
+    receiver_bones,
     rigid_positions,
 )
-from skeleton.rotations import about_axis, conjugate, multiply, rotate
+from shukotsu.skeleton.rotations import about_axis, conjugate, multiply, rotate
 
 N_FRAMES = 30
 LAYOUT = read_layout("liberty16")
@@ -89,7 +88,7 @@ def carried(poses: Poses, segment: str, point: Any) -> np.ndarray:
 @pytest.fixture
 def ridden() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones]:
     skeleton, poses, metacarpals = random_skeleton(), random_poses(LAYOUT.measured), random_metacarpals()
-    return skeleton, poses, metacarpals, pose_bones(skeleton, poses, Motion(metacarpals=metacarpals))
+    return skeleton, poses, metacarpals, pose_bones(skeleton, poses, BoneMotion(metacarpals=metacarpals))
 
 
 def test_joints_ride_on_their_receivers(
@@ -153,18 +152,6 @@ def test_rigid_bones_end_at_the_least_squares_tips(
         np.testing.assert_allclose(found[:, bones.index(f"{digit.name}_tip")], tip, atol=1e-9)
 
 
-def test_what_has_no_valid_receiver_is_not_known() -> None:
-    skeleton, poses = random_skeleton(), random_poses(LAYOUT.measured)
-    poses.valid[4:7, poses.index("index_middle")] = False
-    bones = ridden_bones(skeleton, poses, random_metacarpals())
-    pip, dip = bones.index("index_pip"), bones.index("index_dip")
-    assert np.flatnonzero(np.isnan(bones.position_mm[:, pip, 0])).tolist() == [4, 5, 6]
-    assert np.flatnonzero(np.isnan(bones.quaternion[:, pip, 0])).tolist() == [4, 5, 6]
-    assert np.isfinite(bones.position_mm[:, dip]).all()
-    rigid = rigid_positions(bones.parents.tolist(), bones.position_mm, bones.quaternion, bones.rest_offset_mm)
-    assert np.isnan(rigid[4:7, bones.index("index_tip")]).all()
-
-
 def changed_joint(skeleton: Skeleton, name: str) -> Skeleton:
     row = {**skeleton.joints[name], "status": "failed", "message": "too few frames (3)"}
     return replace(skeleton, joints={**skeleton.joints, name: row})
@@ -172,72 +159,18 @@ def changed_joint(skeleton: Skeleton, name: str) -> Skeleton:
 
 def test_a_digit_with_a_failed_joint_is_left_out_with_the_reason() -> None:
     skeleton = changed_joint(random_skeleton(), "ring_dip")
-    bones = ridden_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
+    bones = receiver_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
     assert bones.left_out == {"ring": "ring_dip failed: too few frames (3)"}
     assert len(bones.joints) == 20
     assert bones.joints[bones.index("little_pip")].parent == bones.index("little_mcp")
-    seats = digit_seats(LAYOUT.digits["ring"], LAYOUT, RIDDEN, skeleton.joints)
-    assert [seat.name for seat in seats] == ["wrist", "ring_mcp", "ring_pip", "ring_dip", "ring_tip"]
-    assert [bool(seat.segment) for seat in seats] == [True, True, True, False, True], "the others are known"
-
-
-def test_a_failed_wrist_is_told_and_costs_the_digits_that_start_there() -> None:
-    skeleton = changed_joint(random_skeleton(), "wrist")
-    bones = ridden_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
-    assert bones.root_failure == "joint wrist failed (too few frames (3))"
-    assert np.isnan(bones.position_mm[:, 0]).all()
-    assert [joint.digit for joint in bones.joints if joint.tip] == ["thumb"]
-    without = {name: row for name, row in skeleton.joints.items() if name != "wrist"}
-    bones = ridden_bones(
-        replace(skeleton, joints=without), random_poses(LAYOUT.measured), random_metacarpals()
+    points = digit_points(LAYOUT.digits["ring"], LAYOUT, RIDDEN, skeleton.joints)
+    assert [point.name for point in points] == ["wrist", "ring_mcp", "ring_pip", "ring_dip", "ring_tip"]
+    assert [bool(point.segment) for point in points] == [True, True, True, False, True], (
+        "the others are known"
     )
-    assert bones.root_failure == "joint wrist failed (it was not solved)"
 
 
-def test_a_digit_without_its_bones_or_metacarpals() -> None:
-    """Without a row of bone_lengths it is left out; without metacarpals their rotations are not known."""
-    skeleton = random_skeleton()
-    lengths = {key: row for key, row in skeleton.bones.items() if key[1] != "index_distal"}
-    bones = ridden_bones(replace(skeleton, bones=lengths), random_poses(LAYOUT.measured), {})
-    assert bones.left_out == {"index": "bone_lengths has no row of index_distal"}
-    assert np.isnan(bones.quaternion[:, bones.index("little_cmc")]).all()
-
-
-def test_a_first_joint_that_no_receiver_measures_is_refused() -> None:
-    skeleton = replace(random_skeleton(), model=replace(RIDDEN, own_cmc=("index_cmc",)))
-    with pytest.raises(InputError, match="index_metacarpal carries no receiver"):
-        ridden_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
-
-
-def test_an_arm_has_its_own_names() -> None:
-    """Any layout has its skeleton, its root the receiver that the digit hangs from."""
-    layout = read_layout("arm")
-    rows: dict[str, dict[str, Any]] = {
-        joint.name: {
-            "parent_segment": joint.parent_receiver,
-            "child_segment": joint.child,
-            "dof": joint.dof,
-            "status": "ok",
-            "message": "",
-            **xyz("parent_{}_mm", X),
-            **xyz("child_{}_mm", -X),
-            **xyz("axis_child_{}", [None] * 3),
-        }
-        for joint in layout.solvable
-    }
-    lengths = {
-        (digit.name, segment): {"length_mm": 300.0, "driven_by": segment, **xyz("{}_mm", 300 * X)}
-        for digit in layout.digits.values()
-        for segment in digit.segments
-    }
-    poses = random_poses(layout.measured)
-    bones = pose_bones(Skeleton(layout, RIDDEN, rows, lengths), poses, Motion())
-    assert bones.names == ("scapula", "shoulder", "elbow", "wrist", "arm_tip")
-    assert bones.parents.tolist() == [-1, 0, 1, 2, 3]
-    np.testing.assert_allclose(bones.position_mm[:, 0], poses.position_mm[:, poses.index("scapula")])
-
-
-def fitted_motion(amplitude_deg: float) -> Motion:
+def fitted_motion(amplitude_deg: float) -> BoneMotion:
     """Bones anywhere; those of the middle finger turn about an axis of their own, the rest stand still."""
     rng = np.random.default_rng(5)
     swing = np.radians(amplitude_deg) / 2 * np.sin(np.linspace(0, 9, N_FRAMES))
@@ -249,7 +182,7 @@ def fitted_motion(amplitude_deg: float) -> Motion:
             turn = multiply(turn, about_axis(np.array([0.6, 0.8, 0.0]), swing))
         poses[segment] = np.concatenate([rng.normal(size=(N_FRAMES, 3)), turn], 1)
     tips = {name: rng.normal(size=(N_FRAMES, 3)) for name in LAYOUT.digits}
-    return Motion(bone_poses=poses, tips=tips)
+    return BoneMotion(bone_poses=poses, tips=tips)
 
 
 def test_a_fitted_hand_is_where_its_tables_have_it() -> None:
@@ -278,10 +211,3 @@ def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
     assert np.isnan(bones.axis[bones.index("index_pip")]).all(), "it does not move"
     still = fitted_motion(0.5)
     assert np.isnan(fitted_bones(skeleton, poses, still).axis[index]).all()
-
-
-def test_a_digit_that_the_fit_does_not_pose_is_left_out() -> None:
-    skeleton, motion = replace(random_skeleton(), model=FITTED), fitted_motion(10)
-    poses = {name: pose for name, pose in motion.bone_poses.items() if name != "little_distal"}
-    bones = fitted_bones(skeleton, random_poses(LAYOUT.measured), replace(motion, bone_poses=poses))
-    assert bones.left_out == {"little": "the fit of the whole hand poses no little_distal"}

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from skeleton import rotations
+from shukotsu.skeleton import rotations
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -66,18 +66,6 @@ def test_nearest_rotation_undoes_a_small_stretch(seed: int) -> None:
     stretch = np.eye(3) + 0.1 * np.diag(np.random.default_rng(seed).uniform(-1, 1, 3))
     np.testing.assert_allclose(rotations.nearest_rotation(turn @ stretch), turn, atol=1e-12)
     assert np.linalg.det(rotations.nearest_rotation(-np.eye(3)[None])).item() == pytest.approx(1)
-
-
-def test_unit_keeps_zero() -> None:
-    np.testing.assert_array_equal(
-        rotations.unit(np.array([[0.0, 0, 0], [0, 3, 4]])), [[0, 0, 0], [0, 0.6, 0.8]]
-    )
-
-
-@given(SEEDS, SEEDS)
-def test_left_matrix_multiplies_from_the_left(first: int, second: int) -> None:
-    a, b = quaternions(some(first, 1))[0], quaternions(some(second))
-    np.testing.assert_allclose((rotations.left_matrix(a) @ b.T).T, rotations.multiply(a, b), atol=1e-15)
 
 
 def test_bone_frame_is_x_distal_z_dorsal() -> None:

@@ -10,7 +10,7 @@ from export_samples.known_hands import FITTED, KnownHand
 from export_samples.long_hand import long_hand
 from long_poses import long_poses
 
-from stages.export.registry import FORMATS
+from shukotsu.stages.export.registry import FORMATS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 HOUR = 3600 * 240
@@ -68,7 +68,7 @@ def quarter(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
 @pytest.mark.parametrize("name", FORMATS)
 def test_an_export_of_a_quarter_of_an_hour(quarter: KnownHand, tmp_path: Path, name: str) -> None:
     """With a quarter of the arrays that are else kept in memory, so that an hour takes four times as much."""
-    less = "from stages.export import long_arrays; long_arrays.KEPT_BYTES //= 4; "
+    less = "from shukotsu.stages.export import long_arrays; long_arrays.KEPT_BYTES //= 4; "
     argv = ["--plan", quarter.plan_path, "--model", FITTED, "--formats", name, "--out", tmp_path]
     peak = _peak_bytes(less + PEAK.format("export"), *argv)
     assert peak < FIXED_BYTES + 1.1 * (MOST_BYTES - FIXED_BYTES) / 4  # pages of files count too

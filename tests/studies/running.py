@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
 import subprocess
@@ -12,32 +13,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schemas.catalogue import TABLES
-from schemas.results import Results
-from schemas.tables import read_table, rows_of
-from stages.simulate.realism import Realism
-from stages.simulate.recording import write_recording
-from stages.simulate.simulation import simulate
+from program_files import LINKED, REPOSITORY
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-PARTS = (
-    "Snakefile",
-    "workflow",
-    "stages",
-    "trackers",
-    "skeleton",
-    "anatomy",
-    "schemas",
-    "checks",
-    "subject_statistics",
-    "config",
-    "profiles",
-    "captions",
-    "data",
-)
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.recording import write_recording
+from shukotsu.stages.simulate.simulation import simulate
 
 HEADER = "subject\thand\ttask\trole\tfile\texclude"
 
+CORES = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2
+"""Of a study, unless a test says how many: workers share the machine."""
 _JOB = re.compile(r"^Job \d+: (\w+): (.*)$", re.MULTILINE)
 
 Row = dict[str, Any]
@@ -65,7 +53,7 @@ class StudyRun:
     folder: Path
     repository: Path = REPOSITORY
 
-    def snakemake(self, *words: str, cores: int = 2) -> subprocess.CompletedProcess[str]:
+    def snakemake(self, *words: str, cores: int = CORES) -> subprocess.CompletedProcess[str]:
         """Run Snakemake on the study, started from the study's folder; give what it said."""
         return snakemake(
             self.folder,
@@ -78,7 +66,7 @@ class StudyRun:
             repository=self.repository,
         )
 
-    def run(self, cores: int = 2) -> str:
+    def run(self, cores: int = CORES) -> str:
         """Run the study, which must end with exit code 0; give what Snakemake said."""
         done = self.snakemake(cores=cores)
         assert done.returncode == 0, done.stderr
@@ -114,7 +102,7 @@ class StudyRun:
 
 
 def snakemake(
-    folder: Path, *words: str, cores: int = 2, repository: Path = REPOSITORY
+    folder: Path, *words: str, cores: int = CORES, repository: Path = REPOSITORY
 ) -> subprocess.CompletedProcess[str]:
     """Run Snakemake with the program's Snakefile from that working directory."""
     command = [sys.executable, "-m", "snakemake", "-s", str(repository / "Snakefile")]
@@ -159,7 +147,7 @@ def record(
 def copy_of_the_program(folder: Path) -> Path:
     """Copy all that the workflow needs of this repository."""
     folder.mkdir(parents=True)
-    for part in PARTS:
+    for part in ("shukotsu", *LINKED):
         source = REPOSITORY / part
         if source.is_dir():
             leave = shutil.ignore_patterns("__pycache__", "recordings")

@@ -8,15 +8,12 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
-from report_samples.read_page import read_page
 from studies.running import Row, StudyRun, leftovers, record, write_study
 
-from schemas.catalogue import TABLES
-from schemas.finding_groups import faults
-from schemas.findings import STAGE
-from schemas.results import STUDY_TABLES
-from schemas.tables import read_table
-from schemas.verdict import doubts_of
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.findings import STAGE
+from shukotsu.schemas.results import STUDY_TABLES
+from shukotsu.schemas.tables import read_table
 
 pytestmark = pytest.mark.slow
 
@@ -178,12 +175,6 @@ def test_every_recording_has_its_status_and_message(study: StudyRun) -> None:
         assert bool(wanted_words) == bool(message), (subject, file)
 
 
-def test_frames_that_may_be_used_are_counted_once(study: StudyRun) -> None:
-    """A receiver without a pose costs a sixteenth, whether its rows are empty or absent."""
-    percent = [row["valid_percent"] for row in study.rows_where("recordings", subject="dead")]
-    assert percent == [93.75, 93.75]
-
-
 def _where(row: Row) -> str:
     return ", ".join(filter(None, (row["subject"], row["hand"], row["task"], row["model"])))
 
@@ -230,53 +221,6 @@ def test_a_dead_receiver_costs_its_own_two_joints_and_digit_only(study: StudyRun
     assert all(DEAD in row["message"] for row in failed)
 
 
-def test_the_other_digits_of_that_hand_are_as_with_the_receiver(study: StudyRun) -> None:
-    """The recording is the good subject's but for one receiver."""
-    dead = study.rows_where("joint_centres", subject="dead", hand="right")
-    good = study.rows_where("joint_centres", subject=JAPANESE, hand="right")
-    untouched = [
-        [{**row, "subject": ""} for row in rows if not row["joint"].startswith("index")]
-        for rows in (dead, good)
-    ]
-    assert untouched[0] == untouched[1]
-
-
-def test_a_hand_that_is_only_calibrated_has_joints_and_no_tips(study: StudyRun) -> None:
-    joints = study.rows_where("joint_centres", subject="one-sided", hand="right")
-    assert {row["status"] for row in joints} <= {"ok", "weak"}
-    assert not study.rows_where("tip_errors", subject="one-sided", hand="right")
-
-
-def test_any_name_of_a_subject_is_good(study: StudyRun) -> None:
-    for subject, hand in ((HOSTILE, "right"), (JAPANESE, "right"), (SLASHED, "left")):
-        errors = study.rows_where("tip_errors", subject=subject, hand=hand)
-        assert [row["n_frames"] for row in errors] == [300] * 10
-
-
-def test_corrections_that_can_be_applied_are(study: StudyRun) -> None:
-    corrected = [row for row in study.rows("joint_centres") if row["correction_mm"] is not None]
-    assert [(row["subject"], row["hand"], row["joint"]) for row in corrected] == [
-        ("good", "right", "ring_dip")
-    ]
-
-
-def test_the_report_is_well_formed_and_escapes_what_people_wrote(study: StudyRun) -> None:
-    page = study.page()
-    assert read_page(page).tables
-    assert "<b>" not in page
-
-
-def test_the_report_gives_every_reason(study: StudyRun) -> None:
-    text = " ".join("".join(read_page(study.page()).text).split())
-    for fault in faults(study.rows("problems")):
-        assert " ".join(fault.text.replace("`", "").split()) in text
-    assert REASON in text
-    assert "10 of 15 recordings were used" in text
-    for subject in ("good", HOSTILE, JAPANESE, SLASHED):
-        page = study.results.subject_page(subject).read_text("utf-8")
-        assert f"Subject {subject}" in read_page(page).text
-
-
 def test_every_job_has_its_log_which_says_why_it_failed(study: StudyRun) -> None:
     names = ("A%20%26%20%3Cb%3E%22x%22", "a%2Fb%20c", "missing", "山田%20花子", "one-sided")
     stages = ("plan", "solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips")
@@ -284,33 +228,6 @@ def test_every_job_has_its_log_which_says_why_it_failed(study: StudyRun) -> None
     assert wanted | {"gather.log", "report.log"} <= study.logs()
     log = study.results.folder / "logs" / "capture" / "sub-missing_hand-right_rom.log"
     assert log.read_text() == "error: nowhere.parquet: no such file; expected a recording\n"
-
-
-def test_a_whole_hand_with_a_dead_receiver_is_fitted_and_says_so(whole: StudyRun) -> None:
-    joints = {row["joint"]: row for row in whole.rows_where("joint_centres", subject="dead")}
-    assert {row["status"] for row in joints.values()} <= {"ok", "weak"}
-    for name in ("index_pip", "index_dip"):
-        assert joints[name]["verdict"] != "believe"
-        assert doubts_of(joints[name])["no-valid-pose"] == {"segments": [DEAD]}
-    receivers = {row["segment"]: row for row in whole.rows_where("receivers", subject="dead")}
-    assert receivers[DEAD]["status"] == "failed"
-
-
-def test_a_whole_hand_without_calibration_fails_and_the_other_hand_does_not(whole: StudyRun) -> None:
-    lost = whole.rows_where("joint_centres", subject=HOSTILE, hand="left")
-    assert len(lost) == 16
-    assert {row["status"] for row in lost if row["joint"] != "wrist"} == {"failed"}
-    kept = whole.rows_where("joint_centres", subject=HOSTILE, hand="right")
-    assert len(kept) == 20
-    assert {row["status"] for row in kept} <= {"ok", "weak"}
-    errors = whole.rows_where("tip_errors", subject="truncated")
-    assert len(errors) == 10
-    assert all(row["mean_mm"] is None and row["message"] for row in errors)
-    stages = {row["stage"] for row in whole.rows("problems") if row["kind"] != "correction"}
-    assert stages - {STAGE} == {"capture", "fit_hand"}, "each named once, where it went wrong"
-    (alone,) = whole.rows_where("problems", stage="fit_hand")
-    assert (alone["subject"], alone["hand"], alone["severity"]) == (HOSTILE, "right", "note")
-    assert alone["message"].startswith("fitted without the left hand's bone lengths: gone & <b>.csv")
 
 
 def test_no_temporary_file_is_left(study: StudyRun) -> None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from studies.running import StudyRun, hashes, record, write_study
+from studies.running import StudyRun, record, write_study
 
-from stages.export.registry import FORMATS
+from shukotsu.stages.export.registry import FORMATS
 
 pytestmark = pytest.mark.slow
 
@@ -90,26 +89,6 @@ def test_all_subjects_are_in_one_folder_that_takes_no_room(study: StudyRun) -> N
             assert (study.results.exports / file.name).samefile(file)
 
 
-@pytest.mark.parametrize(
-    ("removed", "rules"),
-    [
-        ("exports", {"collect_exports", "report"}),
-        ("sub-01/exports", {"export", "collect_exports", "report"}),
-        ("dataset", {"export_dataset", "collect_exports", "report"}),
-    ],
-)
-def test_a_removed_folder_is_made_again(study: StudyRun, removed: str, rules: set[str]) -> None:
-    """By the job that makes it and those after it, each once."""
-    before = hashes(study.results.folder)
-    shutil.rmtree(study.results.folder / removed)
-    jobs = study.planned()
-    assert {job.rule for job in jobs} == rules
-    assert len(jobs) == len(rules)
-    study.run()
-    assert hashes(study.results.folder) == before
-    assert study.planned() == set()
-
-
 def test_nothing_is_left_to_do_and_other_settings_export_again(study: StudyRun) -> None:
     assert study.planned() == set()
     before = study.file.read_text("utf-8")
@@ -122,13 +101,6 @@ def test_nothing_is_left_to_do_and_other_settings_export_again(study: StudyRun) 
     assert {"export", "export_dataset"} <= rules
     assert not rules & {"capture", "solve_joints", "evaluate_tips", "subject_pages"}
     assert {job.subject for job in jobs if job.rule == "export"} == {"01", "02"}
-
-
-def test_the_same_files_again(study: StudyRun) -> None:
-    """Exported again, every byte is the same."""
-    before = hashes(study.results.exports)
-    study.snakemake("--forcerun", "export", "export_dataset", cores=2)
-    assert hashes(study.results.exports) == before
 
 
 def test_a_format_less_leaves_nothing_of_it(study: StudyRun) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 
 import pytest
 from studies.running import StudyRun, hashes, record, write_study
 
-from schemas.catalogue import TABLES
-from schemas.results import STUDY_TABLES, Results
-from schemas.study import path_token
-from schemas.tables import read_table, rows_of
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.results import STUDY_TABLES, Results
+from shukotsu.schemas.study import path_token
+from shukotsu.schemas.tables import read_table, rows_of
 
 pytestmark = pytest.mark.slow
 
@@ -76,19 +75,6 @@ def test_a_session_that_fails_fails_alone_and_is_named(study: StudyRun) -> None:
     assert {(row["subject"], row["session"]) for row in problems} == {("01", "3")}
     statuses = {row["session"]: row["status"] for row in study.rows_where("recordings", subject="01")}
     assert statuses == {"1": "used", "post op": "used", "3": "failed"}
-
-
-def test_a_session_is_solved_as_it_is_alone(study: StudyRun, tmp_path: Path) -> None:
-    """The joints of the same file as the only recording of a subject without sessions are the same."""
-    record(tmp_path / "01_1.parquet", frames=2400, session="1")
-    rows = ["01\tright\trom\tboth\t01_1.parquet"]
-    alone = write_study(tmp_path, "alone", rows, MODELS)
-    alone.run()
-    skeletons = [
-        [{**row, "session": ""} for row in of.rows_where("joint_centres", subject="01", session=session)]
-        for of, session in ((study, "1"), (alone, ""))
-    ]
-    assert skeletons[0] == skeletons[1]
 
 
 def test_pages_exports_and_the_dataset_name_the_session(study: StudyRun) -> None:

@@ -46,4 +46,4 @@ def _kind(process: psutil.Process) -> str:
 
 
 def _is_warm(process: psutil.Process) -> bool:
-    return "workflow.warm_process" in process.cmdline()
+    return "shukotsu.workflow.warm_process" in process.cmdline()

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from tracker_processes import StandIn, at_a_port, emulator
 
-from trackers.archive import open_archive
-from trackers.decode.stream import Tally, blocks_of
-from trackers.protocols.records import concatenated
-from trackers.record.port import open_port
-from trackers.record.recording_terminal import StopRequest, Terminal
-from trackers.record.request import RecordingRequest
-from trackers.record.session import RecordingPlan, record
+from shukotsu.trackers.archive import open_archive
+from shukotsu.trackers.decode.stream import Tally, blocks_of
+from shukotsu.trackers.protocols.records import concatenated
+from shukotsu.trackers.record.port import open_port
+from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
+from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.session import RecordingPlan, record
 
 
 @pytest.fixture

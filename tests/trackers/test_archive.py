@@ -1,6 +1,5 @@
 """The raw archive: what was flushed is there, whatever happens to the file afterwards."""
 
-import json
 import os
 import random
 import signal
@@ -14,9 +13,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from schemas.errors import InputError
-from schemas.tables import METADATA_KEY
-from trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, ArchiveWriter, open_archive
+from shukotsu.errors import InputError
+from shukotsu.trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, ArchiveWriter, open_archive
 
 
 def written(path: Path, batches: int = 6, rows: int = 4) -> Path:
@@ -65,10 +63,6 @@ def test_any_arrow_reader_opens_it(tmp_path: Path) -> None:
     assert table.column_names == names
     assert table.column("row").to_pylist() == list(range(25))
     assert table.schema.field("host_ns").metadata[b"unit"] == b"ns"
-
-
-def test_the_same_rows_are_the_same_bytes(tmp_path: Path) -> None:
-    assert written(tmp_path / "a.arrows").read_bytes() == written(tmp_path / "b.arrows").read_bytes()
 
 
 def test_an_existing_file_is_never_written_over(tmp_path: Path) -> None:
@@ -149,68 +143,10 @@ def test_no_bit_anywhere_gives_another_row(tmp_path: Path) -> None:
     assert silently_other(path, range(0, 8 * path.stat().st_size, 7)) == []
 
 
-def rewritten(path: Path, columns: int, version: int, compression: str | None = None) -> Path:
-    """The same archive as an earlier version of the program, or another program, writes it."""
-    whole = pa.ipc.open_stream(path)
-    known = json.loads(whole.schema.metadata[METADATA_KEY]) | {"schema_version": version}
-    schema = pa.schema(list(whole.schema)[:columns], {METADATA_KEY: json.dumps(known)})
-    batches = [batch.select(schema.names).replace_schema_metadata(schema.metadata) for batch in whole]
-    out = path.with_name("rewritten.arrows")
-    with pa.ipc.new_stream(out, schema, options=pa.ipc.IpcWriteOptions(compression=compression)) as stream:
-        for batch in batches:
-            stream.write_batch(batch)
-    return out
-
-
-def test_captures_of_the_first_version_are_read(tmp_path: Path) -> None:
-    path = written(tmp_path / "a.arrows")
-    assert all_of(rewritten(path, 5, 1)) == all_of(path)
-    for columns, version in ((5, 2), (7, 1), (7, 3)):
-        with pytest.raises(InputError, match=r"does not begin as a raw capture does|version 3; expected"):
-            open_archive(rewritten(path, columns, version))
-
-
-def test_compressed_batches_are_not_unpacked(tmp_path: Path) -> None:
-    """The recorder never compresses, and a few bytes could become any number."""
-    path = rewritten(written(tmp_path / "a.arrows"), 7, 2, "zstd")
-    assert pa.ipc.open_stream(path).read_all().num_rows == 25
-    pieces = list(open_archive(path).pieces())
-    assert [len(piece.data) for piece in pieces] == [0]
-    assert pieces[0].unreadable_bytes > 1000
-
-
-def test_a_batch_that_is_gone_is_noticed(tmp_path: Path) -> None:
-    """Cut out whole, so that what is left is a sound stream."""
-    whole = pa.ipc.open_stream(written(tmp_path / "a.arrows"))
-    batches = list(whole)
-    with pa.ipc.new_stream(tmp_path / "b.arrows", whole.schema) as stream:
-        for batch in batches[:2] + batches[3:]:
-            stream.write_batch(batch)
-    pieces = open_archive(tmp_path / "b.arrows").pieces()
-    assert [piece.missing_rows for piece in pieces] == [0, 0, 4, 0, 0, 0]
-
-
-def test_a_pipe_is_no_capture(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "a.arrows")
-    with pytest.raises(InputError, match="is a pipe; expected a raw capture, a regular file"):
-        open_archive(tmp_path / "a.arrows")
-
-
-def test_another_arrow_file_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.arrows"
-    table = pa.table({"x": [1, 2]})
-    with pa.ipc.new_stream(path, table.schema) as stream:
-        stream.write_table(table)
-    with pytest.raises(InputError, match="does not begin as a raw capture does"):
-        open_archive(path)
-    with pytest.raises(InputError, match="no such file"):
-        open_archive(tmp_path / "none.arrows")
-
-
 CHILD = """
 import sys, time
 from pathlib import Path
-from trackers.archive import ArchiveWriter
+from shukotsu.trackers.archive import ArchiveWriter
 writer = ArchiveWriter(Path(sys.argv[1]), {})
 for number in range(10**6):
     writer.received(number.to_bytes(4, "little") * 64, time.monotonic_ns())

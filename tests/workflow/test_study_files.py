@@ -10,13 +10,13 @@ import pytest
 import yaml
 from small_study import write_study
 
-from schemas.config_files import CONFIG_FOLDER
-from schemas.errors import InputError
-from schemas.plan import plan_text, read_plan
-from schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
-from stages.report.print_figures import style
-from workflow.study_files import StudyFiles
-from workflow.write_plan import main as write_plan
+from shukotsu.errors import InputError
+from shukotsu.schemas.config_files import CONFIG_FOLDER
+from shukotsu.schemas.plan import plan_text, read_plan
+from shukotsu.schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
+from shukotsu.stages.report.plots import style
+from shukotsu.workflow.study_files import StudyFiles, study_file
+from shukotsu.workflow.write_plan import main as write_plan
 
 ROWS = (
     "A&b right rom calibration data/a.csv",
@@ -74,7 +74,8 @@ def test_paths_of_a_subject(folder: Path) -> None:
 
 def test_files_of_the_whole_study(folder: Path) -> None:
     study = files(folder)
-    assert len(study.gathered()) == 3 * 3 + (len(GATHERED_TABLES) - 3) * 2 + 2  # of each, findings
+    of_subjects, of_hands = len(GATHERED_TABLES) - 3 + 3, 3 + len(FIT_TABLES)
+    assert len(study.gathered()) == 2 * of_subjects + 3 * of_hands
     assert study.all_poses() == [path for path in study.tables if path.endswith("/poses.parquet")]
     assert set(study.gathered()) < set(study.tables)
     assert study.study_tables == [f"results/test/{name}.parquet" for name in STUDY_TABLES]
@@ -130,16 +131,6 @@ def test_a_folder_that_snakemake_would_read_as_its_own_is_refused(folder: Path) 
         StudyFiles(write_study(folder / "odd <b>", *ROWS))
 
 
-def test_plans_are_asked_for(folder: Path) -> None:
-    """Of subjects, of their recordings and of their fits."""
-    own = [f"results/test/{subject}/" for subject in (SUBJECT, "sub-02")]
-    fits = [f"{own[0]}fits/{hand}/alone/plan.json" for hand in ("left", "right")]
-    expected = [f"{one}{name}.json" for one in own for name in ("plan", "plan_of_recordings")]
-    assert sorted(files(folder).all_plans) == sorted(
-        [*expected, *fits, f"{own[1]}fits/right/alone/plan.json"]
-    )
-
-
 Change = dict[str, str]
 CHANGES: dict[str, tuple[tuple[str, ...], Change, tuple[str, ...]]] = {
     "role": (("A&b right rom both data/a.csv", *ROWS[1:]), {}, MODELS),
@@ -173,16 +164,6 @@ def test_a_job_is_run_again_for_what_it_uses(folder: Path, change: str) -> None:
     assert changed == {name for name, changes in AGAIN.items() if change in changes}
 
 
-def test_the_reports_language_concerns_no_plan(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another language makes pages and figures anew, and no result."""
-    monkeypatch.setattr(style, "font_of", lambda _: Path("a.ttf"))
-    before, after = files(folder), files(folder, more="language: ja\n")
-    assert (before.study.language, after.study.language) == ("en", "ja")
-    for request in (StudyFiles.plan, StudyFiles.fit_plan):
-        assert request(before, FIT) == request(after, FIT)
-    assert before.recordings_plan(FIT) == after.recordings_plan(FIT)
-
-
 def test_a_language_without_a_font_is_refused_before_anything_runs(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -209,14 +190,6 @@ def test_a_layout_is_part_of_every_request(folder: Path) -> None:
         assert getattr(other, request)(FIT) != getattr(first, request)(FIT), request
 
 
-def test_both_hands_where_lengths_are_shared(folder: Path) -> None:
-    fit = SimpleNamespace(subject="A%26b", hand="right", model="whole-hand")
-    study = files(folder, models=("whole-hand",))
-    assert len(study.poses_of_fit(fit)) == 3
-    rows, *_ = CHANGES["other-hand"]
-    assert files(folder, *rows, models=("whole-hand",)).fit_plan(fit) != study.fit_plan(fit)
-
-
 def test_what_is_exported(folder: Path) -> None:
     assert files(folder).exports == []
     more = "exports: [bvh, bids]\nexport_settings: {models: [rigid]}\n"
@@ -231,12 +204,25 @@ def test_what_is_exported(folder: Path) -> None:
 def test_a_run_is_of_one_study_as_its_file_says(folder: Path) -> None:
     path = write_study(folder / "study", *ROWS)
     config = yaml.safe_load(path.read_text())
-    assert StudyFiles.of([path], config, Path("none")).study.name == "test"
-    assert StudyFiles.of([], {}, path).study.name == "test"
+    assert study_file([path], config, is_module=False) == path
+    assert study_file([], {}, is_module=False) == Path("config", "demo.yaml")
     with pytest.raises(InputError, match="--configfile: names several files"):
-        StudyFiles.of([path, path], config, path)
+        study_file([path, path], config, is_module=False)
     with pytest.raises(InputError, match=r"--config: .*; write it into .*study/study\.yaml"):
-        StudyFiles.of([path], config | {"layout": "arm"}, path)
+        study_file([path], config | {"layout": "arm"}, is_module=False)
+
+
+def test_a_module_is_of_the_study_that_its_keys_say(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    path = write_study(folder / "study", *ROWS)
+    config = yaml.safe_load(path.read_text())
+    assert study_file([path], config, is_module=True) == path
+    other = config | {"recordings": "elsewhere.tsv"}
+    written = study_file([path], other, is_module=True)
+    assert written == Path("test.module.yaml")
+    assert yaml.safe_load(written.read_text()) == other
+    with pytest.raises(InputError, match=r"^config: .*study"):
+        study_file([], {}, is_module=True)
 
 
 def test_models_of_whole_hands_are_refused_where_no_layout_is_a_hand(folder: Path) -> None:

@@ -13,15 +13,15 @@ from pathlib import Path
 import psutil
 import pytest
 
-from stages.capture.__main__ import main as capture
-from stages.simulate.realism import Realism
-from stages.simulate.recording import write_recording
-from stages.simulate.simulation import simulate
-from workflow import job, warm_process
+from shukotsu.stages.capture.__main__ import main as capture
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.recording import write_recording
+from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.workflow import job, warm_process
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-JOB = (sys.executable, "-m", "workflow.job")
-HELP = ("stages.solve_joints", "--help")
+JOB = (sys.executable, "-m", "shukotsu.workflow.job")
+HELP = ("shukotsu.stages.solve_joints", "--help")
 WAITING = "tests.workflow.waiting_job"
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the warm process is for Linux")
@@ -65,7 +65,7 @@ def done(
 
 def solve(poses: Path, model: str = "rigid") -> list[object]:
     options = ["--poses", poses, "--layout=liberty16", f"--model={model}"]
-    return ["stages.solve_joints", *options, "--out=joints.parquet"]
+    return ["shukotsu.stages.solve_joints", *options, "--out=joints.parquet"]
 
 
 def wait_for(true: Callable[[], object]) -> None:
@@ -101,7 +101,7 @@ def test_bad_input_is_the_same_sentence_and_exit_code(poses: Path, tmp_path: Pat
     assert "did you mean 'rigid'" in finished.stderr
     assert "Traceback" not in finished.stderr
     assert done(HELP, tmp_path).returncode == 0
-    assert done(["stages.solve_joints"], tmp_path).returncode == 2
+    assert done(["shukotsu.stages.solve_joints"], tmp_path).returncode == 2
 
 
 def test_a_bug_is_a_traceback_in_the_clients_log(warm: psutil.Process, tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def short_folder() -> Iterator[Path]:
 
 ORPHAN = f"""
 import sys, threading, time
-from workflow import job, warm_process
+from shukotsu.workflow import job, warm_process
 process = warm_process.start()
 print(process.pid, flush=True)
 threading.Thread(target=job.run_in_fork, args=(["{WAITING}"],), daemon=True).start()
@@ -184,9 +184,7 @@ def test_a_job_of_a_workflow_that_has_ended_is_not_begun(tmp_path: Path) -> None
 
 def test_it_ends_with_who_started_it(short_folder: Path) -> None:
     """Also where that is killed; then, too, it leaves nothing behind."""
-    code = (
-        "import sys, time; from workflow import warm_process; print(warm_process.start().pid, flush=True); "
-    )
+    code = "import time; from shukotsu.workflow import warm_process as w; print(w.start().pid, flush=True); "
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": str(short_folder)}
     environment.pop(job.ADDRESS, None)
     words = [sys.executable, "-c", code + "time.sleep(60)"]

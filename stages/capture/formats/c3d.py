@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from schemas.errors import InputError, listed
-from schemas.layout import Layout
-from schemas.limits import RATES_HZ
-from schemas.mapping import UNIT_NAMES, FileMapping
-from skeleton.rotations import Array, from_matrix
-from stages.capture.formats.c3d_content import PARAMETERS, read_content
-from stages.capture.formats.clusters import ClusterPoses, cluster_poses
-from stages.capture.formats.mapped import (
+from shukotsu.errors import InputError, listed
+from shukotsu.files.limits import RATES_HZ
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import UNIT_NAMES, FileMapping
+from shukotsu.skeleton.rotations import Array, from_matrix
+from shukotsu.stages.capture.formats.c3d_content import PARAMETERS, read_content
+from shukotsu.stages.capture.formats.clusters import ClusterPoses, cluster_poses
+from shukotsu.stages.capture.formats.mapped import (
     Integers,
     Track,
     mapped_segments,
     required_mapping,
     samples_of_tracks,
 )
-from stages.capture.formats.orientation import proper_rotations
-from stages.capture.samples import Samples, did_you_mean
+from shukotsu.stages.capture.formats.orientation import proper_rotations
+from shukotsu.stages.capture.samples import Samples, did_you_mean
 
 _MIPS = 86
 """Processor type of files whose numbers have their high byte first."""
@@ -33,7 +33,7 @@ _MIPS = 86
 
 @dataclass(frozen=True)
 class C3dFile:
-    """What of a C3D file matters here.
+    """Hold what of a C3D file matters here.
 
     points : (T, P, 3) in the file's unit, NaN where a point is not seen; labels : of the P points.
     matrices : (T', R, 4, 4) of the ROTATION group, T' a whole multiple of T; rotation_labels : of the R.
@@ -52,7 +52,7 @@ class C3dFile:
 
     @property
     def frames(self) -> int:
-        """How many frames are stored."""
+        """Return the number of stored frames."""
         return len(self.points)
 
 

@@ -1,4 +1,4 @@
-"""What ezc3d reads of a C3D file, in a process of its own: on damaged files it may crash or never end.
+"""Read a C3D file with ezc3d, in a process of its own: on damaged files it may crash or never end.
 
 It makes an object of every point, which takes thirteen times the file; so it is given long files in pieces.
 """
@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from schemas.errors import InputError
-from schemas.limits import check_regular
-from schemas.text_files import reading
+from shukotsu.errors import InputError
+from shukotsu.files.limits import check_regular
+from shukotsu.files.text_files import reading
 
 PARAMETERS = (
     *(("POINT", f"LABELS{number}") for number in ("", *range(2, 20))),
@@ -46,7 +46,7 @@ _INTEL = 84
 _MOST_FRAMES = 65_534
 """A header's numbers of frames say no more."""
 
-_ROOT = Path(__file__).parents[3]
+_ROOT = Path(__file__).parents[4]
 
 
 def read_content(path: Path) -> Mapping[str, np.ndarray]:
@@ -57,7 +57,7 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
     """
     with reading(path, "a C3D file"):
         megabytes = check_regular(path, "a C3D file") / 1e6
-    command = [sys.executable, "-m", "stages.capture.formats.c3d_content", str(path.absolute())]
+    command = [sys.executable, "-m", "shukotsu.stages.capture.formats.c3d_content", str(path.absolute())]
     environment = {**os.environ, "PYTHONPATH": str(_ROOT)}
     try:
         child = subprocess.run(
@@ -70,8 +70,8 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
     except subprocess.TimeoutExpired as error:
         raise _unreadable(path, "reading it does not end") from error
     if child.returncode:
-        said = child.stderr.decode("utf-8", "replace").strip().splitlines()
-        raise _unreadable(path, said[-1] if said and child.returncode == 1 else "it is damaged")
+        error_lines = child.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise _unreadable(path, error_lines[-1] if error_lines and child.returncode == 1 else "it is damaged")
     with np.load(io.BytesIO(child.stdout), allow_pickle=False) as arrays:
         return dict(arrays)
 

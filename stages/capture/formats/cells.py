@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from schemas.bids.decimals import NotANumberError, numbers_of
-from schemas.errors import InputError, shortened
+from shukotsu.errors import InputError, shortened
+from shukotsu.motion_bids.decimals import NotANumberError, numbers_of
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
 """What people and programs write for "no value"."""

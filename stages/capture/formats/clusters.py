@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError
-from skeleton.rotations import Array
+from shukotsu.errors import InputError
+from shukotsu.skeleton.rotations import Array
 
 THINNEST = 0.05
 """Markers whose width is less than this share of their length are on a line: the turn about it is noise."""

@@ -1,4 +1,4 @@
-"""What all readers by mapping share: which receivers there are, and their tracks put together."""
+"""Share code between all readers by mapping: find the receivers, and put their tracks together."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError, listed
-from schemas.layout import Layout
-from schemas.mapping import FileMapping
-from skeleton.rotations import Array
-from stages.capture.samples import Samples, did_you_mean, joined, segments_of_names
+from shukotsu.errors import InputError, listed
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.samples import Samples, did_you_mean, joined, segments_of_names
 
 Integers = npt.NDArray[np.int64]
 
@@ -26,20 +26,20 @@ class Track:
     """One receiver's N samples.
 
     row : (N,) where each stands in the file; frame : (N,); time_s : (N,), NaN where there is none;
-    numbers : (N, 7) as in Samples; marks : flag -> (N,) bool.
+    numbers : (N, 7) as in Samples; flags : flag -> (N,) bool.
     """
 
     row: Integers
     frame: Integers
     time_s: Array
     numbers: Array
-    marks: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
 
     def of(self, samples: npt.NDArray[Any]) -> Track:
         """Those samples alone, by index or by a boolean for each."""
-        marks = {flag: marked[samples] for flag, marked in self.marks.items()}
+        flags = {flag: marked[samples] for flag, marked in self.flags.items()}
         row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
-        return Track(row, frame, time_s, self.numbers[samples], marks)
+        return Track(row, frame, time_s, self.numbers[samples], flags)
 
 
 def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> FileMapping:
@@ -64,7 +64,7 @@ def implied_mapping(where: str, format_: str, key: str, names: Sequence[str]) ->
 
 
 def name_in_file(mapping: FileMapping, segment: str, key: str, known: Sequence[str], where: str) -> str:
-    """What a file that describes itself calls a segment, by that key of its receiver in the mapping.
+    """Return a segment's name in a file that describes itself, by that key of its receiver in the mapping.
 
     Raises InputError where the mapping says nothing, or a name that is not known `where` names are looked up.
     """
@@ -118,7 +118,7 @@ def samples_of_tracks(
             track.time_s,
             track.numbers,
             str,
-            track.marks,
+            track.flags,
         )
         for segment, track in zip(segments.tolist(), every, strict=True)
     ]

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.mapping import FileMapping
-from stages.capture.formats.cells import Cells
-from stages.capture.formats.mapped import (
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.stages.capture.formats.cells import Cells
+from shukotsu.stages.capture.formats.mapped import (
     Integers,
     Track,
     mapped_segments,
     required_mapping,
     samples_of_tracks,
 )
-from stages.capture.formats.orientation import quaternions
-from stages.capture.formats.text_table import TextTable, open_table_text
-from stages.capture.samples import Samples, did_you_mean
+from shukotsu.stages.capture.formats.orientation import quaternions
+from shukotsu.stages.capture.formats.text_table import TextTable, open_table_text
+from shukotsu.stages.capture.samples import Samples, did_you_mean
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
@@ -37,7 +37,7 @@ _LARGEST_RAD = 1.1 * 2 * np.pi
 
 @dataclass(frozen=True)
 class _Source:
-    """Where a receiver's numbers are: titles of columns, and (N,) the rows that are its own."""
+    """Hold where a receiver's numbers are: titles of columns, and (N,) the rows that are its own."""
 
     position: Sequence[str]
     orientation: Sequence[str]

@@ -10,20 +10,20 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.mapping import FileMapping
-from schemas.text_files import read_text
-from skeleton.rotations import Array, from_matrix
-from stages.capture.formats.mapped import (
+from shukotsu.errors import InputError
+from shukotsu.files.text_files import read_text
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.skeleton.rotations import Array, from_matrix
+from shukotsu.stages.capture.formats.mapped import (
     Integers,
     Track,
     mapped_segments,
     required_mapping,
     samples_of_tracks,
 )
-from stages.capture.formats.orientation import proper_rotations
-from stages.capture.samples import Samples
+from shukotsu.stages.capture.formats.orientation import proper_rotations
+from shukotsu.stages.capture.samples import Samples
 
 _BOTTOM = (0.0, 0.0, 0.0, 1.0)
 _BOTTOM_TOLERANCE = 1e-6

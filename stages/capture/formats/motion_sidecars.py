@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from schemas.bids.channels import OWN_KEY
-from schemas.bids.dataset_files import read_rows, read_text
-from schemas.errors import InputError, listed
-from schemas.limits import RATES_HZ, check_regular
-from schemas.mapping import MM_PER_UNIT, FileMapping
-from schemas.text_files import reading
+from shukotsu.errors import InputError, listed
+from shukotsu.files.limits import RATES_HZ, check_regular
+from shukotsu.files.text_files import reading
+from shukotsu.motion_bids.dataset_files import OWN_KEY, read_rows, read_text
+from shukotsu.schemas.mapping import MM_PER_UNIT, FileMapping
 
 MOTION_ENDING = "_motion.tsv"
 
@@ -51,13 +50,13 @@ class Channel:
 
     @property
     def title(self) -> str:
-        """What the column goes by, which has no header and whose name may be another's too."""
+        """Return the title of the column, which has no header and whose name may be another's too."""
         return f"{self.index + 1} ({self.name})"
 
 
 @dataclass(frozen=True)
 class Sidecars:
-    """What the files beside a motion.tsv say; both JSON objects are empty where there is no file."""
+    """Hold what the files beside a motion.tsv say; both JSON objects are empty where there is no file."""
 
     channels_path: Path
     channels: tuple[Channel, ...]
@@ -74,12 +73,12 @@ class Sidecars:
         return tuple(dict.fromkeys(point for point in posed if point != "n/a"))
 
     def own(self) -> Mapping[str, Any]:
-        """What this program's exporter wrote; empty in a file of others."""
+        """Return this program's own entries, by its exporter; empty in a file of others."""
         content = self.motion.get(OWN_KEY, {})
         return content if isinstance(content, dict) else {}
 
     def frame_levels(self, frame: str) -> Mapping[str, Any]:
-        """What channels.json says of a reference frame; empty where it says nothing."""
+        """Return the entry of a reference frame in channels.json; empty where there is none."""
         content: Any = self.channels_json
         for key in ("reference_frame", "Levels", frame):
             content = content.get(key) if isinstance(content, dict) else None
@@ -87,8 +86,8 @@ class Sidecars:
 
     def tracker(self) -> str:
         """Manufacturer and model as motion.json has them; empty where it says neither."""
-        said = (self.motion.get(key) for key in ("Manufacturer", "ManufacturersModelName"))
-        return " ".join(word for word in said if isinstance(word, str) and word.lower() != "n/a")
+        words = (self.motion.get(key) for key in ("Manufacturer", "ManufacturersModelName"))
+        return " ".join(word for word in words if isinstance(word, str) and word.lower() != "n/a")
 
     def sampling_frequency_hz(self) -> float | None:
         """SamplingFrequency of motion.json; None where there is none that any recording has."""

@@ -12,15 +12,15 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from schemas.bids.channels import OWN_KEY
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.mapping import FileMapping
-from schemas.text_files import open_text
-from skeleton.rotations import Array
-from stages.capture.formats.cells import EMPTY, Cells
-from stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
-from stages.capture.formats.motion_sidecars import (
+from shukotsu.errors import InputError
+from shukotsu.files.text_files import open_text
+from shukotsu.motion_bids.dataset_files import OWN_KEY
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.formats.cells import EMPTY, Cells
+from shukotsu.stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
+from shukotsu.stages.capture.formats.motion_sidecars import (
     SHIFT_TO_MM,
     Channel,
     Point,
@@ -30,10 +30,10 @@ from stages.capture.formats.motion_sidecars import (
     find_point,
     read_sidecars,
 )
-from stages.capture.formats.orientation import quaternions
-from stages.capture.formats.text_table import TextTable
-from stages.capture.poses_table import FLAGS
-from stages.capture.samples import Samples
+from shukotsu.stages.capture.formats.orientation import quaternions
+from shukotsu.stages.capture.formats.text_table import TextTable
+from shukotsu.stages.capture.poses_table import FLAGS
+from shukotsu.stages.capture.samples import Samples
 
 SECONDS_SHIFT = {"s": 0, "ms": -3, "us": -6}
 
@@ -46,7 +46,7 @@ def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) ->
 
     Without a mapping every tracked point must be a segment of the layout. Times are those of the LATENCY
     channel, else they are counted by SamplingFrequency; frames are counted from 0. A file that
-    `stages.capture export-bids` wrote gives its frame numbers, device times and flags back.
+    `shukotsu.stages.capture export-bids` wrote gives its frame numbers, device times and flags back.
     Raises InputError where anything is absent, inconsistent or in a unit that is not known.
     """
     sidecars = read_sidecars(path)
@@ -112,7 +112,7 @@ def _rate_hz(path: Path, sidecars: Sidecars, mapping: FileMapping) -> float:
 
 
 def _missing_values(sidecars: Sidecars) -> tuple[list[str], float | None]:
-    """What motion.json's MissingValues adds to the usual "no value": a text, or a number."""
+    """Read what motion.json's MissingValues adds to the usual "no value": a text, or a number."""
     value = sidecars.motion.get("MissingValues")
     if not isinstance(value, str | int | float) or isinstance(value, bool):
         return [], None
@@ -182,12 +182,12 @@ class _ExportedChannels:
         return cls(frame, channels("TimeChannels"), channels("FlagChannels"), tuple(names))
 
     def track(self, cells: Cells, name: str, track: Track) -> Track:
-        """Give a tracked point's flags as marks, and leave out the rows that it did not have."""
+        """Set a tracked point's flags, and leave out the rows that it did not have."""
         if name not in self.flags:
             return track
         bits = cells.wholes(self.flags[name].title)
-        marks = {flag: (bits >> bit) & 1 == 1 for bit, flag in enumerate(self.names)}
-        absent: npt.NDArray[np.bool_] = marks.pop("no-row", np.zeros(len(bits), bool))
-        time_s = np.where(marks.get("time-missing", absent), np.nan, track.time_s)
-        marks = {flag: marked for flag, marked in marks.items() if flag not in _SEEN_AGAIN}
-        return replace(track, time_s=time_s, marks=marks).of(~absent)
+        flags = {flag: (bits >> bit) & 1 == 1 for bit, flag in enumerate(self.names)}
+        absent: npt.NDArray[np.bool_] = flags.pop("no-row", np.zeros(len(bits), bool))
+        time_s = np.where(flags.get("time-missing", absent), np.nan, track.time_s)
+        flags = {flag: marked for flag, marked in flags.items() if flag not in _SEEN_AGAIN}
+        return replace(track, time_s=time_s, flags=flags).of(~absent)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from schemas.errors import InputError
-from skeleton.rotations import Array, about_axis, conjugate, from_matrix, multiply, nearest_rotation
+from shukotsu.errors import InputError
+from shukotsu.skeleton.rotations import Array, about_axis, conjugate, from_matrix, multiply, nearest_rotation
 
 TOLERANCE = 1e-2
 """How far a matrix may be off a rotation, element by element of R^T R, and still be rounding."""

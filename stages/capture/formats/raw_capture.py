@@ -1,4 +1,4 @@
-"""A raw capture as samples: decoded, stations mapped to segments, what the tracker said kept as marks."""
+"""A raw capture as samples: decoded, stations mapped to segments, what the tracker said kept as flags."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.mapping import FileMapping
-from stages.capture.samples import Samples, segments_of_stations
-from trackers.archive import open_archive
-from trackers.decode.findings import findings
-from trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
-from trackers.decode.survey import survey_archive
-from trackers.families import FAMILIES
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.stages.capture.samples import Samples, segments_of_stations
+from shukotsu.trackers.archive import open_archive
+from shukotsu.trackers.decode.findings import findings
+from shukotsu.trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
+from shukotsu.trackers.decode.survey import survey_archive
+from shukotsu.trackers.families import FAMILIES
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""

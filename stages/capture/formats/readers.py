@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.errors import InputError
-from schemas.text_files import open_text
+from shukotsu.errors import InputError
+from shukotsu.files.text_files import open_text
 
 if TYPE_CHECKING:
-    from schemas.layout import Layout
-    from schemas.mapping import FileMapping
-    from stages.capture.samples import Samples
+    from shukotsu.schemas.layout import Layout
+    from shukotsu.schemas.mapping import FileMapping
+    from shukotsu.stages.capture.samples import Samples
 
     Reader = Callable[[Path, Layout, FileMapping | None], Samples]
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
@@ -36,18 +36,22 @@ class Format:
 
 
 FORMATS = {
-    "csv": Format((".csv",), "stages.capture.formats.tidy", "read_csv", in_parts=True),
-    "parquet": Format((".parquet", ".pq"), "stages.capture.formats.tidy", "read_parquet", in_parts=True),
-    "capture": Format((".arrows",), "stages.capture.formats.raw_capture", "read_capture", in_parts=True),
-    "motion-bids": Format(("_motion.tsv",), "stages.capture.formats.motion_tsv", "read_motion_bids"),
-    "xdf": Format((".xdf", ".xdfz"), "stages.capture.formats.xdf", "read_xdf"),
+    "csv": Format((".csv",), "shukotsu.stages.capture.formats.tidy", "read_csv", in_parts=True),
+    "parquet": Format(
+        (".parquet", ".pq"), "shukotsu.stages.capture.formats.tidy", "read_parquet", in_parts=True
+    ),
+    "capture": Format(
+        (".arrows",), "shukotsu.stages.capture.formats.raw_capture", "read_capture", in_parts=True
+    ),
+    "motion-bids": Format(("_motion.tsv",), "shukotsu.stages.capture.formats.motion_tsv", "read_motion_bids"),
+    "xdf": Format((".xdf", ".xdfz"), "shukotsu.stages.capture.formats.xdf", "read_xdf"),
 }
 """Formats that say themselves what their numbers are."""
 
 MAPPED = {
-    "csv": Format((".csv", ".txt", ".tsv"), "stages.capture.formats.mapped_csv", "read_mapped_csv"),
-    "matrices": Format((".txt", ".traj"), "stages.capture.formats.matrices", "read_matrices"),
-    "c3d": Format((".c3d",), "stages.capture.formats.c3d", "read_c3d"),
+    "csv": Format((".csv", ".txt", ".tsv"), "shukotsu.stages.capture.formats.mapped_csv", "read_mapped_csv"),
+    "matrices": Format((".txt", ".traj"), "shukotsu.stages.capture.formats.matrices", "read_matrices"),
+    "c3d": Format((".c3d",), "shukotsu.stages.capture.formats.c3d", "read_c3d"),
     "motion-bids": FORMATS["motion-bids"],
     "xdf": FORMATS["xdf"],
 }
@@ -72,7 +76,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
 
 def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
     """Give the same reader as `find_parts_reader`, one that gives the recording whole."""
-    from stages.capture.samples import joined
+    from shukotsu.stages.capture.samples import joined
 
     read = find_parts_reader(path, name, mapping)
     return lambda path, layout, mapping: joined(read(path, layout, mapping))

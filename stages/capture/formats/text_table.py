@@ -20,11 +20,11 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
-from schemas.errors import InputError, listed
-from schemas.limits import LINE_LETTERS, read_whole
-from schemas.text_files import decoded, open_text, reading, refuse_other_kind, undecodable
-from stages.capture.formats.cells import EMPTY, Cells
-from stages.capture.samples import did_you_mean
+from shukotsu.errors import InputError, listed
+from shukotsu.files.limits import LINE_LETTERS, read_whole
+from shukotsu.files.text_files import decoded, open_text, reading, refuse_other_kind, undecodable
+from shukotsu.stages.capture.formats.cells import EMPTY, Cells
+from shukotsu.stages.capture.samples import did_you_mean
 
 READ_BYTES = 8 << 20
 """How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
@@ -222,7 +222,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
 
 def _titles(names: Sequence[str]) -> tuple[str, ...]:
-    """What columns go by: their names, or "number 4" where that names none or several."""
+    """Return columns' titles: their names, or "number 4" where that names none or several."""
     counts = Counter(names)
     return tuple(
         name if name and counts[name] == 1 else f"number {index}" for index, name in enumerate(names, 1)

@@ -12,13 +12,13 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from schemas.errors import InputError, listed
-from schemas.layout import Layout
-from schemas.mapping import FileMapping
-from schemas.parquet_files import naming_damage, open_parquet
-from stages.capture.formats.cells import Cells
-from stages.capture.formats.text_table import open_tidy_csv
-from stages.capture.samples import (
+from shukotsu.errors import InputError, listed
+from shukotsu.files.parquet_files import naming_damage, open_parquet
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.stages.capture.formats.cells import Cells
+from shukotsu.stages.capture.formats.text_table import open_tidy_csv
+from shukotsu.stages.capture.samples import (
     NUMBERS,
     Samples,
     segments_of_names,
@@ -140,7 +140,7 @@ def _refuse_other_form(path: Path, header: Sequence[str]) -> None:
     line = "".join(header)
     forms = ((";", "the cells are separated by semicolons"), ("\t", "the cells are separated by tabs"))
     what, do = (
-        next((name for mark, name in forms if mark in line), ""),
+        next((name for token, name in forms if token in line), ""),
         "save with commas, and points in the numbers",
     )
     if line.lstrip().startswith(_COMMENTS):

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.mapping import MM_PER_UNIT, UNIT_NAMES, FileMapping
-from schemas.xdf_streams import SAMPLE_BYTES, Channel, Stream, load_stream, read_streams
-from skeleton.rotations import Array
-from stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
-from stages.capture.formats.orientation import quaternions
-from stages.capture.samples import Samples, did_you_mean
+from shukotsu.errors import InputError
+from shukotsu.files.xdf_streams import SAMPLE_BYTES, Channel, Stream, load_stream, read_streams
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import MM_PER_UNIT, UNIT_NAMES, FileMapping
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
+from shukotsu.stages.capture.formats.orientation import quaternions
+from shukotsu.stages.capture.samples import Samples, did_you_mean
 
 POSITION = ("positionx", "positiony", "positionz")
 QUATERNION = ("orientationa", "orientationb", "orientationc", "orientationd")

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from schemas.layout import Layout
-from schemas.mapping import MM_PER_UNIT
-from stages.capture.formats.c3d import C3dFile, open_c3d
-from stages.capture.inspection.description import CHECK, Description, draft, extent_line
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.stages.capture.formats.c3d import C3dFile, open_c3d
+from shukotsu.stages.capture.inspection.description import CHECK, Description, draft, extent_line
 
 RIGID_SHARE = 0.05
 """A cluster whose distances vary (interquartile) by less than this share of them is taken for rigid."""
@@ -20,7 +20,7 @@ RIGID_SHARE = 0.05
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
 def describe_c3d(path: Path, layout: Layout) -> Description:
-    """Say what is in a C3D file. Raises InputError where it is none."""
+    """Describe a C3D file. Raises InputError where it is none."""
     file = open_c3d(path)
     lines = [
         f"C3D: {len(file.labels)} points, {file.frames} frames numbered from {file.first_frame}",

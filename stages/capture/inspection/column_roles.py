@@ -1,4 +1,4 @@
-"""What the columns of a table seem to be: time, frame, receiver, positions, orientations."""
+"""Guess what the columns of a table are: time, frame, receiver, positions, orientations."""
 
 from __future__ import annotations
 
@@ -8,8 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skeleton.rotations import Array
-from stages.capture.inspection.column_titles import ANGLE_UNITS, POSITION_UNITS, TIME_UNITS, split_title
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.inspection.column_titles import (
+    ANGLE_UNITS,
+    POSITION_UNITS,
+    TIME_UNITS,
+    split_title,
+)
 
 _NORM_SHARE = 0.9
 _NORM_OFF = 0.02
@@ -35,7 +40,7 @@ _NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
 
 @dataclass(frozen=True)
 class Roles:
-    """What the columns, by title, seem to be.
+    """Hold what the columns, by title, seem to be.
 
     quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
     the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
@@ -191,7 +196,7 @@ def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -
 
 
 def _off_rotation(titles: Sequence[str], numbers: Mapping[str, Array], size: int) -> float:
-    """How far the columns are off norm 1 (four numbers) or a rotation (nine) in most rows; else infinite."""
+    """Return how far most rows are off norm 1 (four numbers) or a rotation (nine); else infinite."""
     if len(titles) < size:
         return float("inf")
     rows = np.stack([numbers[title] for title in titles], -1)

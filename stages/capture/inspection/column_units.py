@@ -7,11 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schemas.mapping import MM_PER_UNIT
-from skeleton.rotations import Array
-from stages.capture.inspection.column_roles import Roles
-from stages.capture.inspection.column_titles import ANGLE_UNITS, POSITION_UNITS, TIME_UNITS, split_title
-from stages.capture.inspection.description import (
+from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.inspection.column_roles import Roles
+from shukotsu.stages.capture.inspection.column_titles import (
+    ANGLE_UNITS,
+    POSITION_UNITS,
+    TIME_UNITS,
+    split_title,
+)
+from shukotsu.stages.capture.inspection.description import (
     CHECK,
     IMPOSSIBLE_EXTENTS,
     SECONDS_PER_UNIT,
@@ -61,24 +66,24 @@ def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]
     titles = [title for group in groups for title in group]
     span = max((float(np.ptp(values)) for values in _finite(titles, numbers)), default=0.0)
     why = "mm, cm, m or inch" + (f"; positions span {span:.3g} of it" if titles else "")
-    said = _stated(titles, POSITION_UNITS)
-    if span and len(said) == 1 and said[0]:
-        would_be = extent(span * MM_PER_UNIT[said[0]])
+    units = _stated(titles, POSITION_UNITS)
+    if span and len(units) == 1 and units[0]:
+        would_be = extent(span * MM_PER_UNIT[units[0]])
         if would_be in IMPOSSIBLE_EXTENTS:
-            return _doubted(why, f"the titles of positions say {said[0]}, in which their span is {would_be}")
-    return _settled(said, why, "positions")
+            return _doubted(why, f"the titles of positions say {units[0]}, in which their span is {would_be}")
+    return _settled(units, why, "positions")
 
 
 def _angle_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
     """The unit of angles, by the titles of all of them together, else by the largest."""
     titles = [title for group in groups for title in group]
     by_size = angle_unit_by_size(titles, numbers)
-    said = _stated(titles, ANGLE_UNITS)
-    if by_size.unit == "deg" and "rad" not in said:
-        return Unit("deg", STATED if said == ["deg"] else by_size.why)
-    if said == ["deg"] or (said == ["rad"] and by_size.unit == "deg"):
-        return _doubted("deg or rad", f"the titles of angles say {said[0]}; they look like {by_size.why}")
-    return _settled(said, f"deg or rad; {by_size.why}", "angles")
+    units = _stated(titles, ANGLE_UNITS)
+    if by_size.unit == "deg" and "rad" not in units:
+        return Unit("deg", STATED if units == ["deg"] else by_size.why)
+    if units == ["deg"] or (units == ["rad"] and by_size.unit == "deg"):
+        return _doubted("deg or rad", f"the titles of angles say {units[0]}; they look like {by_size.why}")
+    return _settled(units, f"deg or rad; {by_size.why}", "angles")
 
 
 def angle_unit_by_size(titles: Iterable[str], numbers: Mapping[str, Array]) -> Unit:
@@ -91,15 +96,15 @@ def angle_unit_by_size(titles: Iterable[str], numbers: Mapping[str, Array]) -> U
 
 def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
     """The unit of the column of times, by its title."""
-    times, said = numbers[title], split_title(title).unit
+    times, unit = numbers[title], split_title(title).unit
     why = rate_line("s, ms or us", times, SECONDS_PER_UNIT)
-    if said not in TIME_UNITS:
+    if unit not in TIME_UNITS:
         return Unit(CHECK, why)
     step = median_step(times)
-    rate_hz = None if step is None else 1 / (step * SECONDS_PER_UNIT[said])
+    rate_hz = None if step is None else 1 / (step * SECONDS_PER_UNIT[unit])
     if rate_hz is None or LEAST_HZ <= rate_hz <= MOST_HZ:
-        return Unit(said, STATED)
-    return _doubted(why, f"the title {title} says {said}, in which frames come at {rate_hz:.4g} Hz")
+        return Unit(unit, STATED)
+    return _doubted(why, f"the title {title} says {unit}, in which frames come at {rate_hz:.4g} Hz")
 
 
 def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Array]:
@@ -113,14 +118,14 @@ def _stated(titles: Iterable[str], units: frozenset[str]) -> list[str]:
     return list(dict.fromkeys(unit if unit in units else "" for unit in found))
 
 
-def _settled(said: Sequence[str], why: str, what: str) -> Unit:
+def _settled(units: Sequence[str], why: str, what: str) -> Unit:
     """The one unit that all titles state; what some or several state is a doubt."""
-    stated = [unit for unit in said if unit]
-    if len(said) == 1 and stated:
-        return Unit(said[0], STATED)
+    stated = [unit for unit in units if unit]
+    if len(units) == 1 and stated:
+        return Unit(units[0], STATED)
     if not stated:
         return Unit(CHECK, why)
-    others = ", others nothing" if "" in said else ""
+    others = ", others nothing" if "" in units else ""
     return _doubted(why, f"titles of {what} say {' and '.join(stated)}{others}")
 
 

@@ -1,4 +1,4 @@
-"""What an inspection gives, and how it says numbers."""
+"""Define an inspection's result, and write its numbers."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from schemas.mapping import MM_PER_UNIT
-from skeleton.rotations import Array
+from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.skeleton.rotations import Array
 
 CHECK = "CHECK"
 """Stands in a drafted mapping for what a file cannot say; no key accepts it."""
@@ -44,7 +44,7 @@ class Description:
 
 @np.errstate(over="ignore")  # a span without an end is said as one
 def extent_line(what: str, position: Array, stated: str = "") -> str:
-    """Say how far positions (N, 3) spread, and what that is in the unit stated, or would be in each unit."""
+    """Write positions' (N, 3) spread, and what that is in the unit stated, or would be in each unit."""
     seen = position[np.isfinite(position).all(-1)]
     if not len(seen):
         return f"{what}: no complete position"
@@ -58,7 +58,7 @@ def extent_line(what: str, position: Array, stated: str = "") -> str:
 
 
 def extent(span_mm: float) -> str:
-    """What a motion of that span is."""
+    """Name a thing of that span for comparison."""
     return next(meaning for limit, meaning in _EXTENTS if span_mm <= limit)
 
 

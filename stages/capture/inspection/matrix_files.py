@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from schemas.errors import InputError
-from stages.capture.formats.matrices import Matrices, open_matrices
-from stages.capture.inspection.description import CHECK, Description, draft, extent_line
+from shukotsu.errors import InputError
+from shukotsu.stages.capture.formats.matrices import Matrices, open_matrices
+from shukotsu.stages.capture.inspection.description import CHECK, Description, draft, extent_line
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
 def describe_matrices(path: Path) -> Description:
-    """Say what the matrices of a file or folder are. Raises InputError where there are none."""
+    """Describe the matrices of a file or folder. Raises InputError where there are none."""
     pattern, matrices = _open(path)
     values = matrices.values
     rotation = values[:, :3, :3]

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.tables import read_metadata
-from stages.capture.formats.cells import Cells
-from stages.capture.formats.tidy import (
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.tables import read_metadata
+from shukotsu.stages.capture.formats.cells import Cells
+from shukotsu.stages.capture.formats.tidy import (
     RECEIVER,
     REQUIRED,
     SEGMENT,
@@ -19,8 +19,8 @@ from stages.capture.formats.tidy import (
     open_recording,
     parquet_blocks,
 )
-from stages.capture.inspection.description import Description, extent_line, rate_line
-from stages.capture.samples import NUMBERS
+from shukotsu.stages.capture.inspection.description import Description, extent_line, rate_line
+from shukotsu.stages.capture.samples import NUMBERS
 
 
 def is_tidy(path: Path) -> bool:
@@ -35,12 +35,12 @@ def _tidy_header(names: Sequence[str]) -> bool:
 
 
 def describe_tidy_csv(path: Path, layout: Layout) -> Description:
-    """Say what a tidy CSV file holds. Raises InputError where a cell is not what its column holds."""
+    """Describe a tidy CSV file. Raises InputError where a cell is not what its column holds."""
     return Description(("a tidy recording (CSV): needs no mapping", *_tidy(csv_blocks(path), layout)))
 
 
 def describe_parquet(path: Path, layout: Layout) -> Description:
-    """Say what a Parquet file holds: a tidy recording, or a table that a stage wrote."""
+    """Describe a Parquet file: a tidy recording, or a table that a stage wrote."""
     with open_recording(path) as file:
         names, rows = file.schema_arrow.names, file.metadata.num_rows
         kinds = [f"{field.name} ({field.type})" for field in file.schema_arrow]

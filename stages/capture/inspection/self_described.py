@@ -7,16 +7,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.mapping import UNIT_NAMES
-from stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
-from stages.capture.formats.readers import AUTO, find_parts_reader
-from stages.capture.inspection.description import CHECK, Description, draft
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import UNIT_NAMES
+from shukotsu.stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
+from shukotsu.stages.capture.formats.readers import AUTO, find_parts_reader
+from shukotsu.stages.capture.inspection.description import CHECK, Description, draft
 
 
 def describe_motion_bids(path: Path, layout: Layout) -> Description:
-    """Say what the sidecars of a motion.tsv say. Raises InputError where one is none."""
+    """Describe a motion.tsv by its sidecars. Raises InputError where one is none."""
     sidecars = read_sidecars(path)
     rate_hz = sidecars.sampling_frequency_hz()
     latency = [channel.name for channel in sidecars.channels if channel.type == "LATENCY"]
@@ -47,12 +47,12 @@ def describe_motion_bids(path: Path, layout: Layout) -> Description:
 
 
 def describe_xdf(path: Path, layout: Layout) -> Description:
-    """Say what streams there are, and which markers or objects those of type MoCap have.
+    """List the streams, and the markers or objects of those of type MoCap.
 
     Raises InputError where the file is none, is damaged or has no stream of type MoCap.
     """
-    from schemas.xdf_streams import read_streams
-    from stages.capture.formats.xdf import POSITION, is_mocap, mocap_streams, owners
+    from shukotsu.files.xdf_streams import read_streams
+    from shukotsu.stages.capture.formats.xdf import POSITION, is_mocap, mocap_streams, owners
 
     streams = read_streams(path)
     lines = []

@@ -1,4 +1,4 @@
-"""How a table's text is laid out: separators, decimal mark, header, comments, what comes before it."""
+"""Detect how a table's text is laid out: separators, decimal mark, header, comments, what comes before it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schemas.errors import InputError
-from schemas.text_files import open_text
+from shukotsu.errors import InputError
+from shukotsu.files.text_files import open_text
 
 READ_LINES = 200
 
@@ -22,7 +22,7 @@ _NUMBER = {
 
 @dataclass(frozen=True)
 class TextForm:
-    """How the text is laid out, as the mapping's `csv` group says it."""
+    """Hold how the text is laid out, as the mapping's `csv` group says it."""
 
     delimiter: str
     decimal: str

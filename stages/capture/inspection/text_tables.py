@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from schemas.errors import InputError
-from schemas.layout import Layout
-from skeleton.rotations import Array
-from stages.capture.formats.cells import Cells
-from stages.capture.formats.mapped_csv import TIME_OF_DAY
-from stages.capture.formats.text_table import open_table_text
-from stages.capture.inspection.column_roles import Roles, by_azimuth, find_roles
-from stages.capture.inspection.column_units import Unit, Units, angle_unit_by_size, find_units
-from stages.capture.inspection.description import (
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.formats.cells import Cells
+from shukotsu.stages.capture.formats.mapped_csv import TIME_OF_DAY
+from shukotsu.stages.capture.formats.text_table import open_table_text
+from shukotsu.stages.capture.inspection.column_roles import Roles, by_azimuth, find_roles
+from shukotsu.stages.capture.inspection.column_units import Unit, Units, angle_unit_by_size, find_units
+from shukotsu.stages.capture.inspection.description import (
     CHECK,
     SECONDS_PER_UNIT,
     Description,
@@ -25,7 +25,7 @@ from stages.capture.inspection.description import (
     extent_line,
     rate_line,
 )
-from stages.capture.inspection.text_form import TextForm, detect_form
+from shukotsu.stages.capture.inspection.text_form import TextForm, detect_form
 
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
 
@@ -37,7 +37,7 @@ REPEATED_SHARE = 0.2
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
 def describe_table(path: Path, layout: Layout) -> Description:
-    """Say what the columns of a table seem to be. Raises InputError where the text is no table."""
+    """Guess what the columns of a table are. Raises InputError where the text is no table."""
     form = detect_form(path)
     text = open_table_text(path, form.config())
     cells = text.cells(text.titles)

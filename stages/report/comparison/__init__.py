@@ -1,1 +1,1 @@
-"""Whether one skeleton model does better than another across the subjects of a study."""
+"""Say whether one skeleton model does better than another across the subjects of a study."""

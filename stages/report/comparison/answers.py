@@ -1,248 +1,210 @@
 """A study's numbers on one question: every subject's under every model, and the comparisons made of them.
 
-The baseline is the paper's: of the models that reproduce one of its tables uncorrected the last, for the
-first of them leaves metacarpals at rest, and everything beats it by centimetres; without any of the paper's
-the study's first model. Fitted hands, where only they are asked, are held against anatomy alone. A place is a
-digit in a recording, or a joint of a hand.
+They are those of the tables that the stage compare_models writes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import json
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from schemas.model import the_papers
-from stages.report.comparison.comparisons import ALL_DIGITS, Comparison, compare
-from stages.report.comparison.questions import PRIOR, Question
-from stages.report.study_results import StudyResults, recording_key, row_key
-from stages.report.wording import mark, say
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import N_, listed, tr
+from shukotsu.stages.report.comparison.questions import Question
+from shukotsu.stages.report.study_results import Row, StudyResults
+from shukotsu.statistics.multiple_comparisons import LEVEL
 
-if TYPE_CHECKING:
-    import pandas as pd
+ALL_DIGITS = ""
+
+REASONS = (
+    N_("not scored"),
+    N_("no such number"),
+    N_("made from this task too, not held out"),
+    N_("made without this task, not in-sample"),
+)
+"""Why compare_models has no number, beside the messages of scores and recordings."""
 
 
-NO_NUMBER = mark("no such number")
-OTHER_KIND = {
-    True: mark("made from this task too, not held out"),
-    False: mark("made without this task, not in-sample"),
-}
-PLACE = ["subject", "model", "digit", "place"]
+class Missing(NamedTuple):
+    """Places in which a model has no number of a subject, for one reason."""
 
-
-class Observation(NamedTuple):
-    """One model in one place: its number, or None and the reason."""
-
-    subject: str
     model: str
-    digit: str
-    place: str
-    value: float | None
-    reason: str = ""
+    reason: str
+    n_places: int
 
 
-def observations(
-    results: StudyResults, question: Question, models: Collection[str], *, held_out: bool
-) -> pd.DataFrame:
-    """The models' numbers in every place of a study, a row as an Observation; where there is none, why.
+@dataclass(frozen=True)
+class Comparison:
+    """Two models over the subjects, in one digit or over ALL_DIGITS; differences are model - other.
 
-    A reference was made from nothing, so it counts as held out and as in-sample. A joint's error is held out
-    where the skeleton has held-out scores. Suspect hands are left out.
+    differences : by subject. mean, other_mean : of the two models over those subjects. The rest is as in the
+    table model_differences; p_holm is corrected for n_comparisons.
     """
-    import pandas as pd
 
-    rows = _rows(results, question)
-    rows = rows[rows["model"].isin(list(models))]
-    counts = rows["kind"].isin([held_out]) | ~rows["model"].isin(list(results.models))
-    rows = rows.assign(counts=counts, value=rows["number"].where(counts))
-    found = rows.groupby(PLACE, sort=False)["value"].mean().reset_index()
-    found = found.merge(_reasons(rows, held_out=held_out), how="left", on=PLACE).fillna({"reason": ""})
-    absent = pd.DataFrame(_unscored(results, question, models), columns=Observation._fields)
-    return found if absent.empty else pd.concat([found, absent.astype({"value": float})], ignore_index=True)
+    question: Question
+    digit: str
+    model: str
+    other: str
+    differences: dict[str, float]
+    n_subjects: int
+    mean: float
+    other_mean: float
+    mean_difference: float
+    median_difference: float
+    interval: tuple[float, float] | None
+    p: float
+    p_holm: float
+    smallest_p: float
+    smallest_p_holm: float
+    n_comparisons: int
+    effect_size: float | None
+    n_better: int
+    n_equal: int
 
+    @property
+    def n(self) -> int:
+        """Number of subjects with both models."""
+        return len(self.differences)
 
-def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
-    """Why a place has no number: the messages of its rows that count, or that none does."""
-    groups = rows.groupby(PLACE, sort=False)
-    rows = rows[groups["value"].transform("count") == 0]
-    rows = rows[rows["counts"] | ~rows.groupby(PLACE)["counts"].transform("any")]
-    texts = rows["message"].where(rows["counts"], OTHER_KIND[held_out])
-    joined = texts.groupby([rows[name] for name in PLACE], sort=False)
-    return (
-        joined.agg(lambda own: "; ".join(dict.fromkeys(filter(None, own))) or NO_NUMBER)
-        .rename("reason")
-        .reset_index()
-    )
+    @property
+    def significant(self) -> bool:
+        """Say whether a difference is shown at LEVEL, corrected for all comparisons."""
+        return self.p_holm <= LEVEL
 
+    @property
+    def testable(self) -> bool:
+        """Say whether so many subjects can show a difference at all."""
+        return self.smallest_p_holm <= LEVEL
 
-def _rows(results: StudyResults, question: Question) -> pd.DataFrame:
-    """Rows of the question's table: PLACE, number, message and kind (whether it is held out)."""
-    import pandas as pd
-
-    of_score = question.table == "skeleton_scores"
-    columns = [
-        "subject",
-        "session",
-        "hand",
-        "task",
-        "trial",
-        "model",
-        "calibrated_on",
-        "digit",
-        "held_out",
-        "message",
-    ]
-    scores = pd.DataFrame.from_records(
-        results.counted(results.scores), columns=[*columns, *([question.metric] if of_score else [])]
-    )
-    if of_score:
-        place = (
-            _in_session(scores)
-            + scores["hand"]
-            + " hand, "
-            + scores["task"]
-            + (", trial " + scores["trial"]).where(scores["trial"] != "", "")
-        )
-        number = scores[question.metric].astype(float)
-        return scores.assign(place=place, number=number, kind=scores["held_out"])
-    made = ["subject", "session", "hand", "model", "calibrated_on"]
-    kinds = scores[[*made, "held_out"]].drop_duplicates().rename(columns={"held_out": "kind"})
-    joints = pd.DataFrame.from_records(
-        results.counted(results.joint_errors), columns=[*made, "joint", question.metric]
-    )
-    joints = joints.merge(kinds, how="left", on=made)
-    digits = {
-        (*hand.who, hand.hand, joint): digit.name
-        for hand, layout in results.layouts.items()
-        for digit in layout.digits.values()
-        for joint in digit.joints
-    }
-    keys = zip(*(joints[name] for name in ("subject", "session", "hand", "joint")), strict=True)
-    return joints.assign(
-        digit=[digits.get(key, key[3]) for key in keys],
-        place=_in_session(joints) + joints["hand"] + " hand, " + joints["joint"],
-        number=joints[question.metric].astype(float),
-        message="",
-    )
-
-
-def _in_session(rows: pd.DataFrame) -> pd.Series[str]:
-    """How the name of a place begins: with the session, where there is one."""
-    return ("session " + rows["session"] + ", ").where(rows["session"] != "", "")
-
-
-def _unscored(results: StudyResults, question: Question, models: Collection[str]) -> Iterator[Observation]:
-    """The evaluated recordings without any score, with what became of them."""
-    if question.table == "joint_errors":
-        return
-    scored = {row_key(row) for row in results.scores}
-    for recording in results.recordings:
-        subject, session, hand, task, trial = key = recording_key(recording)
-        if key in scored or recording.role == "calibration":
-            continue
-        reason = ": ".join(filter(None, results.status_of(recording)))
-        place = (
-            (f"session {session}, " if session else "")
-            + f"{hand} hand, {task}"
-            + (f", trial {trial}" if trial else "")
-        )
-        for digit in results.layouts[recording.hand].digits:
-            for model in models:
-                yield Observation(subject, model, digit, place, None, reason)
-
-
-ByDigit = dict[str, dict[str, dict[str, float]]]
-"""Numbers by digit, ALL_DIGITS first, then model, then subject."""
+    @property
+    def equal(self) -> bool:
+        """Say whether the models have the same number in every subject."""
+        return self.n_equal == self.n
 
 
 @dataclass(frozen=True)
 class Answer:
     """One question with the study's numbers.
 
-    seen : the observations of models and references. names : models, then references. overall, digits : each
-    model against the baseline over all digits, and digit by digit; the comparisons of either are corrected
-    together.
+    names : models, then references. by_digit : numbers by digit, ALL_DIGITS first, then model, then subject.
+    overall, digits : each model against the baseline over all digits, and digit by digit, where any subject
+    has both; either are corrected together. missing : by subject, over all digits. fitted_only : whether only
+    models that pose a fitted hand are asked.
     """
 
     question: Question
     held_out: bool
     n_subjects: int
-    seen: pd.DataFrame
-    names: tuple[str, ...]
+    models: tuple[str, ...]
+    references: tuple[str, ...]
     baseline: str
-    by_digit: ByDigit
+    by_digit: dict[str, dict[str, dict[str, float]]]
     overall: tuple[Comparison, ...]
     digits: tuple[Comparison, ...]
+    missing: dict[str, tuple[Missing, ...]]
 
     @property
-    def models(self) -> tuple[str, ...]:
-        """The models without the references."""
-        return tuple(name for name in self.names if name not in self.question.references)
+    def names(self) -> tuple[str, ...]:
+        """The models, then the references."""
+        return (*self.models, *self.references)
 
     @property
     def kind(self) -> str:
-        """Which data the skeletons were made from."""
+        """Say which data the skeletons were made from."""
         if self.held_out:
-            return say("Held out: skeletons made without the recordings that they are scored on.")
-        return say(
+            return tr("Held out: skeletons made without the recordings that they are scored on.")
+        return tr(
             "In-sample: nothing is held out, so a skeleton may have learnt the recording that it is "
             "scored on and not the hand."
         )
 
     @property
     def judges(self) -> bool:
-        """Whether the answer judges a skeleton: by a truth, or by a hand that did not see the recording."""
+        """Say whether the answer judges a skeleton: by a truth, or a hand that did not see the recording."""
         return bool(self.question.judged_by) and (self.held_out or not self.question.fitted_only)
 
 
 def answer(results: StudyResults, question: Question, baseline: str = "") -> Answer | None:
-    """Ask the study, of held-out numbers if there are any; None where it has no number of any model.
+    """Give the study's answer to a question; None where it has no number of any model.
 
-    baseline : the model that the others are held against; unless given the paper's.
+    baseline : the model that the others are compared with; unless given, or where the question has no such
+    comparison, the one that the tables name.
     """
-    models = [name for name in results.models if not question.fitted_only or name in results.fitted]
-    for held_out in (True, False):
-        seen = observations(results, question, [*models, *question.references], held_out=held_out)
-        present = set(seen.loc[seen["value"].notna(), "model"])
-        if present.intersection(models):
-            break
-    else:
+    values = [row for row in results.model_values if row["metric"] == question.metric]
+    if not values:
         return None
-    baseline = baseline or the_papers(results.models.values()) or next(iter(results.models))
-    if question.fitted_only or len(models) == 1:
-        baseline = PRIOR if PRIOR in present else models[0]
-    pairs = [(name, baseline) for name in models if name != baseline]
-    overall, digits = (
-        compare(seen, question, pairs, held_out=held_out, subjects=results.subjects, digits=scopes)
-        for scopes in ({ALL_DIGITS}, set(seen["digit"]))
-    )
+    by_digit: dict[str, dict[str, dict[str, float]]] = {}
+    for row in values:
+        of_model = by_digit.setdefault(row["digit"], {}).setdefault(row["model"], {})
+        if row["value"] is not None:
+            of_model[row["subject"]] = row["value"]
+    by_digit = {digit: of for digit, of in by_digit.items() if any(of.values())}
+    references = dict.fromkeys(row["model"] for row in values if row["reference"])
+    models = dict.fromkeys(row["model"] for row in values if not row["reference"])
+    differences = [row for row in results.model_differences if row["metric"] == question.metric]
+    others = {row["other"]: row["baseline"] for row in differences}
+    if baseline not in others:
+        baseline = next((other for other, is_baseline in others.items() if is_baseline), next(iter(models)))
+    compared = _comparisons(results, question, [row for row in differences if row["other"] == baseline])
     return Answer(
         question=question,
-        held_out=held_out,
+        held_out=values[0]["held_out"],
         n_subjects=len(results.subjects),
-        seen=seen,
-        names=(*models, *(name for name in question.references if name in present)),
+        models=tuple(models),
+        references=tuple(references),
         baseline=baseline,
-        by_digit=_means(results, seen),
-        overall=overall,
-        digits=digits,
+        by_digit=by_digit,
+        overall=tuple(each for each in compared if each.digit == ALL_DIGITS),
+        digits=tuple(each for each in compared if each.digit != ALL_DIGITS),
+        missing=_missing(values),
     )
 
 
-def _means(results: StudyResults, seen: pd.DataFrame) -> ByDigit:
-    """Each subject's mean over the places in which a model has a number.
+def _comparisons(results: StudyResults, question: Question, rows: Sequence[Row]) -> list[Comparison]:
+    """Give the comparisons of those rows of model_differences that some subject has both models for."""
+    differences: dict[tuple[str, ...], dict[str, float]] = defaultdict(dict)
+    for row in results.model_pairs:
+        if row["metric"] == question.metric:
+            differences[row["digit"], row["model"], row["other"]][row["subject"]] = row["difference"]
+    alike = (
+        "digit", "model", "other", "n_subjects", "mean", "other_mean", "mean_difference", "median_difference",
+        "p", "p_holm", "smallest_p", "smallest_p_holm", "n_comparisons", "effect_size", "n_better", "n_equal",
+    )  # fmt: skip
+    return [
+        Comparison(
+            question=question,
+            differences=differences[row["digit"], row["model"], row["other"]],
+            interval=None
+            if row["interval_95_low"] is None
+            else (row["interval_95_low"], row["interval_95_high"]),
+            **{name: row[name] for name in alike},
+        )
+        for row in rows
+        if row["n_compared_subjects"]
+    ]
 
-    All digits first, then those with numbers as the layouts name them, then what else has.
-    """
-    known = seen.dropna(subset="value")
-    of_layouts = [digit for layout in results.layouts.values() for digit in layout.digits]
-    present = set(known["digit"])
-    digits = [d for d in dict.fromkeys([*of_layouts, *sorted(present)]) if d in present]
-    means: ByDigit = {}
-    for digit in (ALL_DIGITS, *digits):
-        own = known if digit == ALL_DIGITS else known[known["digit"] == digit]
-        means[digit] = {
-            str(model): {str(subject): float(value) for (_, subject), value in of_model.items()}
-            for model, of_model in own.groupby(["model", "subject"])["value"].mean().groupby(level=0)
-        }
-    return means
+
+def _missing(values: Iterable[Row]) -> dict[str, tuple[Missing, ...]]:
+    found: dict[str, tuple[Missing, ...]] = {}
+    for row in values:
+        if row["digit"] == ALL_DIGITS and row["missing"]:
+            own = json.loads(row["missing"]).items()
+            found[row["subject"]] = (
+                *found.get(row["subject"], ()),
+                *(Missing(row["model"], reason, count) for reason, count in own),
+            )
+    return found
+
+
+def missing_text(missing: Iterable[Missing]) -> str:
+    """Each reason once, with its models and the number of places; empty where nothing is missing."""
+    models_of: dict[tuple[str, int], list[str]] = defaultdict(list)
+    for each in missing:
+        models_of[each.reason, each.n_places].append(each.model)
+    return "; ".join(
+        f"{listed(models)}: {translated(reason)}" + (tr(", {count} places", count=count) if count > 1 else "")
+        for (reason, count), models in models_of.items()
+    )

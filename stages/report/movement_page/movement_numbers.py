@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stages.report.comparison.comparison_text import p_text
-from stages.report.movement_page.movement_results import OF_ANGLE, PLACE, RANGE, Movement
-from stages.report.movement_page.movement_text import PAIR
-from stages.report.table_cells import DASH, Column, DataTable, Folded, number, table_of, text_column
-from stages.report.wording import say
+from shukotsu.sentences.translation import tr
+from shukotsu.stages.report.comparison.comparison_text import p_text
+from shukotsu.stages.report.movement_page.movement_results import OF_ANGLE, PLACE, RANGE, Movement
+from shukotsu.stages.report.movement_page.movement_text import PAIR
+from shukotsu.stages.report.table_cells import DASH, Column, DataTable, Folded, number, table_of, text_column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,29 +27,29 @@ def range_table(movement: Movement) -> DataTable:
     cells = means.groupby([*PLACE, *OF_ANGLE], sort=False, observed=True)[RANGE]
     found = cells.agg(["count", "mean", "std", "min", "max"]).join(sd).reset_index()
     columns = (
-        text_column(say("Joint"), "joint"),
-        text_column(say("Angle"), "angle"),
-        text_column(say("Hand"), "hand"),
-        text_column(say("Task"), "task"),
-        _number(say("Subjects"), "count", 0),
-        _number(say("Mean [deg]"), "mean"),
-        _number(say("SD between subjects [deg]"), "std"),
-        _number(say("Least [deg]"), "min"),
-        _number(say("Greatest [deg]"), "max"),
-        _number(say("Stated error of one [deg]"), "range_sd_deg"),
+        text_column(tr("Joint"), "joint"),
+        text_column(tr("Angle"), "angle"),
+        text_column(tr("Hand"), "hand"),
+        text_column(tr("Task"), "task"),
+        _number(tr("Subjects"), "count", 0),
+        _number(tr("Mean [deg]"), "mean"),
+        _number(tr("SD between subjects [deg]"), "std"),
+        _number(tr("Least [deg]"), "min"),
+        _number(tr("Greatest [deg]"), "max"),
+        _number(tr("Stated error of one [deg]"), "range_sd_deg"),
     )
     return _short(
-        say("Range of motion (2.5th to 97.5th percentile) over subjects"), columns, found, "ranges_of_motion"
+        tr("Range of motion (2.5th to 97.5th percentile) over subjects"), columns, found, "ranges_of_motion"
     )
 
 
 def difference_tables(movement: Movement) -> list[Folded]:
     """Every difference between two levels, a folded table a quantity, ranges first."""
     columns = (
-        text_column(say("Of"), "of"),
+        text_column(tr("Of"), "of"),
         Column(
-            say("Levels"),
-            lambda r: say(
+            tr("Levels"),
+            lambda r: tr(
                 "{factor}: {level} less {other_level}",
                 factor=r["factor"],
                 level=r["level"],
@@ -57,41 +57,41 @@ def difference_tables(movement: Movement) -> list[Folded]:
             ),
             is_text=True,
         ),
-        text_column(say("Hand"), "hand"),
-        text_column(say("Task"), "task"),
-        Column(say("Subjects"), lambda r: _subjects(r)),
-        Column(say("Mean"), lambda r: number(r["mean"])),
-        Column(say("Other mean"), lambda r: number(r["other_mean"])),
-        Column(say("Difference"), lambda r: number(r["difference"])),
-        Column(say("95 % interval"), lambda r: _interval(r["low"], r["high"])),
-        Column(say("Effect size"), lambda r: f"{number(r['effect_size'])} {r['effect_size_name']}".strip()),
+        text_column(tr("Hand"), "hand"),
+        text_column(tr("Task"), "task"),
+        Column(tr("Subjects"), lambda r: _subjects(r)),
+        Column(tr("Mean"), lambda r: number(r["mean"])),
+        Column(tr("Other mean"), lambda r: number(r["other_mean"])),
+        Column(tr("Difference"), lambda r: number(r["difference"])),
+        Column(tr("95 % interval"), lambda r: _interval(r["low"], r["high"])),
+        Column(tr("Effect size"), lambda r: f"{number(r['effect_size'])} {r['effect_size_name']}".strip()),
         Column("p", lambda r: _p(r["p"])),
-        Column(say("p, corrected"), lambda r: _p(r["p_max_t"])),
-        text_column(say("Test"), "test"),
-        Column(say("Left out, and why"), lambda r: _left_out(r), is_text=True),
+        Column(tr("p, corrected"), lambda r: _p(r["p_max_t"])),
+        text_column(tr("Test"), "test"),
+        Column(tr("Left out, and why"), lambda r: _left_out(r), is_text=True),
     )
-    return list(_by_quantity(movement.differences, say("Differences"), columns, "movement_differences"))
+    return list(_by_quantity(movement.differences, tr("Differences"), columns, "movement_differences"))
 
 
 def reliability_tables(movement: Movement) -> list[Folded]:
-    """How every number repeats, a folded table a quantity, ranges first."""
+    """Tabulate the repeatability of every number, a folded table a quantity, ranges first."""
     columns = (
-        text_column(say("Of"), "of"),
-        text_column(say("Across"), "across"),
-        text_column(say("Hand"), "hand"),
-        text_column(say("Task"), "task"),
-        Column(say("Subjects"), lambda r: str(int(r["n"]))),
-        Column(say("Times"), lambda r: str(int(r["k"]))),
-        Column(say("ICC(2,1)"), lambda r: _with_interval(r, "icc_2_1")),
-        Column(say("ICC(3,1)"), lambda r: _with_interval(r, "icc_3_1")),
-        _number(say("SEM"), "sem", 2),
-        _number(say("MDC"), "mdc", 2),
-        _number(say("Bias"), "bias", 2),
-        Column(say("Limits of agreement"), lambda r: _interval(r["loa_low"], r["loa_high"])),
-        _number(say("Stated 1-sigma"), "stated_sd", 2),
-        Column(say("Within 1.96 of it [%]"), lambda r: number(r["held_percent"], 0)),
+        text_column(tr("Of"), "of"),
+        text_column(tr("Across"), "across"),
+        text_column(tr("Hand"), "hand"),
+        text_column(tr("Task"), "task"),
+        Column(tr("Subjects"), lambda r: str(int(r["n"]))),
+        Column(tr("Times"), lambda r: str(int(r["k"]))),
+        Column(tr("ICC(2,1)"), lambda r: _with_interval(r, "icc_2_1")),
+        Column(tr("ICC(3,1)"), lambda r: _with_interval(r, "icc_3_1")),
+        _number(tr("SEM"), "sem", 2),
+        _number(tr("MDC"), "mdc", 2),
+        _number(tr("Bias"), "bias", 2),
+        Column(tr("Limits of agreement"), lambda r: _interval(r["loa_low"], r["loa_high"])),
+        _number(tr("Stated 1-sigma"), "stated_sd", 2),
+        Column(tr("Within 1.96 of it [%]"), lambda r: number(r["held_percent"], 0)),
     )
-    return list(_by_quantity(movement.reliability, say("Repeatability"), columns, "movement_reliability"))
+    return list(_by_quantity(movement.reliability, tr("Repeatability"), columns, "movement_reliability"))
 
 
 def dependence_table(movement: Movement) -> DataTable:
@@ -99,26 +99,26 @@ def dependence_table(movement: Movement) -> DataTable:
     rows = movement.dependence
     apart = rows[np.array([agree is not None and not agree for agree in rows["agree"]], bool)]
     columns = (
-        text_column(say("Of"), "of"),
-        text_column(say("Quantity"), "quantity"),
-        text_column(say("Question"), "question"),
-        Column(say("Levels"), lambda r: _levels(r), is_text=True),
-        text_column(say("Hand"), "hand"),
-        text_column(say("Task"), "task"),
-        text_column(say("Models that part most"), "which"),
-        _number(say("By"), "widest_difference", 2),
-        text_column(say("What they say"), "message"),
+        text_column(tr("Of"), "of"),
+        text_column(tr("Quantity"), "quantity"),
+        text_column(tr("Question"), "question"),
+        Column(tr("Levels"), lambda r: _levels(r), is_text=True),
+        text_column(tr("Hand"), "hand"),
+        text_column(tr("Task"), "task"),
+        text_column(tr("Models that part most"), "which"),
+        _number(tr("By"), "widest_difference", 2),
+        text_column(tr("What they say"), "message"),
     )
-    return _short(say("Answers that depend on the skeleton model"), columns, apart, "model_dependence")
+    return _short(tr("Answers that depend on the skeleton model"), columns, apart, "model_dependence")
 
 
 def _by_quantity(rows: pd.DataFrame, words: str, columns: Iterable[Column], table: str) -> Iterator[Folded]:
     names = sorted(rows["quantity"].unique(), key=lambda name: name != RANGE)
     for name in names:
         own = rows[rows["quantity"] == name]
-        caption = say("{words} in {name}{unit}", words=words, name=name, unit=_unit(own))
+        caption = tr("{words} in {name}{unit}", words=words, name=name, unit=_unit(own))
         yield Folded(
-            say("{name}: {n_own} rows", name=name, n_own=len(own)), _short(caption, columns, own, table)
+            tr("{name}: {n_own} rows", name=name, n_own=len(own)), _short(caption, columns, own, table)
         )
 
 
@@ -132,9 +132,9 @@ def _short(caption: str, columns: Iterable[Column], rows: pd.DataFrame, table: s
     more = len(rows) - MOST_ROWS
     head = rows.head(MOST_ROWS).to_dict("records")
     note = (
-        say("{more} more rows are in {table}.parquet.", more=more, table=table)
+        tr("{more} more rows are in {table}.parquet.", more=more, table=table)
         if more > 0
-        else say("There is none.")
+        else tr("There is none.")
         if rows.empty
         else ""
     )
@@ -150,17 +150,17 @@ def _subjects(row: Any) -> str:
     return (
         str(int(row["n"]))
         if row["design"] == "within"
-        else say("{n} and {n_other}", n=int(row["n"]), n_other=int(row["n_other"]))
+        else tr("{n} and {n_other}", n=int(row["n"]), n_other=int(row["n_other"]))
     )
 
 
 def _interval(low: float, high: float) -> str:
-    return DASH if low != low or high != high else say("{low} to {high}", low=number(low), high=number(high))
+    return DASH if low != low or high != high else tr("{low} to {high}", low=number(low), high=number(high))
 
 
 def _with_interval(row: Any, name: str) -> str:
     low, high = row[f"{name}_low"], row[f"{name}_high"]
-    beside = "" if low != low else say(" ({low} to {high})", low=number(low), high=number(high))
+    beside = "" if low != low else tr(" ({low} to {high})", low=number(low), high=number(high))
     return f"{number(row[name])}{beside}"
 
 
@@ -175,4 +175,4 @@ def _left_out(row: Any) -> str:
 
 def _levels(row: Any) -> str:
     factor, level, other = (row[name] for name in PAIR)
-    return say("{factor}: {level} less {other}", factor=factor, level=level, other=other) if level else factor
+    return tr("{factor}: {level} less {other}", factor=factor, level=level, other=other) if level else factor

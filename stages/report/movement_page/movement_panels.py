@@ -1,120 +1,151 @@
-"""What the movement page and the figures for print draw, prepared: ranges, differences, curves, agreement."""
+"""Describe what the movement page and the figures for print draw: ranges, differences, curves, agreement."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stages.report.comparison.comparison_text import p_text
-from stages.report.movement_page.movement_results import OF_ANGLE, PLACE, RANGE, Movement
-from stages.report.movement_page.movement_text import LEVEL, PAIR, angle_text, of_text
-from stages.report.palette import Look, digit_looks
-from stages.report.pictures.subject_dots import Strip
-from stages.report.pictures.xy_plot import Array, XYPlot
-from stages.report.recording_results import ANGLES
-from stages.report.wording import say
+from shukotsu.sentences.translation import tr, word
+from shukotsu.stages.report.comparison.comparison_text import p_text
+from shukotsu.stages.report.models_compared.model_panels import SCALES
+from shukotsu.stages.report.movement_page.movement_results import OF_ANGLE, PLACE, RANGE, Movement
+from shukotsu.stages.report.movement_page.movement_text import LEVEL, PAIR, angle_text, of_text
+from shukotsu.stages.report.palette import INK, RULE, Look, digit_looks
+from shukotsu.stages.report.plots.description import (
+    Array,
+    Band,
+    CurvesPanel,
+    Group,
+    Line,
+    Row,
+    RowsPanel,
+    Scale,
+    difference_scale,
+    even_scale,
+    value_scale,
+)
+from shukotsu.stages.report.recording_results import ANGLES
+from shukotsu.stages.report.table_cells import capital
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MOST_PANELS = 6
 """The most joints of which curves and agreement are drawn: those that moved most."""
-
-
-@dataclass(frozen=True)
-class Strips:
-    """A panel of rows of joints: where it is from, which angle, and its rows."""
-
-    place: str
-    angle: str
-    strips: tuple[Strip, ...]
+_CYCLE, _HEIGHT_MM = Scale(0.0, 100.0), 36.0
 
 
 def place_text(place: Sequence[str]) -> str:
     """Hand and task in words."""
     hand, task = place
-    return say("{hand} hand, {task}", hand=hand, task=task)
+    return tr("{hand} hand, {task}", hand=hand, task=task)
 
 
 def looks_of_joints(joints: Sequence[str], digits: Sequence[str]) -> dict[str, Look]:
     """The colour of each joint's digit; of a joint of none, ink's."""
     looks = digit_looks(digits)
-    plain = Look("#1c1d20", "o")
+    plain = Look(INK, "o")
     return {joint: Look(looks.get(joint.partition("_")[0], plain).colour, "o") for joint in joints}
 
 
-def range_strips(movement: Movement, digits: Sequence[str]) -> list[Strips]:
-    """Every subject's range of motion by joint: a panel a hand, task and angle."""
+def range_panels(movement: Movement, digits: Sequence[str]) -> list[RowsPanel]:
+    """Describe every subject's range of motion by joint: a panel an angle, its hands and tasks below each
+    other, for a rotation is a tenth of a flexion.
+    """
     means = movement.subject_means
     joints = list(dict.fromkeys(means["joint"]))
-    looks = looks_of_joints(joints, digits)
+    looks, n = looks_of_joints(joints, digits), movement.ranges["subject"].nunique()
     found = []
-    for (hand, task), of_place in means.groupby(PLACE, sort=False):
-        for angle in ANGLES:
-            own = of_place[of_place["angle"] == angle]
-            strips = tuple(
-                Strip(joint, looks[joint], dict(zip(rows["subject"], rows[RANGE], strict=True)))
+    for angle in ANGLES:
+        groups = []
+        for place, of_place in means[means["angle"] == angle].groupby(PLACE, sort=False):
+            of_joint = dict(list(of_place.groupby("joint", sort=False)))
+            rows = (
+                Row(joint, looks[joint], dict(zip(own["subject"], own[RANGE], strict=True)))
                 for joint in joints
-                if not (rows := own[own["joint"] == joint]).empty
+                if (own := of_joint.get(joint)) is not None
             )
-            if strips:
-                found.append(Strips(place_text((hand, task)), angle, strips))
+            groups.append(Group(place_text(place), tuple(rows)))
+        if groups:
+            what = tr("range of motion")
+            found.append(_panel(angle, what, tr("Range of motion [deg]"), groups, value_scale, ("", ""), n))
     return found
+
+
+def _panel(
+    angle: str,
+    what: str,
+    axis: str,
+    groups: Sequence[Group],
+    scale_of: Callable[[Sequence[float]], Scale],
+    sides: tuple[str, str],
+    n_subjects: int,
+) -> RowsPanel:
+    name = capital(word(angle))
+    scale = scale_of([value for group in groups for row in group.rows for value in row.values()])
+    title = tr("{name}: {what} by joint.", name=name, what=what)
+    return RowsPanel(name, title, f"{axis}{tr(SCALES[scale.kind])}", scale, tuple(groups), sides, n_subjects)
 
 
 @dataclass(frozen=True)
 class Contrast:
-    """Two levels of a factor: what they are, how many subjects, and a panel a hand, task and angle."""
+    """Two levels of a factor, and a panel an angle."""
 
     levels: tuple[str, str, str]
-    panels: tuple[Strips, ...]
+    panels: tuple[RowsPanel, ...]
 
     @property
     def words(self) -> str:
         """The contrast in words."""
         factor, level, other = self.levels
-        return say("{factor}: {level} less {other}", factor=factor, level=level, other=other)
+        return tr("{factor}: {level} less {other}", factor=factor, level=level, other=other)
 
 
-def difference_strips(movement: Movement, digits: Sequence[str]) -> list[Contrast]:
-    """The difference in range of motion of each two levels, with its interval, by joint; shown ones bold."""
+def contrasts(movement: Movement, digits: Sequence[str]) -> list[Contrast]:
+    """Describe the difference in range of motion of each two levels, with its interval, by joint; marks of
+    those that are shown are filled.
+    """
     rows = movement.differences
     rows = rows[(rows["quantity"] == RANGE) & rows["difference"].notna()]
+    rows = rows.assign(
+        joint=[str(of).partition(" ")[0] for of in rows["of"]],
+        angle=[str(of).partition(" ")[2] for of in rows["of"]],
+    )
+    looks = looks_of_joints(list(dict.fromkeys(rows["joint"])), digits)
     found = []
     for levels, of_pair in rows.groupby(PAIR, sort=False):
-        panels = []
-        for place, of_place in of_pair.groupby(PLACE, sort=False):
-            joints = [of.partition(" ")[0] for of in of_place["of"]]
-            looks = looks_of_joints(joints, digits)
-            for angle in ANGLES:
-                own = of_place[[of.partition(" ")[2] == angle for of in of_place["of"]]]
-                strips = tuple(_difference_strip(row, looks) for _, row in own.iterrows())
-                if strips:
-                    panels.append(Strips(place_text(place), angle, strips))
         factor, level, other = map(str, levels)
-        found.append(Contrast((factor, level, other), tuple(panels)))
+        own = Contrast((factor, level, other), ())
+        sides = (tr("{other} more ←", other=other), tr("→ {level} more", level=level))
+        panels = []
+        for angle in ANGLES:
+            groups = [
+                Group(place_text(place), tuple(_difference_row(row, looks) for _, row in of_place.iterrows()))
+                for place, of_place in of_pair[of_pair["angle"] == angle].groupby(PLACE, sort=False)
+            ]
+            if groups:
+                what = tr("difference, {words}", words=own.words)
+                axis = tr("Difference [deg]")
+                panels.append(_panel(angle, what, axis, groups, difference_scale, sides, 1))
+        found.append(replace(own, panels=tuple(panels)))
     return found
 
 
-def _difference_strip(row: pd.Series[float], looks: dict[str, Look]) -> Strip:
-    joint = str(row["of"]).partition(" ")[0]
-    low, high = float(row["low"]), float(row["high"])
-    interval = (low, high) if np.isfinite([low, high]).all() else None
-    return Strip(joint, looks[joint], {}, float(row["difference"]), interval, float(row["p_max_t"]) <= LEVEL)
+def _difference_row(row: pd.Series[float], looks: dict[str, Look]) -> Row:
+    joint, interval = str(row["joint"]), (float(row["low"]), float(row["high"]))
+    return Row(
+        joint,
+        looks[joint],
+        mean=float(row["difference"]),
+        interval=interval if np.isfinite(interval).all() else None,
+        filled=float(row["p_max_t"]) <= LEVEL,
+    )
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A plot with its heading."""
-
-    heading: str
-    plot: XYPlot
-
-
-def curve_plots(movement: Movement, digits: Sequence[str]) -> list[Drawn]:
+def curve_plots(movement: Movement, digits: Sequence[str]) -> list[CurvesPanel]:
     """Mean curves over subjects with a band of one standard deviation, of the joints that moved most."""
     found = []
     curves = movement.curves
@@ -124,27 +155,32 @@ def curve_plots(movement: Movement, digits: Sequence[str]) -> list[Drawn]:
             ordered = rows.sort_values("percent")
             x, mean = _column(ordered, "percent"), _column(ordered, "mean")
             std, n = _column(ordered, "std"), int(rows["count"].max())
-            colour = looks_of_joints([joint], digits)[joint].colour
-            words = say(
+            words = tr(
                 "{angle_text}, {place_text}, by {event}, n = {n}",
                 angle_text=angle_text(joint, angle),
                 place_text=place_text((hand, task)),
                 event=event,
                 n=n,
             )
-            plot = XYPlot(
-                say("Mean course of {words}", words=words),
-                (say("cycle [%]"), say("{angle} [deg]", angle=angle)),
-                (x, mean - std, mean + std) if n > 1 else None,
-                ((x, mean, colour),),
+            found.append(
+                CurvesPanel(
+                    words,
+                    tr("Mean course of {words}", words=words),
+                    tr("cycle [%]"),
+                    tr("{angle} [deg]", angle=angle),
+                    _CYCLE,
+                    even_scale([mean, mean - std, mean + std] if n > 1 else [mean]),
+                    _HEIGHT_MM,
+                    (Line(x, mean, looks_of_joints([joint], digits)[joint].colour),),
+                    (Band(x, mean - std, mean + std, RULE),) if n > 1 else (),
+                )
             )
-            found.append(Drawn(words, plot))
         if len(found) >= MOST_PANELS:
             break
     return found[:MOST_PANELS]
 
 
-def curve_difference_plots(movement: Movement) -> list[Drawn]:
+def curve_difference_plots(movement: Movement) -> list[CurvesPanel]:
     """Differences between curves with pointwise 95 % bands, those with the smallest p first."""
     rows = movement.curve_differences
     key = [*PAIR, *PLACE, *OF_ANGLE, "event"]
@@ -153,7 +189,7 @@ def curve_difference_plots(movement: Movement) -> list[Drawn]:
     found = []
     for (_, level, other, hand, task, joint, angle, event), own in curves[:MOST_PANELS]:
         x = _column(own, "percent")
-        words = say(
+        words = tr(
             "{angle_text}, {level} less {other}, {place_text}, by {event}, n = {max} and {max_2}{corrected}",
             angle_text=angle_text(joint, angle),
             level=level,
@@ -164,21 +200,28 @@ def curve_difference_plots(movement: Movement) -> list[Drawn]:
             max_2=int(own["n_other"].max()),
             corrected=_corrected_text(_column(own, "p_holm")[0]),
         )
-        plot = XYPlot(
-            say("Difference in course: {words}", words=words),
-            (say("cycle [%]"), say("difference [deg]")),
-            (x, _column(own, "low"), _column(own, "high")),
-            ((x, _column(own, "difference"), "#1c1d20"),),
-            levels=((0.0, False),),
-            marked=_stretches(x, own["significant"].fillna(False).to_numpy(bool)),
+        low, high, difference = (_column(own, name) for name in ("low", "high", "difference"))
+        found.append(
+            CurvesPanel(
+                words,
+                tr("Difference in course: {words}", words=words),
+                tr("cycle [%]"),
+                tr("difference [deg]"),
+                _CYCLE,
+                even_scale([low, high, difference, [0.0]]),
+                _HEIGHT_MM,
+                (Line(x, difference),),
+                (Band(x, low, high, RULE),),
+                levels=((0.0, False),),
+                marked=_stretches(x, own["significant"].fillna(False).to_numpy(bool)),
+            )
         )
-        found.append(Drawn(words, plot))
     return found
 
 
 def _corrected_text(p: float) -> str:
     """The p of a curve, corrected over joints and angles; NaN is no test."""
-    return say(", not tested") if np.isnan(p) else say(", {p_text} over all joint angles", p_text=p_text(p))
+    return tr(", not tested") if np.isnan(p) else tr(", {p_text} over all joint angles", p_text=p_text(p))
 
 
 def _stretches(x: Array, chosen: Array) -> tuple[tuple[float, float], ...]:
@@ -187,7 +230,7 @@ def _stretches(x: Array, chosen: Array) -> tuple[tuple[float, float], ...]:
     return tuple((float(x[a]), float(x[b - 1])) for a, b in edges.reshape(-1, 2))
 
 
-def agreement_plots(movement: Movement) -> list[Drawn]:
+def agreement_plots(movement: Movement) -> list[CurvesPanel]:
     """Bland-Altman: differences between consecutive sessions over their means, of what moved most."""
     rows = movement.reliability
     rows = rows[(rows["quantity"] == RANGE) & (rows["across"] == "session") & rows["bias"].notna()]
@@ -197,13 +240,20 @@ def agreement_plots(movement: Movement) -> list[Drawn]:
             first, second = _consecutive(movement, joint, angle, str(row["hand"]), str(row["task"]))
             words = f"{of_text(str(row['of']))}, {place_text((str(row['hand']), str(row['task'])))}"
             limits = [(float(row[name]), True) for name in ("loa_low", "loa_high")]
-            plot = XYPlot(
-                say("Agreement of sessions: {words}", words=words),
-                (say("mean of two sessions [deg]"), say("difference [deg]")),
-                points=((first + second) / 2, second - first),
-                levels=((float(row["bias"]), False), *(each for each in limits if np.isfinite(each[0]))),
+            levels = ((float(row["bias"]), False), *(each for each in limits if np.isfinite(each[0])))
+            found.append(
+                CurvesPanel(
+                    tr("{words}, n = {n}", words=words, n=int(row["n"])),
+                    tr("Agreement of sessions: {words}", words=words),
+                    tr("mean of two sessions [deg]"),
+                    tr("difference [deg]"),
+                    even_scale([(first + second) / 2]),
+                    even_scale([second - first, [height for height, _ in levels]]),
+                    _HEIGHT_MM,
+                    points=((first + second) / 2, second - first),
+                    levels=levels,
+                )
             )
-            found.append(Drawn(say("{words}, n = {n}", words=words, n=int(row["n"])), plot))
         if len(found) >= MOST_PANELS:
             break
     return found[:MOST_PANELS]

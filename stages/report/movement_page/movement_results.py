@@ -1,4 +1,4 @@
-"""What the movement page and its figures are made of: the study's tables of movement, under one model."""
+"""Read the study's tables of movement, under one model, for the movement page and its figures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schemas.movement_tables import (
+from shukotsu.schemas.movement_tables import (
     CURVE_DIFFERENCES,
     MODEL_DEPENDENCE,
     MOVEMENT_CURVES,
@@ -17,10 +17,11 @@ from schemas.movement_tables import (
     MOVEMENT_RELIABILITY,
     RANGES_OF_MOTION,
 )
-from schemas.tables import Table, open_table
-from stages.report.belief import BELIEVED, NOT
-from stages.report.study_results import StudyResults, recording_key
-from stages.report.trust import study_beliefs
+from shukotsu.schemas.tables import Table, open_table
+from shukotsu.sentences.messages import read_message
+from shukotsu.stages.report.belief import BELIEVED, NOT
+from shukotsu.stages.report.study_results import StudyResults, recording_key
+from shukotsu.stages.report.trust import study_beliefs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +80,7 @@ class Movement:
 
     def believable(self, rows: pd.DataFrame) -> pd.DataFrame:
         """Rows of comparisons less those of joints that are not to be believed."""
-        doubted = {joint for joint, belief in self.believed.items() if belief == NOT}
+        doubted = {joint for joint, shown in self.believed.items() if shown == NOT}
         return rows[np.array([of.partition(" ")[0] not in doubted for of in rows["of"]], bool)]
 
     @cached_property
@@ -112,6 +113,7 @@ def _frame(
 
     A long table is filtered batch by batch: most of its rows are other models'.
     """
+    import pandas as pd
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -124,7 +126,11 @@ def _frame(
         parts = [pa.Table.from_batches([batch]) for batch in file.iter_batches(columns=names)]
     if model:
         parts = [part.filter(pc.equal(part["model"], model)) for part in parts]
-    return pa.concat_tables([empty, *parts]).replace_schema_metadata().to_pandas()
+    frame = pa.concat_tables([empty, *parts]).replace_schema_metadata().to_pandas()
+    if "message_values" in frame:
+        pairs = zip(frame["message"], frame.pop("message_values"), strict=True)
+        frame["message"] = pd.Series([read_message(*pair) for pair in pairs], frame.index, object)
+    return frame
 
 
 def _judged(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:

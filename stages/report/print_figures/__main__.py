@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from schemas.errors import InputError
-from stages import command_line
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -43,12 +43,13 @@ def build_parser() -> argparse.ArgumentParser:
 
 def draw(arguments: argparse.Namespace) -> None:
     """Read the study's results and write every figure; say on stderr which has no data."""
-    from schemas.study import read_study
-    from stages.report.print_figures import study_figures
-    from stages.report.print_figures.drawing import save
-    from stages.report.print_figures.style import check_font
-    from stages.report.study_results import read_results
-    from stages.report.wording import ENGLISH, speaking
+    from shukotsu.schemas.study import read_study
+    from shukotsu.sentences.translation import ENGLISH
+    from shukotsu.stages.report.plots.style import check_font
+    from shukotsu.stages.report.print_figures import study_figures
+    from shukotsu.stages.report.print_figures.drawing import save
+    from shukotsu.stages.report.study_results import read_results
+    from shukotsu.stages.report.wording import speaking
 
     if arguments.recording and arguments.against:
         raise InputError("--against: differences are of a study; leave out --recording")
@@ -56,7 +57,7 @@ def draw(arguments: argparse.Namespace) -> None:
     results = read_results(study, arguments.results)
     folder = arguments.out
     check_font(study.language)
-    with speaking(study.language, results.problems):
+    with speaking(study.language):
         if arguments.recording:
             recording = study_figures.find_recording(results, *arguments.recording)
             folder /= study_figures.recording_folder(recording)
@@ -75,8 +76,8 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     if arguments.recording:
         print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
         return
-    from schemas.results import STUDY_FIGURES
-    from stages.report.print_figures.drawing import not_drawn, save
+    from shukotsu.schemas.results import STUDY_FIGURES
+    from shukotsu.stages.report.print_figures.drawing import not_drawn, save
 
     for name in STUDY_FIGURES:
         save(arguments.out, not_drawn(name, message))

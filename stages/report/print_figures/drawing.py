@@ -10,21 +10,24 @@ from pathlib import Path
 import matplotlib
 from matplotlib.figure import Figure
 
-from schemas import PROGRAM, VERSION
-from schemas.files import replacing, write_text
-from schemas.study import Recording
-from stages.report.print_figures.style import ONE_COLUMN_MM, SMALL_PT, applied, new_figure, wrapped
-from stages.report.study_results import StudyResults
-from stages.report.table_cells import counted
-from stages.report.wording import plain, say, tidied
+from shukotsu.files.whole_files import replacing, write_text
+from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.schemas.study import Recording
+from shukotsu.sentences.translation import ngettext, tr
+from shukotsu.stages.report.plots.description import Plot
+from shukotsu.stages.report.plots.figures import draw
+from shukotsu.stages.report.plots.style import ONE_COLUMN_MM, SMALL_PT, applied, wrapped
+from shukotsu.stages.report.study_results import StudyResults
+from shukotsu.stages.report.wording import plain
 
 
 def study_text(results: StudyResults) -> str:
     """Which study it is, how many subjects and hands it has, and whether its recordings are real."""
-    subjects, hands = counted(len(results.subjects), "subject"), counted(len(results.hands), "hand")
-    kind = say("simulated recordings of ") if results.simulated else ""
-    each = say(" (counted in each session)") if results.has_sessions else ""
-    return say(
+    subjects = ngettext("{n} subject", "{n} subjects", len(results.subjects))
+    hands = ngettext("{n} hand", "{n} hands", len(results.hands))
+    kind = tr("simulated recordings of ") if results.simulated else ""
+    each = tr(" (counted in each session)") if results.has_sessions else ""
+    return tr(
         "Study {name}: {kind}{subjects}, {hands}{each}.",
         name=results.name,
         kind=kind,
@@ -42,8 +45,8 @@ def count_range(counts: Iterable[int]) -> str:
 
 def recording_text(recording: Recording) -> str:
     """The recording in words."""
-    trial = say(", trial {trial}", trial=recording.trial) if recording.trial else ""
-    return say("{hand}, {task}{trial}", hand=recording.hand, task=recording.task, trial=trial)
+    trial = tr(", trial {trial}", trial=recording.trial) if recording.trial else ""
+    return tr("{hand}, {task}{trial}", hand=recording.hand, task=recording.task, trial=trial)
 
 
 class NoDataError(Exception):
@@ -60,26 +63,31 @@ class Drawing:
     missing: str = ""
 
 
-def drawn(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
+def drawn(name: str, describe: Callable[[], tuple[Plot, str]]) -> Drawing:
     """Draw a figure in the house's style, or one that says why it cannot be drawn."""
+    try:
+        plot, caption = describe()
+    except NoDataError as error:
+        return not_drawn(name, str(error))
     with applied():
-        try:
-            figure, caption = draw()
-        except NoDataError as error:
-            return _without_data(name, str(error))
-    versions = say(
+        figure = draw(plot)
+    versions = tr(
         "Drawn by {PROGRAM} {VERSION} with matplotlib {version}.",
         PROGRAM=PROGRAM,
         VERSION=VERSION,
         version=matplotlib.__version__,
     )
-    return Drawing(name, figure, plain(tidied(f"{caption} {versions}")))
+    return Drawing(name, figure, plain(f"{caption} {versions}"))
 
 
 def not_drawn(name: str, reason: str) -> Drawing:
-    """A figure that says why there is none."""
+    """Draw a figure that says why there is none."""
+    sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
     with applied():
-        return _without_data(name, reason)
+        lines = wrapped(sentence, 52)
+        figure = Figure(figsize=(ONE_COLUMN_MM / 25.4, (10.0 + 4.0 * len(lines)) / 25.4))
+        figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
+    return Drawing(name, figure, sentence, sentence)
 
 
 def save(folder: Path, drawing: Drawing) -> None:
@@ -87,7 +95,6 @@ def save(folder: Path, drawing: Drawing) -> None:
     base = folder / drawing.name
     with applied():
         _write(_with(base, "svg"), drawing.figure, {"Date": None})
-        drawing.figure.set_layout_engine(None)  # panels have found their places; to search again takes long
         _write(_with(base, "pdf"), drawing.figure, {"CreationDate": None})
     write_text(_with(base, "txt"), drawing.caption + "\n")
 
@@ -102,11 +109,3 @@ def _write(path: Path, figure: Figure, metadata: dict[str, None]) -> None:
 
 def _with(base: Path, kind: str) -> Path:
     return base.with_name(f"{base.name}.{kind}")
-
-
-def _without_data(name: str, reason: str) -> Drawing:
-    sentence = plain(tidied(say("Not drawn: {reason}.", reason=reason.rstrip("."))))
-    lines = wrapped(sentence, 52)
-    figure = new_figure(ONE_COLUMN_MM, 10.0 + 4.0 * len(lines))
-    figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
-    return Drawing(name, figure, sentence, sentence)

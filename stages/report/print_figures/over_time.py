@@ -4,86 +4,103 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import Literal
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-
-from schemas.errors import InputError
-from schemas.layout import Layout
-from schemas.poses import read_poses
-from schemas.study import Recording
-from stages.report.hand_motion import view_base
-from stages.report.palette import HUES, INK, RULE, SOFT, Look, model_looks
-from stages.report.pictures.tip_error_strips import Traces, hidden_lines, thinned_traces, time_label
-from stages.report.pictures.traces import Trace, error_scale, thin, trace_band, trace_line
-from stages.report.print_figures.drawing import NoDataError, count_range, recording_text
-from stages.report.print_figures.style import (
-    TWO_COLUMNS_MM,
-    columns_for,
-    headings,
-    label,
-    new_figure,
-    stacked,
-    vertical_axis,
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.poses import read_poses
+from shukotsu.schemas.study import Recording
+from shukotsu.sentences.translation import N_, listed, tr, word
+from shukotsu.stages.report.hand_motion import view_base
+from shukotsu.stages.report.palette import HUES, INK, SOFT, Look, Mark, model_looks
+from shukotsu.stages.report.plots.description import (
+    Band,
+    CurvesPanel,
+    Key,
+    Line,
+    Plot,
+    Scale,
+    even_scale,
+    in_rows,
 )
-from stages.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
-from stages.report.score_tables import mean
-from stages.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
-from stages.report.table_cells import listed, number, title
-from stages.report.wording import mark, say, word
+from shukotsu.stages.report.plots.style import TWO_COLUMNS_MM
+from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, recording_text
+from shukotsu.stages.report.print_figures.traces import Trace, error_scale, thin, trace_band, trace_line
+from shukotsu.stages.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
+from shukotsu.stages.report.score_tables import mean
+from shukotsu.stages.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
+from shukotsu.stages.report.table_cells import alike, number, title
 
-_STRIP_MM, _FOOT_MM = 26.0, 22.0
+Traces = Mapping[str, Mapping[str, Trace]]
+"""By digit, then by model."""
+
+_STRIP_MM, _ANGLE_MM = 20.0, 18.0
 
 
-def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]:
-    """Draw the strips. Raises NoDataError where no model replayed the recording."""
+def tip_error(results: StudyResults, recording: Recording) -> tuple[Plot, str]:
+    """Describe a strip a digit. Raises NoDataError where no model replayed the recording."""
     traces = _traces(results, recording)
-    if not any(traces.values()):
-        raise NoDataError(say("no model has a tip error in this recording"))
-    looks = model_looks(list(results.models))
-    figure = new_figure(TWO_COLUMNS_MM, _FOOT_MM + _STRIP_MM * len(traces))
-    strips = stacked(figure, len(traces), sharex=True, sharey=True)
-    _draw_strips(strips, traces, looks)
-    headings(strips, [label(title(digit)) for digit in traces])
-    strips[-1].set_xlabel(title(time_label(traces)))
-    figure.supylabel(say("Tip error [mm]"), fontsize="medium")
-    models = [model for model in results.models if any(model in of for of in traces.values())]
-    figure.legend(handles=_model_lines(looks, models), loc="outside upper center", ncols=4)
-    return figure, _error_caption(results, recording, traces, models)
-
-
-def _draw_strips(strips: Sequence[Axes], traces: Traces, looks: Mapping[str, Look]) -> None:
-    """Draw every digit's traces into its own axes, which share one scale."""
     everything = [trace for of in traces.values() for trace in of.values()]
-    scale = error_scale(everything)
-    for of, axes in zip(traces.values(), strips, strict=True):
-        for index, (model, trace) in enumerate(of.items()):
-            _draw_trace(axes, trace, looks[model], index / len(of), index)
-        if not of:
-            axes.text(0.02, 0.5, say("no tip error"), transform=axes.transAxes, va="center")
-        axes.margins(x=0.01)
-        vertical_axis(axes, scale, 3)
-
-
-def _draw_trace(axes: Axes, trace: Trace, look: Look, phase: float, order: int) -> None:
-    x, low, high = trace_band(trace)
-    axes.fill_between(x, low, high, color=look.colour, alpha=0.12, linewidth=0)
-    step = max(1, len(x) // 8)
-    axes.plot(
-        x, high, color=look.colour, linewidth=0.6, marker=look.marker,
-        markersize=3.0, markevery=(int(phase * step), step), markeredgecolor="white",
-        markeredgewidth=0.3, zorder=2.5 + order / 100,
-    )  # fmt: skip
-
-
-def _model_lines(looks: Mapping[str, Look], models: Sequence[str]) -> list[Line2D]:
-    """Entries of a legend: a line with its mark a model."""
-    return [
-        Line2D([], [], color=looks[name].colour, marker=looks[name].marker, markersize=4.0, label=label(name))
-        for name in models
+    if not everything:
+        raise NoDataError(tr("no model has a tip error in this recording"))
+    looks, scale, last = model_looks(list(results.models)), error_scale(everything), list(traces)[-1]
+    panels = [
+        CurvesPanel(
+            title(digit),
+            title(digit),
+            _time_words(everything[0]) if digit == last else "",
+            tr("Tip error [mm]"),
+            _time_scale(everything),
+            scale,
+            _STRIP_MM,
+            tuple(
+                _error_line(trace, looks[model], place / len(of))
+                for place, (model, trace) in enumerate(of.items())
+            ),
+            tuple(Band(*trace_band(trace), looks[model].colour, 0.12) for model, trace in of.items()),
+            words="" if of else tr("no tip error"),
+        )
+        for digit, of in traces.items()
     ]
+    models = [model for model in results.models if any(model in of for of in traces.values())]
+    legend = tuple(
+        Key(name, Mark(looks[name].marker, looks[name].colour, looks[name].colour), (looks[name].colour, "-"))
+        for name in models
+    )
+    caption = _error_caption(results, recording, traces, models)
+    return Plot(in_rows(panels, 1), TWO_COLUMNS_MM, legend), caption
+
+
+def _error_line(trace: Trace, look: Look, phase: float) -> Line:
+    x, _, high = trace_band(trace)
+    return Line(x, high, look.colour, width=0.6, marker=look.marker, phase=phase)
+
+
+def _time_words(trace: Trace) -> str:
+    return tr("Device time [s]") if trace.in_seconds else tr("Frame")
+
+
+def _time_scale(traces: Sequence[Trace]) -> Scale:
+    """The recording's span, gaps included."""
+    first, last = (of(trace.span[end] for trace in traces) for end, of in ((0, min), (1, max)))
+    pad = 0.01 * (last - first) or 1.0
+    return Scale(first - pad, last + pad)
+
+
+def _hidden_lines(traces: Traces, models: Sequence[str]) -> str:
+    """Name models whose lines are the same in every digit, so that the last hides the others."""
+    lines = {
+        model: [of[model].high_mm.tobytes() if model in of else b"" for of in traces.values()]
+        for model in models
+    }
+    hidden = [listed(group) for group in alike(lines) if len(group) > 1]
+    return (
+        tr("Equal, so that the last hides the others: {hidden}.", hidden="; ".join(hidden)) if hidden else ""
+    )
+
+
+def _columns_for(n_lines: int) -> int:
+    """Pixel columns that each of so many lines may take, so that the file stays small."""
+    return max(90, min(420, 5500 // max(1, n_lines)))
 
 
 def _traces(results: StudyResults, recording: Recording) -> dict[str, dict[str, Trace]]:
@@ -95,12 +112,17 @@ def _traces(results: StudyResults, recording: Recording) -> dict[str, dict[str, 
     if not of_model:
         return {}
     poses = read_poses(results.poses(recording), [view_base(layout)])
-    errors = {
-        digit: {model: own[digit] for model, own in of_model.items() if digit in own}
+    columns, frame = _columns_for(len(layout.digits) * len(results.models)), poses.frame.astype(float)
+    made = {
+        digit: {
+            m: thin(frame, poses.time_s, own[digit], columns) for m, own in of_model.items() if digit in own
+        }
         for digit in layout.digits
     }
-    columns = columns_for(len(layout.digits) * len(results.models))
-    return thinned_traces(poses.frame, poses.time_s, errors, columns)
+    return {
+        digit: {model: trace for model, trace in of.items() if trace is not None}
+        for digit, of in made.items()
+    }
 
 
 def _error_caption(results: StudyResults, recording: Recording, traces: Traces, models: list[str]) -> str:
@@ -112,7 +134,7 @@ def _error_caption(results: StudyResults, recording: Recording, traces: Traces, 
         and row_key(row) == recording_key(recording)
     ]
     means = [
-        say(
+        tr(
             "{model} {mean} mm",
             model=model,
             mean=number(mean(row["mean_mm"] for row in rows if row["model"] == model)),
@@ -120,70 +142,73 @@ def _error_caption(results: StudyResults, recording: Recording, traces: Traces, 
         for model in models
     ]
     n = count_range([row["n_frames"] for row in rows] or [0])
-    hidden = hidden_lines(traces, models)
+    hidden = _hidden_lines(traces, models)
     without = [
         f"{word(digit)} ({listed([model for model in models if model not in of])})"
         for digit, of in traces.items()
         if any(model not in of for model in models)
     ]
-    return say(
-        (
-            "Tip error over time of {recording_text}. Distance from the fingertip, replayed from the "
-            "receivers with the least-squares binding, to the distal receiver [mm]; n = {n} frames a "
-            "digit. Line: the largest value of every stretch of time that print can resolve; shade: "
-            "down to the smallest; both broken where frames are missing. Marks tell lines apart and "
-            "are no samples. Mean over digits: {means}. The tip error says how well the joints close "
-            "and not where they are.{value}"
-        ),
+    return tr(
+        "Tip error over time of {recording_text}. Distance from the fingertip, replayed from the "
+        "receivers with the least-squares binding, to the distal receiver [mm]; n = {n} frames a "
+        "digit. Line: the largest value of every stretch of time that print can resolve; shade: "
+        "down to the smallest; both broken where frames are missing. Marks tell lines apart and "
+        "are no samples. Mean over digits: {means}. The tip error says how well the joints close "
+        "and not where they are.{value}",
         recording_text=recording_text(recording),
         n=n,
         means="; ".join(means),
         value=f" {hidden}" if hidden else "",
-    ) + (say(" Without a tip error: {without}.", without=listed(without)) if without else "")
+    ) + (tr(" Without a tip error: {without}.", without=listed(without)) if without else "")
 
 
-_ROW_MM, _ANGLES_FOOT_MM = 28.0, 16.0
-_LINES: tuple[tuple[str, str, Literal["-", "--", ":"]], ...] = (
-    (mark("Flexion"), INK, "-"),
-    (mark("Abduction or deviation"), SOFT, "--"),
-    (mark("Axial rotation"), HUES["plain"][0], ":"),
+_LINES: tuple[tuple[str, str, str], ...] = (
+    (N_("Flexion"), INK, "-"),
+    (N_("Abduction or deviation"), SOFT, "--"),
+    (N_("Axial rotation"), HUES["plain"][0], ":"),
 )
 """Name, colour and dashes of each of ANGLES."""
 
 
-def joint_angles(results: StudyResults, recording: Recording, model: str) -> tuple[Figure, str]:
-    """Draw a panel a joint, digits in rows. Raises NoDataError where the hand was not posed."""
+def joint_angles(results: StudyResults, recording: Recording, model: str) -> tuple[Plot, str]:
+    """Describe a panel a joint, digits in rows. Raises NoDataError where the hand was not posed."""
     try:
         traces, n_frames = _angle_traces(results, recording, model)
     except InputError as error:
         raise NoDataError(f"{model}: {error}") from error
     if not traces:
-        raise NoDataError(say("{model} has no joint angles of this recording", model=model))
-    rows = _in_rows(results.layouts[recording.hand], traces)
-    figure = new_figure(TWO_COLUMNS_MM, _ANGLES_FOOT_MM + _ROW_MM * len(rows))
-    grid = figure.subplots(len(rows), max(map(len, rows)), squeeze=False, sharex=True, sharey=True)
-    for line, joints in zip(grid, rows, strict=True):
-        for axes in line[len(joints) :]:
-            axes.set_visible(False)
-        for axes, joint in zip(line, joints, strict=False):
-            _angle_panel(axes, traces[joint])
-    panels = [axes for line, joints in zip(grid, rows, strict=True) for axes in line[: len(joints)]]
-    headings(panels, [label(word(joint)) for joints in rows for joint in joints])
-    in_seconds = next(trace for of in traces.values() for trace in of).in_seconds
-    figure.supxlabel(say("Device time [s]") if in_seconds else say("Frame"), fontsize="medium")
-    figure.supylabel(say("Angle [deg]"), fontsize="medium")
-    handles = [Line2D([], [], color=colour, linestyle=line, label=say(name)) for name, colour, line in _LINES]
-    figure.legend(handles=handles, loc="outside upper center", ncols=3)
-    return figure, (
-        say(
-            (
-                "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint "
-                "coordinate system of Grood and Suntay, named and signed as the International Society of "
-                "Biomechanics recommends for the hand; flexion, ulnar deviation and pronation are "
-                "positive [deg]. Zero is the straight finger, and for bones that stand otherwise their "
-                "rest. Each line passes through the smallest and the largest value of every stretch of "
-                "time that print can resolve, and is broken where frames are missing."
-            ),
+        raise NoDataError(tr("{model} has no joint angles of this recording", model=model))
+    every = [trace for of in traces.values() for trace in of]
+    scales = _time_scale(every), even_scale([own for trace in every for own in (trace.low_mm, trace.high_mm)])
+    joints = _in_rows(results.layouts[recording.hand], traces)
+    rows = tuple(
+        tuple(
+            CurvesPanel(
+                word(joint),
+                word(joint),
+                _time_words(every[0]) if line is joints[-1] else "",
+                "" if place else tr("Angle [deg]"),
+                *scales,
+                _ANGLE_MM,
+                tuple(
+                    Line(*trace_line(trace), colour, style, 0.7)
+                    for (_, colour, style), trace in zip(_LINES, traces[joint], strict=True)
+                ),
+                levels=((0.0, False),),
+            )
+            for place, joint in enumerate(line)
+        )
+        for line in joints
+    )
+    legend = tuple(Key(tr(name), line=(colour, style)) for name, colour, style in _LINES)
+    return Plot(rows, TWO_COLUMNS_MM, legend), (
+        tr(
+            "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint "
+            "coordinate system of Grood and Suntay, named and signed as the International Society of "
+            "Biomechanics recommends for the hand; flexion, ulnar deviation and pronation are "
+            "positive [deg]. Zero is the straight finger, and for bones that stand otherwise their "
+            "rest. Each line passes through the smallest and the largest value of every stretch of "
+            "time that print can resolve, and is broken where frames are missing.",
             recording_text=recording_text(recording),
             model=model,
             n_frames=n_frames,
@@ -196,8 +221,8 @@ def _angle_traces(
 ) -> tuple[dict[str, list[Trace]], int]:
     """The traces of every joint that has all angles, in the order of ANGLES, and the number of frames."""
     poses = read_poses(results.poses(recording), [view_base(results.layouts[recording.hand])])
-    angles = read_angles(results, recording, model, poses)
-    columns = columns_for(len(angles.joints) * len(ANGLES))
+    angles = read_angles(results, recording, model)
+    columns = _columns_for(len(angles.joints) * len(ANGLES))
     found = {}
     for j, joint in enumerate(angles.joints):
         series = angles.angle_deg[:, j].T
@@ -221,10 +246,3 @@ def _in_rows(layout: Layout, traces: dict[str, list[Trace]]) -> list[list[str]]:
 
 def _leads_to(layout: Layout, joint: str, segments: tuple[str, ...]) -> bool:
     return joint in layout.joints and layout.joints[joint].child in segments
-
-
-def _angle_panel(axes: Axes, traces: list[Trace]) -> None:
-    axes.axhline(0.0, color=RULE, linewidth=0.5, zorder=0)
-    for (_, colour, line), trace in zip(_LINES, traces, strict=True):
-        axes.plot(*trace_line(trace), color=colour, linestyle=line, linewidth=0.7)
-    axes.margins(x=0.01)

@@ -6,30 +6,29 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
-from schemas.errors import InputError
-from schemas.results import STUDY_FIGURES
-from schemas.study import Recording, path_token
-from stages.report.movement_page.movement_results import read_movement
-from stages.report.print_figures.drawing import Drawing, NoDataError, drawn
-from stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
-from stages.report.print_figures.models import models_by_digit, paired_differences
-from stages.report.print_figures.movement import (
+from shukotsu.errors import InputError
+from shukotsu.schemas.results import STUDY_FIGURES
+from shukotsu.schemas.study import Recording, path_token
+from shukotsu.sentences.translation import tr
+from shukotsu.stages.report.movement_page.movement_results import read_movement
+from shukotsu.stages.report.plots.description import Plot
+from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError, drawn
+from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
+from shukotsu.stages.report.print_figures.models import models_by_digit, paired_differences
+from shukotsu.stages.report.print_figures.movement import (
     agreement,
     group_differences,
     movement_curves,
     ranges_of_motion,
 )
-from stages.report.print_figures.over_time import joint_angles, tip_error
-from stages.report.print_figures.skeletons import skeletons
-from stages.report.study_results import StudyResults
-from stages.report.wording import say
+from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
+from shukotsu.stages.report.print_figures.skeletons import skeletons
+from shukotsu.stages.report.study_results import StudyResults
 
 
 def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
     """The study's figures, STUDY_FIGURES in turn; `base` is the model that differences are taken from."""
-    draw: dict[str, Callable[[], tuple[Figure, str]]] = {
+    draw: dict[str, Callable[[], tuple[Plot, str]]] = {
         "models-by-digit": partial(models_by_digit, results),
         "paired-differences": partial(paired_differences, results, base),
         "joint-errors": partial(joint_errors, results),
@@ -59,7 +58,7 @@ def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawin
 
 
 def recording_folder(recording: Recording) -> Path:
-    """Where a recording's figures go, below the study's."""
+    """Return the folder of a recording's figures, below the study's."""
     return Path(recording.hand.folder, recording.name)
 
 
@@ -77,11 +76,11 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
         if name in (recording.name, plain):
             return recording
     if of_hand:
-        known = say("this hand has ") + ", ".join(recording.name for recording in of_hand)
+        known = tr("this hand has ") + ", ".join(recording.name for recording in of_hand)
     else:
-        known = say("hands are ") + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
+        known = tr("hands are ") + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
     raise InputError(f"--recording {subject} {hand} {name}: no such recording; {known}")
 
 
-def _no_angles() -> tuple[Figure, str]:
-    raise NoDataError(say("joint angles need a model that fits the whole hand, and this study has none"))
+def _no_angles() -> tuple[Plot, str]:
+    raise NoDataError(tr("joint angles need a model that fits the whole hand, and this study has none"))

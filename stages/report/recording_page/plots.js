@@ -5,12 +5,11 @@
 (() => {
 const {abs, ceil, floor, log10, max, min, round} = Math;
 const LEFT = 44, RIGHT = 10, TITLE = 20, AXIS = 36; // of a plot, CSS pixels
-const GAP_STEPS = 1.9; // as in pictures/traces.py: a longer step between frames is a gap
-const LOG_RATIO = 8, LOG_FLOOR_MM = .1; // as in pictures/traces.py, but the mouse can look into the noise
+const GAP_STEPS = 1.9; // as in print_figures/traces.py: a longer step between frames is a gap
+const LOG_RATIO = 8, LOG_FLOOR_MM = .1; // as in print_figures/traces.py, but the mouse can look into the noise
 const LEAST_SPAN_DEG = 10;
 const MARK_EVERY = 120; // CSS pixels between the marks of a line
 const ANGLES = ["flexion", "abduction", "rotation"];
-const SENSES = ["flexion +, extension −", "ulnar +, radial −", "pronation +, supination −"];
 const TELL_MS = 150; // between two new texts while the hand plays
 
 const on = (target, event, act, options) => target.addEventListener(event, act, options);
@@ -100,7 +99,7 @@ class Plot {
       this.words(minus(tick.toFixed(digits)), x, foot + 16, "center", soft);
     }
     this.line(LEFT, foot + .5, LEFT + this.width, foot + .5, soft);
-    this.words("time from the first frame [s]", LEFT + this.width / 2, foot + 30, "center", soft);
+    this.words(wording("time"), LEFT + this.width / 2, foot + 30, "center", soft);
   }
 
   strip({title, low, high, ticks, logarithmic, lines}, foot) {
@@ -125,7 +124,7 @@ class Plot {
     to.restore();
     this.words(title, LEFT, foot - stripHeight - 6, "left", colours.ink);
     if (!lines.some(({known}) => known)) {
-      this.words(lines.length ? "not known" : "no model is chosen", LEFT + 6, foot - 8, "left", colours.soft);
+      this.words(wording(lines.length ? "unknown" : "no_model"), LEFT + 6, foot - 8, "left", colours.soft);
     }
   }
 
@@ -299,8 +298,8 @@ class Plots {
   paintNow() {
     const style = getComputedStyle(this.root), read = (name) => style.getPropertyValue(name).trim();
     const colours = Object.fromEntries(["paper", "ink", "soft", "rule"].map((name) => [name, read(`--${name}`)]));
-    this.plots.errors.draw(this.errorStrips(read, "errors", "tip error [mm]"), this.time, colours);
-    this.plots.posed?.draw(this.errorStrips(read, "posed", "posed hand to distal receiver [mm]"), this.time, colours);
+    this.plots.errors.draw(this.errorStrips(read, "errors", wording("tip_error")), this.time, colours);
+    this.plots.posed?.draw(this.errorStrips(read, "posed", wording("posed_error")), this.time, colours);
     this.plots.angles?.draw(this.angleStrips(read), this.time, colours);
     this.rows.forEach((row, m) => row.classList.toggle("off", !this.boxes[m].checked));
     this.follow();
@@ -331,7 +330,7 @@ class Plots {
       const at = this.angle(part), known = summary(at, this.viewer.last + 1) ?? {low: 0, high: 0};
       const lacking = max(0, LEAST_SPAN_DEG - (known.high - known.low)) / 2 + (known.high - known.low) * .04;
       const [low, high] = [known.low - lacking, known.high + lacking];
-      const title = `${part ? "" : `${joint}: `}${angle} [deg], ${SENSES[part]}`;
+      const title = `${part ? "" : `${joint}: `}${wording(angle)} [deg], ${wording(`sense_${angle}`)}`;
       return {title, low, high, ticks: steps(low, high, 3), lines: [{at, known: known.median !== undefined, colour: read("--ink")}]};
     });
   }
@@ -363,13 +362,13 @@ class Plots {
       return;
     }
     this.told = now;
-    const {viewer, part} = this, where = `frame ${viewer.frames[index]}, ${viewer.times[index].toFixed(3)} s`;
+    const {viewer, part} = this, where = viewer.moment(index);
     const said = this.rows.map((row, m) => viewer.digits.map((digit, d) => {
       const mm = this.error(m, d)(index), words = isNaN(mm) ? "–" : mm.toFixed(decimals(this.steps[`errors${m}`]));
       row.cells[d + 1].textContent = words;
       return `${digit} ${words}`;
     }));
-    part["error-where"].textContent = `Tip error [mm] at ${where}`;
+    part["error-where"].textContent = wording("tip_error_at", {where});
     const errors = this.chosen.map((m) => `${viewer.header.skeletons[m].model}: ${said[m].join(", ")} mm`);
     this.value(this.plots.errors, index, `${where}; ${errors.join("; ")}`);
     if (this.plots.posed) this.tellPosed(index, where);
@@ -377,7 +376,7 @@ class Plots {
     const step = this.steps[`angles${this.part["angle-model"].value}`];
     const angles = ANGLES.map((angle, part) => {
       const degrees = this.angle(part)(index);
-      return `${angle} ${isNaN(degrees) ? "–" : `${minus(degrees.toFixed(decimals(step)).replace(/^-(0\.?0*)$/, "$1"))}°`}`;
+      return `${wording(angle)} ${isNaN(degrees) ? "–" : `${minus(degrees.toFixed(decimals(step)).replace(/^-(0\.?0*)$/, "$1"))}°`}`;
     });
     part["angle-where"].textContent = `${where}: ${angles.join(", ")}`;
     this.value(this.plots.angles, index, `${part.joint.selectedOptions[0].text}, ${part["angle-where"].textContent}`);

@@ -18,10 +18,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skeleton.posing import Seat
-from stages.report.belief import BELIEFS
-from stages.report.hand_motion import Array, HandMotion, JointAxis, SkeletonMotion, seen, shown_first, upright
-from stages.report.wording import word
+from shukotsu.sentences.translation import word
+from shukotsu.skeleton.posing import ReceiverPoint
+from shukotsu.stages.report.belief import BELIEFS
+from shukotsu.stages.report.hand_motion import (
+    Array,
+    HandMotion,
+    JointAxis,
+    ShownSkeleton,
+    seen,
+    shown_first,
+    upright,
+)
 
 POSITION_STEP_MM = 0.05
 """A point is off by at most sqrt(3) / 2 of it, 0.044 mm."""
@@ -108,7 +116,7 @@ def _blocks(motion: HandMotion) -> list[Block]:
         Block("rotations", ROTATION_STEP, _steady_signs(motion.receiver_quaternion)),
     ]
     for index, skeleton in enumerate(motion.skeletons):
-        if skeleton.seats is None:
+        if skeleton.on_receivers is None:
             blocks.append(Block(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
         blocks.append(Block(f"errors{index}", ERROR_STEP_MM, _near(skeleton.tip_error_mm[..., None])))
         if skeleton.posed_error_mm is not None:
@@ -182,7 +190,7 @@ def _extent(motion: HandMotion) -> tuple[Array, Array]:
     return (low + high) / 2, np.maximum(20.0, (high - low) / 2) * 1.15 + 4.0
 
 
-def _skeleton(motion: HandMotion, skeleton: SkeletonMotion) -> dict[str, Any]:
+def _skeleton(motion: HandMotion, skeleton: ShownSkeleton) -> dict[str, Any]:
     return {
         "model": skeleton.model,
         "place": skeleton.place,
@@ -192,15 +200,17 @@ def _skeleton(motion: HandMotion, skeleton: SkeletonMotion) -> dict[str, Any]:
         "belief": [BELIEFS.index(each) for each in skeleton.believed],
         "bones": [(b.start, b.end, b.digit, b.level, b.shared) for b in skeleton.bones],
         "axes": [_axis(motion, axis) for axis in skeleton.axes if axis.segment in motion.receivers],
-        "seats": None if skeleton.seats is None else [_seat(motion, seat) for seat in skeleton.seats],
+        "seats": None
+        if skeleton.on_receivers is None
+        else [_on_receiver(motion, point) for point in skeleton.on_receivers],
     }
 
 
-def _seat(motion: HandMotion, seat: Seat) -> tuple[int, list[float]] | None:
-    """The receiver that a point rides on and where in its frame, mm; nothing for a point without a place."""
-    if seat.segment not in motion.receivers or np.linalg.norm(seat.point_mm) > FARTHEST_MM:
+def _on_receiver(motion: HandMotion, point: ReceiverPoint) -> tuple[int, list[float]] | None:
+    """The receiver that carries a point and where in its frame, mm; nothing for a point without a place."""
+    if point.segment not in motion.receivers or np.linalg.norm(point.point_mm) > FARTHEST_MM:
         return None
-    return motion.receivers.index(seat.segment), [round(float(part), 3) for part in seat.point_mm]
+    return motion.receivers.index(point.segment), [round(float(part), 3) for part in point.point_mm]
 
 
 def _axis(motion: HandMotion, axis: JointAxis) -> dict[str, Any]:

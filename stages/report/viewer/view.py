@@ -1,4 +1,4 @@
-"""What the template needs to show a moving hand."""
+"""Prepare the template's input for a moving hand."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from stages.report.hand_motion import (
+from shukotsu.sentences.translation import tr, word
+from shukotsu.stages.report.hand_motion import (
     HandMotion,
-    SkeletonMotion,
+    ShownSkeleton,
     chains_at,
     receivers_at,
     shown_first,
     still_frame,
 )
-from stages.report.pictures.hand_views import hand_picture, window_of
-from stages.report.viewer.packed_motion import NOMINAL_HZ, Block, motion_text
-from stages.report.wording import say, word
+from shukotsu.stages.report.plots.description import HandPanel
+from shukotsu.stages.report.plots.hand_views import window_of
+from shukotsu.stages.report.plots.page_pictures import page_picture
+from shukotsu.stages.report.viewer.packed_motion import NOMINAL_HZ, Block, motion_text
 
 
 @dataclass(frozen=True)
@@ -61,29 +63,26 @@ def view_of(
         places=tuple(skeleton.place for skeleton in motion.skeletons),
         shown=shown,
         still=_still(title, motion, motion.skeletons[shown[0]], frame),
-        still_caption=say("{models}, frame {frame}", models=models[shown[0]], frame=motion.frame[frame]),
+        still_caption=tr("{models}, frame {frame}", models=models[shown[0]], frame=motion.frame[frame]),
         data=Markup(motion_text(motion, extra, extra_header)),
         remark=_remark(motion),
     )
 
 
-def _still(title: str, motion: HandMotion, skeleton: SkeletonMotion, frame: int) -> Markup:
+def _still(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> Markup:
     receivers, chains = receivers_at(motion, frame), chains_at(motion, skeleton, frame)
     window = window_of(receivers, chains)
-    return hand_picture(title, motion.hand, chains, receivers, window, window.scale)
+    return page_picture(HandPanel("", title, motion.hand, tuple(chains), receivers, window))
 
 
 def _remark(motion: HandMotion) -> str:
     parts = []
     if motion.every > 1:
-        parts.append(say("Of the recording one frame in {every} is here.", every=motion.every))
+        parts.append(tr("Of the recording one frame in {every} is here.", every=motion.every))
     if not np.isfinite(motion.time_s).any():
         parts.append(
-            say(
-                (
-                    "The recording has no device time; it is shown as if it had {NOMINAL_HZ:g} frames a "
-                    "second."
-                ),
+            tr(
+                "The recording has no device time; it is shown as if it had {NOMINAL_HZ:g} frames a second.",
                 NOMINAL_HZ=NOMINAL_HZ,
             )
         )

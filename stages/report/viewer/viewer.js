@@ -170,7 +170,7 @@ class Painter {
   constructor(canvas) {
     this.slow = isSlow();
     const gl = this.gl = canvas.getContext("webgl2", {antialias: !this.slow, preserveDrawingBuffer: true});
-    if (!gl) throw new Error("this browser shows no WebGL 2");
+    if (!gl) throw new Error(wording("no_webgl"));
     this.prepare();
   }
 
@@ -532,11 +532,15 @@ class HandViewer {
     if (!this.playing || now - this.told > 200) this.tell(now);
   }
 
+  moment(index) {
+    return wording("moment", {frame: this.frames[index], time_s: this.times[index].toFixed(3)});
+  }
+
   tell(now = 0) {
     this.told = now;
     this.part.slider.value = this.index;
-    this.part.where.textContent = `frame ${this.frames[this.index]}, ${this.times[this.index].toFixed(3)} s`;
-    this.part.play.textContent = this.playing ? "Pause" : "Play";
+    this.part.where.textContent = this.moment(this.index);
+    this.part.play.textContent = wording(this.playing ? "pause" : "play");
     this.part.slider.setAttribute("aria-valuetext", this.part.where.textContent);
     this.digits.forEach((_, d) => {
       const errors = this.shown.map((s) => this.error(s, d));
@@ -571,7 +575,7 @@ class HandViewer {
     }
     part.axes.disabled = !axes.length;
     part.planes.disabled = axes.every(({plane}) => plane === null);
-    part.ball.textContent = colour === "tip" ? "fingertip" : "joint";
+    part.ball.textContent = wording(colour === "tip" ? "fingertip" : "joint");
     part.what.textContent = `${part.colour.selectedOptions[0].text}, mm:`;
     this.tell();
     this.wake();
@@ -658,7 +662,7 @@ async function start(root) {
     root.dispatchEvent(new Event("viewerready", {bubbles: true}));
   } catch (error) {
     live.hidden = true;
-    root.querySelector(".viewer-lacking").textContent = `The hand does not move here: ${error.message}.`;
+    root.querySelector(".viewer-lacking").textContent = wording("still", {error: error.message});
   }
 }
 

@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[3] / "benchmarks" / "other_hands"
 ALLOWED = (
     "numpy",
     "scipy",
-    "schemas.poses",
+    "shukotsu.schemas.poses",
     "benchmarks.other_hands",
     "collections",
     "dataclasses",

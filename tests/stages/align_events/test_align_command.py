@@ -1,6 +1,5 @@
 """The command line: one recording alone, a subject's plan, and recordings whose events cannot be read."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +8,10 @@ import pytest
 from event_files import midi_of, poses_of, records_of
 from small_study import HEADER, write_plans, write_study
 
-from schemas.catalogue import TABLES
-from schemas.parts import Part, part_metadata
-from schemas.plan import read_plan
-from schemas.tables import read_table, rows_of
-from stages.align_events.__main__ import main
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.plan import read_plan
+from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.stages.align_events.__main__ import main
 
 TRUE_S = np.cumsum([1.0, 0.7, 1.9, 1.1, 2.3, 0.9, 1.4, 3.0, 0.8, 1.7])
 KEY = {"subject": "01", "session": "", "hand": "right", "task": "piece", "trial": "2"}
@@ -71,18 +69,6 @@ def test_bad_input_is_one_sentence(
     assert not (tmp_path / "events.parquet").exists()
 
 
-def test_a_file_that_cannot_be_read_is_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "take.mid").write_bytes(b"RIFF")
-    files = ["--poses", poses_of(tmp_path), "--events", tmp_path / "take.mid"]
-    assert run(tmp_path, "--record-failure", *files) == 0
-    assert rows(tmp_path, "events") == []
-    (clock,) = rows(tmp_path, "clocks")
-    assert (clock["status"], clock["source"], clock["task"]) == ("failed", "", "piece")
-    assert "does not begin with MThd" in clock["message"]
-    assert "failed: right, piece, 2: " in capsys.readouterr().err
-    assert part_metadata(tmp_path / "clocks.parquet", TABLES["clocks"]) == {Part("right", subject="01"): {}}
-
-
 def test_a_plan_names_files_pulses_and_rows_of_the_sheet(tmp_path: Path) -> None:
     """A file that cannot be read is its recording's own problem; rows go to the recording that they name."""
     head = HEADER.replace("\t", " ").split(" ")
@@ -116,19 +102,3 @@ def test_a_plan_names_files_pulses_and_rows_of_the_sheet(tmp_path: Path) -> None
     assert clocks["right", "scale"]["status"] == "failed"
     assert "no.mid: no such file" in clocks["right", "scale"]["message"]
     assert ("left", "scale") not in clocks
-
-
-def test_a_plan_of_recordings_without_events(tmp_path: Path) -> None:
-    """Every hand has its part, so that the tables can be gathered, and no row."""
-    study = write_study(tmp_path, "01 right rom both a.csv", "01 left rom both b.csv")
-    path = write_plans(study)["01"]
-    plan = read_plan(path)
-    for recording in plan.recordings:
-        plan.poses(recording).parent.mkdir(parents=True)
-        poses_of(plan.poses(recording).parent, **recording.key)
-    assert run(tmp_path, "--record-failure", "--plan", path) == 0
-    for name in ("events", "clocks"):
-        assert rows(tmp_path, name) == []
-        parts = part_metadata(tmp_path / f"{name}.parquet", TABLES[name])
-        assert [part.hand for part in parts] == ["right", "left"]
-    assert json.loads(path.read_text())["subject"] == "01"

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schemas.errors import InputError
-from stages.align_events.bids_events import read_bids_events
-from stages.align_events.event_list import Clock, Events
+from shukotsu.errors import InputError
+from shukotsu.stages.align_events.bids_events import read_bids_events
+from shukotsu.stages.align_events.event_list import Clock, Events
 
 
 def read(tmp_path: Path, *rows: str) -> Events:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stages.align_events.clock_fit import ClockFit, ascending, fit_clock
+from shukotsu.stages.align_events.clock_fit import ClockFit, ascending, fit_clock
 
 Array = npt.NDArray[np.float64]
 
@@ -81,20 +81,20 @@ def check_an_hour(kind: str, seeds: range) -> None:
 
 @pytest.mark.parametrize("kind", ["random", "coded"])
 def test_an_hour(kind: str) -> None:
-    check_an_hour(kind, range(40))
+    check_an_hour(kind, range(8))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["random", "coded"])
 def test_an_hour_many_times(kind: str) -> None:
-    check_an_hour(kind, range(1000, 1400))
+    check_an_hour(kind, range(1000, 1200))
 
 
 @pytest.mark.parametrize(("seconds", "jitter_s"), [(20, 0.01), (60, 0.01), (600, 0.001), (600, 0.0)])
 def test_the_stated_error_holds_also_of_shorter_recordings(seconds: float, jitter_s: float) -> None:
     """With drifts to 500 ppm, which are not known beforehand. Without jitter nothing is off."""
     held, worst = [], 0.0
-    for seed in range(60):
+    for seed in range(20):
         ppm = float(np.random.default_rng(seed).uniform(-500, 500))
         error, sd_s = simulated(
             seed, ppm=ppm, seconds=seconds, jitter_s=jitter_s, extra=0, lost=0.05
@@ -107,7 +107,7 @@ def test_the_stated_error_holds_also_of_shorter_recordings(seconds: float, jitte
         assert worst < 1e-6
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
     kind=st.sampled_from(["random", "coded"]),
@@ -136,7 +136,7 @@ def test_any_offset_drift_and_loss(seed: int, kind: str, ppm: float, lost: float
 )
 def test_steps_are_found(kind: str, steps: dict[float, float]) -> None:
     """The clock was set, forward or back."""
-    for seed in range(5):
+    for seed in range(2):
         pulses = simulated(seed, kind, steps=steps, seconds=1200)
         seen_s, ahead_s = ascending(pulses.seen_s)
         fit = fit_clock(pulses.reference_s, np.sort(seen_s), ahead_s)
@@ -153,7 +153,7 @@ def test_steps_are_found(kind: str, steps: dict[float, float]) -> None:
 def test_a_step_among_few_pulses_is_found(step_s: float, lost: float) -> None:
     """Pulses beyond the step that by chance keep to the line before it do not hide it; else it is said."""
     weak = []
-    for seed in range(150):
+    for seed in range(40):
         g = np.random.default_rng(seed)
         true_s = np.sort(g.uniform(0.0, 120.0, 40))
         other_s = true_s / 1.0001 + 7000.0 + np.where(true_s > 60.0, step_s, 0.0)
@@ -174,7 +174,7 @@ def test_a_step_among_few_pulses_is_found(step_s: float, lost: float) -> None:
 def test_regular_pulses_are_hardly_ever_a_period_off_and_called_ok(n_pulses: int, lost: float) -> None:
     """What both ends have lost cannot be told; that a shift has some hits more by chance says nothing."""
     right, wrong = 0, 0
-    for seed in range(150):
+    for seed in range(100):
         g = np.random.default_rng(seed)
         true_s = np.arange(n_pulses) * 1.0
         other_s = true_s / 1.00005 + 5000.0
@@ -184,67 +184,19 @@ def test_regular_pulses_are_hardly_ever_a_period_off_and_called_ok(n_pulses: int
             off_s = float(np.median(fit.mapped(other_s)[0] - true_s))
             right, wrong = right + (abs(off_s) < 0.1), wrong + (abs(off_s) >= 0.1)
     assert wrong <= right * 0.02
-    assert right > 90 or lost > 0.1
-
-
-def test_a_recorder_that_paused() -> None:
-    """Its clock stood still meanwhile: pulses are missing, and what follows is later."""
-    pulses = simulated(3, seconds=600)
-    paused = (pulses.seen_s > pulses.other_s[200]) & (pulses.seen_s < pulses.other_s[230])
-    length_s = pulses.other_s[230] - pulses.other_s[200] - 1.0
-    seen_s = np.where(pulses.seen_s >= pulses.other_s[230], pulses.seen_s - length_s, pulses.seen_s)[~paused]
-    fit = fit_clock(pulses.reference_s, np.sort(seen_s))
-    assert isinstance(fit, ClockFit)
-    np.testing.assert_allclose(fit.steps_s, [-length_s], atol=0.005)
-    assert fit.n_missing >= 25
-    between = fit.steps_between_s[0].mean(keepdims=True)
-    assert fit.near_step(between).all()
-    assert fit.mapped(between)[1] > length_s / 3, "whether an event there came before or after is open"
-
-
-def test_regular_pulses_are_laid_end_to_end() -> None:
-    """No offset but the one at which first and last coincide leaves none unmatched."""
-    pulses = simulated(1, "regular", lost=0, extra=0, seconds=300)
-    fit, (error, _) = pulses.fit(), pulses.errors_s()
-    assert fit.status == "ok"
-    assert "regular intervals, laid so that the fewest are unmatched" in fit.message
-    assert np.abs(error).max() < 0.01
+    assert right > 60 or lost > 0.1
 
 
 def test_regular_pulses_with_lost_ones_are_right_or_said_to_be_open() -> None:
     """Never sure of a wrong period; and where it is open, the stated error holds the shift."""
     statuses = set()
-    for seed in range(40):
+    for seed in range(12):
         pulses = simulated(seed, "regular", seconds=400, lost=0.05)
         fit, (error, sd_s) = pulses.fit(), pulses.errors_s()
         statuses.add(fit.status)
         assert (np.abs(error) < 3 * sd_s + 0.02).all(), seed
         assert (fit.status == "weak") == ("regular intervals can be laid" in fit.message)
     assert statuses == {"ok", "weak"}
-
-
-@pytest.mark.parametrize("late", [20, -20])
-def test_regular_pulses_of_a_recorder_that_started_otherwise_are_open(late: int) -> None:
-    pulses = simulated(1, "regular", lost=0, extra=0, seconds=300)
-    cut = slice(late, None) if late > 0 else slice(None, late)
-    fit = fit_clock(pulses.reference_s, pulses.seen_s[cut])
-    assert isinstance(fit, ClockFit)
-    assert fit.status == "weak"
-    assert fit.ambiguity_s > 4
-    assert "pulse at irregular intervals" in fit.message
-
-
-def test_gaps_that_both_have_decide_regular_pulses() -> None:
-    """Every tenth pulse or so is left out by whoever sends them; the recorder starts late."""
-    pulses = simulated(2, "regular", lost=0.02, extra=0, seconds=600)
-    sent = np.random.default_rng(5).random(600) > 0.1
-    g = np.random.default_rng(6)
-    reference_s = pulses.true_s[sent & (g.random(600) > 0.02)]
-    seen = sent & (g.random(600) > 0.02) & (np.arange(600) > 50)
-    fit = fit_clock(reference_s, pulses.other_s[seen] + g.normal(0, 0.01, int(seen.sum())))
-    assert isinstance(fit, ClockFit)
-    assert fit.status == "ok"
-    assert np.abs(fit.mapped(pulses.other_s)[0] - pulses.true_s).max() < 0.01
 
 
 def test_a_single_event_gives_the_offset_alone() -> None:
@@ -278,13 +230,6 @@ def test_pulses_that_are_not_the_same_are_never_called_ok(n: int) -> None:
         one, other = np.cumsum(0.2 + np.random.default_rng(seed).exponential(1, (2, n)), -1)
         fit = fit_clock(one, other)
         assert isinstance(fit, str) or fit.status == "weak"
-
-
-@pytest.mark.parametrize("n", [2, 3, 40])
-def test_pulses_at_one_and_the_same_time_are_taken(n: int) -> None:
-    """As of a key that bounces, or of two buttons: no error, and no more than a weak fit."""
-    fit = fit_clock(np.repeat([1.0, 3.0], n), np.repeat([7.0, 9.0], n))
-    assert isinstance(fit, str) or fit.status == "weak"
 
 
 @pytest.mark.parametrize(

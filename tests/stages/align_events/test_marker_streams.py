@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from event_files import marker_stream, xdf_of
 
-from schemas.errors import InputError
-from stages.align_events.event_list import Clock, Events
-from stages.align_events.marker_streams import read_markers
+from shukotsu.errors import InputError
+from shukotsu.stages.align_events.event_list import Clock, Events
+from shukotsu.stages.align_events.marker_streams import read_markers
 
 
 def read(tmp_path: Path, data: bytes) -> Events:
@@ -29,29 +29,6 @@ def test_texts_and_numbers_on_one_clock(tmp_path: Path) -> None:
     np.testing.assert_allclose(events.time_s, [98.0, 99.0, 99.5, 100.5], atol=1e-9)
     np.testing.assert_array_equal(events.value, [np.nan, 7, -1, np.nan])
     assert (events.clock, events.notes) == (Clock.OWN, ())
-
-
-def test_the_scatter_of_the_offsets_is_said(tmp_path: Path) -> None:
-    """About a straight line: a clock that drifts scatters no more."""
-    drifting = [
-        (100.0 + t, -3.0 + 1e-4 * t + e) for t, e in zip(range(4), (2e-3, -2e-3, -2e-3, 2e-3), strict=True)
-    ]
-    events = read(tmp_path, xdf_of(marker_stream(1, "cues", [["go"]], [101.0], drifting)))
-    np.testing.assert_allclose(events.sd_s, 2e-3, rtol=1e-6)
-
-
-def test_several_channels_and_none(tmp_path: Path) -> None:
-    events = read(tmp_path, xdf_of(marker_stream(1, "cues", [["go", "left"], ["", ""]], [1.0, 2.0])))
-    assert events.names == ("go; left", "marker")
-    assert events.notes == ("stream cues has no clock offsets: its clock is taken for the recorder's",)
-
-
-def test_a_stream_without_samples_is_noted(tmp_path: Path) -> None:
-    events = read(
-        tmp_path, xdf_of(marker_stream(1, "idle", [], []), marker_stream(2, "cues", [["go"]], [1.0], OFFSETS))
-    )
-    assert events.names == ("go",)
-    assert events.notes == ("stream idle has no markers",)
 
 
 def test_a_file_that_is_cut_off_gives_what_is_whole(tmp_path: Path) -> None:

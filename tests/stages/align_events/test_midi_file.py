@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.errors import InputError
-from stages.align_events.event_list import Clock, Events
-from stages.align_events.midi_file import read_midi
+from shukotsu.errors import InputError
+from shukotsu.stages.align_events.event_list import Events
+from shukotsu.stages.align_events.midi_file import read_midi
 
 
 def length(value: int) -> bytes:
@@ -43,18 +43,6 @@ def read(tmp_path: Path, data: bytes) -> Events:
     return read_midi(tmp_path / "a.mid")
 
 
-def test_running_status_and_a_note_on_of_velocity_0(tmp_path: Path) -> None:
-    """Middle C and the E above it, 120 quarters a minute where no tempo is given: 480 ticks are 0.5 s."""
-    content = b"\x00\x90\x3c\x40\x83\x60\x40\x50\x81\x70\x3c\x00\x00\x40\x00" + END
-    events = read(tmp_path, midi(content, kind=0))
-    assert events.names == ("note 60", "note 64")
-    np.testing.assert_allclose(events.time_s, [0.0, 0.5])
-    np.testing.assert_allclose(events.duration_s, [0.75, 0.25])
-    assert events.value.tolist() == [0x40, 0x50]
-    assert events.channel.tolist() == [1, 1]
-    assert (events.source, events.clock, events.notes) == ("midi", Clock.OWN, ())
-
-
 def test_a_tempo_of_one_track_holds_for_all(tmp_path: Path) -> None:
     """96 ticks a quarter: one quarter at 0.5 s, two at 0.25 s, the rest at 1 s."""
     first = b"\x60" + tempo(250_000) + b"\x81\x40" + tempo(1_000_000) + END
@@ -63,33 +51,6 @@ def test_a_tempo_of_one_track_holds_for_all(tmp_path: Path) -> None:
     np.testing.assert_allclose(events.time_s, [0.25, 1.5])
     np.testing.assert_allclose(events.duration_s, [0.25, 0.5])
     assert events.channel.tolist() == [3, 3]
-
-
-@pytest.mark.parametrize(("code", "rate_hz"), [(24, 24), (25, 25), (29, 30_000 / 1001), (30, 30)])
-def test_time_code_knows_no_tempo(tmp_path: Path, code: int, rate_hz: float) -> None:
-    division = (256 - code) << 8 | 40
-    content = b"\x00" + tempo(1) + length(40 * 50) + b"\x90\x3c\x40\x28\x80\x3c\x00" + END
-    events = read(tmp_path, midi(content, kind=0, division=division))
-    np.testing.assert_allclose(events.time_s, [50 / rate_hz])
-    np.testing.assert_allclose(events.duration_s, [1 / rate_hz])
-
-
-def test_what_is_no_note_is_counted(tmp_path: Path) -> None:
-    """Pedal, bend, program, pressure, system exclusive; the status runs on only between channel messages."""
-    others = b"\x00\xb0\x40\x7f\x00\x40\x00\x00\xe0\x00\x40\x00\xc0\x05\x00\xd0\x11"
-    exclusive = b"\x00\xf0\x03\x43\x12\xf7"
-    text = b"\x00\xff\x06\x04Bar1"
-    events = read(tmp_path, midi(others + exclusive + text + b"\x00\x90\x3c\x40" + END, kind=0))
-    assert events.names == ("note 60",)
-    assert np.isnan(events.duration_s).all()
-    assert events.notes == ("1 notes have no note off", "6 messages that are no notes are left out")
-
-
-def test_a_key_struck_twice_ends_in_order(tmp_path: Path) -> None:
-    content = b"\x00\x90\x3c\x40\x60\x3c\x41\x60\x80\x3c\x00\x60\x3c\x00\x60\x3c\x00" + END
-    events = read(tmp_path, midi(content, kind=0, division=96))
-    np.testing.assert_allclose(events.time_s, [0.0, 0.5])
-    np.testing.assert_allclose(events.duration_s, [1.0, 1.0])
 
 
 NOTE = st.tuples(st.integers(0, 5000), st.integers(0, 127), st.integers(1, 127), st.integers(1, 3000))
@@ -161,18 +122,3 @@ WHOLE = midi(b"\x00" + tempo(400_000) + END, b"\x00\x90\x3c\x40\x60\x80\x3c\x00"
 def test_other_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read(tmp_path, data)
-
-
-@settings(max_examples=300, deadline=None)
-@given(place=st.integers(0, len(WHOLE) - 1), byte=st.integers(0, 255), cut=st.booleans())
-def test_a_spoilt_file_is_read_or_refused(
-    tmp_path_factory: pytest.TempPathFactory, place: int, byte: int, cut: bool
-) -> None:
-    data = WHOLE[:place] if cut else WHOLE[:place] + bytes([byte]) + WHOLE[place + 1 :]
-    path = tmp_path_factory.mktemp("midi") / "a.mid"
-    path.write_bytes(data)
-    try:
-        events = read_midi(path)
-    except InputError:
-        return
-    assert np.isfinite(events.time_s).all()

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from event_files import SAMPLES, marker_stream, midi_of, poses_of, records_of, xdf_of
+from event_files import SAMPLES, midi_of, poses_of, records_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.errors import InputError
-from stages.align_events.recording_events import READERS, SAME_CLOCK, RecordingEvents, read_events
+from shukotsu.errors import InputError
+from shukotsu.stages.align_events.recording_events import READERS, RecordingEvents, read_events
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 BIDS = "onset\tduration\ttrial_type\n1\t0.5\ttap\n3\t0\ttap\n"
@@ -76,35 +76,6 @@ def test_midi_is_brought_over_by_events_of_the_sheet(tmp_path: Path) -> None:
     assert check_midi(recording, 0.003)["n_pulses"] == 10
 
 
-def test_a_clock_that_is_declared_the_same(tmp_path: Path) -> None:
-    clock = check_midi_same(tmp_path, TRUE_S)
-    assert (clock["status"], clock["message"]) == ("ok", "declared to be the recording's own clock")
-
-
-def test_events_that_all_lie_outside_the_recording(tmp_path: Path) -> None:
-    clock = check_midi_same(tmp_path, TRUE_S + 500)
-    assert clock["status"] == "weak"
-    assert "no event lies within the recording (0.0 to 20.0 s), but from 501.0 to 515.0 s" in clock["message"]
-
-
-def check_midi_same(tmp_path: Path, pulses_s: Any) -> dict[str, Any]:
-    recording = RecordingEvents(poses_of(tmp_path), file=midi_of(tmp_path, pulses_s), pulses=SAME_CLOCK)
-    events, (clock,) = recording.aligned()
-    onsets_s = [row["onset_s"] for row in events if row["name"] == "note 24"]
-    np.testing.assert_allclose(onsets_s, pulses_s, atol=0.001)
-    return clock
-
-
-def test_pulses_that_do_not_fit_leave_no_event(tmp_path: Path) -> None:
-    file = midi_of(tmp_path, np.cumsum(np.random.default_rng(1).exponential(2, 10)))
-    events, (clock,) = RecordingEvents(
-        poses_of(tmp_path), records_of(tmp_path, TRUE_S[:3]), file, "note 24"
-    ).aligned()
-    assert events == []
-    assert clock["status"] == "failed"
-    assert "are they the same pulses?" in clock["message"]
-
-
 @pytest.mark.parametrize(
     ("pulses", "rows", "message"),
     [
@@ -135,24 +106,6 @@ def test_the_trackers_own_events(tmp_path: Path) -> None:
     assert (clock["source"], clock["status"], clock["offset_s"]) == ("tracker", "ok", 0)
 
 
-def test_markers_of_the_file_that_the_recording_is_from(tmp_path: Path) -> None:
-    """All streams of an XDF file share its recorder's clock, so nothing need be declared."""
-    file = tmp_path / "a.xdf"
-    file.write_bytes(xdf_of(marker_stream(1, "cues", [["go"]], [101.0], [(100.0, -3.0), (120.0, -3.0)])))
-    events, (clock,) = RecordingEvents(poses_of(tmp_path, 90.0, 100.0, file), file=file).aligned()
-    assert names(events) == [("go", pytest.approx(98.0))]
-    assert (clock["source"], clock["status"]) == ("xdf", "ok")
-    with pytest.raises(InputError, match="runs on a clock of its own"):
-        RecordingEvents(poses_of(tmp_path), file=file).aligned()
-
-
-def test_poses_without_times(tmp_path: Path) -> None:
-    (tmp_path / "a_events.tsv").write_text(BIDS)
-    poses = poses_of(tmp_path, np.nan, np.nan)
-    with pytest.raises(InputError, match="has no times, so onsets from its start say nothing"):
-        RecordingEvents(poses, file=tmp_path / "a_events.tsv").aligned()
-
-
 def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
     page = (REPOSITORY / "docs" / "events.md").read_text("utf-8")
     for endings in READERS:
@@ -175,23 +128,3 @@ def test_a_spoilt_file_is_read_or_refused(
     except InputError:
         return
     assert np.isfinite(events.time_s).all()
-
-
-def test_more_pulses_than_can_be_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stages.align_events.recording_events.MOST_PULSES", 9)
-    recording = RecordingEvents(poses_of(tmp_path), None, midi_of(tmp_path, TRUE_S), "note 24")
-    with pytest.raises(InputError, match="has 10 events 'note 24'; expected at most 9 pulses"):
-        recording.aligned()
-
-
-@pytest.mark.parametrize("time_s", [np.nan, 1e300])
-def test_a_time_that_no_clock_shows(tmp_path: Path, time_s: float) -> None:
-    (tmp_path / "a.xdf").write_bytes(xdf_of(marker_stream(1, "cues", [["go"]], [time_s])))
-    with pytest.raises(InputError, match="event 1: its time is"):
-        read_events(tmp_path / "a.xdf")
-
-
-@pytest.mark.parametrize("name", ["a.wav", "events.txt", "a"])
-def test_another_ending_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match="is no file of events"):
-        read_events(Path(name))

@@ -4,14 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pytest
 from fuzzing.sample_files import capture_bytes
 
-from schemas.catalogue import CAPTURE_RECORDS
-from schemas.errors import InputError
-from schemas.tables import Provenance, write_table
-from stages.align_events.event_list import Clock, Events
-from stages.align_events.tracker_events import read_tracker_events
+from shukotsu.schemas.catalogue import CAPTURE_RECORDS
+from shukotsu.schemas.tables import Provenance, write_table
+from shukotsu.stages.align_events.event_list import Clock, Events
+from shukotsu.stages.align_events.tracker_events import read_tracker_events
 
 FRAMES = 10
 RATE_HZ = 240.0
@@ -53,21 +51,6 @@ def test_lost_frames_leave_the_time_less_sure(tmp_path: Path) -> None:
     assert np.isnan(events.duration_s).all()
 
 
-def test_what_is_on_from_the_start_has_no_onset(tmp_path: Path) -> None:
-    assert records(tmp_path, [1, 1, 0, 0, 0, 1, 0, 0, 0, 0], {}).time_s * RATE_HZ == pytest.approx([4.5])
-
-
 def test_a_raw_capture_is_decoded(tmp_path: Path) -> None:
     (tmp_path / "a.arrows").write_bytes(capture_bytes())
     assert read_tracker_events(tmp_path / "a.arrows").names == (), "both flags are sent and never on"
-
-
-def test_a_tracker_that_sends_neither(tmp_path: Path) -> None:
-    path = tmp_path / "records.parquet"
-    columns = {
-        column.name: pa.nulls(2, column.type) if column.nullable else np.zeros(2)
-        for column in CAPTURE_RECORDS.columns
-    }
-    write_table(path, CAPTURE_RECORDS, columns, Provenance())
-    with pytest.raises(InputError, match="sent neither sync nor buttons"):
-        read_tracker_events(path)

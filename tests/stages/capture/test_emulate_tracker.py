@@ -1,6 +1,5 @@
 """The command `shukotsu emulate`: its ports, its options and how it refuses them."""
 
-import signal
 import socket
 import struct
 import time
@@ -9,7 +8,7 @@ from pathlib import Path
 import pytest
 from tracker_processes import PATIENCE_S, emulator
 
-from stages.capture.__main__ import main
+from shukotsu.stages.capture.__main__ import main
 
 
 @pytest.mark.parametrize(
@@ -45,12 +44,6 @@ def test_bad_options_are_refused_in_a_sentence(
     assert sentence in told.err
 
 
-def test_a_port_that_is_taken_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        assert main(["emulate", "--tcp", str(taken.getsockname()[1])]) == 2
-    assert "cannot be listened on" in capsys.readouterr().err
-
-
 def test_tcp_serves_one_client_at_a_time() -> None:
     """A second one is turned away; a later one finds the device as the first left it."""
     with emulator("--stations", "1,3", port=("--tcp", "0")) as running:
@@ -71,19 +64,6 @@ def test_tcp_serves_one_client_at_a_time() -> None:
             received = b""
             while b"LY\x03C" not in received:
                 received += later.recv(4096)
-
-
-def test_ctrl_c_ends_it() -> None:
-    with emulator() as running:
-        running.process.send_signal(signal.SIGINT)
-        assert running.process.wait(timeout=PATIENCE_S) == 0
-
-
-def test_the_link_leads_to_the_terminal_and_goes_with_it(tmp_path: Path) -> None:
-    link = tmp_path / "tracker"
-    with emulator(port=("--pty", str(link))) as running:
-        assert str(link.readlink()) == running.name
-    assert not link.is_symlink()
 
 
 def test_a_recording_is_what_a_client_gets(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from schemas.errors import MOST_LETTERS
-from stages.capture.__main__ import main
-from stages.capture.formats.readers import FORMATS
+from shukotsu.errors import MOST_LETTERS
+from shukotsu.stages.capture.__main__ import main
+from shukotsu.stages.capture.formats.readers import FORMATS
 
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 ROW = "0,0,hand,1,2,3,1,0,0,0\n"

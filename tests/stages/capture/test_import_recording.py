@@ -1,17 +1,15 @@
 """The command `shukotsu import`, run as its users run it."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
-from schemas.catalogue import POSES
-from schemas.errors import InputError
-from schemas.poses import read_poses, recording_name
-from schemas.tables import read_metadata, read_table
-from stages.capture.__main__ import COMMANDS, main
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.poses import read_poses, recording_name
+from shukotsu.schemas.tables import read_metadata, read_table
+from shukotsu.stages.capture.__main__ import main
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
@@ -53,36 +51,6 @@ def test_metadata_say_whose_hand_it_is_and_what_is_absent(
     assert "(14 of 17 segments)" in captured
 
 
-def test_a_left_hand_has_stations_of_its_own(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """On one tracker with the right hand; a station of that one sits on no segment of this."""
-    rows = "".join(f"0,0.0,{station},{station},2,3,1,0,0,0\n" for station in range(8, 15))
-    recording.write_text(HEADER.replace("segment", "receiver") + rows)
-    out = recording.with_name("poses.parquet")
-    assert run(recording, out, layout="two-hands-7") == 0
-    found = {row["segment"]: row["x_mm"] for row in read_table(out, POSES).to_pylist()}
-    assert (len(found), found["hand"], found["thumb_metacarpal"], found["little_distal"]) == (7, 8, 9, 14)
-    assert read_metadata(out)["parameters"]["absent"] == []
-    recording.write_text(HEADER.replace("segment", "receiver") + rows.replace(",8,8,", ",1,8,"))
-    assert run(recording, out, layout="two-hands-7") == 2
-    assert "receiver 1 sits on no segment of layout two-hands-7" in capsys.readouterr().err
-
-
-def test_receivers_that_a_mapping_does_not_name_were_not_worn(
-    recording: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    recording.write_text("x,y,z,w,i,j,k,u\n" + "1,2,3,1,0,0,0,\n" * 3)
-    columns = "position: [x, y, z], orientation: [w, i, j, k]"
-    mapping = recording.with_name("mapping.yaml")
-    mapping.write_text(
-        "format: csv\nposition_unit: mm\norientation: {kind: quaternion, order: wxyz}\n"
-        f"receivers: {{hand: {{{columns}}}, thumb_distal: {{{columns.replace('x,', 'u,', 1)}}}}}\n"
-    )
-    out = recording.with_name("poses.parquet")
-    assert run(recording, out, "--mapping", str(mapping)) == 0
-    assert read_metadata(out)["parameters"]["absent"] == ["thumb_distal"]
-    assert "no pose of thumb_distal (1 of 17 segments)" in capsys.readouterr().err
-
-
 def test_the_same_input_gives_the_same_bytes_anywhere(recording: Path, tmp_path: Path) -> None:
     """Neither the date nor a folder is in the file."""
     elsewhere = tmp_path / "elsewhere" / "rom.csv"
@@ -92,14 +60,6 @@ def test_the_same_input_gives_the_same_bytes_anywhere(recording: Path, tmp_path:
     run(elsewhere, tmp_path / "another" / "two.parquet")
     assert (tmp_path / "one.parquet").read_bytes() == (tmp_path / "another" / "two.parquet").read_bytes()
     assert str(tmp_path).encode() not in (tmp_path / "one.parquet").read_bytes()
-
-
-def test_csv_and_parquet_of_one_recording_give_the_same_poses(recording: Path, tmp_path: Path) -> None:
-    """Also the poses table itself can be read as a recording."""
-    run(recording, tmp_path / "one.parquet")
-    run(tmp_path / "one.parquet", tmp_path / "two.parquet")
-    one, two = (read_table(tmp_path / name, POSES) for name in ("one.parquet", "two.parquet"))
-    assert one.drop_columns(["flags"]).equals(two.drop_columns(["flags"]))
 
 
 def test_bad_input_is_one_sentence_and_leaves_nothing(
@@ -133,27 +93,6 @@ def test_a_failure_can_be_recorded_instead(recording: Path, name: str, layout: s
     with pytest.raises(InputError, match=message) as caught:
         read_poses(out, ["hand"])
     assert str(recording.parent) not in str(caught.value)
-
-
-@pytest.mark.parametrize("argv", [["--help"], *([name, "--help"] for name in COMMANDS)])
-def test_help_imports_nothing_heavy(argv: list[str]) -> None:
-    """A study starts thousands of processes; NumPy and Arrow come after the arguments."""
-    code = (
-        "import sys, stages.capture.__main__ as m\n"
-        f"try: m.main({argv!r})\n"
-        "finally: print(sorted({'numpy', 'pyarrow', 'scipy', 'serial', 'yaml', 'ezc3d'} & set(sys.modules)))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines()[-1] == "[]"
-    assert "example" in done.stdout
-
-
-def test_an_unknown_command_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(["imports"])
-    assert "invalid choice: 'imports'" in capsys.readouterr().err
 
 
 def test_the_guides_example_is_a_recording(tmp_path: Path) -> None:

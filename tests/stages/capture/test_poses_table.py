@@ -1,4 +1,4 @@
-"""From samples to the poses table and back through `schemas.poses`: order, grid, gaps, flags."""
+"""From samples to the poses table and back through `shukotsu.schemas.poses`: order, grid, gaps, flags."""
 
 import itertools
 from collections.abc import Iterable
@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from poses_columns import columns_of
 
-from schemas.catalogue import POSES
-from schemas.errors import InputError
-from schemas.tables import Provenance, write_table_in_parts
-from stages.capture.poses_table import FLAGS, FROZEN_FRAMES, PosesTable, poses_table
-from stages.capture.samples import Samples
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.tables import Provenance, write_table_in_parts
+from shukotsu.stages.capture.poses_table import FROZEN_FRAMES, PosesTable, poses_table
+from shukotsu.stages.capture.samples import Samples
 
 SEGMENTS = ("hand", "thumb", "index")
 NAN = float("nan")
@@ -49,21 +48,6 @@ def table_rows(table: PosesTable) -> list[dict[str, Any]]:
     }
     rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
     return [{k: None if v != v else v for k, v in row.items()} for row in rows]
-
-
-@pytest.mark.parametrize("wild_s", [1e12, -1e12, 1e300, -1e300])
-def test_a_time_far_from_all_others_is_none(wild_s: float) -> None:
-    """A movie would stand still from it on, and the recording last a million years."""
-    times = [1.7e9, 1.7e9 + 0.01, wild_s, 1.7e9 + 0.03, 1.7e9 + 3600]
-    rows = table_rows(table_of(samples_of(*(("hand", n, t, GOOD) for n, t in enumerate(times)))))
-    assert [row["time_s"] for row in rows] == [*times[:2], None, *times[3:]]
-    assert [row["flags"] for row in rows] == ["", "", "time-missing", "", ""]
-    assert all(row["valid"] for row in rows)
-
-
-def test_the_largest_frame_number_costs_no_other_pose() -> None:
-    rows = table_rows(table_of(samples_of(("hand", 1, 0.0, GOOD), ("hand", 2**63 - 1, 0.1, GOOD))))
-    assert [(row["frame"], row["valid"]) for row in rows] == [(1, True), (2**63 - 1, True)]
 
 
 def one_row(numbers: tuple[float, ...] = GOOD, time_s: float = 0.0) -> dict[str, Any]:
@@ -113,13 +97,6 @@ def test_an_incomplete_row_is_a_gap_with_a_reason(numbers: tuple[float, ...], fl
     assert (row["valid"], row["flags"], row["time_s"]) == (False, flags, 0.0)
 
 
-@pytest.mark.parametrize("norm", [0.99, 0.9999, 1.0, 1.01])
-def test_a_rounded_quaternion_is_brought_to_length_1(norm: float) -> None:
-    row = one_row((1, 2, 3, 0.6 * norm, 0, -0.8 * norm, 0))
-    np.testing.assert_allclose([row["qw"], row["qx"], row["qy"], row["qz"]], [0.6, 0, -0.8, 0], atol=1e-15)
-    assert row["valid"]
-
-
 @pytest.mark.parametrize(
     ("quaternion", "message"),
     [
@@ -137,30 +114,6 @@ def test_no_unit_quaternion_refuses_the_file(quaternion: tuple[float, ...], mess
         table_of(samples)
     assert str(caught.value).startswith("rom.csv: line 3, segment thumb, frame 3: the quaternion ")
     assert "and 1 more rows like it" in str(caught.value)
-
-
-def test_the_same_row_twice_is_kept_once() -> None:
-    samples = samples_of(*[("hand", 1, 0.5, GOOD)] * 3, *[("hand", 2, NAN, (NAN,) * 7)] * 2)
-    rows = table_rows(table_of(samples))
-    assert [row["flags"] for row in rows] == ["duplicate-frame", "missing;duplicate-frame;time-missing"]
-    assert numbers_of(rows[0]) == list(GOOD)
-    assert rows[0]["valid"]
-
-
-@pytest.mark.parametrize(
-    ("time_s", "numbers", "kept_time_s"),
-    [(0.5, (9.0, *GOOD[1:]), 0.5), (0.5, (NAN,) * 7, 0.5), (0.7, GOOD, None)],
-    ids=["other-numbers", "a-gap", "another-time"],
-)
-def test_rows_that_contradict_each_other_are_a_gap(
-    time_s: float, numbers: tuple[float, ...], kept_time_s: float | None
-) -> None:
-    """Nobody can know which is right, also where the first and third agree; what agrees is kept."""
-    samples = samples_of(("hand", 1, 0.5, GOOD), ("hand", 1, time_s, numbers), ("hand", 1, 0.5, GOOD))
-    (row,) = table_rows(table_of(samples))
-    assert row["flags"].split(";")[0] == "conflicting-duplicate"
-    assert numbers_of(row) == [None] * 7
-    assert (row["valid"], row["time_s"]) == (False, kept_time_s)
 
 
 def test_time_is_kept_as_it_is_and_flagged() -> None:
@@ -212,8 +165,8 @@ def any_samples(random: np.random.Generator, order: str) -> Samples:
     numbers[:, 0] += random.integers(0, 2, count)
     numbers[random.random((count, 7)) < 0.03] = NAN
     time_s = np.where(random.random(count) < 0.2, NAN, frame / 8 - random.integers(0, 2, count) / 4)
-    marks = {"distorted": random.random(count) < 0.3, "misfit": random.random(count) < 0.1}
-    return Samples(SEGMENTS, segment[rows], frame[rows], time_s[rows], numbers, "line {}".format, marks)
+    flags = {"distorted": random.random(count) < 0.3, "misfit": random.random(count) < 0.1}
+    return Samples(SEGMENTS, segment[rows], frame[rows], time_s[rows], numbers, "line {}".format, flags)
 
 
 def cut(samples: Samples, cuts: Iterable[int]) -> list[Samples]:
@@ -224,7 +177,7 @@ def cut(samples: Samples, cuts: Iterable[int]) -> list[Samples]:
             samples.segments,
             *(column[first:end] for column in columns),
             lambda row, first=first: samples.place(first + row),
-            {flag: marked[first:end] for flag, marked in samples.marks.items()},
+            {flag: marked[first:end] for flag, marked in samples.flags.items()},
         )
         for first, end in itertools.pairwise([0, *sorted(cuts), len(samples.segment)])
     ]
@@ -239,47 +192,12 @@ def test_parts_give_the_table_of_the_whole(
     random = np.random.default_rng(seed)
     samples = any_samples(random, order)
     pieces = cut(samples, random.integers(0, len(samples.segment) + 1, seed + 1).tolist())
-    monkeypatch.setattr("stages.capture.poses_table.FROZEN_FRAMES", 2)
+    monkeypatch.setattr("shukotsu.stages.capture.poses_table.FROZEN_FRAMES", 2)
     whole = table_of(samples)
-    monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 3)
+    monkeypatch.setattr("shukotsu.stages.capture.poses_table.MEMORY_BYTES", 3)
     with closing(poses_table(pieces, PARENTS, tmp_path)) as table:
         assert list(tmp_path.iterdir()) == []
         write(tmp_path / "parts.parquet", table, seed + 1)
     write(tmp_path / "whole.parquet", whole, seed + 1)
     assert (tmp_path / "parts.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
     assert (table.segments, table.usable, table.frozen) == (whole.segments, whole.usable, whole.frozen)
-
-
-def test_the_place_of_a_bad_quaternion_is_that_in_the_whole_recording() -> None:
-    """The first in the recording's order, though it is the last segment's, and of all parts are counted."""
-    numbers = np.tile(GOOD, (9, 1))
-    numbers[[4, 5, 8], 3] = 2.0
-    segment = np.array([0, 1, 2, 0, 2, 1, 0, 1, 0])
-    samples = Samples(SEGMENTS, segment, np.arange(9), np.arange(9) / 9, numbers, lambda row: f"line {row}")
-    with pytest.raises(InputError) as caught:
-        poses_table(cut(samples, [2, 3]), {})
-    assert str(caught.value).startswith("line 4, segment index, frame 4: ")
-    assert "and 2 more rows like it" in str(caught.value)
-
-
-def test_a_folder_that_cannot_be_written_to_is_a_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("stages.capture.poses_table.MEMORY_BYTES", 1)
-    with pytest.raises(InputError, match="nowhere: cannot be written"):
-        poses_table([samples_of(("hand", 0, 0.0, GOOD))], {}, tmp_path / "nowhere")
-
-
-def test_no_row_group_holds_two_segments(tmp_path: Path) -> None:
-    rows = [(segment, frame, 0.1 * frame, GOOD) for segment in SEGMENTS for frame in range(10)]
-    write(tmp_path / "poses.parquet", table_of(samples_of(*rows)), 4)
-    file = pq.ParquetFile(tmp_path / "poses.parquet")
-    groups = [file.read_row_group(index) for index in range(file.metadata.num_row_groups)]
-    assert [group.num_rows for group in groups] == [4, 4, 2] * 3
-    assert all(len(group["segment"].unique()) == 1 for group in groups)
-
-
-def test_every_flag_is_explained() -> None:
-    """The guide to recordings names every flag that the table can hold."""
-    guide = (Path(__file__).parents[3] / "docs" / "recordings.md").read_text("utf-8")
-    assert [flag for flag in FLAGS if f"`{flag}`" not in guide] == []

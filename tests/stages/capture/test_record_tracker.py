@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from stages.capture import record_tracker
+from shukotsu.stages.capture import record_tracker
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stages.capture.spikes import spikes
+from shukotsu.stages.capture.spikes import spikes
 
 
 def swinging(n_frames: int = 240, rate_hz: float = 240.0) -> np.ndarray:
@@ -29,16 +29,3 @@ def test_a_jump_that_stays_and_a_small_one_are_none(end: int, moved_mm: float) -
     poses = swinging()
     poses[10:end, 0] += moved_mm
     assert not spikes(poses).any()
-
-
-def test_poses_far_apart_in_time_are_none() -> None:
-    """A pointer that was held still in 57 places has a large step from each to the next."""
-    rng = np.random.default_rng(0)
-    turn = rng.normal(size=(57, 4))
-    poses = np.concatenate([rng.normal(0, 100, (57, 3)), turn / np.linalg.norm(turn, axis=1)[:, None]], -1)
-    assert not spikes(poses).any()
-
-
-@pytest.mark.parametrize("n_frames", range(4))
-def test_few_frames(n_frames: int) -> None:
-    assert spikes(swinging(n_frames)).shape == (n_frames,)

@@ -4,17 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from checked_hands import hand_of, write_poses
+from simulated_poses import hand_of, write_poses
 from small_study import write_plans, write_study
 
 from benchmarks.mistakes import MISTAKES
-from schemas.catalogue import FINDINGS, JOINT_SOLUTIONS, POSES
-from schemas.errors import InputError
-from schemas.parts import read_part
-from schemas.plan import SubjectPlan, read_plan
-from schemas.tables import Provenance, read_metadata, read_table, rows_of, write_failure
-from stages.check_recordings.__main__ import main
-from stages.solve_joints.__main__ import main as solve_joints
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import FINDINGS, POSES
+from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.tables import Provenance, read_metadata, read_table, rows_of, write_failure
+from shukotsu.stages.check_recordings.__main__ import main
 
 ROWS = (
     "01 right rom calibration a.csv - - - -",
@@ -73,16 +71,6 @@ def test_a_refused_recording_is_used_by_no_later_stage(plan: SubjectPlan, plan_f
     plan.check_calibration_left("right")
     with pytest.raises(InputError, match=r"no calibration recording is left: The poses jump about"):
         plan.check_calibration_left("left")
-
-
-def test_a_hand_of_which_all_is_refused_fails_with_the_sentence(
-    plan: SubjectPlan, plan_file: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "solutions.parquet"
-    assert solve_joints(["--record-failure", "--plan", str(plan_file), "--out", str(out)]) == 0
-    with pytest.raises(InputError, match="no calibration recording is left: The poses jump about"):
-        read_part(out, JOINT_SOLUTIONS, plan.part("left", "rigid"))
-    assert read_part(out, JOINT_SOLUTIONS, plan.part("right", "rigid")).num_rows
 
 
 def test_a_hand_alone(plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,11 +8,11 @@ import drawn_movement as drawn
 import pytest
 from small_study import write_study
 
-from schemas.catalogue import PROBLEMS
-from schemas.movement_tables import MOVEMENT_DIFFERENCES
-from schemas.results import COMPARISON_TABLES, Results
-from schemas.tables import read_metadata, read_table
-from stages.compare_movement.__main__ import main
+from shukotsu.schemas.catalogue import PROBLEMS
+from shukotsu.schemas.movement_tables import MOVEMENT_DIFFERENCES
+from shukotsu.schemas.results import MOVEMENT_COMPARISONS, Results
+from shukotsu.schemas.tables import read_metadata, read_table
+from shukotsu.stages.compare_movement.__main__ import main
 
 RECORDINGS = drawn.recordings(8, ("",))
 
@@ -34,7 +34,7 @@ def test_groups_are_those_of_the_sheet(study: Path) -> None:
     drawn.write_movement(results, drawn.ranges(RECORDINGS))
     drawn.write(results, PROBLEMS, [])
     assert compare(study) == 0
-    assert all(results.study_table(name).is_file() for name in COMPARISON_TABLES)
+    assert all(results.study_table(name).is_file() for name in MOVEMENT_COMPARISONS)
     path = results.study_table(MOVEMENT_DIFFERENCES.name)
     rows = read_table(path, MOVEMENT_DIFFERENCES).to_pylist()
     assert {(row["level"], row["other_level"], row["n"], row["n_other"]) for row in rows} == {

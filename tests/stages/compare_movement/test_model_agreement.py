@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from stages.compare_movement.model_agreement import dependence_rows
+from shukotsu.stages.compare_movement.model_agreement import dependence_rows
 
 WHERE = {"hand": "right", "task": "play", "quantity": "range_deg", "of": "thumb_ip flexion", "unit": "deg"}
 LEVELS = {"factor": "group", "level": "A", "other_level": "B"}

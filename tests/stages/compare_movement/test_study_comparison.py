@@ -11,17 +11,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from schemas.catalogue import PROBLEMS
-from schemas.findings import STAGE, SUSPECT, Finding, problem_row
-from schemas.movement_tables import (
+from shukotsu.schemas.catalogue import PROBLEMS
+from shukotsu.schemas.findings import STAGE, SUSPECT, Finding, problem_row
+from shukotsu.schemas.movement_tables import (
     CURVE_DIFFERENCES,
     MODEL_DEPENDENCE,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
 )
-from schemas.results import Results
-from schemas.tables import read_table
-from stages.compare_movement.study_comparison import compare_study
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.tables import read_table
+from shukotsu.stages.compare_movement.study_comparison import compare_study
 
 Row = dict[str, Any]
 FOUR = (MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, CURVE_DIFFERENCES, MODEL_DEPENDENCE)
@@ -96,14 +96,6 @@ def test_repeatability_is_that_of_the_sessions(study: dict[str, pd.DataFrame]) -
     assert rows_of(study["movement_reliability"], quantity="full_range_deg")["stated_sd"].isna().all()
 
 
-def test_models_that_differ_by_a_constant_agree(study: dict[str, pd.DataFrame]) -> None:
-    rows = rows_of(study["model_dependence"], quantity="range_deg")
-    assert set(rows["question"]) == {"difference", "reliability"}
-    assert set(rows["models"]) == {"rigid;whole-hand"}
-    assert rows["agree"].all()
-    assert rows["widest_difference"].to_numpy() == pytest.approx(0.0, abs=1e-9)
-
-
 def test_curves_differ_where_they_do(study: dict[str, pd.DataFrame]) -> None:
     rows = rows_of(study["curve_differences"], factor="group").set_index("percent")
     assert len(rows) == 101
@@ -140,36 +132,6 @@ def test_trials_and_sessions_do_not_make_a_subject_count_twice(tmp_path: Path) -
     assert row.p == pytest.approx(row.p_holm)
 
 
-def test_sessions_are_in_the_order_of_the_sheet_though_its_first_subject_lacks_one(tmp_path: Path) -> None:
-    """Bias is of a session to the next: 10 each, and not 20 and -10."""
-    recordings = [row for row in drawn.recordings(8) if (row["subject"], row["session"]) != ("P00", "2")]
-    noise = np.random.default_rng(2).normal(0.0, 0.1, len(recordings))
-    ranges = [
-        drawn.range_row(row, "rigid", "index_pip", 10.0 * int(row["session"]) + own, None)
-        for row, own in zip(recordings, noise, strict=True)
-    ]
-    tables = compared(tmp_path, recordings, ranges, factors=["session"])
-    pairs = rows_of(tables["movement_differences"], quantity="range_deg")
-    assert list(zip(pairs["level"], pairs["other_level"], strict=True)) == [
-        ("1", "2"),
-        ("1", "3"),
-        ("2", "3"),
-    ]
-    row = rows_of(tables["movement_reliability"], quantity="range_deg").iloc[0]
-    assert (row.n, row.k, row.left_out) == (7, 3, 1)
-    assert row.left_out_reason == "not in every one of 1, 2, 3: P00"
-    assert row.bias == pytest.approx(10.0, abs=0.2)
-    assert row.loa_high - row.loa_low < 2.0
-
-
-def test_the_reason_is_that_of_the_recording_that_does_not_count(tmp_path: Path) -> None:
-    recordings = drawn.recordings(8, ("1", "2"))
-    suspect = [{"subject": "P01", "session": "2", "hand": "right", "task": "play"}]
-    tables = compared(tmp_path, recordings, drawn.ranges(recordings), factors=["session"], suspect=suspect)
-    row = rows_of(tables["movement_differences"], quantity="range_deg").iloc[0]
-    assert (row.n, row.left_out, row.left_out_reason) == (7, 1, "suspect in part: P01")
-
-
 def test_who_has_no_level_is_left_out_and_said(tmp_path: Path) -> None:
     recordings = drawn.recordings(10, ("",))
     recordings[4] |= {"group": ""}
@@ -181,57 +143,6 @@ def test_who_has_no_level_is_left_out_and_said(tmp_path: Path) -> None:
     assert row.left_out_reason == "no level of group: P04"
 
 
-def test_who_is_left_out_is_counted_with_the_reason(tmp_path: Path) -> None:
-    recordings = drawn.recordings(14, ("",))
-    ranges = [row for row in drawn.ranges(recordings) if row["subject"] != "P03"]
-    suspect = [{"subject": "P00", "session": "", "hand": "right", "task": "play"}]
-    table = compared(tmp_path, recordings, ranges, factors=["group"], suspect=suspect)["movement_differences"]
-    row = rows_of(table, quantity="range_deg").iloc[0]
-    assert (row.n, row.n_other, row.left_out) == (6, 6, 2)
-    assert row.left_out_reason == "suspect: P00; no value: P03"
-
-
-def test_too_few_subjects_have_numbers_and_no_test(tmp_path: Path) -> None:
-    recordings = drawn.recordings(5, ("1", "2"))
-    tables = compared(tmp_path, recordings, drawn.ranges(recordings), drawn.curves(recordings))
-    rows = tables["movement_differences"]
-    assert rows[["p", "p_holm", "low", "high"]].isna().all(axis=None)
-    assert set(rows["test"]) == {""}
-    assert set(rows_of(rows, factor="session")["message"]) == {
-        "not tested: 5 subjects have both levels, a test needs 6"
-    }
-    assert set(rows_of(rows, factor="group")["message"]) == {
-        "not tested: groups of 3 and 2 subjects, a test needs 4 in each"
-    }
-    assert rows_of(rows, quantity="range_deg")["difference"].notna().all()
-    assert tables["model_dependence"].query("question == 'difference'")["agree"].isna().all()
-    curves = tables["curve_differences"]
-    assert curves[["t", "p", "t_threshold"]].isna().all(axis=None)
-    assert curves["difference"].notna().all()
-    assert not curves["significant"].any()
-
-
-def test_hands_are_compared_within_subjects(tmp_path: Path) -> None:
-    right = drawn.recordings(7, ("",))
-    left = [row | {"hand": "left"} for row in right]
-    ranges = drawn.ranges(right) + [row | {"range_deg": row["range_deg"] + 4.0} for row in drawn.ranges(left)]
-    rows = compared(tmp_path, [*right, *left], ranges, factors=["hand"])["movement_differences"]
-    rows = rows_of(rows, quantity="range_deg")
-    assert set(rows["hand"]) == {""}
-    assert set(rows["task"]) == {"play"}
-    assert set(rows["design"]) == {"within"}
-    assert rows["difference"].to_numpy() == pytest.approx(-4.0)
-
-
 def test_a_study_without_factors_or_movement_has_empty_tables(tmp_path: Path) -> None:
     tables = compared(tmp_path, drawn.recordings(3, ("",)), [], factors=[])
     assert all(table.empty for table in tables.values())
-
-
-def test_a_measured_factor_is_named_and_not_compared(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    recordings = [row | {"age": str(20 + place)} for place, row in enumerate(drawn.recordings(9, ("",)))]
-    tables = compared(tmp_path, recordings, drawn.ranges(recordings), factors=["age"])
-    assert tables["movement_differences"].empty
-    assert "factor age: has 9 levels" in capsys.readouterr().err

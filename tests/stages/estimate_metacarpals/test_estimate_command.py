@@ -8,14 +8,19 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 
-from schemas.catalogue import BONE_LENGTHS, BONE_POSES, BONE_TIP, DISTAL_RECEIVER, JOINT_CENTRES, METACARPALS
-from schemas.model import read_model
-from schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
-from schemas.plan import SubjectPlan, read_plan
-from schemas.tables import Provenance, Table, read_metadata, read_table, rows_of
-from schemas.verdict import UNJUDGED
-from stages.estimate_metacarpals.__main__ import main
-from stages.estimate_metacarpals.hand import failed_joints, merge_fitted
+from shukotsu.schemas.catalogue import (
+    BONE_LENGTHS,
+    BONE_POSES,
+    BONE_TIP,
+    DISTAL_RECEIVER,
+    JOINT_CENTRES,
+    METACARPALS,
+)
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
+from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.tables import Provenance, Table, read_metadata, read_table, rows_of
+from shukotsu.stages.estimate_metacarpals.__main__ import main
 
 WHOLE = Part("right", "rigid", "", "01")
 TURNS = [f"q{name}" for name in "wxyz"]
@@ -114,21 +119,6 @@ def test_joints_that_lack_a_part_are_never_a_recorded_failure(
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_own_cmc_of_an_unmeasured_metacarpal_is_refused(
-    plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A finger's CMC joint carries no receiver, so no model can start there; one sentence says so."""
-    path, part = tmp_path / "mine.yaml", Part("right", "mine", "", "01")
-    path.write_text("model: mine\ndescription: Mine.\nown_cmc: [thumb_cmc, index_cmc]\n")
-    with parts_writer(tmp_path / "joints.parquet", JOINT_CENTRES, Provenance()) as writer:
-        rows = rows_of(read_part(plan.table("projected_joints"), JOINT_CENTRES, WHOLE))
-        writer.rows(part, [{**row, "model": "mine"} for row in rows])
-    options = ["--layout", "liberty16", "--model", path, "--calibration"]
-    options += poses_of(plan, "right", "opposition")
-    assert run(tmp_path / "out", tmp_path / "joints.parquet", *options) == 2
-    assert "own_cmc names index_cmc, but index_metacarpal carries no receiver" in capsys.readouterr().err
-
-
 # --- models that fit the whole hand -----------------------------------------------------------------------
 
 FITTED = Part("right", "whole-hand", "", "01")
@@ -194,63 +184,3 @@ def test_a_fitted_hand_has_the_fits_joints_lengths_and_postures(plan: SubjectPla
     thumb = found.filter(pc.equal(found.column("digit"), "thumb"))
     np.testing.assert_array_equal(np.stack([thumb.column(name).to_numpy() for name in TURNS], -1), TURN)
     assert thumb.column("flags").to_pylist() == ["gap"] + [""] * 299
-
-
-def test_a_fit_that_failed_leaves_digits_that_say_why(plan: SubjectPlan, fit: Path) -> None:
-    for name, table in (
-        ("fitted_joints", JOINT_CENTRES),
-        ("fitted_bones", BONE_LENGTHS),
-        ("bone_poses", BONE_POSES),
-    ):
-        with parts_writer(fit / f"{name}.parquet", table, Provenance()) as writer:
-            writer.failure(FITTED, "the hand did not move")
-    assert run_fitted(plan, fit, ["--fit", fit]) == 0
-    joints = list(rows_of(read_part(fit / "out/joint_centres.parquet", JOINT_CENTRES, FITTED)))
-    assert {(row["status"], row["message"]) for row in joints if row["joint"] != "wrist"} == {
-        ("failed", "the hand did not move")
-    }
-    bones = list(rows_of(read_part(fit / "out/bone_lengths.parquet", BONE_LENGTHS, FITTED)))
-    assert len(bones) == 19
-    assert all(row["length_mm"] is None and "failed" in row["message"] for row in bones)
-    assert bones[0]["message"] == "thumb_cmc failed: the hand did not move"
-    assert read_part(fit / "out/metacarpals.parquet", METACARPALS, FITTED).num_rows == 0
-
-
-def test_without_its_fit_a_model_is_refused(
-    plan: SubjectPlan, fit: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run_fitted(plan, fit, []) == 2
-    assert "--fit: is missing; model whole-hand fits the whole hand" in capsys.readouterr().err
-    (fit / "fitted_bones.parquet").unlink()
-    assert run_fitted(plan, fit, ["--fit", fit, "--record-failure"]) == 2
-    assert "fitted_bones.parquet: no such file; expected a bone_lengths table" in capsys.readouterr().err
-
-
-ALONE = {"gap_rms_free_mm": 0.4, "n_frames": 90, "n_effective": 12.0, "sd_mm": 3.0, "source": "planes"}
-OF_FIT = {"gap_rms_free_mm": None, "n_frames": 0, "n_effective": None, "sd_mm": 1.0, "source": "fit"}
-
-
-def test_a_joint_is_the_fits_but_for_what_only_its_own_frames_say() -> None:
-    """In the order of the projection; joints that the fit does not reach stay, its own come last."""
-    projected = [{"joint": joint, **ALONE} for joint in ("index_pip", "elbow")]
-    fitted = [{"joint": joint, **OF_FIT} for joint in ("index_cmc", "index_pip")]
-    assert merge_fitted(fitted, projected) == [
-        {"joint": "index_pip", **OF_FIT, "gap_rms_free_mm": 0.4, "n_frames": 90, "n_effective": 12.0},
-        {"joint": "elbow", **ALONE},
-        {"joint": "index_cmc", **OF_FIT},
-    ]
-
-
-def test_joints_of_a_fit_that_failed_have_no_numbers() -> None:
-    ends = {"parent_segment": "hand", "child_segment": "index_proximal", "dof": 2}
-    keys = {"subject": "01", "hand": "right", "model": "whole-hand", "joint": "index_mcp"}
-    (row,) = failed_joints([{**keys, **ends, **ALONE, "child_x_mm": 1.0}], "no frames")
-    assert row == {
-        **keys,
-        **ends,
-        "n_frames": 90,
-        "source": "fit of the whole hand",
-        **UNJUDGED,
-        "status": "failed",
-        "message": "no frames",
-    }

@@ -9,15 +9,13 @@ from chains import reader_of
 from pipeline import HandResults, run_hand
 from simulated_poses import recorded, write_poses
 
-from schemas.catalogue import JOINT_CENTRES
-from schemas.layout import Layout, read_layout
-from schemas.model import SkeletonModel, read_model
-from schemas.poses import Poses, read_poses
-from schemas.tables import read_table, rows_of
-from schemas.verdict import NO, SUSPECT, VERDICTS, doubts_of
-from skeleton.rotations import Array
-from stages.estimate_metacarpals.hand import BuiltHand, build_hand, judged, pose_metacarpals
-from stages.estimate_metacarpals.wrist_row import wrist_row
+from shukotsu.schemas.catalogue import JOINT_CENTRES
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.model import SkeletonModel, read_model
+from shukotsu.schemas.poses import Poses, read_poses
+from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.estimate_metacarpals.hand import BuiltHand, build_hand, pose_metacarpals
 
 Build = Callable[..., BuiltHand]
 
@@ -74,55 +72,6 @@ def test_auto_takes_the_first_that_there_is(build: Build) -> None:
     assert np.linalg.norm(point(estimated) - [-35, 0, -14]) < 40
 
 
-@pytest.mark.parametrize(
-    ("wanted", "source"),
-    [("functional", "fit"), ("point", "configured point"), ("estimated", "estimated point")],
-)
-def test_a_model_can_ask_for_one(build: Build, wanted: str, source: str) -> None:
-    model = replace(read_model("paper-fig4"), wrist=wanted)
-    layout = with_point(read_layout("liberty16"), (-40.0, 1.0, -12.0))
-    assert wrist_of(build(model, layout))["source"] == source
-
-
-@pytest.mark.parametrize(("wanted", "says"), [("functional", "forearm"), ("point", "wrist.point_mm")])
-def test_what_is_not_there_fails_in_words(build: Build, wanted: str, says: str) -> None:
-    """Every digit that starts at the wrist then has bones without lengths that give the reason."""
-    model = replace(read_model("paper-fig4"), wrist=wanted)
-    built = build(model, without=("wrist",))
-    assert wrist_of(built)["status"] == "failed"
-    assert says in str(wrist_of(built)["message"])
-    reasons = {row["bone"]: row["message"] for row in built.bones}
-    assert says in reasons["index_proximal"]
-    assert reasons["thumb_proximal"] == ""
-
-
-def test_an_average_wrist_is_called_so(build: Build) -> None:
-    """Without an MCP joint to go by the average hand decides."""
-    nothing = wrist_of(
-        build(
-            read_model("paper-fig4"),
-            without=("wrist", "index_mcp", "middle_mcp", "ring_mcp", "little_mcp"),
-        )
-    )
-    np.testing.assert_allclose(point(nothing), [-28, 0, -14])
-    assert "placed-by-anatomy" in doubts_of(nothing)
-    assert "average hand" in str(nothing["message"])
-
-
-def test_a_hand_is_judged_whole(build: Build) -> None:
-    """Bones as their ends; nothing of a hand whose calibration is suspect is believed."""
-    layout, hand = read_layout("liberty16"), build(read_model("paper-fig4"))
-    found = judged(hand, layout, {})
-    assert {row["status"] for row in found.joints} <= {"ok", "weak", "failed"}
-    worst = {row["joint"]: VERDICTS.index(row["verdict"]) for row in found.joints}
-    for bone in found.bones:
-        ends = [worst[bone[end]] for end in ("starts_at", "ends_at") if bone[end] in worst]
-        assert VERDICTS.index(bone["verdict"]) >= max(ends)
-    suspect = judged(hand, layout, {SUSPECT: {"recordings": ["rom"]}})
-    assert {row["verdict"] for row in [*suspect.joints, *suspect.bones]} == {NO}
-    assert {row["reason"] for row in suspect.joints} == {SUSPECT}
-
-
 def test_bones_end_where_the_model_says(build: Build) -> None:
     """Thumb metacarpals: from its own CMC joint in Fig. 4, from the wrist in Fig. 3, which is longer."""
     bones = {
@@ -164,14 +113,3 @@ def test_a_gap_is_flagged_and_has_no_numbers(build: Build, hand: HandResults) ->
         flags = columns[digit]["flags"].to_numpy(zero_copy_only=False).astype(str)
         assert np.flatnonzero(np.char.find(flags, "gap") >= 0).tolist() == frames
         assert np.flatnonzero(np.isnan(columns[digit]["qw"])).tolist() == frames
-
-
-def test_the_wrist_of_long_recordings_goes_by_some_frames(build: Build, hand: HandResults) -> None:
-    """24,000 frames are thinned to evenly spaced ones, however many recordings they are in."""
-    layout, model = read_layout("liberty16"), read_model("paper-fig3")
-    rows = {row["joint"]: row for row in build(model).joints if row["joint"] != "wrist"}
-    poses = read_poses(hand.path("poses"), layout.measured).take(np.arange(24000) % 600)
-    pieces = [poses.take(slice(start, start + 737)) for start in range(0, 24000, 737)]
-    whole, cut = (wrist_row(rows, layout, model, reader_of(*part)) for part in ([poses], pieces))
-    assert whole is not None
-    assert str(cut) == str(whole)

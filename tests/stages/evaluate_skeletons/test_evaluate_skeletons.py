@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,24 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 from planned_subject import PlannedSubject, planned_subject
-from simulated_poses import recorded
 
-from schemas.catalogue import JOINT_CENTRES, JOINT_ERRORS, POSES, SKELETON_SCORES, TABLES, TIPS
-from schemas.errors import InputError
-from schemas.layout import read_layout
-from schemas.parts import Part, part_metadata, parts_writer, read_part
-from schemas.tables import (
+from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCORES, TABLES, TIPS
+from shukotsu.schemas.config_files import REFERENCE
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
+from shukotsu.schemas.tables import (
     Provenance,
-    columns_from_rows,
-    read_metadata,
     read_table,
     rows_of,
-    write_failure,
-    write_table,
 )
-from stages.evaluate_skeletons.__main__ import main
-from stages.fit_hand.hand_tables import PRIOR
-from stages.simulate.written_truth import write_truth
+from shukotsu.stages.evaluate_skeletons.__main__ import main
+from shukotsu.stages.fit_hand.hand_tables import FIT
 
 TASKS = ("opposition", "rom")
 LAYOUT = read_layout("liberty16")
@@ -76,7 +69,7 @@ def of(rows: list[Row], model: str, task: str = "opposition", calibrated_on: str
 
 def changed(path: Path, change: Callable[[Part, list[Row]], str]) -> None:
     """Write a subject table again, each part changed: its rows, or failed with the message that is given."""
-    table = TABLES.get(path.stem) or PRIOR[path.stem]
+    table = TABLES.get(path.stem) or FIT[path.stem]
     metadata = part_metadata(path, table)
     rows = {part: list(rows_of(read_part(path, table, part))) for part in metadata}
     with parts_writer(path, table, Provenance()) as write:
@@ -153,16 +146,6 @@ def test_a_fitted_hand_knows_the_end_of_its_bones(results: Results) -> None:
         assert all(0 < row["wrist_mcp_sd_mm"] < 5 for row in of(results[0], model).values())
 
 
-def test_the_priors_hand_is_scored_where_it_was_posed(results: Results) -> None:
-    for task in TASKS:
-        for row in of(results[0], "prior-only", task).values():
-            assert 0 < row["posed_mean_mm"] < row["left_out_mean_mm"] < 20, row["digit"]
-            assert 0 < row["true_tip_mean_mm"] < 20
-            assert row["wrist_mcp_sd_mm"] > 0
-            assert 0 < row["metacarpal_deg"] < 45
-            assert row["n_frames"] == -(-N_FRAMES // 3)  # every third: at most 80 of a recording
-
-
 def test_joints_are_held_against_the_truth(subject: PlannedSubject, results: Results) -> None:
     """Every solved joint under every model and the prior; the numbers are those of the tables."""
     table = read_table(subject.truth("rom") / "joint_centres.parquet", JOINT_CENTRES)
@@ -192,27 +175,6 @@ def test_joints_are_held_against_the_truth(subject: PlannedSubject, results: Res
     assert np.median([row["error_mm"] for row in by_model["quick"].values()]) < 2.5
 
 
-def test_a_truth_that_is_gone_costs_its_columns(
-    subject: PlannedSubject, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Of one task: joints are held against the other's, though calibrated on another task. Of both: no
-    errors, and the true skeleton has no rows.
-    """
-    copy = subject.copied(tmp_path)
-    shutil.rmtree(copy.truth("rom"))
-    scores, errors = evaluated(copy, tmp_path)
-    assert "no truth" in capsys.readouterr().err
-    assert {row["task"] for row in scores if row["true_tip_mean_mm"] is not None} == {"opposition"}
-    assert {row["model"] for row in errors} == {"paper-fig4", "quick", "prior-only"}
-    shutil.rmtree(copy.truth("opposition"))
-    scores, errors = evaluated(copy, tmp_path)
-    assert errors == []
-    assert {row["model"] for row in scores} == {"paper-fig4", "quick", *REFERENCES[:2]}
-    for name in ("true_tip_mean_mm", "true_tip_p95_mm", "metacarpal_deg"):
-        assert {row[name] for row in scores} == {None}
-    assert not {None} & {row["replay_mean_mm"] for row in scores if row["model"] != "prior-only"}
-
-
 def test_parts_that_failed_cost_their_numbers(subject: PlannedSubject, tmp_path: Path) -> None:
     """Rows and reasons stay, and the other skeletons' numbers."""
     copy = subject.copied(tmp_path)
@@ -220,7 +182,7 @@ def test_parts_that_failed_cost_their_numbers(subject: PlannedSubject, tmp_path:
     for name, message in (("joint_centres", "the dog ate it"), ("tips", "no tips")):
         changed(copy.plan.table(name), lambda part, _, text=message: text if part == paper else "")  # type: ignore[misc]
     changed(copy.fit_folder() / "posed_tips.parquet", lambda *_: "not posed")
-    changed(copy.plan.table("prior_joints"), lambda *_: "no prior")
+    changed(copy.fit_folder(model=REFERENCE) / "fitted_joints.parquet", lambda *_: "no prior")
     scores, errors = evaluated(copy, tmp_path)
     for digit in DIGITS:
         row = of(scores, "paper-fig4")[digit]
@@ -236,70 +198,3 @@ def test_parts_that_failed_cost_their_numbers(subject: PlannedSubject, tmp_path:
         assert (row["message"], row["posed_mean_mm"], row["n_frames"]) == ("no prior", None, 0)
     null = {(row["model"], row["calibrated_on"]) for row in errors if row["error_mm"] is None}
     assert null == {("paper-fig4", "rom"), ("prior-only", "")}
-
-
-def test_a_recording_that_cannot_be_read_costs_its_own_numbers(
-    subject: PlannedSubject, tmp_path: Path
-) -> None:
-    copy = subject.copied(tmp_path)
-    names = {"subject": "01", "hand": "right", "task": "opposition", "trial": ""}
-    write_failure(copy.poses("opposition"), POSES, "no frames came", Provenance((), names))
-    scores, _ = evaluated(copy, tmp_path)
-    for name in ("prior-only", "distal-receiver", "paper-fig4"):
-        assert all("no frames came" in row["message"] for row in of(scores, name).values())
-        assert {row["message"] for row in of(scores, name, "rom", "opposition").values()} == {""}
-    assert of(scores, "true-skeleton") == {}
-    assert set(of(scores, "true-skeleton", "rom")) == set(DIGITS)
-
-
-def test_frames_may_be_counted_from_another_number(
-    subject: PlannedSubject, results: Results, tmp_path: Path
-) -> None:
-    """As in a recording captured from a tracker's stream: the truth is found by what it says of receivers."""
-    copy = subject.copied(tmp_path)
-
-    def count_from_zero(_: Part, rows: list[Row]) -> str:
-        for row in rows:
-            row["frame"] -= 1
-        return ""
-
-    for name in ("tips", "metacarpals", "prior_posed_tips", "prior_bone_poses"):
-        changed(copy.plan.table(name), count_from_zero)
-    changed(copy.fit_folder() / "posed_tips.parquet", count_from_zero)
-    for task in TASKS:
-        metadata, data = read_metadata(copy.poses(task)), read_table(copy.poses(task), POSES)
-        columns = {name: data.column(name) for name in data.column_names}
-        columns["frame"] = data.column("frame").to_numpy() - 1
-        provenance = Provenance((), metadata["parameters"])
-        write_table(copy.poses(task), POSES, columns, provenance, row_group_rows=N_FRAMES)
-    for row, before in zip(evaluated(copy, tmp_path)[0], results[0], strict=True):
-        assert row == pytest.approx(before)
-
-
-def test_a_truth_of_another_recording_or_hand_is_refused(
-    subject: PlannedSubject, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    copy = subject.copied(tmp_path)
-    bones = copy.truth("rom") / "bone_lengths.parquet"
-    rows = [row | {"hand": "left"} for row in rows_of(read_table(bones, TABLES["bone_lengths"]))]
-    write_table(bones, TABLES["bone_lengths"], columns_from_rows(TABLES["bone_lengths"], rows), Provenance())
-    assert run(copy, tmp_path) == 2
-    assert "bone_lengths.parquet: is of subject 01, left hand; expected" in capsys.readouterr().err
-    shutil.rmtree(copy.truth("rom"))
-    other = recorded("right", "opposition", seed=5, n_frames=N_FRAMES)[0]
-    write_truth(copy.truth("opposition"), other, Provenance())
-    assert run(copy, tmp_path) == 2
-    assert "is not the truth of this recording" in capsys.readouterr().err
-    assert run(copy, tmp_path, "--record-failure") == 0
-    for table in (SKELETON_SCORES, JOINT_ERRORS):
-        with pytest.raises(InputError, match="is not the truth of this recording"):
-            read_part(tmp_path / f"{table.name}.parquet", table, Part("right", subject="01"))
-
-
-def test_tables_of_another_subject_are_refused(
-    subject: PlannedSubject, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    copy = subject.copied(tmp_path)
-    copy.plan_file.write_text(copy.plan_file.read_text().replace('"subject": "01"', '"subject": "02"'))
-    assert run(copy, tmp_path) == 2
-    assert "expected subject 02" in capsys.readouterr().err

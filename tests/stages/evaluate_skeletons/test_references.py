@@ -3,18 +3,17 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from schemas.layout import read_layout
-from schemas.poses import RecordingName
-from schemas.tables import Provenance
-from stages.evaluate_skeletons.references import distal_receiver_row, true_skeleton_row
-from stages.evaluate_skeletons.scores import EvaluatedRecording
-from stages.evaluate_skeletons.truth import read_truth
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import simulate
-from stages.simulate.written_truth import write_truth
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import RecordingName
+from shukotsu.schemas.tables import Provenance
+from shukotsu.stages.evaluate_skeletons.references import true_skeleton_row
+from shukotsu.stages.evaluate_skeletons.scores import EvaluatedRecording
+from shukotsu.stages.evaluate_skeletons.truth import read_truth
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.stages.simulate.written_truth import write_truth
 
 LAYOUT = read_layout("liberty16")
 FINGERS = ("index", "middle", "ring", "little")
@@ -46,22 +45,3 @@ def test_the_true_skeleton_is_exact_where_nothing_disturbs(tmp_path: Path, hand:
         assert row["replay_p95_mm"] < (1e-6 if name in FINGERS else 5.0), name
         if name in ("index", "middle"):
             assert row["wrist_mcp_sd_mm"] < 0.02
-
-
-def test_skin_costs_the_true_skeleton_its_tip_error(tmp_path: Path) -> None:
-    """With skin the replay is off; it is the left-out error too; a gap costs its frame."""
-    recording = recorded(tmp_path, Realism.full())
-    digit, poses = LAYOUT.digits["index"], recording.poses
-    assert poses is not None
-    valid = poses.valid.copy()
-    valid[7, poses.index("index_middle")] = False
-    row = true_skeleton_row(replace(recording, poses=replace(poses, valid=valid)), digit)
-    assert row is not None
-    assert 0.2 < row["true_tip_mean_mm"] < row["replay_mean_mm"] < 3.0
-    assert row["left_out_p95_mm"] == row["replay_p95_mm"]
-    assert row["n_frames"] == 199
-    distal = distal_receiver_row(recording, digit)
-    assert (distal["replay_mean_mm"], distal["replay_p95_mm"], distal["n_frames"]) == (0.0, 0.0, 200)
-    stated = recording.truth["index"].to_receiver_mm
-    assert distal["true_tip_mean_mm"] == pytest.approx(np.mean(stated))
-    assert "left_out_mean_mm" not in distal

@@ -6,13 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.layout import read_layout
-from schemas.poses import RecordingName
-from stages.evaluate_skeletons.scored_skeleton import Stated
-from stages.evaluate_skeletons.truth import Truth
-from stages.evaluate_skeletons.truth_errors import centre_errors, joint_errors, truth_for
+from shukotsu.schemas.poses import RecordingName
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import Stated
+from shukotsu.stages.evaluate_skeletons.truth import Truth
+from shukotsu.stages.evaluate_skeletons.truth_errors import centre_errors, truth_for
 
-LAYOUT = read_layout("liberty16")
 Row = dict[str, Any]
 
 
@@ -44,69 +42,6 @@ def test_a_centre_along_and_across_its_axis() -> None:
     assert found["parent_error_mm"] == pytest.approx(6.0)
     assert found["axis_deg"] == pytest.approx(np.degrees(0.2))
     assert (found["sd_mm"], found["within_95"]) == (3.8, True)
-
-
-def test_the_worse_half_must_be_within_the_radius() -> None:
-    """1.614 x 3.71 is 5.99 mm; either half may be the worse one."""
-    true = centre("index_pip", (0, 0, 0), (0, 0, 0))
-    for child, parent in (((0, 0, 6), (0, 0, 0)), ((0, 0, 0), (0, 0, 6))):
-        assert centre_errors(centre("index_pip", child, parent, sd_mm=3.72), true)["within_95"] is True
-        assert centre_errors(centre("index_pip", child, parent, sd_mm=3.71), true)["within_95"] is False
-    assert centre_errors(centre("index_pip", (0, 0, 0), (0, 0, 0)), true)["within_95"] is None
-    assert centre_errors(true, {**true, "dof": 2})["axis_deg"] is None
-
-
-def test_only_bones_that_are_stated_are_compared() -> None:
-    """A middle phalanx is; a thumb's metacarpal only where it starts at its CMC joint; a last bone, which
-    ends at the receiver, is not; of a whole hand every bone is.
-    """
-    names = ("thumb_cmc", "index_pip", "index_dip")
-    true = truth_of(
-        "rom",
-        *(centre(name, (0, 0, 0), (0, 0, 0)) for name in names),
-        thumb_metacarpal=50.0,
-        index_middle=25.0,
-        index_distal=20.0,
-    )
-    joints = {name: centre(name, (0, 0, 0), (0, 0, 0)) for name in names}
-    ends = {
-        "thumb_metacarpal": ("wrist", "thumb_mcp"),
-        "index_middle": ("index_pip", "index_dip"),
-        "index_distal": ("index_dip", "distal receiver"),
-    }
-
-    def errors(length_mm: float | None, **other: tuple[str, str]) -> dict[str, tuple[str, Any, Any]]:
-        bones = {
-            bone: {"starts_at": start, "ends_at": end, "length_mm": length_mm}
-            for bone, (start, end) in (ends | other).items()
-        }
-        rows = joint_errors(Stated(joints, bones), true.stated, LAYOUT)
-        return {r["joint"]: (r["bone"], r.get("bone_error_mm"), r.get("bone_error_percent")) for r in rows}
-
-    nothing = ("", None, None)
-    assert errors(24.0) == {
-        "thumb_cmc": nothing,
-        "index_pip": ("index_middle", -1.0, -4.0),
-        "index_dip": nothing,
-    }
-    own_cmc = errors(24.0, thumb_metacarpal=("thumb_cmc", "thumb_mcp"))
-    assert own_cmc["thumb_cmc"] == ("thumb_metacarpal", -26.0, -52.0)
-    whole = errors(21.0, index_distal=("index_dip", "bone tip"))
-    assert whole["index_dip"] == ("index_distal", 1.0, 5.0)
-    assert set(errors(None).values()) == {nothing}
-
-
-def test_a_joint_that_failed_or_is_missing_has_no_number() -> None:
-    """The wrist, to which no receiver leads, is no joint to be solved."""
-    names = ("index_pip", "index_dip")
-    true = truth_of(
-        "rom",
-        centre("wrist", (0, 0, 0), (0, 0, 0), parent_segment=""),
-        *(centre(name, (0, 0, 0), (0, 0, 0)) for name in names),
-    )
-    failed = centre("index_pip", (None,) * 3, (None,) * 3, status="failed")  # type: ignore[arg-type]
-    rows = joint_errors(Stated({"index_pip": failed}, {}), true.stated, LAYOUT)
-    assert rows == [{"joint": name, "bone": ""} for name in names]
 
 
 def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> None:

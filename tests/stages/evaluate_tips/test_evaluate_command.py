@@ -7,13 +7,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 
-from schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, POSES, TIP_ERRORS, TIPS
-from schemas.layout import read_layout
-from schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
-from schemas.plan import SubjectPlan, read_plan
-from schemas.poses import read_poses
-from schemas.tables import Provenance, read_metadata, read_table, rows_of, write_failure, write_table
-from stages.evaluate_tips.__main__ import main
+from shukotsu.schemas.catalogue import JOINT_CENTRES, METACARPALS, TIP_ERRORS, TIPS
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
+from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.poses import read_poses
+from shukotsu.schemas.tables import Provenance, rows_of
+from shukotsu.stages.evaluate_tips.__main__ import main
 
 WHOLE = Part("right", "rigid", "", "01")
 DIGITS = ("thumb", "index", "middle", "ring", "little")
@@ -114,45 +114,6 @@ def test_a_gap_is_in_no_statistic(plan: SubjectPlan, tmp_path: Path) -> None:
     assert found[n_lost, 1] == pytest.approx(0, abs=1e-9)
 
 
-def test_digits_and_recordings_without_numbers_say_why(plan: SubjectPlan, tmp_path: Path) -> None:
-    """A digit of which a joint failed, and every digit of a recording whose import failed."""
-    rows = list(rows_of(read_part(plan.table("joint_centres"), JOINT_CENTRES, WHOLE)))
-    spoiled = {"status": "failed", "message": "too few frames (3)"}
-    with parts_writer(tmp_path / "joints.parquet", JOINT_CENTRES, Provenance()) as writer:
-        writer.rows(WHOLE, [row | spoiled if row["joint"] == "ring_dip" else row for row in rows])
-    options = alone(plan, "rom")
-    failed = tmp_path / "failed.parquet"
-    names = {"subject": "01", "hand": "right", "task": "pinch", "trial": ""}
-    write_failure(failed, POSES, "pinch.csv: row 7: not a number", Provenance(parameters=names))
-    options.insert(options.index("--calibration"), failed)
-    assert run(plan, tmp_path, *options, joint_centres=tmp_path / "joints.parquet") == 0
-    errors = read_part(tmp_path / "tip_errors.parquet", TIP_ERRORS, WHOLE).to_pylist()
-    said = {(row["task"], row["digit"]): row["message"] for row in errors if row["binding"] == "first-frame"}
-    assert said.pop(("opposition", "ring")) == "ring_dip failed: too few frames (3)"
-    assert {message for (task, _), message in said.items() if task == "opposition"} == {""}
-    assert [message for (task, _), message in said.items() if task == "pinch"] == [
-        "pinch.csv: row 7: not a number"
-    ] * 5
-    tips = read_part(tmp_path / "tips.parquet", TIPS, WHOLE)
-    assert set(tips["digit"].to_pylist()) == set(DIGITS) - {"ring"}
-
-
-def test_a_receiver_that_was_never_seen_is_named(plan: SubjectPlan, tmp_path: Path) -> None:
-    recording = next(r for r in plan.recordings if (r.hand.hand, r.task) == ("right", "opposition"))
-    path = plan.poses(recording)
-    poses = read_table(path, POSES)
-    never = pc.and_(poses["valid"], pc.not_equal(poses["segment"], "index_distal"))
-    columns = {column.name: poses.column(column.name) for column in POSES.columns} | {"valid": never}
-    parameters = read_metadata(path)["parameters"]
-    write_table(tmp_path / "p.parquet", POSES, columns, Provenance((), parameters), row_group_rows=300)
-    options = [tmp_path / "p.parquet" if option == path else option for option in alone(plan)]
-    assert run(plan, tmp_path, *options) == 0
-    rows = read_part(tmp_path / "tip_errors.parquet", TIP_ERRORS, WHOLE).to_pylist()
-    index = next(row for row in rows if row["digit"] == "index")
-    assert index["n_frames"] == 0
-    assert index["message"] == "the recording has no pose of index_distal, which the replay rides on"
-
-
 def test_a_part_that_failed_costs_no_other(plan_file: Path, plan: SubjectPlan, tmp_path: Path) -> None:
     joints = tmp_path / "joints.parquet"
     with parts_writer(joints, JOINT_CENTRES, Provenance()) as writer:
@@ -169,16 +130,3 @@ def test_a_part_that_failed_costs_no_other(plan_file: Path, plan: SubjectPlan, t
         assert part_metadata(path, table)[WHOLE] == {"failure": "no usable poses"}
         for part in plan.parts()[1:]:
             assert read_part(path, table, part).equals(read_part(plan.table(name), table, part))
-
-
-def test_tables_of_another_run_are_refused(
-    plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Of another hand that has the same names: the files that they were made from tell."""
-    rows = list(rows_of(read_part(plan.table("bone_lengths"), BONE_LENGTHS, WHOLE)))
-    other = tmp_path / "other.parquet"
-    with parts_writer(other, BONE_LENGTHS, Provenance((("poses.parquet", "0" * 64),))) as writer:
-        writer.rows(WHOLE, rows)
-    assert run(plan, tmp_path / "out", *alone(plan, "rom"), bone_lengths=other) == 2
-    assert "other.parquet: was not made from the same files as" in capsys.readouterr().err
-    assert list((tmp_path / "out").iterdir()) == []

@@ -4,13 +4,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chains import Chain, chain_tips, random_chain
+from chains import Chain, chain_layout, random_chain, reader_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skeleton.digit_chain import DigitChain
-from skeleton.rotations import Array, matrix
-from stages.evaluate_tips.replay import error_statistics, tip_error_mm
+from shukotsu.schemas.model import read_model
+from shukotsu.skeleton.digit_chain import DigitChain, digit_chain
+from shukotsu.skeleton.posing import Skeleton, receiver_bones
+from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.stages.estimate_metacarpals.hand import build_hand
+from shukotsu.stages.evaluate_tips.replay import (
+    error_statistics,
+    tip_error_mm,
+    tip_first_frame,
+    tips_least_squares,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -37,8 +45,14 @@ def rows_with(chain: Chain, off_mm: float, seed: int = 0) -> dict[str, dict[str,
 
 def replayed(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain, Array, Array]:
     """The chain's one digit, and its tips in the least-squares and in the first-frame binding."""
-    (found,) = chain_tips(chain, chain.poses, rows).values()
-    return found
+    layout, model, poses = chain_layout(chain), read_model("rigid"), chain.poses
+    (digit,) = layout.digits.values()
+    bones = build_hand(rows, layout, model, reader_of(poses)).bones
+    skeleton = Skeleton(layout, model, rows, {(row["digit"], row["bone"]): row for row in bones})
+    built = digit_chain(digit, layout, model, rows)
+    assert isinstance(built, DigitChain)
+    least_squares = tips_least_squares(receiver_bones(skeleton, poses, {}))[digit.name]
+    return built, least_squares, tip_first_frame(built, poses, None, at_rest=False)
 
 
 def gaps(chain: Chain, rows: dict[str, dict[str, Any]]) -> Array:

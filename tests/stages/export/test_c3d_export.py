@@ -12,21 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from export_samples.known_hands import FITTED, KnownHand
 from export_samples.moving_fingers import blanked, moving_fingers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.errors import InputError
-from schemas.poses import read_poses
-from skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply
-from stages.capture.__main__ import main as capture
-from stages.capture.formats.c3d_content import read_content
-from stages.export.axes import Target, turned, upright
-from stages.export.c3d_bytes import LAST_START
-from stages.export.c3d_file import ALONE_HZ, LONGEST_LABEL, point_labels, rotation_labels, write
-from stages.export.motion import Receivers, SkeletonMotion, with_seen_receivers
-from stages.export.resampling import resampled
+from shukotsu.errors import InputError
+from shukotsu.schemas.poses import read_poses
+from shukotsu.skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply
+from shukotsu.stages.capture.__main__ import main as capture
+from shukotsu.stages.capture.formats.c3d_content import read_content
+from shukotsu.stages.export.axes import Target
+from shukotsu.stages.export.c3d_file import point_labels, write
+from shukotsu.stages.export.motion import SkeletonMotion, with_seen_receivers
 
 MM = Target("mm", "z")
 NEAR_MM, NEAR_DEG = 1e-3, 1e-3
@@ -68,23 +66,6 @@ def check_numbers(content: Any, motion: SkeletonMotion) -> None:
 def numbers(path: Path) -> tuple[np.ndarray, np.ndarray]:
     data = read(path)["data"]
     return data["points"].transpose(2, 1, 0)[:, :, :3], data["rotations"].transpose(3, 2, 0, 1)
-
-
-@pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_every_joint_and_pose_is_there(known: KnownHand, tmp_path: Path, model: str) -> None:
-    """Read in another process; both hands."""
-    whole = known.motion(model)
-    dropped = write(whole, MM, tmp_path / "a.c3d")
-    assert "receivers that have no pose in any frame: forearm" in dropped
-    motion, _ = with_seen_receivers(whole)
-    content = read_content(tmp_path / "a.c3d")
-    check_numbers((content["points"], content["rotations"]), motion)
-    assert tuple(content["POINT:LABELS"]) == point_labels(motion)
-    assert tuple(content["ROTATION:LABELS"]) == rotation_labels(motion)
-    assert point_labels(motion)[:2] == ("wrist", "thumb_cmc")
-    assert "index_distal_receiver_x" in point_labels(motion)
-    assert list(content["POINT:UNITS"]) == ["mm"]
-    assert content["POINT:RATE"][0] == pytest.approx(240)
 
 
 @pytest.mark.slow
@@ -180,83 +161,6 @@ def test_a_gap_is_a_residual_of_minus_one_and_no_nan(tmp_path: Path) -> None:
     assert np.argwhere(found["meta_points"]["residuals"][0] < 0).tolist() == [[2, 1]]
 
 
-def test_the_note_says_whose_it_is_and_on_which_terms(tmp_path: Path) -> None:
-    motion = moving_fingers(5)
-    origin = replace(motion.origin, subject="山田 Ö", licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
-    motion = replace(motion, origin=origin).noting("a word " * 40)
-    write(motion, MM, tmp_path / "a.c3d")
-    parameters = read(tmp_path / "a.c3d")["parameters"]
-    note = parameters["SHUKOTSU"]["NOTE"]["value"]
-    said = " ".join(line.strip() for line in note)
-    assert r"subject: \u5c71\u7530 \xd6" in said
-    for words in (
-        "licence: CC BY 4.0",
-        "ab" * 32,
-        "task: wave",
-        "model: made",
-        "a word " * 39,
-        "tracker's 7,",
-    ):
-        assert words.strip() in said
-    assert max(len(line) for line in note) <= 120
-    assert parameters["POINT"]["Y_SCREEN"]["value"] == ["+Z"]
-    assert parameters["POINT"]["DESCRIPTIONS"]["value"][1] == "joint index_cmc, after wrist"
-
-
-def test_labels_are_ascii_short_and_of_one_point_each(tmp_path: Path) -> None:
-    names = ["中指" * 30, "中指" * 30 + "x", "Tip", "tip", "hand_receiver", "ok"]
-    motion = moving_fingers(3)
-    joints = tuple(replace(joint, name=name) for joint, name in zip(motion.joints, names, strict=True))
-    motion = replace(motion, joints=joints)
-    labels = point_labels(motion)
-    assert len({label.upper() for label in labels}) == len(labels) == 6 + 8
-    assert max(map(len, labels)) == LONGEST_LABEL
-    assert labels[2:7] == ("Tip", "tip-2", "hand_receiver", "ok", "hand_receiver-2")
-    write(motion, MM, tmp_path / "a.c3d")
-    assert tuple(read(tmp_path / "a.c3d")["parameters"]["POINT"]["LABELS"]["value"]) == labels
-    check_numbers(numbers(tmp_path / "a.c3d"), motion)
-
-
-def test_more_points_than_a_byte_counts(tmp_path: Path) -> None:
-    motion = wide(moving_fingers(3), 70)
-    write(motion, MM, tmp_path / "a.c3d")
-    check_numbers(numbers(tmp_path / "a.c3d"), motion)
-    point = read(tmp_path / "a.c3d")["parameters"]["POINT"]
-    found = [*point["LABELS"]["value"], *point["LABELS2"]["value"]]
-    assert tuple(found) == point_labels(motion)
-    assert len(point["LABELS"]["value"]) == 255
-
-
-def test_metres_and_another_axis_up(tmp_path: Path) -> None:
-    motion = turned(moving_fingers(3), upright("z", "y"))
-    write(motion, Target("m", "y"), tmp_path / "a.c3d")
-    points, _ = numbers(tmp_path / "a.c3d")
-    np.testing.assert_allclose(points, points_of(motion) / 1000, atol=1e-6)
-    point = read(tmp_path / "a.c3d")["parameters"]["POINT"]
-    assert [point[name]["value"] for name in ("UNITS", "X_SCREEN", "Y_SCREEN")] == [["m"], ["+X"], ["+Y"]]
-
-
-def test_one_frame_and_a_resampled_motion(tmp_path: Path) -> None:
-    """Resampled frames keep the numbers of recorded ones, so that these are uneven; none is lost."""
-    write(moving_fingers(1), MM, tmp_path / "one.c3d")
-    assert read(tmp_path / "one.c3d")["parameters"]["POINT"]["RATE"]["value"] == [ALONE_HZ]
-    check_numbers(numbers(tmp_path / "one.c3d"), moving_fingers(1))
-    for fps in (40.0, 97.0, 180.0):
-        motion = resampled(moving_fingers(90), fps)
-        write(motion, MM, tmp_path / "a.c3d")
-        check_numbers(numbers(tmp_path / "a.c3d"), motion)
-        assert read(tmp_path / "a.c3d")["parameters"]["POINT"]["RATE"]["value"] == pytest.approx([fps])
-
-
-def test_a_clock_that_is_slow_has_its_own_rate(tmp_path: Path) -> None:
-    """The median interval is 10 ms, but every tenth is 11: the mean rate keeps to the times."""
-    motion = moving_fingers(401)
-    time_s = np.concatenate([[0], np.cumsum(np.where(np.arange(400) % 10 == 9, 0.011, 0.010))])
-    (sentence,) = write(replace(motion, time_s=time_s), MM, tmp_path / "a.c3d")
-    assert read(tmp_path / "a.c3d")["parameters"]["POINT"]["RATE"]["value"] == pytest.approx([400 / 4.04])
-    assert sentence.startswith("device times, which are up to 0.9 ms off its even 99.0099 Hz")
-
-
 def test_what_c3d_cannot_hold_is_refused(tmp_path: Path) -> None:
     motion = moving_fingers(40)
     uneven = replace(motion, time_s=motion.time_s + np.where(np.arange(40) > 20, 0.004, 0) * np.arange(40))
@@ -267,26 +171,6 @@ def test_what_c3d_cannot_hold_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=words):
             write(bad, MM, tmp_path / "a.c3d")
     assert not list(tmp_path.iterdir())
-
-
-def wide(motion: SkeletonMotion, receivers: int) -> SkeletonMotion:
-    """The motion with that many receivers, all as the first."""
-    there = motion.receivers
-    repeated = [np.repeat(a[:, :1], receivers, 1) for a in (there.position_mm, there.quaternion, there.valid)]
-    return replace(motion, receivers=Receivers(tuple(f"s{i}" for i in range(receivers)), *repeated))
-
-
-@pytest.mark.slow
-def test_rotations_that_start_as_late_as_they_can(tmp_path: Path) -> None:
-    """And none where they would start later: readers would take them from a wrong place."""
-    motion = wide(moving_fingers(12_100, rate_hz=240), 20)
-    assert not write(motion, MM, tmp_path / "a.c3d")
-    start = read(tmp_path / "a.c3d")["parameters"]["ROTATION"]["DATA_START"]["value"][0]
-    assert LAST_START * 0.99 < start <= LAST_START
-    check_numbers(numbers(tmp_path / "a.c3d"), motion)
-    (sentence,) = write(wide(moving_fingers(12_200, rate_hz=240), 20), MM, tmp_path / "a.c3d")
-    assert sentence.startswith("ROTATION")
-    assert not read(tmp_path / "a.c3d")["data"]["rotations"].size
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stages.export.collect import main
+from shukotsu.stages.export.collect import main
 
 
 @pytest.mark.parametrize("links", [True, False])

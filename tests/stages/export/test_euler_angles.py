@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from stages.export.bvh import euler_zyx_deg
-from stages.export.euler_angles import continuous_angles
+from shukotsu.stages.export.bvh import euler_zyx_deg
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -29,13 +28,3 @@ def test_they_are_the_same_rotations_and_go_on_from_frame_to_frame(seed: int) ->
     calm = ~(steep[1:] | steep[:-1])
     assert not calm.any() or np.abs(np.diff(angles, axis=0))[calm].max() < 60
     assert np.abs(angles[0, 1]) <= 90
-
-
-def test_the_nearer_of_two_triples_is_taken_and_unwrapped() -> None:
-    """A second angle that passes 90 degrees goes on, where frame by frame the others turn by half a turn."""
-    known = np.stack([np.full(50, 0.3), np.linspace(1.0, 4.5, 50), np.linspace(3.0, 3.5, 50)], -1)
-    matrices = Rotation.from_euler("ZYX", known)
-    wrapped = matrices.as_euler("ZYX")
-    assert np.abs(np.diff(wrapped, axis=0)).max() > 1, "jumps frame by frame"
-    np.testing.assert_allclose(continuous_angles(wrapped), known, atol=1e-9)
-    assert continuous_angles(wrapped[:0]).shape == (0, 3)

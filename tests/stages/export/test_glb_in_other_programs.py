@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
 from export_samples.minimal_glb import read_glb
-from export_samples.moving_fingers import both_hands, moving_fingers
+from export_samples.moving_fingers import moving_fingers
 from export_tools.web_page import page_under, served
 
-from stages.export.axes import Target
-from stages.export.glb import write, write_scene
-from stages.export.motion import SkeletonMotion
-from stages.export.rigging import with_webxr_names
+from shukotsu.stages.export.axes import Target
+from shukotsu.stages.export.glb import write
+from shukotsu.stages.export.motion import SkeletonMotion
+from shukotsu.stages.export.rigging import with_webxr_names
 
 pytestmark = pytest.mark.tools
 
@@ -87,15 +87,6 @@ def test_three_has_every_joint_and_the_validator_no_word(
         np.testing.assert_allclose(found["bodies"][f"{hand}-body_{primitive}"], expected, atol=2e-6)
 
 
-def test_three_has_both_hands_of_a_scene(tmp_path: Path, export_tool: ExportTool) -> None:
-    hands, file = both_hands(0.05), tmp_path / "hands.glb"
-    write_scene(hands, METRES, file)
-    clips = read_in_node(export_tool, file)["clips"]
-    for motion in hands:
-        name = f"{motion.origin.hand}-made"
-        assert_joints(clips[f"{name} wave"]["joints"][name], motion, NEAR_M)
-
-
 def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: ExportTool) -> None:
     """One frame, names in other scripts, a skeleton that is no hand."""
     file, made = tmp_path / "odd.glb", moving_fingers(20)
@@ -128,17 +119,6 @@ def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path, export
     to_fbx(export_tool, glb, fbx)
     hand = f"{motion.origin.hand}-hand"
     assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][hand], motion, 1e-4)
-
-
-def test_fbx_has_both_hands_in_motion(tmp_path: Path, export_tool: ExportTool) -> None:
-    hands, glb, fbx = both_hands(0.05), tmp_path / "hands.glb", tmp_path / "hands.fbx"
-    write_scene(hands, METRES, glb)
-    to_fbx(export_tool, glb, fbx)
-    found = read_in_blender(export_tool, fbx, 0)["joints"]
-    for motion in hands:
-        joints = found[f"{motion.origin.hand}-made"]
-        n = len(motion.frame)  # the shorter one rests at its end
-        assert_joints({name: series[:n] for name, series in joints.items()}, motion, 1e-4)
 
 
 def to_fbx(export_tool: ExportTool, glb: Path, fbx: Path) -> None:

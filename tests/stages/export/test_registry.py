@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from export_samples.moving_fingers import moving_fingers
 
-from schemas.errors import InputError
-from stages.export.motion import SkeletonMotion
-from stages.export.registry import FORMATS, chosen_formats, write_format
-from stages.export.settings import Settings
+from shukotsu.errors import InputError
+from shukotsu.stages.export.motion import SkeletonMotion
+from shukotsu.stages.export.registry import FORMATS, write_format
+from shukotsu.stages.export.settings import Settings
 
 WITHOUT_GAPS = [name for name, form in FORMATS.items() if not form.holds_gaps]
 ON_TIME = ("glb", "usd", "osim")
@@ -92,18 +92,3 @@ def test_times_must_be_known_and_grow(name: str, times: list[float], message: st
     with pytest.raises(InputError, match=message):
         write(replace(moving_fingers(5), time_s=np.array(times)), name, tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("name", ["bvh", "c3d", "bids"])
-def test_a_file_of_one_rate_needs_one(name: str, tmp_path: Path) -> None:
-    motion = replace(moving_fingers(9), time_s=np.full(9, np.nan), rate_hz=float("nan"))
-    with pytest.raises(InputError, match="say it with --rate-hz"):
-        write(motion, name, tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
-def test_names_of_formats_come_joined_by_commas() -> None:
-    assert chosen_formats(" bvh, glb,bvh ,") == ["bvh", "glb"]
-    for names in ("", " , ", "bvh,fbx"):
-        with pytest.raises(InputError, match=r"is no format; expected one or more of bvh, glb, osim"):
-            chosen_formats(names)

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, KnownHand
-from export_samples.moving_fingers import blanked, moving_fingers, translation_mm
+from export_samples.moving_fingers import blanked, moving_fingers
 
-from schemas.errors import InputError
-from stages.export.settings import Settings, prepared
+from shukotsu.errors import InputError
+from shukotsu.stages.export.settings import Settings, prepared
 
 
 def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
@@ -41,26 +40,3 @@ def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
     assert not prepared(jumped, Settings(fps=30), holds_gaps=True, up="").whole.all()
     wide = Settings(fps=30, gaps="interpolate", max_gap_s=0.5)
     assert prepared(jumped, wide, holds_gaps=False, up="y").whole.all()
-
-
-def test_stiff_bones_stay_stiff_on_a_rig_that_lacks_some(known: KnownHand) -> None:
-    ready = prepared(known.motion(FITTED), Settings(stiff=True, rig="vrm"), holds_gaps=False, up="y")
-    assert translation_mm(ready).max() < 1e-9
-
-
-def test_a_bone_without_length_is_refused() -> None:
-    motion = moving_fingers(5)
-    offset = motion.rest_offset_mm.copy()
-    offset[2] = 0.0
-    with pytest.raises(InputError, match="the bone from index_cmc to index_mcp has no length"):
-        prepared(replace(motion, rest_offset_mm=offset), Settings(), holds_gaps=False, up="y")
-    offset = motion.rest_offset_mm.copy()
-    offset[4] = 0.0  # a digit that starts at the wrist
-    assert prepared(replace(motion, rest_offset_mm=offset), Settings(), holds_gaps=False, up="y").whole.all()
-
-
-def test_a_recording_without_times_gets_them_from_its_frames() -> None:
-    motion = replace(moving_fingers(11), time_s=np.full(11, np.nan), rate_hz=np.nan)
-    ready = prepared(motion, Settings(rate_hz=50.0, fps=25), holds_gaps=False, up="y")
-    np.testing.assert_allclose(ready.time_s, np.arange(6) / 25)
-    np.testing.assert_array_equal(ready.frame, motion.frame[::2])

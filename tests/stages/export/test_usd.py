@@ -23,14 +23,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from skeleton.rotations import matrix
-from stages.export.axes import UNITS_PER_MM, Target
-from stages.export.bone_mesh import bone_mesh
-from stages.export.file_facts import facts
-from stages.export.motion import SkeletonMotion, rest_pose
-from stages.export.rig_names import RIGS
-from stages.export.rigging import with_webxr_names
-from stages.export.usd import write, write_scene
+from shukotsu.skeleton.rotations import matrix
+from shukotsu.stages.export.axes import UNITS_PER_MM, Target
+from shukotsu.stages.export.bone_mesh import bone_mesh
+from shukotsu.stages.export.motion import SkeletonMotion, rest_pose
+from shukotsu.stages.export.rigging import with_webxr_names
+from shukotsu.stages.export.usd import write, write_scene
 
 BLENDER = Path(__file__).resolve().parents[2] / "export_tools" / "read_with_blender.py"
 METRES, CENTIMETRES = Target("m", "y"), Target("cm", "z")
@@ -152,18 +150,6 @@ def assert_joints(points: Any, motion: SkeletonMotion, near_m: float) -> None:
     np.testing.assert_allclose(points, motion.position_mm / 1000, rtol=0, atol=near_m)
 
 
-@pytest.mark.parametrize("target", [METRES, CENTIMETRES, Target("mm", "y")])
-@pytest.mark.parametrize(("model", "stiff"), [(REPLAYED, False), (FITTED, False), (FITTED, True)])
-def test_every_joint_is_where_the_motion_has_it(
-    known: KnownHand, tmp_path: Path, model: str, stiff: bool, target: Target
-) -> None:
-    motion = with_webxr_names(known.ready(model, up=target.up, stiff=stiff))
-    points, frames = posed(written(motion, tmp_path, target))
-    assert len(points) > 50
-    assert_joints(points / UNITS_PER_MM[target.unit] / 1000, motion, NEAR_M)
-    np.testing.assert_allclose(frames, matrix(motion.quaternion), atol=1e-6)
-
-
 def test_the_layer_says_its_units_axis_and_times(known: KnownHand, tmp_path: Path) -> None:
     for target, metres in ((METRES, "1"), (CENTIMETRES, "0.01"), (Target("mm", "y"), "0.001")):
         motion = with_webxr_names(known.ready(up=target.up))
@@ -181,52 +167,6 @@ def test_the_layer_says_its_units_axis_and_times(known: KnownHand, tmp_path: Pat
             for codes, _ in prim.samples.values():
                 np.testing.assert_array_equal(codes, np.arange(len(motion.frame)))
         assert [len(prim.samples) for prim in every(hand)] == [1, 0, 2, 0, 0]
-
-
-def test_a_hand_has_the_names_and_the_tree_of_webxr(known: KnownHand, tmp_path: Path) -> None:
-    motion = with_webxr_names(known.ready())
-    paths = written(motion, tmp_path).one("Skeleton").words("joints")
-    assert len(paths) == 25
-    names = {path.rpartition("/")[2].replace("_", "-") for path in paths}
-    assert names == set(RIGS["webxr"].names(motion.origin.hand).values())
-    below = {path.rpartition("/")[2]: path.rpartition("/")[0] for path in paths}
-    assert below["wrist"] == ""
-    assert below["index_finger_metacarpal"] == "wrist"
-    assert below["pinky_finger_tip"].endswith("/pinky_finger_phalanx_distal")
-
-
-def test_other_names_become_identifiers_and_stay_apart(right: KnownHand, tmp_path: Path) -> None:
-    rigged = with_webxr_names(right.ready(rig="mixamo"))
-    skeleton = written(rigged, tmp_path).one("Skeleton")
-    assert skeleton.words("joints")[0] == "mixamorig_RightHand"
-    assert skeleton.values["string name"] == '"mixamorig:RightHand"', "as it is called, beside"
-    made = moving_fingers(5)
-    names = ("腕", "3d", "a-b", "a_b", 'say "\\', "")
-    arm = replace(made, joints=tuple(replace(j, name=n) for j, n in zip(made.joints, names, strict=True)))
-    found = [path.rpartition("/")[2] for path in written(arm, tmp_path).one("Skeleton").words("joints")]
-    assert found == ["_u8155", "_3d", "a_b", "a_b_2", "say_u0020_u0022_u005c", "_"]
-
-
-@pytest.mark.parametrize("target", [METRES, CENTIMETRES])
-def test_it_is_bound_at_rest_where_the_hand_begins(known: KnownHand, tmp_path: Path, target: Target) -> None:
-    """Level, with the back up and fingers straight ahead: to -Z where Y is up, to +Y where Z is."""
-    motion = with_webxr_names(known.ready(up=target.up))
-    skeleton = written(motion, tmp_path, target).one("Skeleton")
-    names = skeleton.words("joints")
-    rest, bind = skeleton.array("restTransforms"), skeleton.array("bindTransforms")
-    world = rest.copy()
-    for index, name in enumerate(names):
-        if "/" in name:
-            world[index] = rest[index] @ world[names.index(name.rpartition("/")[0])]
-    np.testing.assert_allclose(world, bind, atol=1e-7)
-    scale = UNITS_PER_MM[target.unit]
-    x, y, z = np.eye(3)
-    stand = np.eye(3) if target.up == "y" else np.stack([x, z, -y], -1)
-    rest_mm, rest_turn = rest_pose(motion)
-    np.testing.assert_allclose(
-        bind[:, 3, :3] / scale, motion.position_mm[0, 0] + rest_mm @ stand.T, atol=1e-4
-    )
-    np.testing.assert_allclose(bind[:, :3, :3].swapaxes(1, 2), stand @ matrix(rest_turn), atol=1e-9)
 
 
 def test_the_body_goes_with_the_bones_and_extents_hold_it(known: KnownHand, tmp_path: Path) -> None:
@@ -264,15 +204,6 @@ def test_the_body_goes_with_the_bones_and_extents_hold_it(known: KnownHand, tmp_
     )
 
 
-def test_normals_face_outward_where_z_is_up(right: KnownHand, tmp_path: Path) -> None:
-    hand = written(with_webxr_names(right.ready(up="z")), tmp_path, CENTIMETRES)
-    part = hand.prims["right_hand_bones"]
-    corners = part.array("points")[part.array("faceVertexIndices").astype(int).reshape(-1, 3)]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    facing = part.array("normals")[part.array("faceVertexIndices").astype(int).reshape(-1, 3)].mean(1)
-    assert ((across * facing).sum(-1) > 0).all()
-
-
 @settings(max_examples=12)
 @given(st.integers(1, 30), st.integers(0, 2**31), st.sampled_from([0.0, 0.7]))
 def test_any_motion_comes_back(
@@ -282,93 +213,6 @@ def test_any_motion_comes_back(
     points, frames = posed(written(motion, tmp_path_factory.mktemp("any")))
     assert_joints(points, motion, 1e-6)
     np.testing.assert_allclose(frames, matrix(motion.quaternion), atol=3e-6)
-
-
-def test_signs_of_quaternions_that_jump_are_made_continuous(tmp_path: Path) -> None:
-    motion = moving_fingers(400)
-    assert (motion.quaternion[:, 0, 0] < -0.5).any(), "the root turns over"
-    flipped = np.where(np.random.default_rng(1).random((400, 6, 1)) < 0.5, -1.0, 1.0)
-    hand = written(replace(motion, quaternion=flipped * motion.quaternion), tmp_path)
-    _, turn = hand.one("Skeleton").one("SkelAnimation").samples["quatf[] rotations"]
-    assert (np.sum(turn[1:] * turn[:-1], -1) > 0).all()
-    assert_joints(posed(hand)[0], motion, NEAR_M)
-
-
-def test_one_frame_is_a_file_with_or_without_a_time(tmp_path: Path) -> None:
-    for time_s in (3.5, np.nan):
-        motion = replace(moving_fingers(1), time_s=np.array([time_s]), rate_hz=np.nan)
-        hand = written(motion, tmp_path)
-        layer = read_usda(tmp_path / "motion.usda")
-        assert layer.values["endTimeCode"] == "0"
-        assert layer.values["timeCodesPerSecond"] == "24"
-        assert layer.values.get("double first_device_time_s") == (None if np.isnan(time_s) else "3.5")
-        assert_joints(posed(hand)[0], motion, NEAR_M)
-
-
-def test_samples_are_at_device_times(tmp_path: Path) -> None:
-    even = moving_fingers(4)
-    assert write(even, METRES, tmp_path / "a.usda") == ()
-    uneven = replace(even, time_s=np.array([5.0, 5.01, 5.0225, 5.05]))
-    (said,) = write(uneven, METRES, tmp_path / "a.usda")
-    assert said.startswith("samples at whole time codes: device times are up to 20.0 ms off an even rate")
-    layer = read_usda(tmp_path / "a.usda")
-    assert layer.values["endTimeCode"] == "5"
-    for prim in every(layer):
-        for codes, _ in prim.samples.values():
-            assert codes.tolist() == [0, 1, 2.25, 5]
-
-
-def test_it_says_where_it_comes_from(right: KnownHand, tmp_path: Path) -> None:
-    motion = with_webxr_names(right.ready())
-    licence = 'CC BY 4.0, © "手"'
-    motion = replace(motion, origin=replace(motion.origin, licence=licence))
-    write(motion, METRES, tmp_path / "a.usda")
-    said = read_usda(tmp_path / "a.usda").values
-    expected = facts(motion, METRES)
-    assert json.loads(said["string licence"]) == licence
-    for key in ("program", "subject", "model", "world", "bone_frame"):
-        assert json.loads(said[f"string {key}"]) == expected[key]
-    assert said["int64 frames"] == str(len(motion.frame))
-    hashes = json.loads(said["string[] inputs_sha256"])
-    assert hashes == [f"{digest}  {path}" for path, digest in motion.origin.inputs.items()] != []
-    assert said["double first_device_time_s"] == repr(float(motion.time_s[0]))
-    assert json.loads(said["string[] notes"]) == list(motion.notes)
-    assert motion.notes[-2:] == (
-        "tips are at the ends of the digits, skin and all, as the names' definition has them",
-        "joints named as by WebXR Hand Input, 25 joints",
-    )
-    write(moving_fingers(3), METRES, tmp_path / "a.usda")
-    assert read_usda(tmp_path / "a.usda").values["int64 first_frame"] == "7"
-
-
-def test_joints_tell_their_bone_freedom_and_axis(right: KnownHand, tmp_path: Path) -> None:
-    motion = with_webxr_names(right.ready())
-    write(motion, METRES, tmp_path / "a.usda")
-    text = (tmp_path / "a.usda").read_text("utf-8")
-    (said,) = re.findall(r"dictionary index_finger_phalanx_intermediate = {(.*?)}", text, re.S)
-    pip = motion.index("index-finger-phalanx-intermediate")
-    assert 'string name = "index-finger-phalanx-intermediate"' in said
-    assert 'string bone = "index_middle"' in said
-    assert f"int64 degrees_of_freedom = {motion.joints[pip].dof}" in said
-    (axis,) = re.findall(r"double3 axis = (.*)", said)
-    np.testing.assert_allclose(numbers(axis), motion.axis[pip], atol=1e-8)
-
-
-def test_two_hands_are_one_scene(tmp_path: Path) -> None:
-    hands = both_hands(4.0, 50.0)
-    (said,) = write_scene(hands, METRES, tmp_path / "both.usda")
-    assert said.startswith("what 2 hands did at once")
-    layer = read_usda(tmp_path / "both.usda")
-    assert list(layer.prims["World"].prims) == ["materials", "right_made", "left_made"]
-    assert layer.values["endTimeCode"] == "39"
-    for motion, step in zip(hands, (1, 2), strict=True):
-        hand = hand_of(layer, motion)
-        assert_joints(posed(hand)[0], motion, NEAR_M)
-        codes, _ = hand.samples["float3[] extent"]
-        np.testing.assert_array_equal(codes, step * np.arange(len(motion.frame)))
-        assert hand.one("Mesh").values["skel:skeleton"] == (
-            f"</World/{motion.origin.hand}_made/{motion.origin.hand}_made_skeleton>"
-        )
 
 
 READ_WITH_OPENUSD = """

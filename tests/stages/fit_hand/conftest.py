@@ -2,7 +2,7 @@
 
 import pytest
 
-from schemas.layout import Layout, read_layout
+from shukotsu.schemas.layout import Layout, read_layout
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stages.fit_hand.displacement_test import Displacement, courses, most_within
+from shukotsu.stages.fit_hand.displacement_test import courses, most_within
 
 
 def test_courses() -> None:
@@ -16,12 +16,6 @@ def test_courses() -> None:
     assert (np.diff(ways.share[slides], axis=1) >= 0.0).all()
     assert (ways.share[ways.returns][:, [0, -1]] == 0.0).all()
     assert not len(courses(2).start)
-
-
-def test_share_of_the_way() -> None:
-    step = np.zeros(6)
-    np.testing.assert_array_equal(Displacement(0, 2, 2, step).share(4), [0, 0, 1, 1])
-    np.testing.assert_array_equal(Displacement(0, 1, 5, step).share(6), [0, 0.25, 0.5, 0.75, 1, 1])
 
 
 def test_most_that_a_normal_displacement_gains() -> None:

@@ -6,19 +6,16 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
-from anatomy.average_hand import DIGITS as AVERAGE
-from schemas.errors import InputError
-from schemas.layout import read_layout
-from schemas.poses import Poses
-from skeleton.rotations import Array, about_axis, conjugate, multiply, rotate, unit
-from stages.fit_hand.contacts import MOST_EACH, find_contacts
-from stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, seen_parts
-from stages.fit_hand.fit import Settings, fit_hand
-from stages.fit_hand.posed_tables import posed_ends_mm
-from stages.fit_hand.replaying import pose_hand
-from stages.fit_hand.touching import CONTACT_SD_MM, Touch, contact_in, touch_in, with_touches
-from stages.simulate.random_hand import DIGITS, TIP_BONES
-from stages.simulate.simulation import Simulated
+from shukotsu.anatomy.average_hand import DIGITS as AVERAGE
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array, rotate
+from shukotsu.stages.fit_hand.contacts import MOST_EACH, find_contacts
+from shukotsu.stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, seen_parts
+from shukotsu.stages.fit_hand.fit import Settings, fit_hand
+from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, contact_in, touch_in, with_touches
+from shukotsu.stages.simulate.random_hand import DIGITS, TIP_BONES
+from shukotsu.stages.simulate.simulation import Simulated
 
 QUICK = Settings(n_frames=60, rounds=1)
 SOFT_MM = np.array([5.0, 4.4, 3.5, 4.6, 3.9])
@@ -110,45 +107,6 @@ def test_derivatives_are_those_of_the_points(people: dict[str, Person], side: st
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_posed_tips_are_the_ends_of_the_last_bones(people: dict[str, Person], side: str) -> None:
-    """They lie their bone's length from its joint, near the true ends, and near the receivers' own view."""
-    person = people[side]
-    rows = np.arange(0, 2400, 48)
-    poses = person.poses.take(rows)
-    poses.valid[3] = False
-    posed = pose_hand(person.tips.fit, poses)
-    ends = posed_ends_mm(person.tips, posed)
-    tips_mm, skin_mm = ends[BONE], np.delete(ends[TIP], 3, 0)
-    assert np.isnan(tips_mm[3]).all()
-    rows, seen = np.delete(rows, 3), np.delete(tips_mm, 3, 0)
-    for i, digit in enumerate(DIGITS):
-        last = posed.bones.index(f"{digit}_distal")
-        bone = seen[:, i] - np.delete(posed.bone_position_mm[:, last], 3, 0)
-        length = person.tips.fit.bones[f"{digit}_distal"].length_mm
-        np.testing.assert_allclose(np.linalg.norm(bone, axis=-1), length, atol=1e-6)
-    assert np.linalg.norm(seen - person.true_mm(rows, BONE), axis=-1).mean(0).max() < 5.0
-    for part, posed_mm in ((BONE, seen), (TIP, skin_mm)):
-        carried = np.delete(person.tips.in_transmitter(poses, part), 3, 0)
-        assert np.linalg.norm(posed_mm - carried, axis=-1).mean() < 0.7
-
-
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_a_posed_digit_ends_in_skin_as_far_off_its_bone_as_the_fit_says(
-    people: dict[str, Person], side: str
-) -> None:
-    """To the thumb's side is +y of a right hand's bone and -y of a left one's."""
-    tips = people[side].tips
-    offsets = tips.offsets_mm.copy()
-    offsets[:, 0] = [4.0, 1.0, 0.5]
-    posed = pose_hand(tips.fit, people[side].poses.take(slice(0, 3)))
-    ends = posed_ends_mm(replace(tips, offsets_mm=offsets), posed)
-    last = [posed.bones.index(f"{digit}_distal") for digit in DIGITS]
-    seen = rotate(conjugate(posed.bone_quaternion[:, last]), ends[TIP] - ends[BONE])
-    expected = [4.0, 1.0 if side == "right" else -1.0, 0.5]
-    np.testing.assert_allclose(seen, np.broadcast_to(expected, seen.shape), atol=1e-9)
-
-
-@pytest.mark.parametrize("side", ["right", "left"])
 def test_one_touch_a_finger_finds_the_tips(people: dict[str, Person], side: str) -> None:
     """Soft tips come to the touch's error, bones to that and what is not known of the flesh between."""
     person = people[side]
@@ -170,52 +128,6 @@ def test_one_touch_a_finger_finds_the_tips(people: dict[str, Person], side: str)
     for name, joint in person.tips.fit.joints.items():
         assert tips.fit.joints[name].sd_mm < joint.sd_mm + 1e-9
     assert tips.fit.joints["index_dip"].sd_mm < 0.9 * person.tips.fit.joints["index_dip"].sd_mm
-
-
-def test_one_touch_after_another_is_as_both_at_once(people: dict[str, Person]) -> None:
-    """What the first said of flesh and bone together is not lost when the second comes."""
-    person = people["right"]
-    first, second = person.touches(2), person.touches(3)
-    at_once = with_touches(person.tips, [*first, *second])
-    in_turn = with_touches(with_touches(person.tips, first), second)
-    np.testing.assert_allclose(in_turn.offsets_mm, at_once.offsets_mm, atol=0.03)
-    np.testing.assert_allclose(np.diag(in_turn.covariance), np.diag(at_once.covariance), rtol=0.05)
-    forgetful = with_touches(fingertips(with_touches(person.tips, first).fit), second)
-    assert np.abs(forgetful.offsets_mm - at_once.offsets_mm).max() > 0.1
-
-
-def test_a_long_touch_counts_once(people: dict[str, Person]) -> None:
-    """A finger that is held still for a hundred frames says what it says in one."""
-    person = people["right"]
-    touch = person.touches(4, ("ring",))[0]
-    held = replace(
-        touch,
-        receiver_mm=np.repeat(touch.receiver_mm, 100, 0),
-        receiver_quaternion=np.repeat(touch.receiver_quaternion, 100, 0),
-    )
-    short, long = with_touches(person.tips, [touch]), with_touches(person.tips, [held])
-    np.testing.assert_allclose(short.covariance, long.covariance, atol=1e-12)
-    np.testing.assert_allclose(short.offsets_mm, long.offsets_mm, atol=1e-9)
-
-
-def test_wherever_the_transmitter_is(people: dict[str, Person]) -> None:
-    """Poses and points turned and moved together tell the same."""
-    person = people["right"]
-    rng = np.random.default_rng(0)
-    turn, shift = about_axis(unit(rng.normal(size=3)), rng.uniform(0.5, 3.0)), 300 * rng.normal(size=3)
-    touches = person.touches(5)[:2]
-    moved = [
-        replace(
-            touch,
-            receiver_mm=rotate(turn, touch.receiver_mm) + shift,
-            receiver_quaternion=multiply(turn, touch.receiver_quaternion),
-            point_mm=rotate(turn, touch.point_mm) + shift,
-        )
-        for touch in touches
-    ]
-    one, other = with_touches(person.tips, touches), with_touches(person.tips, moved)
-    np.testing.assert_allclose(one.offsets_mm, other.offsets_mm, atol=1e-7)
-    np.testing.assert_allclose(one["thumb"].point_mm, other["thumb"].point_mm, atol=1e-7)
 
 
 def test_a_wrong_touch_is_left_out(people: dict[str, Person]) -> None:
@@ -311,29 +223,3 @@ def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:
         )
         gaps.append(np.linalg.norm((a - b).mean(0)))
     return float(np.mean(gaps))
-
-
-def test_frames_without_receivers(people: dict[str, Person]) -> None:
-    person = people["right"]
-    valid = person.poses.valid.copy()
-    valid[10:, person.poses.index("index_distal")] = False
-    poses = replace(person.poses, valid=valid)
-    found = person.tips.in_transmitter(poses, PAD)
-    assert np.isnan(found[10:, 1]).all()
-    assert np.isfinite(found[:10]).all()
-    assert np.isfinite(found[:, 2]).all()
-    assert len(touch_in(person.tips, poses, np.arange(5, 15), "index", np.zeros(3)).receiver_mm) == 5
-    with pytest.raises(InputError, match="no frame of the touch has a valid pose of index_distal"):
-        touch_in(person.tips, poses, np.arange(10, 20), "index", np.zeros(3))
-    with pytest.raises(InputError, match="thumb_distal and index_distal"):
-        contact_in(person.tips, poses, np.arange(10, 20), ("thumb", "index"))
-    assert "index" not in {contact.digits[1] for contact in find_contacts(person.tips, poses)}
-
-
-def test_unknown_digits_and_parts_are_refused(people: dict[str, Person]) -> None:
-    person = people["right"]
-    touch = person.touches(7)[0]
-    with pytest.raises(InputError, match="digit 'pinky' has no fingertip; expected one of thumb, index"):
-        with_touches(person.tips, [replace(touch, digits=("pinky",))])
-    with pytest.raises(InputError, match="part 'nail' of a fingertip is not known"):
-        with_touches(person.tips, [replace(touch, part="nail")])

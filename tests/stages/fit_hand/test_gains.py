@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
-from chains import chain_layout, random_chain
 from simulated_poses import recorded
 
-from schemas.layout import read_layout
-from stages.fit_hand.fingertips import fingertips
-from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.gains import DEEP_SD_MM, MEASURED_SD_MM, Gain, gains
-from stages.fit_hand.measurements import Measurement
-from stages.fit_hand.touching import touch_in, with_touches
-from stages.simulate.random_hand import BONES
+from shukotsu.schemas.layout import read_layout
+from shukotsu.stages.fit_hand.fingertips import fingertips
+from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
+from shukotsu.stages.fit_hand.gains import DEEP_SD_MM, MEASURED_SD_MM, Gain, gains
+from shukotsu.stages.fit_hand.measurements import Measurement
+from shukotsu.stages.fit_hand.touches import touch_in, with_touches
+from shukotsu.stages.simulate.random_hand import BONES
 
 QUICK = Settings(n_frames=60, rounds=1)
 
@@ -97,9 +96,3 @@ def test_a_touch_gains_what_it_said(fitted: HandFit, found: dict[str, Gain]) -> 
     again = {one.quantity: one for one in gains(touched)}["middle.touch"]
     spared = again.joint_sd_before_mm - again.joint_sd_after_mm
     assert spared < 0.3 * (gain.joint_sd_before_mm - gain.joint_sd_after_mm)
-
-
-def test_a_chain_without_anatomy_has_nothing_to_measure() -> None:
-    chain = random_chain(3, 3, 60, off_axis_rad=0.5)
-    fit = fit_hand([chain.poses], chain_layout(chain), "right", settings=Settings(rounds=0))
-    assert gains(fingertips(fit)) == []

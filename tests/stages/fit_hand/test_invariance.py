@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
-from schemas.layout import Layout
-from schemas.poses import Poses
-from skeleton.joint_angles import mirrored
-from skeleton.rotations import Array, about_axis, matrix, multiply, rotate, unit
-from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.receiver_frames import MIRROR
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.joint_angles import mirrored
+from shukotsu.skeleton.rotations import Array, about_axis, matrix, multiply, rotate, unit
+from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
+from shukotsu.stages.fit_hand.receiver_frames import MIRROR
 
 QUICK = Settings(n_frames=40, rounds=1)
 CLEAN = {"glide": 0.0, "artefact": 0.0, "noise": 0.0, "field_distortion": 0.0}
@@ -57,15 +57,6 @@ def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
     elsewhere = [seen_from(poses, 3) for poses in parts]
     here, there = (fit_hand(r, layout, "right", settings=QUICK) for r in ([first, second], elsewhere))
     assert_same_centres(here, there, np.ones(3))
-
-
-def test_the_transmitter_may_move_between_recordings(layout: Layout) -> None:
-    """Its field is another then, which is taken for one; no centre is off by more than is stated."""
-    recordings = [recorded(seed=7)[1], recorded("right", "opposition", seed=7)[1]]
-    elsewhere = [seen_from(poses, seed) for seed, poses in enumerate(recordings)]
-    here, there = (fit_hand(r, layout, "right", settings=QUICK) for r in (recordings, elsewhere))
-    for name, joint in here.joints.items():
-        assert np.linalg.norm(there.joints[name].child_mm - joint.child_mm) < joint.sd_mm, name
 
 
 def test_the_mirrored_recording_is_the_other_hand(layout: Layout) -> None:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
-from schemas.layout import Layout
-from schemas.poses import Poses
-from skeleton.rotations import Array, about_axis, multiply, rotate, unit
-from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.left_out import is_elsewhere, without_displaced
-from stages.fit_hand.loose_receivers import Displaced, LooseReceiver, displaced_in
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array, about_axis, multiply, rotate, unit
+from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
+from shukotsu.stages.fit_hand.left_out import is_elsewhere, without_displaced
+from shukotsu.stages.fit_hand.loose_receivers import Displaced, LooseReceiver, displaced_in
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import Simulated, simulate
 
 QUICK = Settings(n_frames=60, rounds=1)
 
@@ -49,7 +49,7 @@ def found_in(layout: Layout, side: str, *recordings: Poses) -> list[LooseReceive
 @pytest.mark.parametrize(
     ("side", "task", "skin"),
     [
-        ("left", "opposition", 1.5),
+        pytest.param("left", "opposition", 1.5, marks=pytest.mark.slow),
         pytest.param("right", "rom", 2.0, marks=pytest.mark.slow),
         pytest.param("left", "opposition", 1.0, marks=pytest.mark.slow),
         pytest.param("right", "rom", 1.0, marks=pytest.mark.slow),
@@ -95,21 +95,6 @@ def test_one_that_the_fit_swallowed_is_named(layout: Layout) -> None:
 
 
 @pytest.mark.slow
-def test_two_are_told_apart(layout: Layout) -> None:
-    """On the left hand, with gaps in the recording."""
-    poses = hand("left")[1]
-    valid = poses.valid.copy()
-    valid[1000:1400, poses.index("ring_middle")] = False
-    valid[::7, poses.index("hand")] = False
-    poses = loosened(
-        loosened(replace(poses, valid=valid), "ring_middle", 1800, 5.0, 5.0), "hand", 2600, 5.0, 5.0
-    )
-    found = found_in(layout, "left", poses)
-    assert [one.segment for one in found] == ["ring_middle", "hand"]
-    assert [one.start.frame for one in found] == pytest.approx([1801, 2601], abs=24)
-
-
-@pytest.mark.slow
 def test_one_put_back_elsewhere_between_recordings(layout: Layout) -> None:
     """It is named at the first frame of the recording in which it sits elsewhere."""
     first, second = hand()[1], loosened(hand("right", "opposition")[1], "middle_proximal", 0, 5.0, 6.0)
@@ -118,6 +103,7 @@ def test_one_put_back_elsewhere_between_recordings(layout: Layout) -> None:
     assert one.start.frame < second.frame[0] + 24
 
 
+@pytest.mark.slow
 def test_a_slow_slide_is_named(layout: Layout) -> None:
     """A receiver that crept over half of the recording: from when until when, and how far in all."""
     poses = hand()[1]
@@ -127,18 +113,6 @@ def test_a_slow_slide_is_named(layout: Layout) -> None:
     assert one.end.frame == pytest.approx(poses.frame[2700], abs=600)
     slope = one.shift_mm / (one.end.frame - one.start.frame)
     assert slope == pytest.approx(8.0 / 1800, rel=0.35)
-
-
-def test_what_comes_back_is_skin(layout: Layout) -> None:
-    """The thumb's metacarpal while the hand lies on the table, at first and at last."""
-    poses = hand()[1]
-    lain = loosened(poses, "thumb_metacarpal", 0, 4.0, 15.0)
-    index, row = poses.index("thumb_metacarpal"), np.arange(len(poses.frame))
-    on_table = (row < 700) | (row > 3200)
-    position, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
-    position[on_table, index] = lain.position_mm[on_table, index]
-    quaternion[on_table, index] = lain.quaternion[on_table, index]
-    assert not found_in(layout, "right", replace(poses, position_mm=position, quaternion=quaternion))
 
 
 def beside_metal(poses: Poses, mm: float) -> tuple[Poses, Array]:
@@ -213,9 +187,9 @@ def test_every_receiver_is_found(layout: Layout) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10, 14))
+@pytest.mark.parametrize("seed", range(10, 12))
 def test_no_false_alarm(layout: Layout, seed: int) -> None:
-    """Four subjects, both tasks, skin as usual and twice as loose."""
+    """Two subjects, both tasks, skin as usual and twice as loose."""
     side = ("right", "left")[seed % 2]
     for task in ("rom", "opposition"):
         for skin in (1.0, 2.0):

@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from planned_subject import planned_subject
 
-from schemas.errors import InputError
-from schemas.layout import read_layout
-from schemas.parts import Part, part_metadata
-from stages.fit_hand.hand_tables import PRIOR
-from stages.fit_hand.prior import fit_prior, main
+from shukotsu.errors import InputError
+from shukotsu.schemas.config_files import REFERENCE
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.parts import part_metadata
+from shukotsu.schemas.plan import plan_of_poses
+from shukotsu.schemas.study import read_study
+from shukotsu.stages.fit_hand.__main__ import main
+from shukotsu.stages.fit_hand.calibration import calibrated_hand
+from shukotsu.stages.fit_hand.hand_tables import FIT
 
 LAYOUT = read_layout("liberty16")
 
@@ -18,20 +23,25 @@ LAYOUT = read_layout("liberty16")
 def test_the_prior_moves_nothing(tmp_path: Path) -> None:
     """Bones are those of an average hand or of one as long as measured; nothing is stated of errors."""
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["rigid"], n_frames=250)
-    folder, part = subject.plan_file.parent, Part("right", "prior-only", subject="01")
-    assert main([f"--plan={subject.plan_file}", f"--out={folder}"]) == 0
-    rows = {name: subject.rows(folder / f"{name}.parquet", table.name, part) for name, table in PRIOR.items()}
-    assert {row["status"] for row in rows["prior_joints"]} == {"ok"}
-    assert {row["joint"] for row in rows["prior_joints"]} == set(LAYOUT.joints)
-    assert {row["sd_mm"] for row in (*rows["prior_joints"], *rows["prior_bones"])} == {None}
-    lengths = {row["bone"]: row["length_mm"] for row in rows["prior_bones"]}
-    longer = fit_prior([subject.poses("rom")], LAYOUT, "right", 210.0)
-    average = fit_prior([subject.poses("rom")], LAYOUT, "right", 189.0)
-    ratio = [bone.length_mm / average.bones[name].length_mm for name, bone in longer.bones.items()]
-    assert np.ptp(ratio) < 1e-9
-    assert ratio[0] == pytest.approx(210 / 189)
+    folder, part = subject.fit_folder(model=REFERENCE), subject.part(REFERENCE)
+    assert subject.fit("right", model=REFERENCE) == 0
+    rows = {name: subject.rows(folder / f"{name}.parquet", table.name, part) for name, table in FIT.items()}
+    assert {row["status"] for row in rows["fitted_joints"]} == {"ok"}
+    assert {row["joint"] for row in rows["fitted_joints"]} == set(LAYOUT.joints)
+    assert {row["sd_mm"] for row in (*rows["fitted_joints"], *rows["fitted_bones"])} == {None}
+    assert [rows[name] for name in ("gains", "receiver_costs", "joint_angles")] == [[], [], []]
+    lengths = {row["bone"]: row["length_mm"] for row in rows["fitted_bones"]}
     assert lengths["index_middle"] == pytest.approx(24.9)
-    tips = rows["prior_posed_tips"]
+
+    def bones_mm(hand_length_mm: float) -> np.ndarray:
+        poses, model = [subject.poses("rom")], read_model(REFERENCE)
+        sizes = {"hand_length_mm": hand_length_mm}
+        plan = plan_of_poses(poses, poses, LAYOUT, [model], sizes_mm=sizes)
+        tips, _ = calibrated_hand(plan, plan.part("right", REFERENCE))
+        return np.array([bone.length_mm for bone in tips.fit.bones.values()])
+
+    np.testing.assert_allclose(bones_mm(210.0) / bones_mm(189.0), 210 / 189)
+    tips = rows["posed_tips"]
     assert len(tips) == 5 * 63
     for digit in LAYOUT.digits:
         error, left_out = (
@@ -39,19 +49,26 @@ def test_the_prior_moves_nothing(tmp_path: Path) -> None:
             for name in ("error_mm", "error_left_out_mm")
         )
         assert 0 < error < left_out < 20, digit
-    assert len(rows["prior_bone_poses"]) == 20 * 63
+    assert len(rows["bone_poses"]) == 20 * 63
 
 
 def test_a_prior_that_cannot_be_had_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A hand without calibration has a failed part; an arm, of which no anatomy is known, has none."""
-    with pytest.raises(InputError, match="no calibration recording: none is given"):
-        fit_prior([], LAYOUT, "right")
-    options = ["--layout=liberty16", "--subject=01", "--hand=right", f"--out={tmp_path}"]
+    """A hand without calibration has a failed part."""
+    options = ["--layout=liberty16", "--subject=01", "--hand=right", f"--model={REFERENCE}"]
+    options += [f"--out={tmp_path}"]
     assert main(options) == 2
-    assert "no calibration recording: none is given" in capsys.readouterr().err
+    assert "no calibration recording" in capsys.readouterr().err
     assert main([*options, "--record-failure"]) == 0
-    for name, table in PRIOR.items():
-        (parameters,) = part_metadata(tmp_path / f"{name}.parquet", table).values()
-        assert parameters["failure"] == "no calibration recording: none is given"
-    assert main([*options, "--layout=arm"]) == 0
-    assert part_metadata(tmp_path / "prior_joints.parquet", PRIOR["prior_joints"]) == {}
+    (parameters,) = part_metadata(tmp_path / "fitted_joints.parquet", FIT["fitted_joints"]).values()
+    assert "no calibration recording" in parameters["failure"]
+
+
+def test_a_study_does_not_name_it(tmp_path: Path) -> None:
+    """The reference is in every study, so a model of that kind is refused."""
+    subject = planned_subject(tmp_path, [("right", "rom", "both")], ["rigid"], n_frames=20)
+    study = subject.folder / "study.yaml"
+    text = (subject.folder / "quick.yaml").read_text()
+    (subject.folder / "quick.yaml").write_text(text.replace("steps: 10", "steps: 0"))
+    study.write_text(study.read_text().replace("[rigid]", "[quick.yaml]").replace("- rigid", "- quick.yaml"))
+    with pytest.raises(InputError, match=r"quick.yaml: is a reference, which every study has"):
+        read_study(study)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stages.fit_hand.receiver_frames import MOST_CANDIDATES, spread_frames
+from shukotsu.stages.fit_hand.receiver_frames import spread_frames
 
 
 @given(st.integers(0, 1000), st.integers(1, 300), st.integers(1, 60))
@@ -17,15 +17,6 @@ def test_frames_are_different_and_stand_for_all(seed: int, n_frames: int, wanted
     assert (share > 0).all()
 
 
-def test_no_posture_is_farther_than_those_left_out() -> None:
-    """Every frame left out is nearer to a chosen one than the chosen ones are to each other."""
-    postures = np.random.default_rng(0).normal(size=(400, 3))
-    rows, _ = spread_frames(postures, 30)
-    apart = np.linalg.norm(postures[:, None] - postures[rows], axis=-1)
-    among = apart[rows] + 1e9 * np.eye(30)
-    assert apart.min(1).max() <= among.min() + 1e-12
-
-
 def test_dwelling_counts_once() -> None:
     """A posture that is held gets one frame and the share of the time that it was held."""
     postures = np.concatenate([np.zeros((900, 1)), np.linspace(0.1, 1, 100)[:, None]])
@@ -33,9 +24,3 @@ def test_dwelling_counts_once() -> None:
     held = rows < 900
     assert held.sum() == 1
     assert share[held][0] > 0.89
-
-
-def test_long_recordings_are_thinned() -> None:
-    rows, _ = spread_frames(np.random.default_rng(1).normal(size=(10 * MOST_CANDIDATES, 2)), 50)
-    assert (rows % 10 == 0).all()
-    assert rows.max() > 9 * MOST_CANDIDATES

@@ -1,25 +1,24 @@
 """A thumb metacarpal's receiver on the nail's side is as good as one on the back of the hand."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from anatomy.average_hand import DIGITS, DigitAnatomy
-from anatomy.known_digits import rest_rotations
 from benchmarks.thumb_receiver import OWN, facing_the_nail, nail_turn
-from schemas.layout import read_layout
-from schemas.poses import RecordingName
-from skeleton.joint_angles import angles_of_hand
-from skeleton.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
-from stages.fit_hand.fit import HandFit, Settings, fit_hand
-from stages.fit_hand.posed_tables import angle_columns
-from stages.fit_hand.replaying import pose_hand
-from stages.simulate.random_hand import BONES, JOINTS
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
+from shukotsu.anatomy.average_hand import DIGITS
+from shukotsu.anatomy.known_digits import rest_rotations
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import RecordingName
+from shukotsu.skeleton.joint_angles import angles_of_hand
+from shukotsu.skeleton.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
+from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
+from shukotsu.stages.fit_hand.fitted_motion import pose_hand
+from shukotsu.stages.fit_hand.posed_tables import angle_columns
+from shukotsu.stages.simulate.random_hand import BONES, JOINTS
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import Simulated, simulate
 
 LAYOUT = read_layout("liberty16")
 QUICK = Settings(n_frames=40, rounds=1)
@@ -71,23 +70,6 @@ def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
         assert sd_mm[1] < 1.15 * sd_mm[0]
         assert not fits[1].joints[name].doubts
         assert np.linalg.norm(one[row] - other[row], axis=-1).max() < np.hypot(*sd_mm)
-
-
-def test_receivers_never_seen_together_keep_the_usual_facing() -> None:
-    """Seen from where the metacarpal lies straight, so that a pose that is none would face as it does."""
-    poses = fitted(4, "right", nail=True)[0].poses()
-    turn = conjugate(poses.quaternion[0, poses.index(OWN)])
-    valid = poses.valid.copy()
-    half = len(valid) // 2
-    valid[:half, poses.index("thumb_proximal")] = False
-    valid[half:, poses.index(OWN)] = False
-    seen = replace(
-        poses,
-        valid=valid,
-        position_mm=rotate(turn, poses.position_mm),
-        quaternion=multiply(turn, poses.quaternion),
-    )
-    assert not faces_nail(fit_hand([seen], LAYOUT, "right", settings=QUICK))
 
 
 @SIDES
@@ -145,16 +127,3 @@ def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> 
         assert np.abs(back[part] - front[part])[own].mean() < 8.0, part
     sweep = back["flexion_deg"][np.array(back["joint"].to_pylist()) == "thumb_cmc"]
     assert np.ptp(sweep) > 15.0
-
-
-@pytest.mark.parametrize("anatomy", [DIGITS, NAIL])
-def test_a_straight_thumb_is_the_same_however_its_metacarpal_faces(
-    anatomy: Mapping[str, DigitAnatomy],
-) -> None:
-    """Rests of CMC and MCP joints in a row give the phalanx its place, whatever frame lies between."""
-    rests = rest_rotations(LAYOUT, "right", anatomy)
-    phalanx = matrix(multiply(rests["thumb_cmc"], rests["thumb_mcp"]))
-    np.testing.assert_allclose(phalanx, DIGITS["thumb"].frames()[1], atol=1e-12)
-    np.testing.assert_allclose(
-        matrix(rests["thumb_cmc"])[:, 0], DIGITS["thumb"].frames()[0, :, 0], atol=1e-12
-    )

@@ -9,14 +9,14 @@ import pytest
 import yaml
 from small_study import write_plans, write_study
 
-from schemas.catalogue import FINDINGS, POSES, RECEIVERS, TABLES
-from schemas.errors import TableError
-from schemas.findings import REFUSED, Finding
-from schemas.parts import Part, parts_writer
-from schemas.plan import SubjectPlan, read_plan
-from schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
-from schemas.study import read_study
-from schemas.tables import (
+from shukotsu.errors import TableError
+from shukotsu.schemas.catalogue import FINDINGS, POSES, TABLES
+from shukotsu.schemas.findings import REFUSED, Finding
+from shukotsu.schemas.parts import Part, parts_writer
+from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
+from shukotsu.schemas.study import read_study
+from shukotsu.schemas.tables import (
     Provenance,
     Table,
     columns_from_rows,
@@ -26,8 +26,8 @@ from schemas.tables import (
     write_failure,
     write_table,
 )
-from stages.gather.__main__ import main
-from stages.gather.study_tables import gather_study
+from shukotsu.stages.gather.__main__ import main
+from shukotsu.stages.gather.study_tables import gather_study
 
 ROWS = (
     "01 right rom calibration a.csv",
@@ -165,42 +165,6 @@ def test_a_table_says_what_it_was_gathered_from(tmp_path: Path) -> None:
     assert [layout["layout"] for layout in resolved["layouts"]] == ["liberty16"]
 
 
-@pytest.mark.usefixtures("plans")
-def test_recordings_hands_and_corrections_without_results_are_problems(tmp_path: Path) -> None:
-    """Nothing failed, and yet: a row without a hand, and a hand that nothing calibrates."""
-    found = gathered(tmp_path)
-    assert [(row["subject"], row["task"], row["status"]) for row in found["recordings"]] == [
-        ("01", "rom", "used"),
-        ("01", "pinch", "used"),
-        ("01", "pinch", "used"),
-        ("02", "pinch", "used"),
-        ("02", "rom", "excluded"),
-    ]
-    (hand, correction) = found["problems"]
-    assert (hand["subject"], hand["hand"], hand["kind"], hand["severity"]) == (
-        "01",
-        "left",
-        "hand",
-        "refused",
-    )
-    assert hand["message"].startswith("no recording calibrates this hand")
-    assert (correction["stage"], correction["kind"]) == ("project_planes", "correction")
-    assert (
-        "corrections.tsv: row 3, column subject: the study has no right hand of '03'" in correction["message"]
-    )
-
-
-def test_a_row_of_nobody_is_a_problem(plans: list[SubjectPlan], tmp_path: Path) -> None:
-    assert plans
-    sheet = tmp_path / "participants.tsv"
-    sheet.write_text("subject\thand_length_mm\n1\t180\n02\t190\n")
-    with (tmp_path / "study.yaml").open("a") as file:
-        file.write(f"participants: {sheet}\n")
-    (problem,) = (row for row in gathered(tmp_path)["problems"] if row["kind"] == "sheet")
-    assert (problem["stage"], problem["severity"]) == ("plan", "refused")
-    assert "participants.tsv: has no row of '01', and row 2 is of '1'" in problem["message"]
-
-
 def test_a_failed_import_is_a_problem_and_a_row(plans: list[SubjectPlan], tmp_path: Path) -> None:
     recording = plans[0].recordings[1]
     names = {"subject": "01", "hand": "right", "task": "pinch", "trial": "1"}
@@ -234,51 +198,6 @@ def test_failed_parts_are_named_once_and_the_others_are_there(
     assert [(*whose(row), row["stage"], row["kind"], row["message"]) for row in problems] == [
         ("01", "right", "rigid", "estimate_metacarpals", "skeleton", "no frame was valid"),
         ("01", "left", "", "check_calibration", "hand", "no recording"),
-    ]
-
-
-def test_what_a_stage_notes_of_a_part_is_a_note(plans: list[SubjectPlan], tmp_path: Path) -> None:
-    whole, without = (plans[0].part("right", "whole-hand", task) for task in ("", "pinch"))
-    path = plans[0].fit_table("right", "whole-hand", "receivers")
-    with parts_writer(path, RECEIVERS, Provenance()) as writer:
-        for part in (whole, without):
-            writer.rows(part, [], note="fitted alone" if part == whole else "without a task")
-    notes = [row for row in gathered(tmp_path)["problems"] if row["stage"] == "fit_hand"]
-    assert [(*whose(row), row["kind"], row["severity"], row["message"]) for row in notes] == [
-        ("01", "right", "whole-hand", "skeleton", "note", "fitted alone")
-    ]
-
-
-def test_what_a_fit_says_of_a_receiver_is_a_note(plans: list[SubjectPlan], tmp_path: Path) -> None:
-    rows = [
-        row_of(RECEIVERS, segment="index_distal", status="ok", message="not touched"),
-        row_of(RECEIVERS, segment="ring_middle", status="weak", message="came loose", loose_kind="step"),
-        row_of(RECEIVERS, segment="ring_proximal", status="weak", message="slid", loose_kind="slide"),
-        *(
-            row_of(RECEIVERS, segment=segment, status="weak", message="disturbed", loose_kind="field")
-            | {"loose_shift_mm": mm, "loose_turn_deg": 3.0, "left_out_share": 0.123}
-            | {"field_x_mm": 120.4, "field_y_mm": -80.0, "field_z_mm": 5.0}
-            for segment, mm in (("middle_distal", 8.06), ("index_middle", 4.0))
-        ),
-        row_of(RECEIVERS, segment="ring_distal", status="failed", message="no valid pose"),
-        row_of(RECEIVERS, segment="hand", status="ok"),
-    ]
-    part = plans[0].part("right", "whole-hand")
-    with parts_writer(plans[0].fit_table("right", "whole-hand", "receivers"), RECEIVERS, Provenance()) as own:
-        own.rows(part, [row | vars(part) for row in rows])
-    notes = [row for row in gathered(tmp_path)["problems"] if row["stage"] == "fit_hand"]
-    assert [(row["hand"], row["kind"], row["severity"], row["message"]) for row in notes] == [
-        ("right", "receiver", "note", "index_distal: not touched"),
-        ("right", "receiver-loose", "note", "ring_middle: came loose"),
-        ("right", "receiver-slid", "note", "ring_proximal: slid"),
-        (
-            "right",
-            "field-disturbed",
-            "note",
-            "the field is disturbed near (120, -80, 5) mm, as by metal: 2 receivers are off by up to 8.1 mm "
-            "and 3 deg there (middle_distal, index_middle); 12 % of a receiver's frames, at the most, were "
-            "left out",
-        ),
     ]
 
 

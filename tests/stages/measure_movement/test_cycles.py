@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from stages.measure_movement.cycles import Cycle, cut_cycles, mean_curves, normalised, within_recording
+from shukotsu.stages.measure_movement.cycles import (
+    Cycle,
+    cut_cycles,
+    mean_curves,
+    normalised,
+    within_recording,
+)
 
 STEP_S = 1 / 240
 NAN = float("nan")
@@ -37,12 +43,6 @@ def test_a_cycle_is_read_at_its_own_percents(duration_s: float) -> None:
     np.testing.assert_allclose(found, np.column_stack([expected, 2 * expected]))
 
 
-def test_a_cycle_from_the_first_frame_to_the_last_is_whole() -> None:
-    time_s = np.arange(240) * STEP_S
-    found = normalised(time_s[:, None], time_s, Cycle("tap", 0, 0.0, time_s[-1]))
-    np.testing.assert_allclose(found[:, 0], np.linspace(0, time_s[-1], 101), atol=1e-12)
-
-
 def test_a_gap_leaves_out_the_column_and_the_cycle_that_it_is_in() -> None:
     time_s = np.arange(720) * STEP_S
     values = np.column_stack([np.sin(2 * np.pi * time_s), np.cos(2 * np.pi * time_s)])
@@ -53,13 +53,3 @@ def test_a_gap_leaves_out_the_column_and_the_cycle_that_it_is_in() -> None:
     assert count.tolist() == [3, 2]
     np.testing.assert_allclose(mean[:, 1], curves[[0, 2], :, 1].mean(0))
     np.testing.assert_allclose(sd[:, 0], curves[:, :, 0].std(0, ddof=1), atol=1e-12)
-
-
-def test_one_cycle_has_no_spread_and_none_has_no_mean() -> None:
-    curves = np.full((2, 101, 2), np.nan)
-    curves[0, :, 0] = 5.0
-    mean, sd, count = mean_curves(curves)
-    assert count.tolist() == [1, 0]
-    assert (mean[:, 0] == 5.0).all()
-    assert np.isnan(mean[:, 1]).all()
-    assert np.isnan(sd).all()

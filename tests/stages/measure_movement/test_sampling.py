@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stages.measure_movement.sampling import MOST_GAP_S, bridged, grid_of
+from shukotsu.stages.measure_movement.sampling import MOST_GAP_S, bridged, grid_of
 
 STEP_S = 1 / 240
 
@@ -17,27 +17,6 @@ def test_lost_frames_leave_empty_places() -> None:
     spread = grid.spread(np.arange(5.0)[:, None])
     assert np.isnan(spread[:, 0]).tolist() == [False, False, False, True, True, False, False]
     assert spread[grid.place, 0].tolist() == [0, 1, 2, 3, 4]
-
-
-def test_an_hours_pause_takes_a_seconds_room() -> None:
-    time_s = np.concatenate([np.arange(100) * STEP_S, 3600 + np.arange(100) * STEP_S])
-    grid = grid_of(time_s)
-    assert grid is not None
-    assert grid.count == 199 + 240
-
-
-@pytest.mark.parametrize("time_s", [np.full(9, np.nan), np.zeros(9), np.empty(0), np.ones(1)])
-def test_frames_without_times_have_no_grid(time_s: np.ndarray) -> None:
-    assert grid_of(time_s) is None
-
-
-def test_an_unknown_time_is_a_frame_after_the_last() -> None:
-    time_s = np.arange(20) * STEP_S
-    time_s[7] = np.nan
-    grid = grid_of(time_s)
-    assert grid is not None
-    assert grid.place.tolist() == list(range(20))
-    np.testing.assert_allclose(grid.times(time_s), np.arange(20) * STEP_S)
 
 
 def _stamped(kind: str) -> tuple[np.ndarray, np.ndarray]:
@@ -64,10 +43,6 @@ def test_the_rate_is_that_of_the_frames_whatever_their_stamps(kind: str) -> None
     assert grid is not None
     assert grid.step_s == pytest.approx(STEP_S, rel=1e-3)
     assert grid.place.tolist() == (frame - frame[0]).tolist()
-
-
-def test_times_that_run_back_and_forth_have_no_grid() -> None:
-    assert grid_of(np.array([0.0, 1.0, 0.0, 1.0, 0.0])) is None
 
 
 def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:

@@ -5,8 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from skeleton.rotations import Array
-from stages.measure_movement.smoothness import STRETCH_S, median_smoothness, runs, spectral_arc_length
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.measure_movement.smoothness import (
+    STRETCH_S,
+    median_smoothness,
+    spectral_arc_length,
+)
 
 STEP_S = 1 / 240
 
@@ -54,10 +58,6 @@ def test_size_and_duration_do_not_count_and_stops_do() -> None:
     assert spectral_arc_length(twice, STEP_S) < reach - 0.5
 
 
-def test_what_does_not_move_has_none() -> None:
-    assert np.isnan(spectral_arc_length(np.zeros(240), STEP_S))
-
-
 def test_stretches_are_cut_between_gaps() -> None:
     length = round(STRETCH_S / STEP_S)
     speeds = 1 + np.sin(np.arange(3 * length) * STEP_S * 7)
@@ -65,8 +65,3 @@ def test_stretches_are_cut_between_gaps() -> None:
     expected = spectral_arc_length(speeds[length // 2 + 1 : length // 2 + 1 + length], STEP_S)
     assert median_smoothness(speeds[: 2 * length], STEP_S) == pytest.approx(expected)
     assert np.isnan(median_smoothness(speeds[:length], STEP_S))
-
-
-def test_runs_of_a_condition() -> None:
-    assert runs(np.array([True, True, False, True])) == [(0, 2), (3, 4)]
-    assert runs(np.array([False])) == []

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from chains import chain_layout, moments_of, random_chain
 
-from anatomy.average_hand import UNKNOWN_SLIDE_SD_MM
-from schemas.layout import read_layout
-from skeleton.rotations import rotate
-from stages.project_planes.plane import Projection, centre_sd_mm
-from stages.project_planes.unseen_error import NEIGHBOUR_RANGE_DEG, unseen_covariance
-from stages.solve_joints.closed import solve_closed
+from shukotsu.anatomy.average_hand import UNKNOWN_SLIDE_SD_MM
+from shukotsu.schemas.layout import read_layout
+from shukotsu.skeleton.rotations import rotate
+from shukotsu.stages.project_planes.plane import Projection, centre_sd_mm
+from shukotsu.stages.project_planes.unseen_error import NEIGHBOUR_RANGE_DEG, unseen_covariance
+from shukotsu.stages.solve_joints.closed import solve_closed
 
 HAND = read_layout("liberty16")
 

@@ -10,10 +10,10 @@ from report_samples.hand_tables import write_tips
 from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.rendered import subject_page, whole_report
 
-from schemas.results import Results
-from schemas.study import Study, read_study
-from stages.report.study_page import render_study
-from stages.report.study_results import StudyResults, read_results
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import Study, read_study
+from shukotsu.stages.report.study_page import render_study
+from shukotsu.stages.report.study_results import StudyResults, read_results
 
 
 @pytest.fixture(scope="session")

@@ -15,10 +15,10 @@ from report_samples.hand_tables import write_subject_tables
 from report_samples.made_movement import write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
 
-from schemas.results import Results
-from schemas.study import read_study
-from stages.report.__main__ import main
-from stages.report.subject import main as subject_main
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import read_study
+from shukotsu.stages.report.__main__ import main
+from shukotsu.stages.report.subject import main as subject_main
 
 pytestmark = pytest.mark.tools
 TOOLS = Path(os.environ.get("SHUKOTSU_TOOLS", Path(__file__).parents[3] / ".tools"))

@@ -6,11 +6,12 @@ from typing import Any
 
 import pytest
 
-from schemas import verdict
-from schemas.layout import read_layout
-from schemas.verdict import LIMITS, UNJUDGED, noted
-from stages.report.belief import BELIEVED, CARE, NOT, belief, reasons_of, wanted_text
-from stages.report.wording import FOREIGN, speaking
+from shukotsu.schemas import verdict
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.verdict import LIMITS, UNJUDGED, noted
+from shukotsu.sentences.translation import FOREIGN
+from shukotsu.stages.report.belief import BELIEVED, CARE, NOT, belief, reasons_of, wanted_text
+from shukotsu.stages.report.wording import speaking
 
 VALUES: dict[str, dict[str, Any]] = {
     verdict.FAR: {"what": "palm width", "sd": 6.4},

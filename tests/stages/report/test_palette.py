@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from stages.report.palette import DIGIT_HUES, HUES, MARKERS, MODEL_HUES, css, model_looks
+from shukotsu.stages.report.palette import DIGIT_HUES, HUES, MODEL_HUES
 
 VISION = {
     "usual": np.eye(3),
@@ -35,26 +35,3 @@ def test_colours_are_apart_to_every_reader(hues: tuple[str, ...], theme: int, vi
     """15 units of CIELAB: several times what is just noticed side by side."""
     seen = {hue: lab(HUES[hue][theme], vision) for hue in hues}
     assert min(np.linalg.norm(seen[a] - seen[b]) for a, b in combinations(hues, 2)) > 15
-
-
-@pytest.mark.parametrize("vision", VISION)
-@pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
-def test_no_model_looks_like_a_digit(theme: int, vision: str) -> None:
-    models, digits = ([lab(HUES[hue][theme], vision) for hue in hues] for hues in (MODEL_HUES, DIGIT_HUES))
-    assert min(np.linalg.norm(model - digit) for model in models for digit in digits) > 10
-
-
-def test_models_differ_in_colour_or_mark() -> None:
-    names = [f"model {n}" for n in range(len(MODEL_HUES) * len(MARKERS))]
-    assert len(set(model_looks(names).values())) == len(names)
-
-
-def test_pages_have_every_colour_in_both_themes() -> None:
-    light, dark, paper = css().strip().splitlines()
-    for name, values in HUES.items():
-        assert f"--{name}: {values[0]};" in light
-        assert f"--{name}: {values[1]};" in dark
-        assert f"--{name}: " in paper
-    for kind, hues in (("digit", DIGIT_HUES), ("model", MODEL_HUES)):
-        for index, hue in enumerate(hues):
-            assert f"--{kind}{index}: var(--{hue});" in light

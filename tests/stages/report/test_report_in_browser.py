@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from browser import WatchedPage, watched
@@ -11,13 +10,13 @@ from playwright.sync_api import Browser
 from report_samples.hand_tables import write_subject_tables, write_tips
 from report_samples.made_study import make_study
 
-from schemas.files import write_text
-from schemas.results import Results
-from schemas.study import Study, read_study
-from stages import command_line
-from stages.report.study_page import render_study
-from stages.report.study_results import read_results
-from stages.report.subject import build_parser, record_failure, write_pages
+from shukotsu.files.whole_files import write_text
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import Study, read_study
+from shukotsu.stages import command_line
+from shukotsu.stages.report.study_page import render_study
+from shukotsu.stages.report.study_results import read_results
+from shukotsu.stages.report.subject import build_parser, record_failure, write_pages
 
 pytestmark = pytest.mark.slow
 
@@ -79,14 +78,6 @@ def test_through_the_subjects_one_after_the_other(opened: WatchedPage) -> None:
     ]
 
 
-def test_a_recording_that_failed_says_so(opened: WatchedPage, report: tuple[Study, Results]) -> None:
-    study, paths = report
-    failed = next(r for r in study.shown if (r.hand.subject, r.hand.hand) == ("plain", "left"))
-    opened.page.goto(Path(paths.recording_page(failed)).as_uri())
-    assert "poses.parquet: no such file" in opened.page.locator("main").inner_text()
-    assert opened.page.locator("[data-hand-viewer]").count() == 0
-
-
 @pytest.mark.parametrize("width", [390, 1280, 1920])
 def test_no_page_is_wider_than_its_window(
     browser: Browser, report: tuple[Study, Results], width: int
@@ -96,18 +87,6 @@ def test_no_page_is_wider_than_its_window(
         with watched(browser, viewport={"width": width, "height": 900}) as page:
             page.open(path)
             assert page.value("document.documentElement.scrollWidth") <= width
-
-
-MOST_SCREENS = 4
-
-
-def test_a_subjects_page_is_four_screens_until_something_is_unfolded(
-    browser: Browser, report: tuple[Study, Results]
-) -> None:
-    with watched(browser) as page:
-        page.open(report[1].subject_page("plain"))
-        height = page.value("document.documentElement.scrollHeight")
-        assert height <= MOST_SCREENS * page.page.viewport_size["height"]
 
 
 def test_a_joint_in_the_picture_leads_to_its_row(browser: Browser, report: tuple[Study, Results]) -> None:

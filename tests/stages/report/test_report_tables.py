@@ -8,15 +8,16 @@ from pathlib import Path
 import pytest
 from report_samples.read_page import rows_where
 
-from schemas.findings import NOTE, problem_row, worded
-from schemas.model import read_model
-from stages import command_line
-from stages.report.__main__ import build_parser, record_failure, report
-from stages.report.headline import headline, mean_tip_errors
-from stages.report.paper_tables import own_table, printed_table
-from stages.report.study_results import StudyResults
-from stages.report.table_cells import counted, listed, number
-from stages.report.terminal import WIDTH, terminal_tables
+from shukotsu.schemas.findings import NOTE, problem_row, worded
+from shukotsu.schemas.model import read_model
+from shukotsu.sentences.translation import listed, ngettext
+from shukotsu.stages import command_line
+from shukotsu.stages.report.__main__ import build_parser, record_failure, report
+from shukotsu.stages.report.headline import headline, mean_tip_errors
+from shukotsu.stages.report.paper_tables import own_table, printed_table
+from shukotsu.stages.report.study_results import StudyResults
+from shukotsu.stages.report.table_cells import number
+from shukotsu.stages.report.terminal import WIDTH, terminal_tables
 
 
 def _run(*words: str) -> int:
@@ -121,4 +122,4 @@ def test_words_and_numbers() -> None:
         "-0.50",
     ]
     assert [listed(w) for w in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == ["", "a", "a and b", "a, b and c"]
-    assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
+    assert [ngettext("{n} frame", "{n} frames", n) for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]

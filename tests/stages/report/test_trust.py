@@ -9,12 +9,12 @@ import pytest
 from report_samples.read_page import read_page, table_called
 from report_samples.rendered import subject_page
 
-from schemas.layout import FINGER_MM
-from schemas.study import Hand
-from schemas.verdict import UNJUDGED, judged_joint
-from stages.report.belief import BELIEVED, CARE, NOT, commonest, joints_text
-from stages.report.study_results import Row, StudyResults
-from stages.report.trust import APART_MM, believed_text, joint_anchor, study_trust_table, verdicts
+from shukotsu.schemas.layout import FINGER_MM
+from shukotsu.schemas.study import Hand
+from shukotsu.schemas.verdict import UNJUDGED, judged_joint
+from shukotsu.stages.report.belief import BELIEVED, CARE, NOT
+from shukotsu.stages.report.study_results import Row, StudyResults
+from shukotsu.stages.report.trust import believed_text, joint_anchor, study_trust_table, verdicts
 
 LEFT = Hand("S01", "left")
 
@@ -55,36 +55,6 @@ def test_the_words_are_of_the_columns(
 ) -> None:
     changed = _with(fitted, model, "index_pip", **changes)
     assert _verdict(changed, model, "index_pip") == (believed, why)
-
-
-def test_what_holds_of_most_hands() -> None:
-    assert commonest([BELIEVED, NOT]) == NOT
-    assert commonest([BELIEVED, CARE, NOT]) == CARE
-    assert commonest([BELIEVED, BELIEVED, NOT]) == BELIEVED
-
-
-def test_joints_in_words() -> None:
-    joints = ("thumb_cmc", "index_mcp", "index_pip", "ring_mcp", "ring_pip", "wrist")
-    assert joints_text(joints) == "CMC of thumb; MCP and PIP of index and ring; wrist"
-
-
-def test_the_farthest_other_model(fitted: StudyResults) -> None:
-    """The distance in the frame of the receiver that both ride on; none where the other failed."""
-    rows = {(r["model"], r["hand"], r["joint"]): r for r in fitted.joints}
-    own, other = (rows[model, "left", "index_pip"] for model in ("whole-hand", "paper-fig4"))
-    moved = {
-        f"child_{axis}_mm": own[f"child_{axis}_mm"] + step
-        for axis, step in zip("xyz", (3, 4, 12), strict=True)
-    }
-    changed = _with(fitted, "paper-fig4", "index_pip", **moved)
-    (found,) = [v for v in verdicts(changed, LEFT, "whole-hand") if v.joint == "index_pip"]
-    assert other["child_segment"] == own["child_segment"]
-    assert found.apart_model == "paper-fig4"
-    assert found.apart_mm == pytest.approx(13.0)
-    assert found.apart_mm > APART_MM
-    failed = _with(changed, "paper-fig4", "index_pip", status="failed")
-    (gone,) = [v for v in verdicts(failed, LEFT, "whole-hand") if v.joint == "index_pip"]
-    assert gone.apart_mm is None
 
 
 def test_the_page_says_it_in_words(fitted: StudyResults) -> None:

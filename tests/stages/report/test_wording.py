@@ -2,254 +2,95 @@
 
 from __future__ import annotations
 
-import ast
 import re
-from collections.abc import Iterator
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from finding_examples import examples
+from babel.messages.catalog import Catalog
+from babel.messages.catalog import Message as Translation
+from babel.messages.extract import DEFAULT_KEYWORDS, extract_from_dir
+from babel.messages.frontend import parse_mapping_cfg
+from babel.messages.pofile import read_po, write_po
 from matplotlib import font_manager
 from report_samples.made_movement import write_movement
 from report_samples.many_subjects import many_subjects
 from report_samples.rendered import whole_report
 
-from schemas.advice import ADVICE, ENOUGH, MOVE, advice_text
-from schemas.config_files import json_schema
-from schemas.errors import InputError
-from schemas.finding_groups import row_sentence, row_what
-from schemas.finding_sentences import templates as templates_of_findings
-from schemas.findings import KINDS, NOTE, Finding, same_file, unchecked
-from schemas.study import Hand, Study, read_study
-from stages.report import subject, templates, wording
-from stages.report.movement_page.movement_page import render_movement
-from stages.report.movement_page.movement_results import read_movement
-from stages.report.print_figures import style
-from stages.report.recording_page.recording_content import recording_page
-from stages.report.recording_results import read_recording
-from stages.report.study_page import render_failure, render_study
-from stages.report.study_results import StudyResults, read_results
-from stages.report.templates import texts_of
-from stages.report.wording import END, FOREIGN, Catalogue, catalogue_of, full_name, say, speaking, told, word
+from shukotsu.errors import InputError
+from shukotsu.schemas.finding_groups import row_message
+from shukotsu.schemas.findings import NOTE, Finding
+from shukotsu.schemas.study import Hand, Study, read_study
+from shukotsu.sentences.messages import message_of, translated
+from shukotsu.sentences.translation import END, FOREIGN, full_name, ngettext, tr, word
+from shukotsu.stages.report import subject, templates, wording
+from shukotsu.stages.report.movement_page.movement_page import render_movement
+from shukotsu.stages.report.movement_page.movement_results import read_movement
+from shukotsu.stages.report.plots import style
+from shukotsu.stages.report.recording_page.recording_content import recording_page
+from shukotsu.stages.report.recording_results import read_recording
+from shukotsu.stages.report.study_page import render_study
+from shukotsu.stages.report.study_results import StudyResults, read_results
+from shukotsu.stages.report.wording import languages, speaking
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 REPORT = REPOSITORY / "stages" / "report"
-OTHERS = [language for language in json_schema("study")["properties"]["language"]["enum"] if language != "en"]
-
-GRAMMAR = {"verb", "are"}
-"""Placeholders of English grammar, which another language may leave out."""
-MESSAGE_MAKERS = (
-    "stages/solve_joints/anatomical.py",
-    "stages/solve_joints/solve.py",
-    "stages/project_planes/place.py",
-    "stages/fit_hand/posterior_summary.py",
-    "stages/fit_hand/hand_tables.py",
-    "stages/estimate_metacarpals/wrist_row.py",
-    "stages/evaluate_tips/tip_tables.py",
-    "stages/compare_movement/level_differences.py",
-)
-"""Where the sentences are made that come with the tables."""
-NOT_MESSAGES = ("fit, corrected by hand", "fit of the whole hand")
+OTHERS = languages()[1:]
 
 
-@pytest.fixture(params=OTHERS)
-def catalogue(request: pytest.FixtureRequest) -> Catalogue:
-    """Every language's catalogue."""
-    return catalogue_of(request.param)
+def _extracted() -> set[str]:
+    """Give all that is to be translated, as `pybabel extract` finds it (docs/languages.md)."""
+    with (REPOSITORY / "babel.cfg").open(encoding="utf-8") as stream:
+        methods, options = parse_mapping_cfg(stream)
+    keywords = DEFAULT_KEYWORDS | {"tr": None, "N_": None, "plural": (1, 2)}
+    found = extract_from_dir(REPOSITORY, methods, options, keywords)
+    return {message[0] if isinstance(message, tuple) else message for _, _, message, _, _ in found}
 
 
-def _said() -> set[str]:
-    """Every sentence of the report's code, and of findings."""
-    trees = (ast.parse(path.read_text("utf-8")) for path in REPORT.rglob("*.py"))
-    return {*templates_of_findings(), *(kind.meaning for kind in KINDS.values())} | {
-        str(node.args[0].value)
-        for tree in trees
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Name)
-        and node.func.id in ("say", "mark")
-        and node.args
-        and isinstance(node.args[0], ast.Constant)
-    }
+@cache
+def _catalogue(code: str) -> Catalog:
+    with (wording.CATALOGUES / f"{code}.po").open(encoding="utf-8") as stream:
+        return read_po(stream)
 
 
-def _counted() -> set[str]:
-    """Every thing that the report's code counts."""
-    trees = (ast.parse(path.read_text("utf-8")) for path in REPORT.rglob("*.py"))
-    calls = (node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Call))
-    named = (call for call in calls if isinstance(call.func, ast.Name) and call.func.id == "counted")
-    return {str(call.args[1].value) for call in named if isinstance(call.args[1], ast.Constant)}
-
-
-def _in_templates() -> set[str]:
-    """Every text of the templates that says something: no file's name, no number, no value."""
-    texts = {text for path in REPORT.rglob("*.j2") for text in texts_of(path.read_text("utf-8"))}
-    values = re.compile(r"\{\{[^\"]*?\}\}")
-    return {
-        text
-        for text in texts
-        if re.search(r"[A-Za-z]{2}", values.sub("", text))
-        and not re.search(r"\.(css|js|html\.j2)$|^xyz$|^en$|auto-phrase|(figure_of|by-joint)", text)
-    }
+def _texts(message: Translation) -> tuple[list[str], list[str]]:
+    """Give the English texts of a message, and its translations."""
+    english, own = message.id, message.string
+    return [*english] if isinstance(english, tuple) else [english], [*own] if isinstance(own, tuple) else [
+        own
+    ]
 
 
 def _places(text: str) -> set[str]:
-    return set(re.findall(r"\{(\w*)(?::[^}]*)?\}", text))
+    return {a or b for a, b in re.findall(r"\{(\w*)(?::[^}]*)?\}|%\((\w+)\)s", text)}
 
 
-def test_every_sentence_has_a_translation_and_every_translation_a_sentence(catalogue: Catalogue) -> None:
-    said = _said()
-    assert sorted(said - set(catalogue.sentences)) == []
-    assert sorted(set(catalogue.sentences) - said) == []
+@pytest.mark.parametrize("code", OTHERS)
+def test_every_text_has_a_translation_and_every_translation_a_text(code: str) -> None:
+    known = {_texts(message)[0][0]: _texts(message)[1] for message in _catalogue(code) if message.id}
+    wanted = _extracted()
+    assert (sorted(wanted - known.keys()), sorted(known.keys() - wanted)) == ([], [])
+    assert [english for english, own in known.items() if not all(own)] == []
 
 
-def test_everything_counted_has_a_translation(catalogue: Catalogue) -> None:
-    wanted = {f"{{count}} {thing}" for thing in _counted()}
-    assert sorted(wanted ^ set(catalogue.counts)) == ["{count} receiver"]  # named by an argument
+@pytest.mark.parametrize("code", OTHERS)
+def test_a_translation_has_the_placeholders_of_its_text(code: str) -> None:
+    for english, translations in (_texts(message) for message in _catalogue(code) if message.id):
+        for own in translations:
+            assert _places(own) in [_places(text) for text in english], english
+            assert not re.search(r"[<>]", own), english
 
 
-def test_every_text_of_the_templates_has_a_translation(catalogue: Catalogue) -> None:
-    texts = _in_templates()
-    assert sorted(texts - set(catalogue.pages)) == []
-    assert sorted(set(catalogue.pages) - texts - {"{{ " + "x }}"}) == []
-
-
-def test_every_translated_string_of_a_script_is_in_one(catalogue: Catalogue) -> None:
+def test_a_script_says_nothing_in_words_of_its_own() -> None:
     source = "".join(path.read_text("utf-8") for path in REPORT.rglob("*.js"))
-    lost = [text for text in catalogue.scripts if f'"{text}"' not in source and f"`{text}`" not in source]
-    assert lost == []
+    assert set(re.findall(r'"([a-zA-Z][a-z]+(?: [a-zA-Z]+)+[^"\n]*)"', source)) == {"use strict"}
+    assert set(re.findall(r'wording\((?:[\w.]+ \? )?"(\w+)"', source)) <= templates.SCRIPT_TEXTS.keys()
 
 
-def test_a_translated_string_of_a_script_is_as_whole_as_it_was(catalogue: Catalogue) -> None:
-    """The same expressions, and nothing that would end the string."""
-    inside = re.compile(r"\$\{[^}]*\}")
-    for english, own in catalogue.scripts.items():
-        assert sorted(inside.findall(own)) == sorted(inside.findall(english)), english
-        assert not re.search(r'["`\\\n]', own), english
-
-
-def test_a_translated_text_of_a_template_ends_no_attribute(catalogue: Catalogue) -> None:
-    for english, own in catalogue.pages.items():
-        assert own.count('"') == english.count('"'), english
-        assert not re.search(r"[<>]", own), english
-
-
-def test_a_script_says_nothing_else_in_words(catalogue: Catalogue) -> None:
-    source = "".join(path.read_text("utf-8") for path in REPORT.rglob("*.js"))
-    strings = set(re.findall(r'"([a-zA-Z][a-z]+(?: [a-zA-Z]+)+[^"\n]*)"', source))
-    own = {text for text in strings if text not in catalogue.scripts}
-    assert own == {"use strict"}
-
-
-def test_a_translation_has_the_placeholders_of_its_sentence(catalogue: Catalogue) -> None:
-    for kind in (catalogue.sentences, catalogue.counts):
-        for english, own in kind.items():
-            assert _places(own) <= _places(english), english
-            assert _places(english) - _places(own) <= GRAMMAR, english
-
-
-def _expressions(text: str) -> list[str]:
-    """What a template's text puts in: names in its expressions, texts and functions of the language aside."""
-    inside = " ".join(re.findall(r"\{\{(.*?)\}\}", text))
-    return sorted(set(re.findall(r"[a-z_][a-z_.]*", re.sub(r"\"[^\"]*\"", "", inside))) - {"say", "told"})
-
-
-def test_a_translated_text_of_a_template_keeps_its_expressions(catalogue: Catalogue) -> None:
-    for english, own in catalogue.pages.items():
-        assert _expressions(own) == _expressions(english), english
-
-
-def test_a_pattern_puts_in_what_it_finds(catalogue: Catalogue) -> None:
-    for pattern, own in catalogue.messages:
-        assert _places(own) <= set(pattern.groupindex), pattern.pattern
-
-
-def _fragments(path: Path) -> Iterator[str]:
-    """Literal pieces of sentences in a module, docstrings aside."""
-    tree = ast.parse(path.read_text("utf-8"))
-    documented = {
-        id(node.value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-    }
-    for node in ast.walk(tree):
-        text = node.value if isinstance(node, ast.Constant) else None
-        if isinstance(text, str) and id(node) not in documented and re.search(r"[a-z]+ [a-z]+ [a-z]+", text):
-            yield text.strip(" .,:;(){}`")
-
-
-@pytest.mark.parametrize("path", MESSAGE_MAKERS)
-def test_every_sentence_that_comes_with_the_tables_has_a_pattern(path: str, catalogue: Catalogue) -> None:
-    known = " ".join(re.sub(r"\\(.)", r"\1", pattern.pattern) for pattern, _ in catalogue.messages).lower()
-    lacking = [text for text in _fragments(REPOSITORY / path) if text.lower() not in known]
-    with speaking(catalogue.language):
-        assert [text for text in lacking if text not in NOT_MESSAGES and FOREIGN in told(text)] == []
-
-
-def _texts_of_the_project() -> str:
-    """Every text of the code and of the models that ship, spaces as one."""
-    paths = [
-        path
-        for room in ("stages", "checks", "schemas", "skeleton")
-        for path in (REPOSITORY / room).rglob("*.py")
-    ]
-    trees = (ast.parse(path.read_text("utf-8")) for path in paths)
-    constants = (node.value for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant))
-    models = (path.read_text("utf-8") for path in (REPOSITORY / "config" / "models").glob("*.yaml"))
-    return " ".join([*(text for text in constants if isinstance(text, str)), *models]).lower()
-
-
-def test_every_pattern_is_of_a_sentence_that_the_project_makes(catalogue: Catalogue) -> None:
-    made = _texts_of_the_project()
-    for pattern, _ in catalogue.messages:
-        pieces = re.split(r"\(\?P[<=][^)]*\)", re.sub(r"\\(.)", r"\1", pattern.pattern))
-        words = max((piece.strip(" .,:;()`{}").lower() for piece in pieces), key=len).split()
-        runs = [" ".join(words[place : place + 3]) for place in range(max(1, len(words) - 2))]
-        assert any(run.strip(",.;:") in made for run in runs), pattern.pattern
-
-
-STANDS = same_file("right", "rom").columns
-"""A finding that advice quotes."""
-
-ADVICE_VALUES = {
-    "wanted_deg": 30.0,
-    "gap_mm": 8.71,
-    "sd_mm": 353.6,
-    "enough_mm": 3.4,
-    "parent": "hand",
-    "child": "index_proximal",
-    "finding": row_what(STANDS),
-}
-EXAMPLES = (
-    *(advice_text("index_mcp", kind, ADVICE_VALUES) for kind in ADVICE if kind != ENOUGH),
-    advice_text("elbow", MOVE, ADVICE_VALUES),
-    "the axis lies in the plane that should cut it",
-    "the point that keeps its distance from 4 MCP joints",
-    "no receiver on ring_middle or ring_distal: no worn receiver carries the centre; what is known is in "
-    "bone_lengths and bone_poses",
-)
-
-
-@pytest.mark.parametrize("message", EXAMPLES)
-def test_sentences_that_come_with_the_tables_are_told_whole(message: str) -> None:
-    with speaking("ja", [STANDS]):
-        said = told(message)
-    assert FOREIGN not in said
-    assert re.search("[ぁ-ん]", said)
-    assert not re.search(r"[a-z]+ [a-z]+ [a-z]+", re.sub("`[^`]*`", "", said))
-
-
-def test_numbers_and_joints_of_a_message_are_kept() -> None:
+def test_a_sentence_of_another_program_stays_english_and_says_so() -> None:
     with speaking("ja"):
-        said = told("ring_distal and hand have 1 valid frames in common; expected 2 or more")
-    assert said.startswith("環指末節骨と")
-    assert "フレームは 1 である" in said
-
-
-def test_a_sentence_without_a_pattern_stays_english_and_says_so() -> None:
-    with speaking("ja"):
-        page = wording.typeset(f'<p title="{told("Rain fell")}">{told("Rain fell & wet")}</p>')
+        page = wording.typeset(f'<p title="{translated("Rain fell")}">{translated("Rain fell & wet")}</p>')
     assert page == '<p title="Rain fell"><span lang="en">Rain fell & wet</span></p>'
 
 
@@ -262,14 +103,8 @@ def test_a_joint_is_named_with_its_abbreviation() -> None:
 
 def test_a_hand_is_named_in_a_sentence() -> None:
     with speaking("ja"):
-        assert say("{hand}", hand=Hand("01", "right")) == "被験者 01 の右手"
-    assert say("{hand}", hand=Hand("01", "right")) == "subject 01, right hand"
-
-
-def test_english_comes_back_after_another_language(results: StudyResults, study: Study, page: str) -> None:
-    with speaking("ja"):
-        assert whole_report(results, study) != page
-    assert whole_report(results, study) == page
+        assert tr("{hand}", hand=Hand("01", "right")) == "被験者 01 の右手"
+    assert tr("{hand}", hand=Hand("01", "right")) == "subject 01, right hand"
 
 
 class _Said(HTMLParser):
@@ -337,17 +172,6 @@ def test_nothing_of_a_japanese_report_is_left_in_english(
     assert not any(mark in page for page in pages for mark in (FOREIGN, END))
 
 
-def test_a_language_is_a_catalogue_and_a_value_of_the_key() -> None:
-    assert sorted(OTHERS) == sorted(path.stem for path in wording.CATALOGUES.glob("*.yaml"))
-
-
-def test_templates_of_another_language_are_the_same_but_for_what_they_say(catalogue: Catalogue) -> None:
-    for path in REPORT.rglob("*.j2"):
-        source = path.read_text("utf-8")
-        own = templates.in_language(path.name, source, catalogue)
-        assert re.findall(r"<[a-z]+|\{% *[a-z]+", own) == re.findall(r"<[a-z]+|\{% *[a-z]+", source)
-
-
 def test_where_no_font_writes_the_language_one_sentence_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -367,63 +191,36 @@ def test_a_page_in_an_unknown_language_is_refused(tmp_path: Path, capsys: pytest
     assert "xx" in capsys.readouterr().err
 
 
-def test_a_failure_is_told_in_the_language_of_the_study() -> None:
+def test_a_finding_that_a_message_quotes_is_given_by_its_values() -> None:
+    row = Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}).columns
     with speaking("ja"):
-        page = render_failure("no calibration recording")
-    assert "レポートを作成できなかった: キャリブレーション記録がない" in page
-
-
-MOVED = "it moved 4.2 mm and turned 3 deg on its bone"
-SAID_BY_STAGES = (
-    unchecked("internal error in stages.check_recordings (KeyError: 1); please report it with the log"),
-    *(
-        Finding(kind, NOTE, "", {"segment": "hand", "message": message})
-        for kind, message in (
-            ("receiver-loose", f"came loose in rom at 12.3 s: {MOVED}; 8 % of its frames were left out"),
-            (
-                "receiver-slid",
-                f"slid in rom between 3.0 s and 21.0 s: {MOVED}; all of its frames were used, as no joint "
-                "centre is the worse for it",
-            ),
-        )
-    ),
-)
-"""Findings that hold a sentence, as the stages make it."""
-FINDINGS = [
-    *(own for own in examples() if own.kind not in {stage.kind for stage in SAID_BY_STAGES}),
-    *SAID_BY_STAGES,
-]
-
-
-@pytest.mark.parametrize("finding", FINDINGS, ids=lambda own: f"{own.kind}-{own.variant}")
-def test_a_finding_is_said_whole_in_another_language(finding: Finding) -> None:
-    with speaking("ja"):
-        said = row_sentence(finding.columns, say)
-    assert FOREIGN not in said
-    assert not re.search(r"\{\w*\}|。。|\.。", said.replace("`", ""))
-    assert re.search("[ぁ-ん]", said)
-    assert not re.search(r"[a-z]+ [a-z]+ [a-z]+", re.sub("`[^`]*`", "", said))
-    numbers = [f"{value:.0f}" for value in finding.values.values() if isinstance(value, float) and value > 20]
-    assert all(number in said for number in numbers)
-
-
-def test_a_finding_that_a_message_quotes_is_said_by_its_values() -> None:
-    finding = Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}, "seen on video")
-    message = f"no valid pose in the calibration; {finding.message}"
-    with speaking("ja"):
-        assert FOREIGN in told(message)
-    with speaking("ja", [finding.columns]):
-        text = told(f"no calibration recording is left: {message}")
-        advice = told("nothing can be said before this is settled: This seems to be a right hand")
-    assert FOREIGN not in text
+        text = translated(message_of("no-calibration-left", finding=row_message(row, whole=True)))
+        advice = translated(message_of("finding-stands", finding=row_message(row)))
     assert "右手と考えられる" in text
-    assert "seen on video" in text
     assert advice == "これが解決するまで何も判定できない: 右手と考えられる"
 
 
-def test_what_is_to_be_written_into_a_file_stays_as_files_have_it() -> None:
-    with speaking("ja"):
-        text = row_sentence(Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}).columns, say)
-    assert "右手" in text
-    assert "`right`" in text
-    assert "--hand right" in text
+def _make_up(folder: Path) -> None:
+    """Write a catalogue of a made-up language with three forms of a plural: every text in angle quotes."""
+    made = Catalog(locale="lt", charset="utf-8")
+    for english, message in ((_texts(message)[0], message) for message in _catalogue("ja") if message.id):
+        forms = tuple(f"‹{text}›{n}" for n, text in enumerate([*english, english[-1]]))
+        made.add(message.id, forms if english[1:] else f"‹{english[0]}›")
+    with (folder / "lt.po").open("wb") as stream:
+        write_po(stream, made)
+
+
+def test_a_new_language_is_one_file(
+    results: StudyResults, study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _make_up(tmp_path)
+    monkeypatch.setattr(wording, "CATALOGUES", tmp_path)
+    assert languages() == ["en", "lt"]
+    with pytest.raises(InputError, match="language: is 'ja'; expected one of en, lt"):
+        wording.check_language("ja")
+    with speaking("lt"):
+        counts = [ngettext("{n} joint", "{n} joints", n) for n in (1, 2, 10)]
+        page = whole_report(results, study)
+    assert counts == ["‹1 joint›0", "‹2 joints›1", "‹10 joints›2"]
+    assert '<html lang="lt">' in page
+    assert ">‹Which joints to believe›</h2>" in page

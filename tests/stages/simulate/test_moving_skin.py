@@ -9,9 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anatomy.drawn_hands import (
-    HYSTERESIS,
-    LOOP_RAD,
+from shukotsu.anatomy.drawn_hands import (
     PHASE_SHARE,
     SLIDE_SD_MM,
     SLIP_MM,
@@ -19,18 +17,18 @@ from anatomy.drawn_hands import (
     TILT_SD,
     WANDER_MM,
 )
-from skeleton.rotations import Array, angle, conjugate, multiply, rotate, unit
-from stages.simulate.forward import bone_poses, relaxed_angles
-from stages.simulate.mounts import mounts_of
-from stages.simulate.moving_skin import Skin, on_skin, skin_of
-from stages.simulate.phase_lag_skin import shares
-from stages.simulate.polynomial_skin import hysteretic, polynomial
-from stages.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS, hand_of
-from stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, SKIN_LAWS, Realism
-from stages.simulate.simulation import LAWS, simulate
-from stages.simulate.task_motion import RATE_HZ, Motion
+from shukotsu.skeleton.rotations import Array, angle, conjugate, multiply, rotate, unit
+from shukotsu.stages.simulate.forward import bone_poses, relaxed_angles
+from shukotsu.stages.simulate.mounts import mounts_of
+from shukotsu.stages.simulate.moving_skin import Skin, on_skin, skin_of
+from shukotsu.stages.simulate.phase_lag_skin import shares
+from shukotsu.stages.simulate.polynomial_skin import polynomial
+from shukotsu.stages.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS, hand_of
+from shukotsu.stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, SKIN_LAWS, Realism
+from shukotsu.stages.simulate.simulation import LAWS, simulate
+from shukotsu.stages.simulate.task_motion import Motion
 
-MANY = 1500
+MANY = 300
 SEGMENTS = ("hand", "thumb_metacarpal", "index_proximal", "middle_proximal", "middle_middle", "middle_distal")
 
 
@@ -66,7 +64,7 @@ def moved(law: str, angles: Array, skin: Skin, seed: int = 0) -> tuple[Array, Ar
 )
 def test_laws_are_about_equally_large_at_one_radian(law: str, share: float) -> None:
     """Each of the size that its numbers say, and those from 0.7 to 1 of the usual size."""
-    slow = np.concatenate([np.linspace(0.0, 1.0, 1200), np.ones(900)])
+    slow = np.concatenate([np.linspace(0.0, 1.0, 600), np.ones(300)])
     slide, turn = moved(law, bent("index_pip", slow), many_receivers())
     assert 0.7 < share < 1.0
     np.testing.assert_allclose(slide[-1].std(0), share * np.array(SLIDE_SD_MM), rtol=0.15)
@@ -74,39 +72,14 @@ def test_laws_are_about_equally_large_at_one_radian(law: str, share: float) -> N
 
 
 def test_beyond_a_radian_only_the_usual_law_saturates() -> None:
-    slow = np.concatenate([np.linspace(0.0, 2.0, 2400), np.full(900, 2.0)])
+    slow = np.concatenate([np.linspace(0.0, 2.0, 800), np.full(300, 2.0)])
     growth = {}
     for law in SKIN_LAWS:
         slide, _ = moved(law, bent("index_pip", slow), many_receivers())
-        growth[law] = slide[-1].std() / slide[1200].std()
+        growth[law] = slide[-1].std() / slide[400].std()
     assert growth[SATURATING] < 1.4
     assert growth[PHASE_LAG] == pytest.approx(2.0, rel=0.1)
     assert growth[POLYNOMIAL] > 2.3
-
-
-@pytest.mark.parametrize("law", SKIN_LAWS)
-def test_a_hands_skin_is_its_own_and_a_recordings_wander_too(law: str) -> None:
-    """Other hands slide otherwise; another recording of the same hand differs by what follows no joint."""
-    skin = skin_of("01", "left", 3, SEGMENTS, 1.0)
-    angles = bent("middle_pip", np.linspace(0.0, 1.2, 480))
-    one, again, other = (moved(law, angles, skin, seed)[0] for seed in (0, 0, 5))
-    np.testing.assert_array_equal(one, again)
-    assert np.abs(one - other).max() > 0.2
-    law_of = LAWS[law]
-    first, second = (
-        law_of(angles, skin, np.random.default_rng(0), np.random.default_rng(seed))[0] for seed in (1, 2)
-    )
-    assert 0.1 < (first - second).std() < 3 * WANDER_MM
-
-
-def test_late_skin_follows_after_a_time() -> None:
-    """0.15 s after a joint has jumped, 63 % of the way."""
-    step = np.zeros(720)
-    step[240:] = 1.0
-    slide, _ = moved(PHASE_LAG, bent("index_pip", step), many_receivers())
-    path = slide[:, :, 0].std(1)
-    assert path[239] < 1e-9
-    assert path[240 + round(0.15 * RATE_HZ) - 1] / path[-1] == pytest.approx(1 - math.exp(-1), abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -131,19 +104,10 @@ def test_web_and_palm_pull_the_neighbours(joint: str, pulled: set[str]) -> None:
 
 def test_a_slipping_receiver_stays_where_it_slipped() -> None:
     """Without a joint that moves, the way from first to last frame is wander and slips."""
-    angles = np.zeros((4800, len(JOINTS), 3))
+    angles = np.zeros((2400, len(JOINTS), 3))
     slide, _ = polynomial(angles, many_receivers(), np.random.default_rng(0), np.random.default_rng(1))
     off = (slide[-1] - slide[0]).std()
     assert off == pytest.approx(math.sqrt(2 * WANDER_MM**2 + SLIPS * SLIP_MM**2), rel=0.15)
-
-
-def test_hysteresis_depends_on_the_way_and_not_on_the_pace() -> None:
-    there_and_back = np.concatenate([np.linspace(0, 1.5, 400), np.linspace(1.5, 0, 400)])
-    slow = np.concatenate([np.linspace(0, 1.5, 4000), np.linspace(1.5, 0, 4000)])
-    fast, paced = hysteretic(there_and_back), hysteretic(slow)
-    assert fast[300] == pytest.approx(paced[3003], abs=5e-3)
-    assert fast[300] - there_and_back[300] == pytest.approx(HYSTERESIS * LOOP_RAD, rel=0.1)
-    assert fast[300] - fast[499] > 0.1  # the same angle, on the way there and on the way back
 
 
 def thumb_lags(subject: str, side: str) -> tuple[float, float]:
@@ -192,7 +156,7 @@ def test_on_the_relaxed_hand_receivers_are_where_they_were_put(law: str) -> None
     spread = {}
     for posture in ("relaxed", "straight"):
         along = []
-        for i in range(60):
+        for i in range(20):
             own = relaxed_angles(hand_of(f"{i:02d}", "right", 3, realism), realism)
             still = np.tile(own if posture == "relaxed" else np.zeros_like(own), (2, 1, 1))
             made = simulate(

@@ -9,12 +9,9 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 
-from anatomy import drawn_hands
-from schemas.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, POSES, TIPS
-from schemas.tables import read_metadata, read_table, rows_of
-from stages.capture import import_recording
-from stages.simulate import realism
-from stages.simulate.__main__ import ANATOMIES, SKIN_LAWS, main
+from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
+from shukotsu.schemas.tables import read_metadata, read_table, rows_of
+from shukotsu.stages.simulate.__main__ import main
 
 COLUMNS = ["frame", "time_s", "segment", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
 
@@ -77,11 +74,6 @@ def test_truth_tables_are_tables_of_the_contract(tmp_path: Path) -> None:
     assert (np.abs(beyond[:, 0] - [5.7, 3.8, 4.0, 4.0, 3.7]) < 2).all()
 
 
-def test_choices_are_the_simulators() -> None:
-    """Written out on the command line, whose help needs no NumPy."""
-    assert (drawn_hands.ANATOMIES, realism.SKIN_LAWS) == (ANATOMIES, SKIN_LAWS)
-
-
 @pytest.mark.parametrize(
     "option",
     [
@@ -105,27 +97,6 @@ def test_options_change_the_recording_and_are_in_its_truth(tmp_path: Path, optio
     assert name not in read_metadata(plain.with_name("plain_truth") / "tips.parquet")["parameters"]
 
 
-def test_a_faulty_recording_is_read_as_any_other(tmp_path: Path) -> None:
-    """Lost poses are gaps, the rest is a recording: the import takes it."""
-    assert main(words(tmp_path / "a.csv", "--faults", "5")) == 0
-    words_of_import = [*("--in", str(tmp_path / "a.csv"), "--out", str(tmp_path / "poses.parquet"))]
-    names = ["--layout", "liberty16", "--subject", "01", "--hand", "left", "--task", "opposition"]
-    assert import_recording.main([*words_of_import, *names]) == 0
-    poses = read_table(tmp_path / "poses.parquet", POSES)
-    valid = poses.column("valid").to_numpy(zero_copy_only=False)
-    assert 0.5 < valid.mean() < 0.995
-
-
-def test_wrist_has_no_parent_without_a_forearm_receiver(tmp_path: Path) -> None:
-    assert main(words(tmp_path / "a.parquet", "--truth", str(tmp_path / "elsewhere"))) == 0
-    rows = rows_of(read_table(tmp_path / "elsewhere" / "joint_centres.parquet", JOINT_CENTRES))
-    wrist = next(row for row in rows if row["joint"] == "wrist")
-    assert wrist["parent_segment"] == ""
-    assert wrist["parent_x_mm"] is None
-    assert wrist["child_segment"] == "hand"
-    assert not (tmp_path / "a_truth").exists()
-
-
 @pytest.mark.parametrize(
     ("out", "more", "said"),
     [
@@ -142,13 +113,3 @@ def test_bad_arguments_are_one_sentence_and_exit_code_2(
     message = capsys.readouterr().err
     assert said in message
     assert message.count("\n") == 1
-
-
-@pytest.mark.parametrize("scale", ["-1", "11", "nan", "much"])
-def test_a_scale_is_a_number_from_0_to_10(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], scale: str
-) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main(words(tmp_path / "a.csv", f"--mounts={scale}"))
-    assert stopped.value.code == 2
-    assert f"{scale!r} is no scale; expected a number from 0 to 10" in capsys.readouterr().err

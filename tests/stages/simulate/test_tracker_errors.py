@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skeleton.rotations import angle, conjugate, matrix, multiply
-from stages.simulate.tracker_errors import (
+from shukotsu.skeleton.rotations import angle, conjugate, matrix, multiply
+from shukotsu.stages.simulate.tracker_errors import (
     FIELD_CENTRE_MM,
     FLIPPED_SHARE,
     LOST_S,
@@ -74,10 +74,3 @@ def test_faults_are_losses_flips_and_spikes_of_their_shares() -> None:
     np.testing.assert_allclose(np.linalg.norm(turned[sound], axis=-1), 1.0)
     assert angle(multiply(conjugate(quaternion[sound]), turned[sound])).max() < 1e-6
     assert 0.3 < (turned[sound][:, 0] < 0).mean() < 0.5  # the same rotation, the other sign
-
-
-def test_what_is_given_stays_as_it_was() -> None:
-    position, quaternion = np.ones((50, 2, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (50, 2, 1))
-    faulty(position, quaternion, 10.0, np.random.default_rng(0))
-    assert (position == 1.0).all()
-    assert (quaternion[..., 0] == 1.0).all()

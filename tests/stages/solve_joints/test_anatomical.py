@@ -13,22 +13,21 @@ from benchmarks.accuracy.scenarios import STIFF, Scenario
 from benchmarks.accuracy.score import score
 from benchmarks.accuracy.trials import record
 from benchmarks.thumb_receiver import facing_the_nail
-from schemas.layout import Layout, read_layout
-from schemas.model import read_model
-from schemas.poses import Poses
-from schemas.verdict import BY_ANATOMY
-from skeleton.rotations import Array
-from stages.evaluate_skeletons.truth_errors import RADIUS_SD
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import simulate
-from stages.solve_joints import anatomical, posture_sample
-from stages.solve_joints.anatomical import HandSample, fit_hand, solve_hand
-from stages.solve_joints.closed import JointSolution
-from stages.solve_joints.joint_prior import average_bones, joint_prior
-from stages.solve_joints.moments import JointMoments
-from stages.solve_joints.solve import (
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.verdict import BY_ANATOMY
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.evaluate_skeletons.truth_errors import RADIUS_SD
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.stages.solve_joints import anatomical, posture_sample
+from shukotsu.stages.solve_joints.anatomical import HandSample, solve_hand, weigh_hand
+from shukotsu.stages.solve_joints.closed import JointSolution
+from shukotsu.stages.solve_joints.joint_prior import average_bones, joint_prior
+from shukotsu.stages.solve_joints.moments import JointMoments
+from shukotsu.stages.solve_joints.solve import (
     HandDescription,
-    SolverSettings,
     add_block,
     solve_recordings,
     stream_recordings,
@@ -91,7 +90,7 @@ def test_a_thumb_whose_receiver_faces_the_nail(seed: int, side: str) -> None:
     for i, one in enumerate((made, facing_the_nail(made))):
         sample, moments = HandSample(joints), JointMoments(len(joints))
         sample.add(add_block(moments, one.poses(), joints))
-        fit = fit_hand(sample, moments, LIBERTY, side, None)
+        fit = weigh_hand(sample, moments, LIBERTY, side, None)
         assert fit is not None
         for row, index in enumerate(fit.joints):
             true = one.truth.joints[joints[index].name]
@@ -112,7 +111,7 @@ def test_each_joint_knows_which_joints_move_its_skin(hand: Poses) -> None:
     """PIP: MCP before, DIP after, turned as in the same frames; no wrist where none was measured."""
     sample, moments = HandSample(LIBERTY.solvable), JointMoments(len(LIBERTY.solvable))
     sample.add(add_block(moments, hand, LIBERTY.solvable))
-    fit = fit_hand(sample, moments, LIBERTY, "right", None)
+    fit = weigh_hand(sample, moments, LIBERTY, "right", None)
     assert fit is not None
     by_name = {one.joint.name: one for one in fit.joints.values()}
     assert set(by_name["index_pip"].neighbours) == {"before", "after"}
@@ -223,7 +222,7 @@ def test_a_chain_that_anatomy_does_not_know() -> None:
 
 def test_an_arm_runs(real_data: Path, tmp_path: Path) -> None:
     """A real arm, from the shoulder blade to the hand: every joint has a finite centre near the arm."""
-    from stages.capture.__main__ import main as capture
+    from shukotsu.stages.capture.__main__ import main as capture
 
     recording = real_data / "upper_limb_poses" / "racing_right.csv"
     poses = tmp_path / "poses.parquet"
@@ -232,7 +231,7 @@ def test_an_arm_runs(real_data: Path, tmp_path: Path) -> None:
     layout = read_layout("arm")
     recordings = stream_recordings([poses], layout, sample_frames=True)
     found, free = (
-        solve_recordings(recordings, SolverSettings.of(read_model(model)), HandDescription("right"))
+        solve_recordings(recordings, read_model(model).solving, HandDescription("right"))
         for model in ("anatomical", "paper-fig4")
     )
     for name in ("shoulder", "elbow", "wrist"):

@@ -8,17 +8,14 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
-from checked_hands import hand_of
-from checked_hands import write_poses as write_quaternions
-from simulated_poses import recorded, write_poses
+from simulated_poses import hand_of, recorded, write_poses
 
 from benchmarks.mistakes import MISTAKES
-from schemas.catalogue import CALIBRATION_ADVICE, POSES
-from schemas.layout import read_layout
-from schemas.parts import Part, read_part
-from schemas.plan import plan_of_poses
-from schemas.tables import Provenance, write_failure
-from stages.solve_joints.check_calibration import main
+from shukotsu.schemas.catalogue import CALIBRATION_ADVICE
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.parts import Part, read_part
+from shukotsu.schemas.plan import plan_of_poses
+from shukotsu.stages.solve_joints.check_calibration import main
 
 
 @pytest.fixture(scope="module")
@@ -56,17 +53,6 @@ def test_stiff_fingertips_are_advised(
     assert all(row["sd_moved_mm"] <= row["sd_now_mm"] for row in rows.values())
 
 
-def test_a_full_range_of_motion_is_enough(poses: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    """Range of motion alone, and added to the task: no finger joint is asked for more."""
-    for words in (["rom"], ["opposition", "rom"]):
-        printed = checked(capsys, "--poses", *(str(poses[task]) for task in words))
-        advice = {line.split()[0]: line for line in printed.splitlines()[1:]}
-        assert "forearm" not in printed
-        for finger in ("index", "middle", "ring", "little"):
-            for joint in ("mcp", "pip", "dip"):
-                assert "enough" in advice[f"{finger}_{joint}"]
-
-
 def test_bad_input_is_a_sentence(
     poses: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -80,18 +66,6 @@ def test_bad_input_is_a_sentence(
         assert said in capsys.readouterr().err
 
 
-def test_without_a_recording_there_is_no_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Alone that is refused; a study goes on, since what became of the recordings stands with them."""
-    failed, out = tmp_path / "failed.parquet", tmp_path / "advice.parquet"
-    names = {"subject": "01", "hand": "left", "task": "rom", "trial": ""}
-    write_failure(failed, POSES, "the file is empty", Provenance(parameters=names))
-    argv = ["--layout", "liberty16", "--poses", str(failed), "--out", str(out)]
-    assert main(argv) == 2
-    assert "no calibration recording: the file is empty" in capsys.readouterr().err
-    assert main([*argv, "--record-failure"]) == 0
-    assert read_part(out, CALIBRATION_ADVICE, Part("left", subject="01")).num_rows == 0
-
-
 def test_a_plan_of_both_hands_has_a_part_for_each(
     poses: dict[str, Path],
     tmp_path: Path,
@@ -103,7 +77,7 @@ def test_a_plan_of_both_hands_has_a_part_for_each(
     left = plan_of_poses([poses["rom"]], [], layout, [])
     both = replace(left, layouts={"left": layout, "right": layout})
     monkeypatch.setattr(type(both), "hands", ("left", "right"))
-    monkeypatch.setattr("stages.command_line.plan_of", lambda _: both)
+    monkeypatch.setattr("shukotsu.stages.subject_stage.plan_of", lambda _: both)
     out = tmp_path / "advice.parquet"
     assert main(["--out", str(out), "--record-failure"]) == 0
     assert capsys.readouterr().out.startswith("left hand\njoint ")
@@ -113,7 +87,7 @@ def test_a_plan_of_both_hands_has_a_part_for_each(
 
 def test_nothing_is_enough_while_a_finding_stands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wrong = MISTAKES["x, y, z, w read as w, x, y, z"][1](hand_of(7), np.random.default_rng(0))
-    write_quaternions(tmp_path / "poses.parquet", wrong.poses, "right", "rom")
+    write_poses(tmp_path / "poses.parquet", wrong.poses, "right", "rom")
     printed = checked(capsys, "--poses", str(tmp_path / "poses.parquet"))
     assert "enough" not in printed
     assert printed.startswith("suspect: quaternion-order: The quaternions are read as w")

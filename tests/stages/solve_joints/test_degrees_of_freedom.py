@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from stages.solve_joints.degrees_of_freedom import degrees_of_freedom, joint_motion
+from shukotsu.stages.solve_joints.degrees_of_freedom import degrees_of_freedom, joint_motion
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,10 @@
 import numpy as np
 from chains import moments_of, random_chain
 
-from skeleton.rotations import Array, conjugate, matrix, multiply, rotate
-from stages.solve_joints.closed import solve_closed
-from stages.solve_joints.hand_posterior import HandPrior, Information, hand_posterior, information
-from stages.solve_joints.skin_drift import drift, stacked
+from shukotsu.skeleton.rotations import Array, conjugate, matrix, multiply, rotate
+from shukotsu.stages.solve_joints.closed import solve_closed
+from shukotsu.stages.solve_joints.hand_posterior import HandPrior, hand_posterior, information
+from shukotsu.stages.solve_joints.skin_drift import drift, stacked
 
 NOTHING = np.zeros(0), np.zeros((0, 0))
 
@@ -35,37 +35,6 @@ def test_flat_prior_and_equal_weights_give_the_closed_form() -> None:
         expected.append(centre)
     found = hand_posterior(flat(2), known)
     np.testing.assert_allclose(found.mean, np.concatenate(expected), atol=1e-6)
-
-
-def test_covariance_is_the_inverse_information_without_a_prior() -> None:
-    design, right, _ = design_of(3)
-    known = information(design, right, np.full(len(right), 0.1), *NOTHING)
-    found = hand_posterior(flat(1), [known])
-    np.testing.assert_allclose(found.covariance @ known.matrix, np.eye(6), atol=1e-3)
-
-
-def test_without_data_the_prior_stays() -> None:
-    """No information leaves mean and covariance; the size of the hand keeps its own."""
-    rng = np.random.default_rng(0)
-    prior = HandPrior(rng.normal(size=12), rng.normal(size=12), rng.normal(size=(12, 4)), 1.1, 0.05)
-    found = hand_posterior(prior, [Information(np.zeros((6, 6)), np.zeros(6), np.zeros((1, 3)))] * 2)
-    np.testing.assert_allclose(found.mean, prior.fixed + 1.1 * prior.growing, atol=1e-12)
-    grows = np.outer(prior.growing, prior.growing)
-    np.testing.assert_allclose(
-        found.covariance, prior.loadings @ prior.loadings.T + 0.05**2 * grows, atol=1e-12
-    )
-    assert found.scale == 1.1
-
-
-def test_one_joint_that_is_sure_tells_the_size_of_the_other() -> None:
-    """Two joints that share nothing but the hand's size: the second grows with the first."""
-    growing = np.concatenate([np.full(6, 10.0), np.full(6, 20.0)])
-    prior = HandPrior(np.zeros(12), growing, 0.01 * np.eye(12), 1.0, 0.1)
-    sure = Information(1e4 * np.eye(6), 1e4 * np.full(6, 11.0), np.zeros((1, 3)))
-    unseen = Information(np.zeros((6, 6)), np.zeros(6), np.zeros((1, 3)))
-    found = hand_posterior(prior, [sure, unseen])
-    np.testing.assert_allclose(found.mean[6:], 22.0, atol=0.01)
-    assert abs(found.scale - 1.1) < 1e-3
 
 
 def test_the_slide_law() -> None:

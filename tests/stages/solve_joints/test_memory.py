@@ -11,7 +11,7 @@ from long_poses import long_poses
 MINUTE = 60 * 240
 _MEASURED = """
 import sys
-from stages.solve_joints.__main__ import main
+from shukotsu.stages.solve_joints.__main__ import main
 assert main(sys.argv[1:]) == 0
 (peak,) = [line for line in open("/proc/self/status") if line.startswith("VmHWM:")]
 print(peak.split()[1])

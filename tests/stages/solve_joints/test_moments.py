@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from chains import Chain, moments_of, random_chain
+from chains import moments_of, random_chain
 
-from skeleton.rotations import from_matrix, matrix
-from stages.solve_joints import moments as moments_module
-from stages.solve_joints.closed import solve_closed
-from stages.solve_joints.moments import BATCH_FRAMES, JointMoments, RelativePoses, relative_poses
-from stages.solve_joints.stacked import solve_stacked
+from shukotsu.skeleton.rotations import from_matrix, matrix
+from shukotsu.stages.solve_joints.closed import solve_closed
+from shukotsu.stages.solve_joints.moments import BATCH_FRAMES
+from shukotsu.stages.solve_joints.stacked import solve_stacked
 
 
 def test_streaming_and_gaps() -> None:
@@ -32,28 +31,6 @@ def test_streaming_and_gaps() -> None:
         q, t = kept.quaternion, kept.position_mm
         expected = solve_stacked(q[:, j], t[:, j], q[:, j + 1], t[:, j + 1], 5)
         np.testing.assert_allclose(one.p_mm, expected.p_mm, atol=1e-9)
-
-
-def test_batches_of_long_recordings_are_longer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the number of frames known there are no more batches than allowed, of equal length."""
-    monkeypatch.setattr(moments_module, "MAX_BATCHES", 64)
-    monkeypatch.setattr(moments_module, "BLOCK_FRAMES", 64)
-    chain = random_chain(4, 2, 1000, off_axis_rad=0.1, noise_mm=0.1)
-    short, long = moments_of(chain), JointMoments(1, 1000)
-    long.add(joint_poses(chain))
-    assert short.batch_turns(0).shape == (4, 500)
-    assert long.batch_turns(0).shape == (4, 63)  # of 16 frames
-    p, q = chain.p_mm[0], chain.q_mm[0]
-    of_two, of_sixteen = (moments.batch_gaps_mm(0, p, q) for moments in (short, long))
-    merged = of_two[:, :496].reshape(3, 62, 8).mean(-1)
-    np.testing.assert_allclose(of_sixteen[:, :62], merged, atol=1e-11)
-    np.testing.assert_allclose(solve_closed(long, 0, 5).p_mm, solve_closed(short, 0, 5).p_mm, atol=1e-10)
-
-
-def joint_poses(chain: Chain) -> RelativePoses:
-    poses = chain.poses
-    ends = np.array([0]), np.array([1])
-    return relative_poses(poses.quaternion, poses.position_mm, poses.valid, *ends)
 
 
 def test_moments_are_those_of_the_matrices() -> None:

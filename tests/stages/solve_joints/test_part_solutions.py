@@ -1,28 +1,29 @@
 """All parts of a subject: each recording read once, each solver run once, a part that fails fails alone."""
 
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from long_poses import long_poses
 
-from schemas.catalogue import JOINT_SOLUTIONS, POSES
-from schemas.errors import InputError, TableError
-from schemas.layout import read_layout
-from schemas.model import read_model
-from schemas.parts import Part, part_metadata, read_part
-from schemas.tables import Provenance, write_failure
-from stages.solve_joints import part_solutions
-from stages.solve_joints.__main__ import main
-from stages.solve_joints.part_solutions import PartRequest, solve_parts
-from stages.solve_joints.solve import HandDescription, SolverSettings
+from shukotsu.errors import InputError, TableError
+from shukotsu.schemas.catalogue import JOINT_SOLUTIONS, POSES
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.model import JointSolving, read_model
+from shukotsu.schemas.parts import Part, part_metadata, read_part
+from shukotsu.schemas.tables import Provenance, write_failure
+from shukotsu.stages.solve_joints import part_solutions
+from shukotsu.stages.solve_joints.__main__ import main
+from shukotsu.stages.solve_joints.part_solutions import PartRequest, solve_parts
+from shukotsu.stages.solve_joints.solve import HandDescription
 
 LAYOUT = read_layout("liberty16")
 
 
 def request(model: str, *poses: Path, hand: str = "right", made_without: str = "") -> PartRequest:
-    settings = SolverSettings.of(read_model(model))
+    settings = read_model(model).solving
     return PartRequest(Part(hand, model, made_without), poses, LAYOUT, settings, HandDescription(hand))
 
 
@@ -41,7 +42,10 @@ def test_the_same_recordings_and_settings_are_solved_once(
         part_solutions, "stream_recordings", lambda *a, **k: streamed.append(a) or stream(*a, **k)
     )
     monkeypatch.setattr(part_solutions, "solve_recordings", lambda *a: solved.append(a) or solve(*a))
-    six = replace(request("paper-fig4", poses, made_without="x"), settings=SolverSettings("closed", 6))
+    six = replace(
+        request("paper-fig4", poses, made_without="x"),
+        settings=replace(read_model("paper-fig4").solving, singular_values=6),
+    )
     requests = [
         request("paper-fig4", poses),
         request("anatomical", poses),
@@ -60,10 +64,47 @@ def test_the_same_recordings_and_settings_are_solved_once(
     assert len({one["parent_x_mm"] for one in (fig4, right, of_six, left)}) == 4
 
 
-def test_settings_hold_all_of_a_model_that_a_solution_depends_on() -> None:
-    """The solver is given nothing else of a model, so a field added to models cannot be overlooked."""
-    assert SolverSettings.of(read_model("paper-fig3")) == SolverSettings.of(read_model("paper-fig4"))
-    assert SolverSettings.of(read_model("anatomical")) != SolverSettings.of(read_model("paper-fig4"))
+@dataclass(frozen=True)
+class Constrained(JointSolving):
+    """The group `joints` of a model file, had it one key more."""
+
+    made_up_mm: float
+
+
+def test_a_constraint_that_is_added_cannot_be_forgotten(poses: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Models that differ in one key alone, whatever it is, are solved apart, and the solver is given it."""
+    solve = part_solutions.solve_recordings
+
+    def obeying(recordings: Any, settings: Constrained, hand: HandDescription) -> Any:
+        solved = solve(recordings, settings, hand)
+        own = solved["index_pip"]
+        assert not isinstance(own, str)
+        return {**solved, "index_pip": replace(own, p_mm=own.p_mm + settings.made_up_mm)}
+
+    monkeypatch.setattr(part_solutions, "solve_recordings", obeying)
+    settings = vars(read_model("paper-fig4").solving)
+    requests = [
+        replace(
+            request("paper-fig4", poses, made_without=str(mm)),
+            settings=Constrained(**settings, made_up_mm=mm),
+        )
+        for mm in (0.0, 1.0)
+    ]
+    without, constrained = (_x_of_index_pip(rows) for rows in solve_parts(requests).values())
+    assert constrained == pytest.approx(without + 1.0)
+
+
+def _x_of_index_pip(rows: list[dict[str, Any]] | Exception) -> float:
+    assert isinstance(rows, list)
+    return float(next(row["parent_x_mm"] for row in rows if row["joint"] == "index_pip"))
+
+
+def test_a_fitted_hand_is_solved_in_closed_form() -> None:
+    """What the fit of the whole hand takes from joints one by one is the same under any solver."""
+    fitted = read_model("whole-hand")
+    anatomical = replace(fitted, joints=replace(fitted.joints, solver="anatomical"))
+    assert anatomical.solving == fitted.solving
+    assert (fitted.solving.solver, fitted.solving.singular_values) == ("closed", 6)
 
 
 def test_without_a_recording_every_joint_has_failed_and_says_why(poses: Path, tmp_path: Path) -> None:

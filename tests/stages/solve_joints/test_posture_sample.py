@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from skeleton.rotations import Array
-from stages.solve_joints.moments import RelativePoses, relative_poses
-from stages.solve_joints.posture_sample import (
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.solve_joints.moments import RelativePoses, relative_poses
+from shukotsu.stages.solve_joints.posture_sample import (
     FRAMES_PER_CELL,
     MAX_CELLS,
     SpreadFrames,
@@ -68,17 +68,3 @@ def test_dwelling_gains_nothing_and_the_extremes_stay() -> None:
     assert np.mean(np.abs(found - 0.3) < 0.02) < 0.1
     assert found.min() == pytest.approx(moving.min(), abs=0.01)
     assert found.max() == pytest.approx(moving.max(), abs=0.01)
-
-
-def test_a_joint_without_a_frame_has_an_empty_sample() -> None:
-    kept = sampled(poses_of(Rotation.identity(5), np.zeros(5)), [])
-    assert kept.quaternion.shape == (0, 4)
-    assert kept.other.shape == (0, 0, 4)
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(max_examples=30)
-def test_rotation_vectors_are_scipys(seed: int) -> None:
-    turn = Rotation.random(20, random_state=seed)
-    quaternion = np.roll(turn.as_quat(), 1, -1) * np.random.default_rng(seed).choice([-1, 1], (20, 1))
-    np.testing.assert_allclose(rotation_vector(quaternion), turn.as_rotvec(), atol=1e-9)

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackers.decode.counting import Counter
-from trackers.protocols.records import Decoded, empty_records
-from trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.decode.counting import Counter
+from shukotsu.trackers.protocols.records import Decoded, empty_records
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 STATIONS = (1, 2, 5)
 
@@ -41,10 +41,6 @@ def cycles(frames) -> tuple[list[int], list[int]]:
     return [f for f in frames for _ in STATIONS], list(STATIONS) * len(list(frames))
 
 
-def test_the_counter_is_kept_as_it_is() -> None:
-    assert number([decoded(*cycles([7, 8, 11]))]) == ([7] * 3 + [8] * 3 + [11] * 3, [False] * 9)
-
-
 def test_it_goes_on_behind_its_32_bits() -> None:
     top = 2**32
     frames, odd = number([decoded(*cycles([top - 2, top - 1, 0, 1, 5]))])
@@ -71,35 +67,6 @@ def test_a_flipped_bit_in_a_count_spoils_its_own_record(place: int, bit: int) ->
     # One more or less may be the neighbour's fault as well.
     assert len(spoilt) <= (2 if bit == 0 else 1)
     assert [f for f, wrong in zip(counters, odd, strict=True) if not wrong] == good
-
-
-def test_a_station_out_of_order_is_told_from_its_neighbours() -> None:
-    counters, stations = cycles(range(4))
-    stations[4] = 9
-    assert [i for i, wrong in enumerate(number([decoded(counters, stations)])[1]) if wrong] == [4]
-    stations[4] = 1
-    assert [i for i, wrong in enumerate(number([decoded(counters, stations)])[1]) if wrong] == [4]
-    stations[3:5] = [2, 2]
-    assert [i for i, wrong in enumerate(number([decoded(counters, stations)])[1]) if wrong] == [3]
-
-
-def test_time_stands_in_for_a_count() -> None:
-    """The tracker's clock is floor(frame * 1000 / rate) ms."""
-    frames = list(range(100, 400))
-    clock = [f * 1000 // 240 for f in frames]
-    assert number([decoded(clock, [1] * 300, clock=True)]) == (frames, [False] * 300)
-
-
-def test_cycles_are_counted_where_nothing_else_is() -> None:
-    none = [None] * 9
-    assert number([decoded(none, list(STATIONS) * 3)])[0] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
-    stations = [1, 2, 5, 2, 5, 1, 5, 1, 2]  # 1, then 2, then 5 of a cycle missing
-    assert number([decoded(none, stations)])[0] == [0, 0, 0, 1, 1, 2, 2, 3, 3]
-
-
-def test_skipped_bytes_count_as_cycles() -> None:
-    offsets = [0, 40, 80, 120 + 240, 160 + 240, 200 + 240]  # six records' bytes are lost: two cycles
-    assert number([decoded([None] * 6, list(STATIONS) * 2, offsets=offsets)])[0] == [0, 0, 0, 3, 3, 3]
 
 
 @given(st.data())

@@ -7,10 +7,10 @@ import pytest
 from fuzzing.decoding import check_tiles, decode
 from fuzzing.tracker_streams import fastrak_binary, fastrak_text, pose, settings
 
-from trackers.fastrak.binary_decoder import BinaryDecoder
-from trackers.fastrak.items import OUTPUT_ITEMS
-from trackers.fastrak.text_decoder import TextDecoder
-from trackers.protocols.records import Decoded
+from shukotsu.trackers.fastrak.binary_decoder import BinaryDecoder
+from shukotsu.trackers.fastrak.items import OUTPUT_ITEMS
+from shukotsu.trackers.fastrak.text_decoder import TextDecoder
+from shukotsu.trackers.protocols.records import Decoded
 
 LISTS = [(2, 4, 1), (2, 11, 0), (2, 5, 6, 7, 1), (2, 6, 7), (2, 11, 16, 1), (52, 61, 1), (2, 2, 4)]
 
@@ -45,12 +45,6 @@ def test_every_number_comes_out(mode: str, unit: str, mm: float, items: tuple[in
             sign * records.quaternion[row], quaternion, atol=1e-4 if mode == "ascii" else 1e-6
         )
     assert not records.doubtful.any()
-
-
-def test_fields_touch_each_other() -> None:
-    data = b"01 -112.34-156.78-100.00 -12.34  -5.60 100.00\r\n"
-    records = read(data, (2, 4, 1), "ascii").records
-    np.testing.assert_allclose(records.position_mm, [[-1123.4, -1567.8, -1000.0]])
 
 
 def test_a_header_in_the_numbers_of_a_still_receiver_does_not_mislead() -> None:

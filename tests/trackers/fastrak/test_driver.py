@@ -3,11 +3,11 @@
 import pytest
 from stubborn_trackers import StubbornTracker, set_up
 
-from schemas.errors import InputError
-from trackers.emulate.device import World
-from trackers.emulate.pose_sources import built_in_motion
-from trackers.fastrak.emulated_device import EmulatedFastrak
-from trackers.record.request import RecordingRequest
+from shukotsu.errors import InputError
+from shukotsu.trackers.emulate.device import World
+from shukotsu.trackers.emulate.pose_sources import built_in_motion
+from shukotsu.trackers.fastrak.emulated_device import EmulatedFastrak
+from shukotsu.trackers.record.request import RecordingRequest
 
 REQUEST = RecordingRequest("fastrak", stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True)
 

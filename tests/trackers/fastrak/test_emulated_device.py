@@ -5,13 +5,12 @@ import struct
 import numpy as np
 import pytest
 
-from trackers.emulate.device import World
-from trackers.emulate.faults import parse_fault
-from trackers.emulate.pose_sources import built_in_motion
-from trackers.fastrak.binary_decoder import BinaryDecoder
-from trackers.fastrak.emulated_device import EmulatedFastrak
-from trackers.fastrak.text_decoder import TextDecoder
-from trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.emulate.device import World
+from shukotsu.trackers.emulate.pose_sources import built_in_motion
+from shukotsu.trackers.fastrak.binary_decoder import BinaryDecoder
+from shukotsu.trackers.fastrak.emulated_device import EmulatedFastrak
+from shukotsu.trackers.fastrak.text_decoder import TextDecoder
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 
 def device(*stations: int, **world: object) -> EmulatedFastrak:
@@ -40,14 +39,6 @@ def test_receivers_take_turns() -> None:
     }
 
 
-def test_status_has_55_bytes() -> None:
-    tracker = device(2, 3)
-    assert tracker.receive(b"S")[:16] == b"22S000000 F36  E"
-    tracker.receive(b"fuC")
-    assert tracker.receive(b"S")[:10] == b"22S00B000 "
-    assert len(tracker.receive(b"S")) == 55
-
-
 @pytest.mark.parametrize(
     ("typed", "code"),
     [
@@ -63,30 +54,6 @@ def test_status_has_55_bytes() -> None:
 def test_errors_are_told(typed: bytes, code: int) -> None:
     reply = device(1).receive(typed)
     assert reply == b"2 E*ERROR*%s*ERROR* EC %d*PS 0*FL 0*ST 0\r\n" % (typed.strip(), code)
-
-
-@pytest.mark.parametrize(
-    ("typed", "reply"),
-    [
-        (b"O1\r", b"21O  2 4 1\r\n"),
-        (b"H2,0,0,1\rH2\r", b"22H    0.00   0.00   1.00\r\n"),
-        (b"l1,0\rl1\r", b"21l 0111\r\n"),
-        (b"e3,0\re3\r", b"23e 0\r\n"),
-        (b"N1,1,2,3\rN1\r", b"21N   1.000  2.000  3.000\r\n"),
-        (b"x\r", b"2 x   0.200  0.200  0.800  0.800\r\n"),
-        (b"v0,1,0,0\rv\r", b"2 v   0.000  1.000  0.000  0.000\r\n"),
-        (b"A1\r", b"21A    0.00   0.00   0.00   1.00   0.00   0.00   0.00   1.00   0.00\r\n"),
-    ],
-)
-def test_settings_are_kept_and_told(typed: bytes, reply: bytes) -> None:
-    assert device(1).receive(typed) == reply
-
-
-def test_unplugged_receivers_leave_their_turn_to_others() -> None:
-    tracker = device(1, 2, plugs=(parse_fault("unplug", "1@0.5"),))
-    tracker.receive(b"fC")
-    stations = [record[1:2] for record in cycles(tracker, 120)]
-    assert stations == [b"1", b"2"] * 30 + [b"2"] * 60
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import pytest
 from fuzzing.decoding import decode, skipped_bytes
 from fuzzing.tracker_streams import liberty_binary, pose
 
-from trackers.liberty.binary_decoder import BinaryDecoder
-from trackers.protocols.records import Records
-from trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
+from shukotsu.trackers.protocols.records import Records
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 FULL = (8, 9, 11, 10, 12, 3, 7)
 
@@ -33,10 +33,6 @@ def read(data: bytes, given: StreamSettings | None = None) -> tuple[Records, lis
     return decoded.records, skipped_bytes(decoded)
 
 
-def names(records: Records) -> list[tuple[int, int]]:
-    return list(zip(records.frame.tolist(), records.station.tolist(), strict=True))
-
-
 @pytest.mark.parametrize("items", [FULL, (9, 2, 7), (2, 7, 8, 0), (8, 9, 11, 3, 7), (9, 2, 7, 1)])
 @pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("inch", 25.4)])
 def test_every_number_comes_out(items, unit: str, mm: float) -> None:
@@ -57,25 +53,6 @@ def test_every_number_comes_out(items, unit: str, mm: float) -> None:
         assert records.sync[row] == (0 if 12 in items else -1)
     assert not records.doubtful.any()
     assert not records.error.any()
-
-
-def test_patriot_and_single_polls_and_error_letters() -> None:
-    polled = record(1, 1, tag=b"PA").replace(b"PA\x01C", b"PA\x01P")
-    failed = record(1, 2, tag=b"PA", error=b"b")
-    blank = record(2, 1, tag=b"PA", error=b" ")
-    records, skipped = read(polled + failed + blank, given=settings(family="patriot"))
-    assert names(records) == [(1, 1), (1, 2), (2, 1)]
-    assert records.error.tolist() == [0, ord("b"), 0]
-    assert not skipped
-
-
-def test_answers_to_commands_are_no_records() -> None:
-    reply = b"LY\0U\0\0" + struct.pack("<h", 4) + struct.pack("<i", 1)
-    error = b"LY\0O\x03\0" + struct.pack("<h", 19) + b"Invalid Parameter\r\n"
-    before, after = b"".join(stream(2)), b"".join(stream(2))
-    records, skipped = read(before + reply + error + after)
-    assert len(records) == 16
-    assert skipped == [*range(len(before), len(before + reply + error))]
 
 
 def test_a_tag_in_the_numbers_does_not_mislead() -> None:

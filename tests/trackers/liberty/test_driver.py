@@ -1,18 +1,16 @@
 """Setting up a LIBERTY that does not do as it is told: whatever it does not take is found."""
 
-import re
-
 import pytest
 from stubborn_trackers import StubbornTracker, set_up
 
-from schemas.errors import InputError
-from trackers.emulate.device import World
-from trackers.emulate.pose_sources import built_in_motion
-from trackers.liberty import driver
-from trackers.liberty.driver import SETTINGS
-from trackers.liberty.emulated_device import EmulatedLiberty
-from trackers.record.request import RecordingRequest
-from trackers.record.settings_driver import FILTER_OFF
+from shukotsu.errors import InputError
+from shukotsu.trackers.emulate.device import World
+from shukotsu.trackers.emulate.pose_sources import built_in_motion
+from shukotsu.trackers.liberty import driver
+from shukotsu.trackers.liberty.driver import SETTINGS
+from shukotsu.trackers.liberty.emulated_device import EmulatedLiberty
+from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.settings_driver import FILTER_OFF
 
 REQUEST = RecordingRequest("liberty", rate_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True)
 EVERYTHING_HEARD = b"not a command"
@@ -54,32 +52,6 @@ def test_a_setting_that_is_not_taken_ends_it(unheard: bytes, sentence: str) -> N
     assert sentence in str(refused.value)
 
 
-@pytest.mark.slow
-def test_receivers_that_are_not_connected_are_named() -> None:
-    with pytest.raises(InputError, match="receiver 9 of --stations is not connected; connected are 1, 2"):
-        set_up(stubborn(EVERYTHING_HEARD), RecordingRequest("liberty", stations=(2, 9)))
-
-
-@pytest.mark.slow
-def test_a_stylus_mode_that_is_not_taken_ends_it() -> None:
-    with pytest.raises(InputError, match="did not take its stylus mode of receiver 1: sent was 0"):
-        set_up(stubborn(b"L*,0\r", before=b"L1,1\r"), REQUEST)
-
-
-@pytest.mark.slow
-def test_what_the_tracker_complains_of_is_told() -> None:
-    with pytest.raises(InputError) as refused:
-        set_up(stubborn(b"R3\r", b"R9\r"), RecordingRequest("liberty", rate_hz=120))
-    complaint = "sent was 3, and when asked it says 4 (it complained: parameter above its limit)"
-    assert complaint in str(refused.value)
-
-
-@pytest.mark.slow
-def test_an_echo_is_switched_off_or_told() -> None:
-    with pytest.raises(InputError, match="its echo: sent was 0, and when asked it says 1"):
-        set_up(stubborn(b"\x050\r", before=b"\x051\r"), RecordingRequest("liberty"))
-
-
 def test_one_that_obeys() -> None:
     """The same request, all heard."""
     tracker = stubborn(EVERYTHING_HEARD)
@@ -98,22 +70,6 @@ def test_receivers_that_an_earlier_run_has_switched_off_are_switched_on_or_told(
     assert settings.stations == ((1, 2) if obeys else (1,))
     assert tracker.device.active() == settings.stations
     assert warnings == ([] if obeys else ["receiver 2: cannot be switched on; not recorded"])
-
-
-@pytest.mark.parametrize("stations", [None, (2,)])
-def test_receivers_are_switched_back(stations) -> None:
-    tracker = stubborn(EVERYTHING_HEARD, before=b"\x152,0\r")
-    settings, _ = set_up(tracker, RecordingRequest("liberty", stations=stations), put_back=True)
-    assert settings.stations == (stations or (1, 2))
-    assert tracker.device.active() == (1,)
-
-
-@pytest.mark.slow
-def test_with_no_receiver_that_can_be_switched_on_it_ends() -> None:
-    tracker = stubborn(b",1\r", b",0\r", before=b"\x151,0\r\x152,0\r")
-    with pytest.raises(InputError) as refused:
-        set_up(tracker, RecordingRequest("liberty"))
-    assert "its active receivers: sent was 1, 2, and when asked it says nothing" in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -144,13 +100,3 @@ def test_with_no_receiver_that_can_be_switched_on_it_ends() -> None:
 )
 def test_commands_are_the_manuals(built: bytes, bytes_of_the_manual: bytes) -> None:
     assert built == bytes_of_the_manual
-
-
-def test_no_question_changes_anything() -> None:
-    """A, B, G and N with more than a station would align or move something; ^T with 0 clears the errors."""
-    for name, setting in SETTINGS.items():
-        asked = setting.question(0 if name == "stations" else 5)
-        assert asked.endswith(b"\r")
-        if name != "stations":  # its 0 asks for all
-            shape = rb"(@B|[A-Z\x05\x14])5?\r" if setting.per_station else rb"(@B|[A-Z\x05\x14])\r"
-            assert re.fullmatch(shape, asked), name

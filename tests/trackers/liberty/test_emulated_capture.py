@@ -7,16 +7,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from schemas.errors import InputError
-from schemas.layout import read_layout
-from stages.capture.__main__ import main
-from stages.capture.emulate_tracker import read_motion
-from trackers.archive import END, RECEIVED, SENT, SETTINGS, open_archive
-from trackers.emulate.pose_sources import MAX_STATION, Motion, built_in_motion
-from trackers.families import decoder_of
-from trackers.liberty.emulated_capture import home_hemisphere
-from trackers.protocols.records import Records, concatenated
-from trackers.protocols.stream_settings import settings_from_json
+from shukotsu.schemas.layout import read_layout
+from shukotsu.stages.capture.__main__ import main
+from shukotsu.trackers.archive import END, RECEIVED, SENT, SETTINGS, open_archive
+from shukotsu.trackers.emulate.pose_sources import MAX_STATION, built_in_motion
+from shukotsu.trackers.families import decoder_of
+from shukotsu.trackers.protocols.records import Records, concatenated
+from shukotsu.trackers.protocols.stream_settings import settings_from_json
 
 LAYOUT = read_layout("liberty16")
 SEGMENTS = {LAYOUT.segments[name].receiver: name for name in LAYOUT.measured}
@@ -105,66 +102,3 @@ def test_rows_are_those_of_a_recorder(tmp_path: Path) -> None:
     assert min(np.diff(pieces)[:-1]) > 8e6
     assert max(np.diff(pieces)) < 12e6
     assert any(len(data) % 16 for _, kind, data in found[start:] if kind == RECEIVED), "pieces end anywhere"
-
-
-def test_same_input_same_bytes(tmp_path: Path) -> None:
-    path = recording(tmp_path / "rec.parquet", list(range(FRAMES)))
-    outs = [tmp_path / f"{n}.arrows" for n in range(3)]
-    for out, seed in zip(outs, "556", strict=True):
-        write_capture(path, out, "--flip-bytes", "1e-3", "--garbage", "0.01", "--seed", seed)
-    assert outs[0].read_bytes() == outs[1].read_bytes()
-    assert outs[0].read_bytes() != outs[2].read_bytes()
-
-
-def test_gaps_stay_gaps(tmp_path: Path) -> None:
-    """Frames that are left out are no cycle, a receiver without numbers or without rows sends no record."""
-    frames = [10, 11, 14, 15]
-    path = recording(tmp_path / "rec.parquet", frames, range(1, 4), lost=(1, 2))
-    write_capture(path, tmp_path / "out.arrows")
-    records = decoded(tmp_path / "out.arrows")
-    got = list(zip(records.frame.tolist(), records.station.tolist(), strict=True))
-    assert got == [(0, 1), (0, 2), (0, 3), (1, 1), (1, 3), (4, 1), (4, 2), (4, 3), (5, 1), (5, 2), (5, 3)]
-
-
-@pytest.mark.parametrize(
-    ("frames", "rows_expected", "noted"),
-    [([0, 2, 4, 8], [0, 1, 2, 4], False), ([5, 5000, 9000, 9001], [0, 1, 2, 3], True), ([7], [0], False)],
-)
-def test_frame_numbers_are_scaled_to_the_device(
-    tmp_path: Path, frames: list[int], rows_expected: list[int], noted: bool
-) -> None:
-    motion = read_motion(recording(tmp_path / "rec.parquet", frames, range(1, 3)), "liberty16")
-    assert np.flatnonzero(np.isfinite(motion.position_mm[:, 0, 0])).tolist() == rows_expected
-    assert bool(motion.notes) == noted
-
-
-def test_a_segment_without_a_station_is_noted(tmp_path: Path) -> None:
-    """The forearm's receiver 17 does not fit a tracker of 16."""
-    motion = read_motion(recording(tmp_path / "rec.parquet", [0, 1], range(16, 18)), "liberty16")
-    assert motion.stations == (16,)
-    assert "forearm" in motion.notes[0]
-    with pytest.raises(InputError, match="none of its segments has a station"):
-        read_motion(recording(tmp_path / "rec.parquet", [0, 1], range(17, 18)), "liberty16")
-
-
-@pytest.mark.parametrize(
-    ("places", "expected"),
-    [
-        ([[300, -200, 10], [100, 50, 5]], (1.0, 0.0, 0.0)),
-        ([[30, -200, 10], [-100, -50, 5]], (0.0, -1.0, 0.0)),
-        ([[300, 0, 10], [-10, 0, 5]], (0.0, 0.0, 0.0)),
-        ([[np.nan, 0, 10], [-10, 0, -50]], (0.0, 0.0, -1.0)),
-    ],
-)
-def test_the_hemisphere_is_one_that_no_receiver_leaves(places: list[list[float]], expected: object) -> None:
-    """Or none, where there is none."""
-    position = np.array(places)[:, None]
-    motion = Motion((1,), position, np.tile([1.0, 0, 0, 0], (2, 1, 1)))
-    assert home_hemisphere(motion) == expected
-
-
-def test_a_capture_is_never_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = recording(tmp_path / "rec.parquet", [0, 1])
-    write_capture(path, tmp_path / "out.arrows")
-    assert main(["emulate", "--archive", str(tmp_path / "out.arrows"), "--recording", str(path)]) == 2
-    assert "exists already" in capsys.readouterr().err

@@ -5,13 +5,13 @@ import struct
 import numpy as np
 import pytest
 
-from trackers.emulate.device import World
-from trackers.emulate.faults import parse_fault
-from trackers.emulate.pose_sources import Motion, built_in_motion
-from trackers.families import decoder_of
-from trackers.liberty.emulated_device import EmulatedLiberty
-from trackers.liberty.items import FULL_LIST
-from trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.emulate.device import World
+from shukotsu.trackers.emulate.faults import parse_fault
+from shukotsu.trackers.emulate.pose_sources import Motion, built_in_motion
+from shukotsu.trackers.families import decoder_of
+from shukotsu.trackers.liberty.emulated_device import EmulatedLiberty
+from shukotsu.trackers.liberty.items import FULL_LIST
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 ALL = frozenset(range(1, 17))
 INVALID = b"Invalid Command\r\n"
@@ -21,7 +21,7 @@ def device(stations: frozenset[int] = ALL, **world: object) -> EmulatedLiberty:
     return EmulatedLiberty(World(built_in_motion(), stations, **world))  # type: ignore[arg-type]
 
 
-def told(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
+def translated(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
     return b"".join(tracker.receive(command) for command in commands)
 
 
@@ -74,22 +74,22 @@ def letter(query: bytes) -> bytes:
 def test_queries_of_the_device_are_answered_in_both_modes(query: bytes) -> None:
     tracker = device()
     text, data = QUERIES[query]
-    assert told(tracker, query + b"\r") == b"00" + letter(query) + b"  " + text + b"\r\n"
-    assert told(tracker, b"F1\r") == b""
+    assert translated(tracker, query + b"\r") == b"00" + letter(query) + b"  " + text + b"\r\n"
+    assert translated(tracker, b"F1\r") == b""
     header = b"LY" + bytes((0, query[0], 0, 0)) + struct.pack("<h", len(data))
-    assert told(tracker, query.lower() + b"\r") == header + data
+    assert translated(tracker, query.lower() + b"\r") == header + data
 
 
 @pytest.mark.parametrize("query", STATION_QUERIES)
 def test_queries_of_a_station_are_answered_in_both_modes(query: bytes) -> None:
     tracker = device()
     text, data = STATION_QUERIES[query]
-    assert told(tracker, query + b"7\r") == b"07" + letter(query) + b"  " + text + b"\r\n"
-    told(tracker, b"F1\r")
+    assert translated(tracker, query + b"7\r") == b"07" + letter(query) + b"  " + text + b"\r\n"
+    translated(tracker, b"F1\r")
     header = b"LY" + bytes((7, query[0], 0, 0)) + struct.pack("<h", len(data))
-    assert told(tracker, query + b"7\r") == header + data
-    assert told(tracker, query + b"17\r")[4] == 2, "Invalid Station"
-    assert told(tracker, query + b"\r")[4] == 4, "Too Few Parameters"
+    assert translated(tracker, query + b"7\r") == header + data
+    assert translated(tracker, query + b"17\r")[4] == 2, "Invalid Station"
+    assert translated(tracker, query + b"\r")[4] == 4, "Too Few Parameters"
 
 
 @pytest.mark.parametrize(
@@ -104,29 +104,29 @@ def test_queries_of_a_station_are_answered_in_both_modes(query: bytes) -> None:
 def test_refusals_name_their_code(command: bytes, code: int) -> None:
     """In ASCII a line without header, in binary a header with the error code and the text."""
     tracker = device()
-    text = told(tracker, command + b"\r")
+    text = translated(tracker, command + b"\r")
     assert text.endswith(b"\r\n")
     assert not text[:2].isdigit()
-    told(tracker, b"F1\r")
-    reply = told(tracker, command + b"\r")
+    translated(tracker, b"F1\r")
+    reply = translated(tracker, command + b"\r")
     assert (reply[:3], reply[4], body(reply)) == (b"LY\0", code, text)
 
 
 def test_line_ends_and_blanks() -> None:
     """CR ends a command, LF is nothing, a lone CR is an invalid command, blanks are tolerated."""
     tracker = device()
-    assert told(tracker, b"\r") == INVALID
-    assert told(tracker, b"\n") == b""
-    assert told(tracker, b"u1\r\n", b"U\r\n") == b"00U  1\r\n"
-    assert told(tracker, b"X .2,.3\r", b"X\r") == b"00X   0.200  0.300  0.800  0.950 \r\n"
-    assert told(tracker, b"H ", b"4 , 0,", b"0,1\r", b"h4\r") == b"04H    0.000  0.000  1.000\r\n"
+    assert translated(tracker, b"\r") == INVALID
+    assert translated(tracker, b"\n") == b""
+    assert translated(tracker, b"u1\r\n", b"U\r\n") == b"00U  1\r\n"
+    assert translated(tracker, b"X .2,.3\r", b"X\r") == b"00X   0.200  0.300  0.800  0.950 \r\n"
+    assert translated(tracker, b"H ", b"4 , 0,", b"0,1\r", b"h4\r") == b"04H    0.000  0.000  1.000\r\n"
 
 
 def test_unplugging_and_plugging_change_the_active_set() -> None:
     """A plug that is pulled ends the records at once, one that is put in is found after a second."""
     plugs = (parse_fault("plug", "3@1"), parse_fault("plug", "2@2"), parse_fault("unplug", "2@240f"))
     tracker = device(frozenset({1, 2, 3}), plugs=plugs)
-    told(tracker, b"F1\rO*,9\rC\r")
+    translated(tracker, b"F1\rO*,9\rC\r")
     got: dict[int, list[int]] = {1: [], 2: [], 3: []}
     for record in records(cycles(tracker, 960), 12):
         got[record[2]].append(struct.unpack_from("<I", record, 8)[0])
@@ -142,7 +142,7 @@ def flat(x_mm: np.ndarray) -> Motion:
 
 
 def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
-    told(tracker, b"F1\rU1\rO1,2,7\rC\r")
+    translated(tracker, b"F1\rU1\rO1,2,7\rC\r")
     return np.array([struct.unpack_from("<7f", r, 8) for r in records(cycles(tracker, count), 36)])
 
 
@@ -155,35 +155,35 @@ def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
     assert seen[100:, :3] == pytest.approx(-true[100:], abs=1e-5)
     assert (seen[:, 3:] == [1, 0, 0, 0]).all()
     follows = EmulatedLiberty(World(motion, frozenset({1})))
-    told(follows, b"H*,0,0,0\r")
+    translated(follows, b"H*,0,0,0\r")
     assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
 
 
 def test_after_power_up_it_is_deaf_and_says_that_it_is_ready() -> None:
     tracker = device(restart_s=0.5)
     tracker.start_up()
-    assert told(tracker, b"U\r") == b""
+    assert translated(tracker, b"U\r") == b""
     assert cycles(tracker, 121) == b"LIBERTY Ready!\r\n"
-    assert told(tracker, b"U\r") == b"00U  0\r\n"
+    assert translated(tracker, b"U\r") == b"00U  0\r\n"
 
 
 def test_echo_gives_back_what_was_typed() -> None:
     tracker = device()
-    assert told(tracker, b"\x051\r", b"U1\r") == b"U1\r"
-    assert told(tracker, b"U\r") == b"U\r00U  1\r\n"
+    assert translated(tracker, b"\x051\r", b"U1\r") == b"U1\r"
+    assert translated(tracker, b"U\r") == b"U\r00U  1\r\n"
 
 
 def test_patriot_has_two_stations_at_60_hz_and_its_own_tag() -> None:
     tracker = EmulatedLiberty(
         World(built_in_motion(), frozenset({1, 2})), family="patriot", ports=2, rate_hz=60
     )
-    told(tracker, b"F1\rO*,8,9\rC\r")
+    translated(tracker, b"F1\rO*,8,9\rC\r")
     assert tracker.rate == 60
     cycles(tracker, 60)
     got = records(cycles(tracker, 1), 16)
     assert [record[:3] for record in got] == [b"PA\x01", b"PA\x02"]
     assert struct.unpack_from("<2I", got[0], 8) == (1000, 60)
-    assert told(tracker, b"H3\r")[4] == 2
+    assert translated(tracker, b"H3\r")[4] == 2
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_decoders_read_what_is_sent(mode: str, items: tuple[int, ...]) -> None:
     """Every record is found, with positions as fine as the format prints them."""
     tracker = device()
     chosen = ",".join(map(str, items)).encode()
-    told(tracker, b"F%d\rU1\rO*,%s\rC\r" % (mode == "binary", chosen))
+    translated(tracker, b"F%d\rU1\rO*,%s\rC\r" % (mode == "binary", chosen))
     stations = tuple(range(1, 17))
     settings = StreamSettings("liberty", mode, "cm", 240.0, stations, dict.fromkeys(stations, items))
     got = decoder_of(settings).feed(cycles(tracker, 200), final=True)

@@ -3,12 +3,9 @@
 import struct
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from trackers.liberty import replies
-from trackers.liberty.driver import SETTINGS
-from trackers.protocols.records import Reply
+from shukotsu.trackers.liberty import replies
+from shukotsu.trackers.liberty.driver import SETTINGS
 
 RECORD = b"LY\x01C\0\0" + struct.pack("<h", 20) + b"LY\x03O\0\0" + bytes(14)
 
@@ -62,23 +59,3 @@ def test_errors_are_told() -> None:
     (blank,) = replies.binary_answers(binary(1, b"C", b"", 0x20))
     assert blank.error == 0
     assert replies.error_text(99) == "error 99"
-
-
-def test_stations_need_both_halves_and_either_order_will_do() -> None:
-    assert replies.usable_stations((0b0101, 0b0111)) == (1, 3)
-    assert replies.usable_stations((0b0111, 0b0101)) == (1, 3)
-    assert replies.half_stations((0b0101, 0b0111)) == (2,)
-    assert replies.usable_stations((0x8000, 0x8000)) == (16,)
-
-
-def test_ports_come_from_the_binary_whoami() -> None:
-    assert replies.ports_of(Reply(0, 0, 0x16, 0, b"\x08\0\0LIBERTY")) == 8
-    assert replies.ports_of(Reply(0, 0, 0x16, 0, b"\x40\0\0")) is None
-    assert replies.ports_of(Reply(0, 0, 0x16, 0, b"")) is None
-
-
-@given(data=st.binary(max_size=40), value_sent=st.integers(-1, 5))
-def test_whatever_stands_before_an_answer_it_is_found(data: bytes, value_sent: int) -> None:
-    answer = binary(0, b"U", struct.pack("<i", value_sent))
-    found = [r for r in replies.binary_answers(data + answer) if r.offset == len(data)]
-    assert [replies.binary_value(SETTINGS["units"], reply) for reply in found] == [value_sent]

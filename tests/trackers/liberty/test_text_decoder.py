@@ -5,8 +5,8 @@ import pytest
 from fuzzing.decoding import check_tiles, decode
 from fuzzing.tracker_streams import liberty_text, pose, settings
 
-from trackers.liberty.text_decoder import TextDecoder
-from trackers.protocols.records import Decoded, Records
+from shukotsu.trackers.liberty.text_decoder import TextDecoder
+from shukotsu.trackers.protocols.records import Decoded, Records
 
 DEFAULT = (2, 4, 1)
 
@@ -73,17 +73,6 @@ def test_an_error_letter_is_told_from_the_commands(middle: bytes, error: int) ->
     assert only(liberty_text(1, 2, DEFAULT, middle)).error.tolist() == [error]
 
 
-def test_single_digits_may_touch_each_other() -> None:
-    records = only(b"02  4166 1000 201  16.082  1.000  2.000 \r\n", (8, 9, 11, 10, 12, 2, 1))
-    found = [getattr(records, name)[0] for name in ("device_ms", "frame", "distortion", "button", "sync")]
-    assert found == [4166, 1000, 2, 0, 1]
-
-
-def test_exponents() -> None:
-    records = only(b"02  1.608200E+001 -2.5E-01 3.000000E 000 \r\n", (3, 1))
-    np.testing.assert_allclose(records.position_mm[0], [160.82, -2.5, 30])
-
-
 @pytest.mark.parametrize(
     "numbers", [b"1.0 2.0 3.0 4.0 5.0", b"1.0 2.0 3.0 4.0 5.0 6.0 7.0", b"1.0 2.0 3.0 4.0 5.0 x"]
 )
@@ -92,12 +81,3 @@ def test_another_count_of_numbers_is_no_record(numbers: bytes) -> None:
     decoded = read(good + b"01  " + numbers + b"\r\n" + good)
     assert len(decoded.records) == 2
     assert [(skip.offset, skip.size) for skip in decoded.skipped] == [(60, 6 + len(numbers))]
-
-
-def test_answers_to_commands_are_no_records() -> None:
-    good = liberty_text(1, 1, DEFAULT)
-    matrix = 3 * b"   1.00   0.00   0.00\r\n"
-    answers = b"01O  2 4 1\r\n00u  0003\r\n01A  " + matrix
-    decoded = read(b"LIBERTY Ready!\r\n" + good + answers + good + b"Invalid Command\r\n")
-    assert len(decoded.records) == 2
-    assert sum(skip.size for skip in decoded.skipped) == 16 + len(answers) + 17

@@ -7,8 +7,8 @@ import pytest
 from fuzzing.decoding import check_tiles, decode, skipped_bytes
 from fuzzing.tracker_streams import streams
 
-from trackers.families import decoder_of
-from trackers.protocols.records import Records
+from shukotsu.trackers.families import decoder_of
+from shukotsu.trackers.protocols.records import Records
 
 STREAMS = streams()
 NAMES = tuple(STREAMS)

@@ -2,10 +2,10 @@
 
 import pytest
 
-from schemas.errors import InputError
-from trackers.fastrak.items import OUTPUT_ITEMS as FASTRAK
-from trackers.liberty.items import FULL_LIST, SHORT_LIST
-from trackers.liberty.items import OUTPUT_ITEMS as LIBERTY
+from shukotsu.errors import InputError
+from shukotsu.trackers.fastrak.items import OUTPUT_ITEMS as FASTRAK
+from shukotsu.trackers.liberty.items import FULL_LIST, SHORT_LIST
+from shukotsu.trackers.liberty.items import OUTPUT_ITEMS as LIBERTY
 
 
 @pytest.mark.parametrize(
@@ -32,17 +32,6 @@ def test_a_record_of_fastrak_has_the_bytes_of_the_manual() -> None:
     assert FASTRAK.record_bytes((52, 61), "ascii") == 3 + 7 * 15
 
 
-def test_an_item_that_is_given_twice_keeps_its_first_numbers() -> None:
-    assert LIBERTY.record_type((2, 3, 2)).names[6:] == (
-        *("x", "y", "z", "x_1", "y_1", "z_1", "x_2", "y_2", "z_2"),
-    )
-
-
-def test_counters_in_text_are_followed_by_a_blank_and_a_record_by_a_line_end() -> None:
-    assert LIBERTY.decodable(FULL_LIST, "ascii") == (8, 0, 9, 0, 11, 0, 10, 0, 12, 0, 3, 7, 1)
-    assert LIBERTY.decodable((2, 9), "ascii") == (2, 9, 1)
-
-
 @pytest.mark.parametrize(
     ("table", "lists"),
     [
@@ -58,8 +47,3 @@ def test_lists_that_a_tracker_does_not_take(table, lists) -> None:
         InputError, match=r"output list .* of station .*; a (LIBERTY|FASTRAK) has stations 1 to"
     ):
         table.one_list(lists)
-
-
-def test_lists_that_differ_are_refused() -> None:
-    with pytest.raises(InputError, match="has 2 output lists; expected one for all stations"):
-        LIBERTY.one_list({1: (2, 4, 1), 2: (2, 7)})

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from schemas.errors import InputError
-from trackers.protocols.stream_settings import StreamSettings, settings_from_json
+from shukotsu.errors import InputError
+from shukotsu.trackers.protocols.stream_settings import StreamSettings, settings_from_json
 
 SETTINGS = StreamSettings("liberty", "binary", "cm", 240.0, (1, 2), {1: (2, 4)}, {1: (0.0, 0.0, 1.0)})
 

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from stages.capture import list_devices
-from trackers.record import connected_ports
+from shukotsu.trackers.record import connected_ports
 
 
 def test_ports_are_listed_and_trackers_named() -> None:
@@ -29,12 +28,6 @@ def test_a_tracker_without_a_port_is_told_with_what_to_do() -> None:
     ]
 
 
-def test_with_nothing_there_is_a_sentence_and_a_hint() -> None:
-    sentence, hint = connected_ports.port_lines([], [])
-    assert sentence == "No serial port and no tracker is connected to this machine."
-    assert "product=0xff20" in hint
-
-
 def test_usb_is_read_from_the_system(tmp_path: Path) -> None:
     for name, vendor, product in (("1-1", "0f44", "ff20"), ("usb1", "1d6b", "0002")):
         (tmp_path / name).mkdir()
@@ -44,8 +37,3 @@ def test_usb_is_read_from_the_system(tmp_path: Path) -> None:
     (tmp_path / "half" / "idVendor").write_text("0f44\n")
     assert connected_ports.usb_devices(tmp_path) == [(0x0F44, 0xFF20), (0x1D6B, 0x0002)]
     assert connected_ports.usb_devices(tmp_path / "none") == []
-
-
-def test_this_machine_can_be_asked(capsys) -> None:
-    assert list_devices.main([]) == 0
-    assert capsys.readouterr().out

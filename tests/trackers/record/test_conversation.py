@@ -1,23 +1,15 @@
 """Whatever comes, and however fast: memory has a bound, questions have an end, and no empty file is left."""
 
-import io
-import json
 import time
-from pathlib import Path
 
 import pytest
 from tracker_processes import PATIENCE_S
 
-from schemas.errors import InputError
-from trackers.archive import EVENT, RECEIVED, open_archive
-from trackers.protocols.stream_settings import StreamSettings
-from trackers.record import conversation, session
-from trackers.record.conversation import Conversation
-from trackers.record.driver import Driver
-from trackers.record.port import Port
-from trackers.record.recording_terminal import StopRequest, Terminal
-from trackers.record.request import RecordingRequest
-from trackers.record.session import RecordingPlan, record
+from shukotsu.errors import InputError
+from shukotsu.trackers.record import conversation
+from shukotsu.trackers.record.conversation import Conversation
+from shukotsu.trackers.record.port import Port
+from shukotsu.trackers.record.recording_terminal import StopRequest
 
 PIECE = b"\xc3junk\r\n" * 1000
 
@@ -78,71 +70,3 @@ def test_no_question_goes_on_for_ever() -> None:
         assert reader.receive(PATIENCE_S), "frames may be as many as they are"
     finally:
         reader.close()
-
-
-@pytest.mark.parametrize("family", ["liberty", "fastrak", "viper", "trakstar"])
-def test_a_flood_is_no_tracker_and_leaves_no_file(family: str, tmp_path: Path) -> None:
-    plan = RecordingPlan(tmp_path / "rom.arrows", RecordingRequest(family))
-    with pytest.raises(InputError, match=r"^flood: what answers is no tracker"):
-        record(plan, FloodedPort(), Terminal(io.StringIO(), io.StringIO()), StopRequest(), {})
-    assert not plan.out.exists()
-
-
-def test_a_stop_is_heard_through_a_flood(tmp_path: Path) -> None:
-    plan = RecordingPlan(tmp_path / "rom.arrows", RecordingRequest("liberty"))
-    port = FloodedPort()
-    port.stop = stop = StopRequest()
-    ending = record(plan, port, Terminal(io.StringIO(), io.StringIO()), stop, {})
-    assert (ending.reason, ending.failed, ending.totals) == ("SIGTERM", False, None)
-    assert not plan.out.exists()
-
-
-class SetUpAlready(Driver):
-    """A driver that has nothing to do."""
-
-    def set_up(self) -> StreamSettings:
-        """Say how the stream would be."""
-        return StreamSettings("viper", "binary", "cm", 240.0, (1,))
-
-    def start(self) -> dict[str, object]:
-        """Say nothing of it."""
-        return {}
-
-    def stop(self) -> None:
-        """Stop nothing."""
-
-    def put_back(self) -> None:
-        """Put nothing back."""
-
-
-@pytest.mark.usefixtures("small_limits")
-def test_what_a_recording_drops_is_counted_in_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every byte that came is in the archive or in its count."""
-    plan, port, stop = (
-        RecordingPlan(tmp_path / "rom.arrows", RecordingRequest("viper")),
-        FloodedPort(),
-        StopRequest(),
-    )
-    left = 1000
-
-    def read() -> bytes:
-        nonlocal left
-        if not left:
-            stop.ask("key q")
-            time.sleep(0.001)
-            return b""
-        left -= 1
-        return PIECE
-
-    monkeypatch.setattr(port, "read", read)
-    monkeypatch.setattr(session, "driver_of", SetUpAlready)
-    ending = record(plan, port, Terminal(io.StringIO(), io.StringIO()), stop, {})
-    assert (ending.reason, ending.failed) == ("key q", False)
-    pieces = list(open_archive(plan.out).pieces())
-    kept = sum(len(d) for p in pieces for kind, d in zip(p.kind, p.data, strict=True) if kind == RECEIVED)
-    events = [json.loads(d) for p in pieces for kind, d in zip(p.kind, p.data, strict=True) if kind == EVENT]
-    dropped = sum(event["bytes"] for event in events if event["event"] == "bytes-dropped")
-    assert ending.notices[-1] == f"{dropped} bytes came faster than they could be kept; lost"
-    assert kept > 0
-    assert dropped > 0
-    assert kept + dropped == 1000 * len(PIECE)

@@ -1,11 +1,7 @@
 """The view, which fits a terminal of 80 columns with every receiver there is; and the summary at the end."""
 
-import pytest
-
-from trackers.liberty.items import FULL_LIST
-from trackers.protocols.stream_settings import StreamSettings
-from trackers.record import display
-from trackers.record.statistics import Moment, Row
+from shukotsu.trackers.record import display
+from shukotsu.trackers.record.statistics import Moment, Row
 
 
 def row(station: int = 1, **other) -> Row:
@@ -53,63 +49,6 @@ def test_it_says_what_there_is_to_see() -> None:
     assert shown[9].split() == ["5", "--", "--", "absent", "for", "7", "s"]
 
 
-def test_columns_stand_under_their_heads() -> None:
-    shown = display.view(moment(row(16, error="I", distortion=1)), recorded())
-    head, line = shown[4], shown[5]
-    names = ("receiver", "Hz", "missing", "error", "distortion")
-    for name, cell in zip(names, ("16", "240.0", "0.0 %", "I", "minor"), strict=True):
-        assert head.index(name) + len(name) == line.index(cell) + len(cell)
-
-
-def test_a_long_notice_has_two_lines() -> None:
-    notice = "the line brought 11.5 kB/s of the 215 kB/s that 16 receivers need: it is too slow; see --items"
-    shown = display.view(moment(row()), recorded(notice=notice))
-    assert " ".join(shown[-2:]) == notice
-    assert len(display.view(moment(row()), recorded(notice="word " * 100))) == len(shown)
-
-
-@pytest.mark.parametrize(
-    ("port", "archive", "shown"),
-    [
-        ("/dev/ttyUSB0", "rom.arrows", "liberty at /dev/ttyUSB0 -> rom.arrows"),
-        ("/tmp/" + "p" * 80 + "/tracker0", "rom.arrows", "p/tracker0 -> rom.arrows"),
-        ("/dev/ttyUSB0", "a" * 80 + "_rom.arrows", "liberty at /dev/ttyUSB0 -> ...a"),
-        ("/tmp/" + "p" * 80 + "/tracker0", "a" * 80 + "_rom.arrows", "p/tracker0 -> ...a"),
-    ],
-)
-def test_both_names_stay_visible_in_the_first_line(port: str, archive: str, shown: str) -> None:
-    title = display.title("liberty", port, archive)
-    assert shown in title
-    assert title.endswith("rom.arrows")
-    assert len(title) == min(80, len(f"liberty at {port} -> {archive}"))
-    assert title.startswith(f"liberty at {'...p' if 'p' * 80 in port else port}")
-
-
-def test_a_low_terminal_shows_what_fits_and_says_so() -> None:
-    rows = [row(station) for station in range(1, 17)]
-    shown = display.view(moment(*rows), recorded(), rows=15)
-    assert len(shown) == 15
-    assert "and 8 more" in shown[-2]
-    assert len(display.view(moment(*rows), recorded(), rows=22)) == 22
-
-
-def test_no_data_is_shouted() -> None:
-    silent = moment(row(rate_hz=None), silent_s=4.2)
-    assert display.view(silent, recorded(notice="something else"))[-1].startswith("NO DATA for 4 s")
-    assert display.one_line(silent, recorded()).startswith("NO DATA for 4 s")
-
-
-def test_a_line_for_a_log() -> None:
-    told = display.one_line(
-        moment(row(1, rate_hz=239.5, missing_percent=0.2), row(2), row(7, rate_hz=None)), recorded()
-    )
-    assert (
-        told == "12.4 s  2 of 3 receivers  239.5 Hz  missing 0.2 %  skipped 0 B  lag 3 ms  2.66 MB  absent 7"
-    )
-
-
-SETTINGS = StreamSettings("liberty", "binary", "cm", 240.0, (1, 16), dict.fromkeys((1, 16), FULL_LIST))
-
 WELL = {
     "records": 14_400,
     "lost_frames": 0,
@@ -149,19 +88,3 @@ def test_the_summary() -> None:
     assert lines[5].endswith("1.0 s to 2.0 s, 3.0 s to 4.0 s, 5.0 s to 6.0 s and 1 more")
     assert lines[6] == "no data at all: 10.0 s to 12.5 s"
     assert lines[7] == "note: the host's clock was set by +3600.0 s"
-
-
-def test_a_line_that_is_too_slow_is_lines() -> None:
-    totals = {**TOTALS, "lost_frames": 7_300, "received_bytes": 690_000}
-    (lines,) = display.advice(totals, SETTINGS)
-    assert lines.startswith("the line brought 11.5 kB/s of the 26.9 kB/s that 2 receivers need")
-    assert display.advice({**totals, "lost_frames": 7_100}, SETTINGS) == []
-
-
-def test_receivers_at_the_edge_of_the_hemisphere_are_named() -> None:
-    margins = {"1": 0.05, "2": 0.04, "3": None, "5": -0.3}
-    receivers = {s: {**WELL, "least_hemisphere_margin": margin} for s, margin in margins.items()}
-    assert display.advice({**TOTALS, "receivers": receivers}, SETTINGS) == [
-        "receiver 2, 5: came to the edge of the hemisphere: positions may have jumped; `decode` marks it; "
-        "consider --hemisphere"
-    ]

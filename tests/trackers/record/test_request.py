@@ -2,8 +2,8 @@
 
 import pytest
 
-from schemas.errors import InputError
-from trackers.record import request
+from shukotsu.errors import InputError
+from shukotsu.trackers.record import request
 
 
 @pytest.mark.parametrize(
@@ -53,22 +53,6 @@ def test_lists_that_cannot_be(text: str, mode: str, family: str, sentence: str) 
     assert sentence in str(told.value)
 
 
-def test_stations() -> None:
-    assert request.parse_stations("1-3,7") == (1, 2, 3, 7)
-    assert request.parse_stations("16") == (16,)
-    for text in ("0-3", "17", "a", "3-1", ""):
-        with pytest.raises(InputError, match="--stations: is "):
-            request.parse_stations(text)
-
-
-def test_hemisphere() -> None:
-    assert request.parse_hemisphere("0,0,-1") == (0.0, 0.0, -1.0)
-    assert request.parse_hemisphere("track") == request.TRACK
-    for text in ("1,0", "x", "0,0,0", "nan,0,0"):
-        with pytest.raises(InputError, match="--hemisphere: "):
-            request.parse_hemisphere(text)
-
-
 @pytest.mark.parametrize(
     ("family", "settings", "sentence"),
     [
@@ -84,10 +68,3 @@ def test_hemisphere() -> None:
 def test_what_a_family_cannot_do_is_refused(family: str, settings, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         request.RecordingRequest(family, **settings)
-
-
-def test_the_usual_list_and_rate_are_the_familys() -> None:
-    assert request.RecordingRequest("fastrak").items == (2, 11, 16, 1)
-    assert request.RecordingRequest("viper").items == ()
-    rates = [request.RecordingRequest(name).usual_rate_hz for name in ("liberty", "patriot", "viper")]
-    assert rates == [240, 60, 240]

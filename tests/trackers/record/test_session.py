@@ -9,11 +9,9 @@ import pty
 import re
 import resource
 import signal
-import socket
 import subprocess
 import sys
 import termios
-import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -21,15 +19,14 @@ import numpy as np
 import pytest
 from tracker_processes import PATIENCE_S, REPOSITORY, capture, leave_in, started, until_lines
 
-from stages.capture import record_tracker
-from trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
-from trackers.decode.stream import Tally, blocks_of
-from trackers.protocols.records import Records, concatenated
-from trackers.record import session
-from trackers.record.port import open_port
-from trackers.record.recording_terminal import StopRequest, Terminal
-from trackers.record.request import RecordingRequest
-from trackers.record.session import RecordingPlan, record
+from shukotsu.stages.capture import record_tracker
+from shukotsu.trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
+from shukotsu.trackers.decode.stream import Tally, blocks_of
+from shukotsu.trackers.protocols.records import Records, concatenated
+from shukotsu.trackers.record.port import open_port
+from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
+from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.session import RecordingPlan, record
 
 NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
 """What stays after the recorder has gone: re-initialise, start-up settings, save, name, line settings."""
@@ -123,23 +120,6 @@ def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys)
     assert sent.endswith(b"Q0\rC\rP")
 
 
-STATES = [
-    [],
-    ["--already-streaming"],
-    ["--already-streaming", "--echo"],
-    ["--power-up-text", "--reinit-delay", "0.5"],
-    ["--ports", "4"],
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("how", [[], ["--ascii", "--items", "short"]], ids=["binary", "ascii"])
-@pytest.mark.parametrize("state", STATES, ids=" ".join)
-def test_every_state_of_the_tracker(state, how, recording) -> None:
-    _, out, _ = recording([*state, "--stations", "1-3"], "--duration", "1", *how)
-    assert_whole(out, 3)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "left", [b"O*,8,9", b"F1\rC\r", b"F1\rO*,2,4,2\rU0\rC\rO1,", b"\r\r\r", b"L*,1\rR3\r"]
@@ -153,23 +133,6 @@ def test_whatever_another_program_has_left(left: bytes, recording) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_in_force_is_reported_and_left(recording) -> None:
-    left = b"B1,10,0,0\rN2,1,2,3\rA1,0,0,0,0,1,0,-1,0,0\rG0,0,30\r@B0\r"
-    _, out, done = recording(["--stations", "1,2"], "--duration", "0.5", left=left)
-    for warning in (
-        "note: receiver 1: a boresight turns its orientations",
-        "note: receiver 1: an alignment moves its frame",
-        "note: receiver 2: a tip offset moves its positions",
-        "note: the transmitter's mounting frame is turned by 0, 0, 30 deg",
-        "note: USB buffering is off",
-    ):
-        assert warning in done.stderr
-    _, _, settings = decoded(out)
-    assert len(settings.options["warnings"]) == 5
-    assert settings.options["after"]["source_frame"] == [0, 0, 30]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("stations", "tcp"), [(1, False), (16, True)], ids=["pseudo-terminal", "socket"])
 def test_nothing_is_lost_in_eight_seconds(stations, tcp, recording) -> None:
     """240 Hz, the full list, the log on. A pseudo-terminal's buffer holds 1.6 s of one receiver, which a busy
@@ -179,25 +142,12 @@ def test_nothing_is_lost_in_eight_seconds(stations, tcp, recording) -> None:
     assert_whole(out, stations)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("tracker", ["patriot", "fastrak"])
-@pytest.mark.parametrize("mode", [[], ["--ascii"]], ids=["binary", "ascii"])
-def test_other_trackers(tracker: str, mode: list[str], recording) -> None:
-    state = ["--device", tracker, "--stations", "1-2", "--already-streaming"]
-    _, out, _ = recording(state, "--tracker", tracker, "--duration", "2", *mode)
-    records, _, settings = decoded(out)
-    assert settings.rate_hz == 60
-    assert set(records.station.tolist()) == {1, 2}
-    assert_gapless(frames_of(records))
-    assert np.isfinite(records.quaternion).all()
-
-
 def in_a_terminal(*words: str) -> tuple[int, int]:
     """Run a subcommand of capture in a terminal of its own; gives its process and the terminal."""
     child, master = pty.fork()
     if child == 0:
         os.chdir(REPOSITORY)
-        os.execv(sys.executable, [sys.executable, "-m", "stages.capture", *words])
+        os.execv(sys.executable, [sys.executable, "-m", "shukotsu.stages.capture", *words])
     return child, master
 
 
@@ -245,39 +195,6 @@ def test_nothing_answers(line: list[str], recording) -> None:
     assert "(just switched on? it takes 10 s)" in done.stderr
     assert ("at 115200, 57600, 38400, 19200, 9600 baud" in done.stderr) == bool(line)
     assert not out.exists(), "the name is free for the next attempt"
-
-
-@pytest.mark.slow
-def test_another_line_rate_is_found_and_reported(recording) -> None:
-    how = ["--line-rate", "115200", "--duration", "1", "--items", "9,2", "--rate", "120"]
-    _, out, done = recording(["--baud", "57600", "--stations", "1"], *how)
-    assert "note: it answered at 57600 baud and not at 115200; 57600 is used" in done.stderr
-    assert_gapless(frames_of(decoded(out)[0]))
-
-
-@pytest.mark.slow
-def test_a_line_that_is_too_slow(recording) -> None:
-    """Refused with the arithmetic; with --allow-slower what comes through is recorded."""
-    state = ["--stations", "1-4", "--line-rate", "11520", "--fifo", "2300"]
-    how = ["--line-rate", "115200", "--duration", "4"]
-    _, out, refused = recording(state, *how, returncode=2)
-    arithmetic = "4 receivers x 56 bytes x 240 Hz = 53760 bytes/s, and 115200 baud carries 11520"
-    assert arithmetic in error_line(refused.stderr)
-    assert not out.exists()
-    _, _, done = recording(state, *how, "--allow-slower")
-    assert "note: the line is too slow" in done.stderr
-    assert re.search(r"note: the line brought [\d.]+ kB/s of the 53.8 kB/s that 4 receivers", done.stdout)
-    records, tally, _ = decoded(out)
-    assert tally.summary is not None
-    assert tally.summary["lost_frames"] > len(records)
-
-
-@pytest.mark.slow
-def test_something_else_answers(recording) -> None:
-    port, _, done = recording(["--device", "patriot"], returncode=2)
-    assert error_line(done.stderr) == f"error: {port}: the tracker is a PATRIOT; give --tracker patriot"
-    _, _, done = recording(["--device", "fastrak", "--stations", "1"], returncode=2)
-    assert "what answers is no LIBERTY" in error_line(done.stderr)
 
 
 @pytest.mark.slow
@@ -330,20 +247,6 @@ def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: P
 
 
 @pytest.mark.slow
-def test_a_stop_before_the_first_frame_leaves_nothing(emulated, tmp_path: Path) -> None:
-    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
-    with started("record", "--port", port, "--out", str(out), "--countdown", "30") as recorder:
-        assert recorder.stderr is not None
-        while "starting in 29" not in recorder.stderr.readline():
-            assert recorder.poll() is None
-        recorder.send_signal(signal.SIGINT)
-        _, stderr = recorder.communicate(timeout=PATIENCE_S)
-        assert recorder.returncode == 0
-    assert "stopped before the first frame (SIGINT); no file is left" in stderr
-    assert not out.exists()
-
-
-@pytest.mark.slow
 def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
     """A child that may write so much and no more; what was written before is whole."""
     port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
@@ -387,64 +290,3 @@ def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
     host_ns = np.concatenate([piece.host_ns[piece.kind == RECEIVED] for piece in open_archive(out).pieces()])
     assert (np.diff(host_ns) >= 0).all()
     assert_gapless(frames_of(records))
-
-
-@pytest.mark.slow
-def test_a_receiver_is_unplugged_and_plugged_in(emulated, tmp_path: Path) -> None:
-    port, out = emulated("--stations", "1-3", "--unplug", "2@1.5", "--plug", "2@2.5"), tmp_path / "rom.arrows"
-    with started("record", "--port", port, "--out", str(out)) as recorder:
-        lines = until_lines(recorder, 1)
-        while not any("absent 2" in line for line in lines):
-            lines += until_lines(recorder, 1)
-        while "3 of 3 receivers" not in lines[-1]:
-            lines += until_lines(recorder, 1)
-        recorder.send_signal(signal.SIGINT)
-        printed, _ = recorder.communicate(timeout=PATIENCE_S)
-        assert recorder.returncode == 0
-    records, tally, _ = decoded(out)
-    assert tally.summary is not None
-    ((from_s, to_s),) = tally.summary["receivers"]["2"]["absent_s"]
-    assert f"{from_s:.1f} s to {to_s:.1f} s" in printed
-    assert [e["event"] for e in tally.events if "receiver" in e] == ["receiver-absent", "receiver-back"]
-    assert tally.summary["receivers"]["1"]["lost_frames"] == 0
-    assert np.diff(frames_of(records, 2)).max() == 2 * 240 + 1, "out at 1.5 s, found at 3.5 s"
-
-
-@pytest.mark.parametrize("command", ["record", "check"])
-def test_a_network_port_that_is_closed_at_once(command: str, tmp_path: Path) -> None:
-    def serve() -> None:
-        server.accept()[0].close()
-
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        thread = threading.Thread(target=serve)
-        thread.start()
-        out = ["--out", str(tmp_path / "rom.arrows")] if command == "record" else []
-        done = capture(command, "--port", f"socket://127.0.0.1:{server.getsockname()[1]}", *out)
-        thread.join()
-    assert done.returncode == 2
-    assert error_line(done.stderr).endswith("; perhaps another program has it")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", ["add", "totals"])
-def test_a_fault_of_the_program_itself(fault: str, emulated, tmp_path: Path, monkeypatch, capsys) -> None:
-    """One in the view costs nothing; any other ends the recording, and what came until then is kept."""
-
-    def fail(*_: object) -> None:
-        raise ZeroDivisionError("a fault")
-
-    port, out = emulated("--stations", "1-2"), tmp_path / "rom.arrows"
-    monkeypatch.setattr(session.Statistics, fault, fail)
-    argv = ["--port", port, "--out", str(out), "--duration", "1"]
-    if fault == "add":
-        assert record_tracker.main(argv) == 0
-        note = "note: the view has failed (ZeroDivisionError: a fault); every byte is still recorded"
-        assert note in capsys.readouterr().err
-    else:
-        with pytest.raises(ZeroDivisionError):
-            record_tracker.main(argv)
-    records, tally, _ = decoded(out)
-    assert len(frames_of(records)) > 24, "a second stop may have brought one more frame, later"
-    assert tally.summary is not None
-    expected = "--duration 1" if fault == "add" else "internal error (ZeroDivisionError('a fault'))"
-    assert tally.summary["reason"] == expected

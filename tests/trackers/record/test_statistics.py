@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trackers.decode.stream import Block
-from trackers.protocols.records import empty_records
-from trackers.protocols.stream_settings import StreamSettings
-from trackers.record.statistics import Moment, Statistics
+from shukotsu.trackers.decode.stream import Block
+from shukotsu.trackers.protocols.records import empty_records
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record.statistics import Moment, Statistics
 
 RATE_HZ = 240.0
 START_NS = 5_000_000_000
@@ -95,103 +95,3 @@ def test_a_receiver_that_was_unplugged_is_absent_and_not_lossy() -> None:
     assert totals["lost_frames"] == 0
     assert statistics.moment(now_ns).rows[1].rate_hz == pytest.approx(240.0, rel=0.02)
     assert statistics.totals(now_ns)["partial_cycles"] < 240, "a receiver that is away makes no cycle partial"
-
-
-def test_an_absence_between_two_looks_is_found() -> None:
-    totals, _ = counted({(frame, 2) for frame in range(300, 700)}, 960, step=960)
-    (absence,) = totals["receivers"]["2"]["absent_s"]
-    assert absence == pytest.approx([1.25, 2.917], abs=0.01)
-
-
-def test_a_receiver_that_never_came_is_absent_from_the_start() -> None:
-    totals, moment = counted({(frame, 2) for frame in range(960)}, 960)
-    assert totals["receivers"]["2"]["absent_s"] == [[0.0, None]]
-    assert moment.rows[1].rate_hz is None
-
-
-def test_silence_is_told_apart_from_absence() -> None:
-    statistics = Statistics(settings(), START_NS)
-    fed(statistics, set(), range(480))
-    for tenths in range(20, 50):
-        statistics.add(block([]), 0, START_NS + tenths * 100_000_000)
-    moment = statistics.moment(START_NS + 4_900_000_000)
-    assert moment.silent_s == pytest.approx(2.9)
-    now_ns = fed(statistics, set(), range(1200, 1440))
-    totals = statistics.totals(now_ns)
-    assert totals["silent_s"] == [[pytest.approx(2.0), pytest.approx(5.2)]]
-    assert totals["receivers"]["1"]["absent_s"] == [
-        [pytest.approx(2.0, abs=0.01), pytest.approx(5.0, abs=0.01)]
-    ]
-
-
-def test_errors_and_distortion_are_of_now_and_of_the_worst() -> None:
-    statistics = Statistics(settings(), START_NS)
-    fed(statistics, set(), range(240), error=ord("b"), distortion=2)
-    row = statistics.moment(START_NS + 10**9).rows[0]
-    assert (row.error, row.distortion) == ("b", 2)
-    now_ns = fed(statistics, set(), range(240, 480), distortion=0)
-    row = statistics.moment(now_ns).rows[0]
-    assert (row.error, row.distortion) == ("", 0)
-    totals = statistics.totals(now_ns)["receivers"]["1"]
-    assert totals["records_with_error"] == 240
-    assert totals["worst_distortion"] == 2
-
-
-def test_the_margin_is_the_sine_of_the_angle_to_the_edge() -> None:
-    statistics = Statistics(settings(hemisphere=(0.0, 0.0, 2.0)), START_NS)
-    fed(statistics, set(), range(48), position_mm=(300.0, 0.0, 300.0))
-    now_ns = fed(statistics, set(), range(48, 96), position_mm=(0.0, 100.0, 0.0))
-    assert statistics.moment(now_ns).rows[0].margin == pytest.approx(0.0)
-    fed(statistics, set(), range(96, 144), position_mm=(300.0, 0.0, 300.0))
-    assert statistics.moment(now_ns).rows[0].margin == pytest.approx(np.sqrt(0.5))
-    assert statistics.totals(now_ns)["receivers"]["1"]["least_hemisphere_margin"] == pytest.approx(0.0)
-
-
-def test_no_margin_while_the_tracker_follows() -> None:
-    statistics = Statistics(settings(hemisphere=(0.0, 0.0, 0.0)), START_NS)
-    now_ns = fed(statistics, set(), range(48))
-    assert np.isnan(statistics.moment(now_ns).rows[0].margin)
-    assert statistics.totals(now_ns)["receivers"]["1"]["least_hemisphere_margin"] is None
-
-
-def test_lag_is_how_much_later_than_at_its_fastest_the_newest_record_came() -> None:
-    statistics = Statistics(settings(), START_NS)
-    fed(statistics, set(), range(480), late_ms=1.0)
-    now_ns = fed(statistics, set(), range(480, 528), late_ms=41.0)
-    lag_ms = statistics.moment(now_ns).lag_ms
-    assert lag_ms == pytest.approx(40.0, abs=0.01)
-
-
-def test_what_cannot_be_believed_is_counted_and_not_used() -> None:
-    statistics = Statistics(settings((1,)), START_NS)
-    fed(statistics, set(), range(48))
-    wild = block([(48, 1), (4_000_000, 1), (49, 1)])
-    wild.out_of_order[1] = True
-    statistics.add(wild, 168, START_NS + 208_000_000)
-    totals = statistics.totals(START_NS + 208_000_000)
-    assert totals["receivers"]["1"]["doubtful_records"] == 1
-    assert totals["receivers"]["1"]["records"] == 50
-    assert totals["lost_frames"] == 0
-
-
-def test_a_cycle_that_two_looks_share_is_one_and_whole() -> None:
-    statistics = Statistics(settings(), START_NS)
-    pairs = [(frame, station) for frame in range(10) for station in (1, 2)]
-    for first in range(0, 20, 3):
-        here = pairs[first : first + 3]
-        statistics.add(block(here), 56 * len(here), START_NS + 10**7 * (first + 1))
-    totals = statistics.totals(START_NS + 10**9)
-    assert (totals["cycles"], totals["partial_cycles"]) == (10, 0)
-
-
-def test_what_the_stop_cuts_is_no_loss() -> None:
-    """The cycle in which the stop comes lacks receiver 2; the answer to the stop is a frame of its own."""
-    totals, _ = counted({(500, 1), (500, 2), (600, 1), (960, 2), (961, 1), (961, 2)}, 963)
-    assert (totals["lost_frames"], totals["lost_cycles"], totals["partial_cycles"]) == (3, 1, 1)
-    assert [one["lost_frames"] for one in totals["receivers"].values()] == [2, 1]
-    assert totals["cycles"] == 961
-
-
-def test_a_silence_of_all_is_no_lost_frame() -> None:
-    totals, _ = counted({(frame, station) for frame in range(300, 600) for station in (1, 2)}, 960)
-    assert (totals["lost_frames"], totals["lost_cycles"]) == (0, 0)

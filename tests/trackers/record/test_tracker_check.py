@@ -3,9 +3,9 @@
 import pytest
 from tracker_processes import capture, leave_in
 
-from trackers.liberty.items import FULL_LIST
-from trackers.protocols.stream_settings import StreamSettings
-from trackers.record import tracker_check
+from shukotsu.trackers.liberty.items import FULL_LIST
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record import tracker_check
 
 
 def test_settings_are_told_as_they_were_and_are() -> None:
@@ -50,12 +50,3 @@ def test_a_check_leaves_no_trace(emulated) -> None:
     assert "hemisphere        1: 0 0 -1 -> 1 0 0; 2: 1 0 0" in settings[0]
     assert "rate              120 Hz -> 240 Hz" in settings[0]
     assert "; 0 frames lost (0 records), 0 cycles partial" in first.stdout
-
-
-@pytest.mark.slow
-def test_a_check_of_nothing(emulated) -> None:
-    port = emulated("--silent")
-    done = capture("check", "--port", port)
-    assert done.returncode == 2
-    assert f"error: {port}: nothing answers" in done.stderr
-    assert not done.stdout

@@ -2,7 +2,7 @@
 
 import pytest
 
-from trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.request import RecordingRequest
 
 
 class Flock:

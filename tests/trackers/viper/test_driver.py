@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schemas.errors import InputError
-from trackers.record.request import RecordingRequest
-from trackers.viper.decoder import crc16_arc
+from shukotsu.errors import InputError
+from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.viper.decoder import crc16_arc
 
 ANY = 0xFFFFFFFF
 HEMISPHERE, FILTER, BORESIGHT, RATE, UNITS, STATION_MAP, STYLUS, CONTINUOUS, WHOAMI = (

@@ -8,10 +8,9 @@ import pytest
 import recording_files
 from recording_files import ARM, of
 
-from schemas.errors import InputError
-from skeleton.rotations import matrix, unit
-from stages.capture.formats.mapped_csv import read_mapped_csv
-from stages.capture.samples import Samples
+from shukotsu.errors import InputError
+from shukotsu.stages.capture.formats.mapped_csv import read_mapped_csv
+from shukotsu.stages.capture.samples import Samples
 
 ANGLES = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
 WIDE = {
@@ -68,17 +67,6 @@ def check_wide(samples: Samples) -> None:
         np.testing.assert_allclose(samples.time_s[segment], [0, 0.0045])
 
 
-def test_positions_of_another_frame_than_the_rotations(tmp_path: Path) -> None:
-    """The axes as `position_axes` takes them from the file; a segment that stands still stays where it is."""
-    samples = read(tmp_path, HEADER + ROWS, changed(WIDE, position_axes=["z", "-x", "y"]))
-    np.testing.assert_allclose(samples.numbers[of(samples, "forearm"), :3], [[30, -10, 20], [30, -15, 20]])
-    np.testing.assert_allclose(samples.numbers[of(samples, "hand"), 3:], [[1, 0, 0, 0], [HALF, HALF, 0, 0]])
-    long = changed(LONG, position_axes=["y", "x", "-z"], fixed=["upper_arm"])
-    samples = read(tmp_path, LONG_TEXT, long)
-    np.testing.assert_allclose(samples.numbers[of(samples, "forearm"), :3], [[5000, 4000, -6000]])
-    np.testing.assert_allclose(samples.numbers[of(samples, "upper_arm"), :3], 0)
-
-
 TIMES = (
     "t,x1,y1,z1,az1,el1,ro1,x2,y2,z2,az2,el2,ro2\n{},1,2,3,0,0,0,4,5,6,0,0,0\n{},1,2,3,0,0,0,4,5,6,0,0,0\n"
 )
@@ -107,16 +95,6 @@ def test_times_of_the_day(tmp_path: Path, first: str, second: str, expected: lis
         )
 
 
-def numbered(header: str) -> dict[str, Any]:
-    """The wide mapping with its columns by number."""
-    names = header.strip().split(",")
-    receivers = {
-        segment: {key: [names.index(name) + 1 for name in columns] for key, columns in group.items()}
-        for segment, group in WIDE["receivers"].items()  # type: ignore[attr-defined]
-    }
-    return WIDE | {"receivers": receivers, "csv": {"time": 1, "time_unit": "ms"}}
-
-
 @pytest.mark.parametrize(
     ("text", "csv"),
     {
@@ -137,17 +115,6 @@ def test_a_wide_table_in_any_dress(tmp_path: Path, text: str, csv: dict[str, Any
     check_wide(read(tmp_path, text, changed(WIDE, csv)))
 
 
-def test_a_table_without_a_header_goes_by_numbers(tmp_path: Path) -> None:
-    told = numbered(HEADER)
-    check_wide(read(tmp_path, ROWS, changed(told, {"header": False})))
-    check_wide(read(tmp_path, HEADER.replace("x1", "same").replace("x2", "same") + ROWS, told))
-    bare = changed(told, {"header": False})
-    message = "old.txt: line 2, column number 2: is 'left'; expected a number"
-    refuse(tmp_path, ROWS.replace("4.5,1.5", "4.5,left"), bare, message)
-    told["receivers"]["hand"]["position"] = [8, 9, 14]
-    refuse(tmp_path, ROWS, bare, "receivers.hand.position: there is no column 14; ")
-
-
 def test_a_long_table(tmp_path: Path) -> None:
     samples = read(tmp_path, LONG_TEXT, changed(LONG, fixed=["scapula"]))
     hand, forearm, bench = (of(samples, segment) for segment in ("hand", "forearm", "scapula"))
@@ -160,89 +127,6 @@ def test_a_long_table(tmp_path: Path) -> None:
     np.testing.assert_array_equal(samples.numbers[bench], [[0, 0, 0, 1, 0, 0, 0]] * 2)
     assert np.isnan(samples.time_s).all()
     assert samples.place(int(np.flatnonzero(hand)[1])) == f"{tmp_path}/old.txt: line 4"
-
-
-def test_receivers_of_a_long_table_that_only_one_side_names(tmp_path: Path) -> None:
-    samples = read(tmp_path, LONG_TEXT.replace("7,1,4", "7,3,4"), LONG)
-    assert samples.notes == (
-        "receiver '1' of segment forearm has no row",
-        "receivers that the mapping names no segment for are left out: 3 (1 rows)",
-    )
-    assert of(samples, "hand").all()
-    told = changed(LONG, receivers={"hand": {"value": "left"}})
-    refuse(tmp_path, LONG_TEXT, told, "none of the values left stands in column sensor of the table")
-
-
-def test_rows_are_counted_only_where_that_is_safe(tmp_path: Path) -> None:
-    told = changed(LONG, rate_hz=50)
-    np.testing.assert_allclose(read(tmp_path, LONG_TEXT, told).time_s, [0, 0, 0.04])
-    del told["csv"]["frame"]
-    refuse(tmp_path, LONG_TEXT, told, "has 2 rows of hand and 1 of forearm; which belong together is told by")
-    samples = read(tmp_path, LONG_TEXT + "9,1,4,5,6,0,0,0,1\n", told)
-    for segment in ("hand", "forearm"):
-        np.testing.assert_array_equal(samples.frame[of(samples, segment)], [0, 1])
-        np.testing.assert_allclose(samples.time_s[of(samples, segment)], [0, 0.02])
-
-
-def of_hand(key: str, column: object) -> dict[str, Any]:
-    """The receivers of the wide mapping with one key of the hand's set."""
-    receivers: dict[str, Any] = WIDE["receivers"]  # type: ignore[assignment]
-    return receivers | {"hand": receivers["hand"] | {key: column}}
-
-
-def test_a_receivers_own_time_goes_before_the_shared_one(tmp_path: Path) -> None:
-    text = HEADER.strip() + ",t2\n" + ROWS.replace("0,0,0\n", "0,0,0,2\n").replace("0,0,90\n", "0,0,90,\n")
-    samples = read(tmp_path, text, changed(WIDE, receivers=of_hand("time", "t2")))
-    np.testing.assert_allclose(samples.time_s[of(samples, "hand")], [0.002, np.nan])
-    np.testing.assert_allclose(samples.time_s[of(samples, "forearm")], [0, 0.0045])
-
-
-def test_texts_that_mean_no_value(tmp_path: Path) -> None:
-    text = HEADER + "0,1,2,3,,0,0,-9999,-9999,-9999, -9999 ,-9999,-9999\n4,NaN,NA,null,0,0,0,1,2,3,0,0,0\n"
-    samples = read(tmp_path, text, changed(WIDE, {"missing": ["-9999"]}))
-    gaps = np.isnan(samples.numbers)
-    assert gaps[of(samples, "forearm")].tolist() == [[False] * 3 + [True] * 4, [True] * 3 + [False] * 4]
-    assert gaps[of(samples, "hand")].tolist() == [[True] * 7, [False] * 7]
-
-
-@pytest.mark.parametrize(
-    ("limit", "marked"),
-    [({"quality_above": 3}, [True, False]), ({"quality_below": 3}, [False, True])],
-)
-def test_a_quality_beyond_its_limit_is_marked(
-    tmp_path: Path, limit: dict[str, float], marked: list[bool]
-) -> None:
-    text = HEADER.strip() + ",q\n" + ROWS.replace("0,0,0\n", "0,0,0,5\n").replace("0,0,90\n", "0,0,90,1\n")
-    samples = read(tmp_path, text, changed(WIDE, limit, receivers=of_hand("quality", "q")))
-    assert samples.marks["low-quality"][of(samples, "hand")].tolist() == marked
-    assert not samples.marks["low-quality"][of(samples, "forearm")].any()
-
-
-IN_RAD = ANGLES | {"unit": "rad"}
-TWICE = "column {}1 is used 2 times, for forearm and hand; is that right?"
-
-
-@pytest.mark.parametrize(
-    ("told", "notes"),
-    [
-        (WIDE, []),
-        (
-            changed(WIDE, orientation=IN_RAD),
-            ["angles reach 90, more than two pi, though orientation.unit is rad; are they degrees?"],
-        ),
-        (changed(WIDE, receivers=of_hand("orientation", ["az2", "el2", "ro1"])), [TWICE.format("ro")]),
-        (
-            changed(WIDE, receivers=of_hand("position", ["x1", "y1", "z1"])),
-            [*map(TWICE.format, "xyz")],
-        ),
-    ],
-)
-def test_what_is_doubtful_is_noted(tmp_path: Path, told: dict[str, Any], notes: list[str]) -> None:
-    assert list(read(tmp_path, HEADER + ROWS, told).notes) == notes
-
-
-def test_small_angles_may_be_in_radians(tmp_path: Path) -> None:
-    assert read(tmp_path, HEADER + ROWS.replace("90", "1.5"), changed(WIDE, orientation=IN_RAD)).notes == ()
 
 
 def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -> None:
@@ -309,21 +193,3 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         read_mapped_csv(tmp_path / "odd.txt", ARM, None)
     message = "fixed: segment 'bench' is not in layout arm"
     refuse(tmp_path, HEADER + ROWS, changed(WIDE, fixed=["bench"]), message)
-
-
-def test_matrices_of_the_inverse_come_back(tmp_path: Path) -> None:
-    """In blanks, with decimal commas and no header: the rotations they were written from, to their digits."""
-    rng = np.random.default_rng(7)
-    turned = matrix(unit(rng.normal(size=(5, 4))))
-    cells = np.concatenate([rng.normal(size=(5, 3)), turned.reshape(5, 9)], 1)
-    text = "".join("  ".join(f"{v:.9f}".replace(".", ",") for v in row) + "\n" for row in cells)
-    told = {
-        "format": "csv",
-        "position_unit": "inch",
-        "orientation": {"kind": "matrix", "rotates": "transmitter-to-receiver"},
-        "receivers": {"hand": {"position": [1, 2, 3], "orientation": list(range(4, 13))}},
-        "csv": {"delimiter": "space", "decimal": ",", "header": False},
-    }
-    samples = read(tmp_path, text, told)
-    np.testing.assert_allclose(samples.numbers[:, :3], cells[:, :3] * 25.4, atol=1e-6)
-    np.testing.assert_allclose(matrix(samples.numbers[:, 3:]), np.swapaxes(turned, 1, 2), atol=1e-7)

@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 import recording_files
-from poses_columns import solved
 from recording_files import ARM, of
 
-from schemas.errors import InputError
-from schemas.layout import Layout, read_layout
-from skeleton.rotations import matrix, rotate, unit
-from stages.capture.formats.matrices import read_matrices
-from stages.capture.samples import Samples
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.skeleton.rotations import matrix, unit
+from shukotsu.stages.capture.formats.matrices import read_matrices
+from shukotsu.stages.capture.samples import Samples
 
 RNG = np.random.default_rng(8)
 QUATERNIONS = unit(RNG.normal(size=(6, 4)))
@@ -64,17 +63,6 @@ def test_one_file_however_it_is_laid_out(tmp_path: Path, text: str) -> None:
     np.testing.assert_allclose(matrix(samples.numbers[:, 3:]), matrix(QUATERNIONS), atol=1e-8)
 
 
-def test_a_folder_goes_by_its_names_two_before_ten(tmp_path: Path) -> None:
-    for name, one in zip((1, 2, 3, 9, 10, 11), matrices(), strict=True):
-        (tmp_path / f"pose{name}.txt").write_text(four_lines(one[None]))
-    (tmp_path / "LICENSE").write_text("free\n")
-    samples = read(tmp_path, config(matrices={"pattern": "*.txt"}))
-    np.testing.assert_allclose(samples.numbers[:, :3], POSITIONS * 1000, atol=1e-9)
-    assert np.isnan(samples.time_s).all()
-    refuse(tmp_path, "LICENSE: line 1: has 1 numbers; expected four")
-    refuse(tmp_path, "has no file that matches '*.mat'", config(matrices={"pattern": "*.mat"}))
-
-
 def test_several_receivers_a_sample_and_a_fixed_segment(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text(four_lines(matrices()))
     samples = read(tmp_path / "a.txt", config("forearm", "hand", fixed=["scapula"], rate_hz=50))
@@ -89,27 +77,11 @@ def test_several_receivers_a_sample_and_a_fixed_segment(tmp_path: Path) -> None:
     refuse(tmp_path / "a.txt", "has 6 matrices; expected a multiple of 4", config(*ARM.measured))
 
 
-def test_the_inverse_is_inverted_whole(tmp_path: Path) -> None:
-    (tmp_path / "a.txt").write_text(four_lines(np.linalg.inv(matrices())))
-    inverse = config(orientation={"kind": "matrix", "rotates": "transmitter-to-receiver"})
-    samples = read(tmp_path / "a.txt", inverse)
-    np.testing.assert_allclose(samples.numbers[:, :3], POSITIONS * 1000, atol=1e-5)
-    np.testing.assert_allclose(
-        rotate(samples.numbers[:, 3:], np.ones(3)), rotate(QUATERNIONS, np.ones(3)), atol=1e-7
-    )
-
-
 def changed(change: Any) -> str:
     """The matrices with the second one changed."""
     some = matrices()
     some[1] = some[1] @ change if np.ndim(change) else some[1].T
     return four_lines(some)
-
-
-def test_a_matrix_of_nan_is_a_gap(tmp_path: Path) -> None:
-    (tmp_path / "a.txt").write_text(changed(np.full((4, 4), np.nan)))
-    gaps = np.isnan(read(tmp_path / "a.txt").numbers).all(1)
-    assert gaps.tolist() == [False, True, False, False, False, False]
 
 
 @pytest.mark.parametrize(
@@ -138,38 +110,3 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     refuse(tmp_path / "no.txt", "receivers: segment 'hnad' is not in layout arm", config("hnad"))
     with pytest.raises(InputError, match=r"needs a mapping .* inspect .*no.txt --write-mapping mapping.yaml"):
         read_matrices(tmp_path / "no.txt", ARM, None)
-
-
-def test_a_pointer_pivots_as_published(real_data: Path, tmp_path: Path) -> None:
-    """A joint whose parent is the bench: the pivot's published offset, place and residual."""
-    (tmp_path / "pointer.yaml").write_text(
-        "layout: pointer\ndescription: A pointer that pivots on its tip.\n"
-        "segments: {bench: {}, pointer: {}}\n"
-        "joints: {tip: {parent: bench, child: pointer, dof: 3, plane: {frame: none}}}\n"
-        "digits: {pointer: {segments: [pointer]}}\n"
-    )
-    layout = read_layout(tmp_path / "pointer.yaml")
-    told = config("pointer", position_unit="mm", fixed=["bench"], matrices={"pattern": "*.txt"})
-    samples = read(real_data / "pivot_bsd3", told, layout)
-    joint = solved(samples, "bench", "pointer")
-    assert joint.n_frames == 57
-    np.testing.assert_allclose(joint.q_mm, [-14.473, 394.634, -7.407], atol=5.1e-4)
-    np.testing.assert_allclose(joint.p_mm, [-804.742, -85.474, -2112.131], atol=5.1e-4)
-    assert joint.gap_rms_free_mm / np.sqrt(3) == pytest.approx(1.761, abs=5.1e-4)
-
-
-def test_reaches_of_a_real_receiver_are_read_whole(real_data: Path) -> None:
-    """Twenty files of one wrist receiver in metres: every sample a proper pose, reaches on a table."""
-    files = sorted((real_data / "fastrak_wrist_cc0").glob("*.traj"))
-    counts = {}
-    for file in files:
-        samples = read(file, config(rate_hz=100))
-        counts[file.stem] = len(samples.frame)
-        assert np.isfinite(samples.numbers).all()
-        np.testing.assert_allclose(np.linalg.norm(samples.numbers[:, 3:], axis=1), 1, atol=1e-12)
-        steps = np.linalg.norm(np.diff(samples.numbers[:, :3], axis=0), axis=1)
-        assert 3000 < steps.sum() < 8000  # a reach there and back over a table of 2.0 x 1.4 m
-        assert np.ptp(samples.numbers[:, :3], axis=0).max() < 2500
-    assert len(counts) == 20
-    assert sum(counts.values()) == 29615 // 5
-    assert counts["user1_cup0"] == 290

@@ -11,9 +11,9 @@ import yaml
 from recording_files import LIBERTY
 from scipy.spatial.transform import Rotation
 
-from skeleton.rotations import matrix
-from stages.capture.inspect_file import describe
-from stages.capture.samples import Samples
+from shukotsu.skeleton.rotations import matrix
+from shukotsu.stages.capture.inspect_file import describe
+from shukotsu.stages.capture.samples import Samples
 
 STEM = "sub-01_task-rom_tracksys-right"
 HEADER = "name component type tracked_point units reference_frame"
@@ -78,34 +78,6 @@ def test_units_gaps_and_times_by_channel(tmp_path: Path) -> None:
     assert samples.place(3) == f"{path}: line 2"
 
 
-@pytest.mark.parametrize("end", ["\r\n", "\r", "\n\n"])
-def test_lines_may_end_as_they_like(tmp_path: Path, end: str) -> None:
-    plain = read(write(tmp_path))
-    found = read(write(tmp_path, "\ufeff" + MOTION.replace("\n", end), CHANNELS.replace("\n", "\r\n")))
-    np.testing.assert_array_equal(found.numbers, plain.numbers)
-
-
-def test_without_latency_times_are_counted_by_the_sampling_frequency(tmp_path: Path) -> None:
-    motion = MOTION.replace("0.000000 ", "").replace("0.004167 ", "")
-    path = write(tmp_path, motion, CHANNELS.replace(LATENCY + "\n", ""))
-    np.testing.assert_array_equal(read(path).time_s, [0, 1 / 240] * 2)
-    path = write(tmp_path, motion, CHANNELS.replace(LATENCY + "\n", ""), {"TaskName": "rom"})
-    refuse(path, "no LATENCY channel and its motion.json no SamplingFrequency")
-    assert read(path, {**MAPPING, "rate_hz": 100}).time_s[1] == 0.01
-
-
-@pytest.mark.parametrize(
-    ("said", "tracker"),
-    [
-        ({"Manufacturer": "Polhemus", "ManufacturersModelName": "VIPER"}, "Polhemus VIPER"),
-        ({"Manufacturer": "n/a", "ManufacturersModelName": 7}, ""),
-        ({}, ""),
-    ],
-)
-def test_the_tracker_is_what_the_sidecar_says(tmp_path: Path, said: dict[str, object], tracker: str) -> None:
-    assert read(write(tmp_path, sidecar=SIDECAR | said)).tracker == tracker
-
-
 @pytest.mark.parametrize("order", ["XYZ", "ZYX", "XZY", "YXZ"])
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_euler_angles_turn_about_fixed_axes(tmp_path: Path, order: str, unit: str) -> None:
@@ -117,28 +89,6 @@ def test_euler_angles_turn_about_fixed_axes(tmp_path: Path, order: str, unit: st
     path = write(tmp_path, f"1 2 3 {told['z']} {told['x']} {told['y']}", channels, frame=frame)
     expected = Rotation.from_euler(order.lower(), [angles[axis.lower()] for axis in order]).as_matrix()
     np.testing.assert_allclose(matrix(read(path).numbers[0, 3:]), expected, atol=1e-14)
-
-
-EULER_CHANNELS = f"{HEADER}\n{channel_rows('hand', orientation=('x', 'y', 'z'), turn='deg')}"
-
-
-def test_an_order_of_angles_is_never_guessed(tmp_path: Path) -> None:
-    """It comes of channels.json or of a mapping, and where both say it they must agree."""
-    path = write(tmp_path, "1 2 3 10 20 30", EULER_CHANNELS)
-    refuse(path, "has Euler angles, but channels.json gives the reference frame 'lab' no RotationOrder")
-    hand = {"format": "motion-bids", "position_unit": "m", "receivers": {"hand": {"tracked_point": "hand"}}}
-    azimuth_first = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
-    found = read(path, {**hand, "orientation": azimuth_first}).numbers[0, 3:]
-    expected = Rotation.from_euler("ZYX", [30, 20, 10], degrees=True).as_matrix()
-    np.testing.assert_allclose(matrix(found), expected, atol=1e-14)
-    path = write(tmp_path, "1 2 3 10 20 30", EULER_CHANNELS, frame={"RotationOrder": "XYZ"})
-    np.testing.assert_array_equal(read(path, {**hand, "orientation": azimuth_first}).numbers[0, 3:], found)
-    for orientation, message in (
-        ({**azimuth_first, "axes": "XYZ"}, "axes: is XYZ, but .* RotationOrder XYZ"),
-        ({**azimuth_first, "unit": "rad"}, "units: is 'deg'; expected rad"),
-        ({"kind": "quaternion", "order": "wxyz"}, "has euler components"),
-    ):
-        refuse(path, message, {**hand, "orientation": orientation})
 
 
 MAPPING = {
@@ -163,22 +113,6 @@ def test_a_mapping_names_segments_and_leaves_points_out(tmp_path: Path) -> None:
     refuse(path, "has no tracked_point", {**MAPPING, "receivers": {"hand": {}}})
 
 
-def test_what_inspect_says_and_drafts(tmp_path: Path) -> None:
-    """A mapping only where a point is no segment; it is one that reads the file."""
-    path = write(tmp_path, channels=CHANNELS.replace("index_distal", "index-tip"))
-    found = describe(path, LIBERTY)
-    assert "tracked point hand: POS x y z in m; ORNT quat_x quat_y quat_z quat_w in n/a" in found.lines
-    assert "times in the channel latency; SamplingFrequency 240 Hz" in found.lines
-    assert yaml.safe_load(found.draft) == {
-        "format": "motion-bids",
-        "position_unit": "m",
-        "receivers": {"hand": {"tracked_point": "hand"}, "index_tip": {"tracked_point": "index-tip"}},
-    }
-    complete = describe(write(tmp_path), LIBERTY)
-    assert complete.lines[-1].endswith("is a segment of layout liberty16: needs no mapping")
-    assert not complete.draft
-
-
 def test_a_draft_says_what_the_file_does_not(tmp_path: Path) -> None:
     """No order of angles, a unit that is none, and names that differ by what a segment may not have."""
     channels = "\n".join(
@@ -188,30 +122,6 @@ def test_a_draft_says_what_the_file_does_not(tmp_path: Path) -> None:
     assert draft["position_unit"] == "CHECK"
     assert draft["orientation"] == {"kind": "euler", "axes": "CHECK", "unit": "deg"}
     assert draft["receivers"] == {"hand": {"tracked_point": "Hand"}, "hand_2": {"tracked_point": "hand-"}}
-
-
-def test_sidecars_are_inherited_within_a_dataset_only(tmp_path: Path) -> None:
-    """From the dataset's root down, the nearest last; a file of another task does not apply."""
-    folder = tmp_path / "sub-01" / "motion"
-    folder.mkdir(parents=True)
-    motion = MOTION.replace("0.000000 ", "").replace("0.004167 ", "")
-    path = write(folder, motion, CHANNELS.replace(LATENCY + "\n", ""), {})
-    (folder / f"{STEM}_channels.tsv").rename(tmp_path / "task-rom_channels.tsv")
-    (tmp_path / "task-walk_channels.tsv").write_text("name\n")
-    (tmp_path / "tracksys-right_motion.json").write_text('{"SamplingFrequency": 10}')
-    (tmp_path / "sub-01" / "sub-01_motion.json").write_text('{"SamplingFrequency": 50}')
-    refuse(path, f"no {STEM}_channels.tsv lies beside it")
-    (tmp_path / "dataset_description.json").write_text("{}")
-    assert read(path).time_s[1] == 1 / 50
-
-
-@pytest.mark.parametrize(("told", "text"), [("-9999", "-9999.0"), (0, "0"), ("gone", "gone"), ("NaN", "NaN")])
-def test_missing_values_are_those_that_the_sidecar_names(tmp_path: Path, told: object, text: str) -> None:
-    """A number means a gap only where a pose is that number throughout: one coordinate may well be 0."""
-    path = write(tmp_path, MOTION.replace("n/a", text), sidecar={**SIDECAR, "MissingValues": told})
-    samples = read(path)
-    assert np.isnan(samples.numbers[3]).all()
-    assert np.isfinite(samples.numbers[:3]).all()
 
 
 @pytest.mark.parametrize(
@@ -268,11 +178,3 @@ def test_channels_that_are_refused(tmp_path: Path, old: str, new: str, message: 
 )
 def test_files_that_are_refused(tmp_path: Path, files: dict[str, Any], message: str) -> None:
     refuse(write(tmp_path, **files), message)
-
-
-def test_files_that_are_not_there_or_not_named_so(tmp_path: Path) -> None:
-    refuse(tmp_path / f"{STEM}_motion.tsv", "no such file")
-    refuse(tmp_path / "rom.tsv", "expected a name that ends in _motion.tsv", MAPPING)
-    path = write(tmp_path)
-    (tmp_path / f"{STEM}_channels.tsv").unlink()
-    refuse(path, "no sub-01_task-rom_tracksys-right_channels.tsv lies beside it")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from schemas.config_files import json_schema
-from schemas.errors import InputError
-from skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply, unit
-from stages.capture.formats.orientation import proper_rotations, quaternions
+from shukotsu.errors import InputError
+from shukotsu.schemas.config_files import json_schema
+from shukotsu.skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply, unit
+from shukotsu.stages.capture.formats.orientation import proper_rotations, quaternions
 
 FORWARD = "receiver-to-transmitter"
 BACK = "transmitter-to-receiver"
@@ -22,7 +22,7 @@ def place(row: int) -> str:
     return f"rom.csv: line {row + 1}"
 
 
-def told(kind: str, rotates: str = FORWARD, **keys: str) -> dict[str, Any]:
+def translated(kind: str, rotates: str = FORWARD, **keys: str) -> dict[str, Any]:
     return {"kind": kind, "rotates": rotates, **keys}
 
 
@@ -46,7 +46,7 @@ def test_polhemus_angles_are_the_manuals_matrix() -> None:
             [-se, ce * sr, ce * cr],
         ]
     )
-    found = quaternions(angles, told("euler", axes="ZYX", unit="deg"), place)
+    found = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), place)
     np.testing.assert_allclose(matrix(found), np.moveaxis(manual, -1, 0), atol=1e-12)
 
 
@@ -63,8 +63,8 @@ def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> 
     guide = [ce * ca, ce * sa, -se, sr * se * ca - cr * sa, cr * ca + sr * se * sa, sr * ce]
     guide += [sr * sa + cr * se * ca, cr * se * sa - sr * ca, cr * ce]
     same(
-        quaternions(np.stack(guide, axis=-1), told("matrix", BACK), place),
-        quaternions(angles, told("euler", FORWARD, axes="ZYX", unit="deg"), place),
+        quaternions(np.stack(guide, axis=-1), translated("matrix", BACK), place),
+        quaternions(angles, translated("euler", FORWARD, axes="ZYX", unit="deg"), place),
     )
 
 
@@ -85,23 +85,23 @@ def test_every_kind_gives_the_rotation_that_it_was_written_from(
 ) -> None:
     """Also by the numbers of the inverse; angles, of another program, turn about own axes."""
     q = unit(np.random.default_rng(6).normal(size=(200, 4)))
-    same(quaternions(numbers_of(q), told(kind, FORWARD, **keys), place), q)
-    same(quaternions(numbers_of(conjugate(q)), told(kind, BACK, **keys), place), q)
+    same(quaternions(numbers_of(q), translated(kind, FORWARD, **keys), place), q)
+    same(quaternions(numbers_of(conjugate(q)), translated(kind, BACK, **keys), place), q)
 
 
 def test_a_missing_number_stays_missing_and_an_infinite_one_infinite() -> None:
     angles = np.array([[1, np.nan, 2], [np.nan] * 3, [1, np.inf, 2], [1, 2, 3]])
-    found = quaternions(angles, told("euler", axes="ZYX", unit="deg"), place)
+    found = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), place)
     assert np.isnan(found[:2]).all()
     assert np.isinf(found[2]).any()
     assert np.isfinite(found[3]).all()
     nine = np.stack([np.full(9, np.nan), np.eye(3).ravel()])
-    found = quaternions(nine, told("matrix"), place)
+    found = quaternions(nine, translated("matrix"), place)
     assert np.isnan(found[0]).all()
     np.testing.assert_array_equal(found[1], [1, 0, 0, 0])
     some = np.array([[1.0, 0, np.nan, 0]])
     np.testing.assert_array_equal(
-        quaternions(some, told("quaternion", order="xyzw"), place), [[0, 1, 0, np.nan]]
+        quaternions(some, translated("quaternion", order="xyzw"), place), [[0, 1, 0, np.nan]]
     )
 
 

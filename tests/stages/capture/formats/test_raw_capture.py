@@ -4,18 +4,61 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.captures import write_capture
 from benchmarks.processes import run_python
-from schemas.layout import read_layout
-from schemas.tables import read_metadata
-from stages.capture.formats.raw_capture import read_capture
-from stages.capture.import_recording import main
-from stages.capture.samples import joined
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.tables import read_metadata
+from shukotsu.stages.capture.formats.raw_capture import read_capture
+from shukotsu.stages.capture.import_recording import main
+from shukotsu.stages.capture.samples import joined
+from shukotsu.trackers.archive import ArchiveWriter
+from shukotsu.trackers.liberty.items import HEADER_BYTES, OUTPUT_ITEMS
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 LIBERTY = read_layout("liberty16")
+STATIONS = tuple(range(1, 17))
+ITEMS = (8, 9, 11, 3, 7)
+
+
+def write_capture(path: Path, seconds: float) -> None:
+    """Write a capture of 16 receivers at 240 Hz, every record the protocol's, the poses smooth and random."""
+    lists = dict.fromkeys(STATIONS, ITEMS)
+    settings = StreamSettings("liberty", "binary", "cm", 240.0, STATIONS, lists, {}, {})
+    writer = ArchiveWriter(path, {"made_up": True}, utc_offset_ns=lambda: 0)
+    writer.settings(settings.to_json(), 0)
+    random = np.random.default_rng(0)
+    period_ns = 1e9 / 240.0
+    for first in range(0, int(seconds * 240.0), 240):
+        rows = _second(first, random)
+        for start in range(0, 240, 3):
+            piece = rows[start : start + 3].tobytes()
+            late_ns = int(random.integers(0, 2_000_000))
+            writer.received(piece, int((first + start + 3) * period_ns) + late_ns)
+        writer.flush()
+    writer.close({"reason": "duration"}, int(seconds * 1e9))
+
+
+def _second(first: int, random: np.random.Generator) -> np.ndarray:
+    """Records of 240 frames, (240, 16)."""
+    rows = np.zeros((240, len(STATIONS)), OUTPUT_ITEMS.record_type(ITEMS))
+    raw = rows.view(np.uint8).reshape(240, len(STATIONS), -1)
+    raw[..., :2] = np.frombuffer(b"LY", np.uint8)
+    rows["station"] = STATIONS
+    rows["command"] = ord("C")
+    rows["size"] = rows.dtype.itemsize - HEADER_BYTES
+    frame = np.arange(first, first + 240)[:, None]
+    rows["frame"] = frame
+    rows["device_ms"] = frame * 1000 // 240
+    phase = frame / 240 + np.arange(len(STATIONS)) / 3
+    for index, axis in enumerate("xyz"):
+        rows[axis] = 25 + 5 * np.sin(phase + index) + random.normal(0, 0.005, phase.shape)
+    half = 0.5 * np.sin(phase) + random.normal(0, 0.001, phase.shape)
+    rows["qw"], rows["qx"] = np.cos(half), np.sin(half) * 0.6
+    rows["qy"] = np.sin(half) * 0.8
+    return rows
 
 
 def test_the_tracker_is_named(tmp_path: Path) -> None:
@@ -36,7 +79,7 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
         path, out = tmp_path / f"{minutes}.arrows", tmp_path / f"{minutes}.parquet"
         write_capture(path, minutes * 60.0)
         names = "--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"
-        argv = ["-m", "stages.capture", "import", f"--in={path}", f"--out={out}", *names]
+        argv = ["-m", "shukotsu.stages.capture", "import", f"--in={path}", f"--out={out}", *names]
         memory_mb.append(run_python(*argv).memory_mb)
         assert pq.ParquetFile(out).metadata.num_rows == 16 * minutes * 60 * 240
     assert memory_mb[1] - memory_mb[0] < 100

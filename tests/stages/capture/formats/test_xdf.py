@@ -1,6 +1,5 @@
 """Reading XDF: files made here byte by byte (XDF 1.0), and made sure of by pyxdf itself."""
 
-import gzip
 import struct
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,14 +8,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-import pyxdf
 import recording_files
-import yaml
 from recording_files import LIBERTY
 
-from schemas.errors import InputError
-from stages.capture.inspect_file import describe
-from stages.capture.samples import Samples
+from shukotsu.errors import InputError
+from shukotsu.stages.capture.samples import Samples
 
 Array = npt.NDArray[np.float64]
 
@@ -95,16 +91,6 @@ def refuse(tmp_path: Path, data: bytes, message: str, mapping: dict[str, object]
     recording_files.refuse(tmp_path / "rom.xdf", message, LIBERTY, mapping)
 
 
-def test_the_writer_here_writes_what_pyxdf_reads(tmp_path: Path) -> None:
-    path = tmp_path / "rom.xdf"
-    path.write_bytes(PLAIN)
-    (found,), file_header = pyxdf.load_xdf(path, dejitter_timestamps=False)
-    assert file_header["info"]["version"] == ["1.0"]
-    np.testing.assert_array_equal(found["time_stamps"], TIMES)
-    np.testing.assert_array_equal(found["time_series"], VALUES)
-    assert found["footer"]["info"]["sample_count"] == ["5"]
-
-
 def test_a_header_cannot_declare_what_unfolds(tmp_path: Path) -> None:
     """Ten entities of ten of the one before are 10 GB of text after nine of them."""
     names = "abcdefghij"
@@ -146,25 +132,6 @@ def test_times_follow_the_rate_and_the_clock_and_jitter_stays(
     np.testing.assert_allclose(samples.time_s[:5], time_s, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("unit", "mm"), [("meters", 1000), ("centimeters", 10), ("Millimetres", 1), ("inches", 25.4)]
-)
-@pytest.mark.parametrize(("number", "code"), [("double64", "f8"), ("float32", "f4")])
-def test_units_and_types_of_numbers(tmp_path: Path, unit: str, mm: float, number: str, code: str) -> None:
-    samples = read(tmp_path, xdf(stream(1, header(TWO, unit=unit, number=number), TIMES, VALUES)))
-    position_mm = VALUES[:, :3].astype(code).astype(float) * mm
-    np.testing.assert_array_equal(samples.numbers[:5, :3], position_mm)
-
-
-def test_a_packed_file_is_the_same(tmp_path: Path) -> None:
-    path = tmp_path / "rom.xdfz"
-    path.write_bytes(gzip.compress(PLAIN))
-    samples = recording_files.read(path, LIBERTY)
-    np.testing.assert_array_equal(samples.numbers, read(tmp_path, PLAIN).numbers)
-    path.write_bytes(gzip.compress(PLAIN)[:-30])
-    recording_files.refuse(path, "cannot be read", LIBERTY)
-
-
 MAPPING = {
     "format": "xdf",
     "position_unit": "m",
@@ -184,31 +151,6 @@ def test_a_mapping_says_which_marker_is_which_segment(tmp_path: Path) -> None:
     orientation = {"kind": "quaternion", "order": "xyzw", "rotates": "transmitter-to-receiver"}
     samples = read(tmp_path, NAMED, {**MAPPING, "orientation": orientation})
     np.testing.assert_array_equal(samples.numbers[0, 3:], [0, -0.6, 0, -0.8])
-
-
-def test_of_several_streams_the_mapping_says_which(tmp_path: Path) -> None:
-    second = stream(2, header(["RB 1", "2"], "again"), TIMES, VALUES + 1)
-    both = NAMED + second
-    refuse(tmp_path, both, r"has 2 streams of type MoCap \(tracker, again\); say which in a mapping", MAPPING)
-    samples = read(tmp_path, both, {**MAPPING, "xdf": {"stream": "again"}})
-    assert samples.numbers[0, 0] == 1100
-    misspelt = {**MAPPING, "xdf": {"stream": "agian"}}
-    refuse(tmp_path, both, "no streams named 'agian'.*did you mean 'again'", misspelt)
-
-
-def test_what_inspect_says_and_drafts(tmp_path: Path) -> None:
-    """The draft is a mapping that reads the file, once its names are segments."""
-    path = tmp_path / "rom.xdf"
-    path.write_bytes(NAMED)
-    found = describe(path, LIBERTY)
-    assert "XDF stream 'tracker' of type MoCap: 14 channels of double64, 240 Hz" in found.lines
-    assert any(line.startswith("marker or object RB 1: positionx [meters]") for line in found.lines)
-    draft = yaml.safe_load(found.draft)
-    assert draft["xdf"] == {"stream": "tracker"}
-    draft["receivers"] = dict(zip(TWO, draft["receivers"].values(), strict=True))
-    np.testing.assert_array_equal(read(tmp_path, NAMED, draft).numbers, read(tmp_path, PLAIN).numbers)
-    path.write_bytes(PLAIN)
-    assert not describe(path, LIBERTY).draft
 
 
 EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
@@ -247,15 +189,6 @@ EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
 )
 def test_what_is_refused(tmp_path: Path, data: bytes, message: str) -> None:
     refuse(tmp_path, data, message)
-
-
-def test_a_mapping_that_disagrees_is_refused(tmp_path: Path) -> None:
-    refuse(tmp_path, NAMED, "position_unit: is mm, but .* has meters", {**MAPPING, "position_unit": "mm"})
-    euler = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
-    refuse(tmp_path, NAMED, "must be quaternion", {**MAPPING, "orientation": euler})
-    other = {**MAPPING, "receivers": {"hand": {"value": "RB1"}}}
-    refuse(tmp_path, NAMED, "value 'RB1' is not in .*did you mean 'RB 1'", other)
-    refuse(tmp_path, NAMED, "has no value", {**MAPPING, "receivers": {"hand": {}}})
 
 
 @pytest.mark.parametrize("step", [11, pytest.param(1, marks=pytest.mark.slow)])

@@ -2,41 +2,34 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 from report_samples.made_movement import JOINTS, write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.read_page import read_page, table_called
 
-from schemas.movement_tables import MOVEMENT_CURVES
-from schemas.study import read_study
-from schemas.tables import Provenance, read_table, write_table
-from stages.report.__main__ import main
-from stages.report.belief import NOT
-from stages.report.methods_text import methods_text
-from stages.report.movement_page.movement_page import render_movement
-from stages.report.movement_page.movement_panels import (
+from shukotsu.schemas.study import read_study
+from shukotsu.stages.report.belief import NOT
+from shukotsu.stages.report.methods_text import methods_text
+from shukotsu.stages.report.movement_page.movement_page import render_movement
+from shukotsu.stages.report.movement_page.movement_panels import (
     agreement_plots,
+    contrasts,
     curve_difference_plots,
-    difference_strips,
-    range_strips,
+    range_panels,
 )
-from stages.report.movement_page.movement_results import RANGE, Movement, read_movement
-from stages.report.movement_page.movement_text import (
-    angle_text,
+from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement, read_movement
+from shukotsu.stages.report.movement_page.movement_text import (
     answers,
     groups_differ,
     model_matters,
     repeats,
 )
-from stages.report.print_figures.study_figures import of_study
-from stages.report.study_results import StudyResults, read_results
+from shukotsu.stages.report.print_figures.study_figures import of_study
+from shukotsu.stages.report.study_results import StudyResults, read_results
 
 SUBJECTS = tuple(f"P{index}" for index in range(6))
 DIGITS = ("thumb", "index", "middle", "ring", "little")
@@ -108,13 +101,6 @@ def test_the_page_answers_each_question(results: StudyResults, movement: Movemen
     assert said == "more at A: whole-hand; no difference shown: rigid"
 
 
-def test_an_interval_is_told_on_the_side_of_its_difference(movement: Movement) -> None:
-    rows = movement.differences
-    turned = rows.assign(difference=-rows["difference"], low=-rows["high"], high=-rows["low"])
-    (said,) = groups_differ(replace(movement, differences=turned))
-    assert "12.1 deg less with A (95 % 8.1 to 16.1, " in said
-
-
 def test_joints_that_are_not_to_be_believed_are_in_no_answer(movement: Movement) -> None:
     doubted = replace(movement, believed={"index_pip": NOT, "index_mcp": NOT})
     said = answers(doubted)
@@ -130,73 +116,20 @@ def test_what_was_not_tested_is_said_once(movement: Movement) -> None:
     assert groups_differ(replace(movement, differences=rows)) == [f"Group, A against B: {message}."]
 
 
-def test_other_numbers_do_not_stand_for_ranges_of_motion(movement: Movement) -> None:
-    """Models part on a speed; what is said of the range of that joint stays."""
-    rows = movement.dependence
-    speeds = rows.assign(quantity="speed_p95_deg_s")
-    ranges = rows.assign(agree=True)
-    said = model_matters(replace(movement, dependence=pd.concat([ranges, speeds])))
-    assert said.startswith(
-        "Another skeleton model (rigid and whole-hand) changes none of 21 answers about ranges"
-    )
-    assert said.endswith("(rigid and whole-hand) changes 1 of 21 answers.")
-    assert "index" not in said
-
-
-def test_the_worst_angle_is_said_beside_the_median(movement: Movement) -> None:
-    said = repeats(movement)
-    assert "below 5.5 deg in half of the angles, and below 8.3 deg in the worst" in said
-    assert "1.96 of the stated error hold 95 % of differences" in said
-
-
-def test_curves_are_means_over_trials_then_sessions(moved: tuple[Path, Path], tmp_path: Path) -> None:
-    results = shutil.copytree(moved[1], tmp_path / "results")
-    rows = read_table(results / "movement_curves.parquet", MOVEMENT_CURVES).to_pandas()
-    again = [rows.assign(session="2", trial=trial, mean_deg=rows["mean_deg"] + 30.0) for trial in "12"]
-    columns = {name: pd.concat([rows, *again])[name].to_numpy() for name in rows.columns}
-    write_table(results / "movement_curves.parquet", MOVEMENT_CURVES, columns, Provenance())
-    before, after = (read_movement(read_results(read_study(moved[0]), own)) for own in (moved[1], results))
-    assert (after.curves["mean"] - before.curves["mean"]).to_numpy() == pytest.approx(15.0)
-
-
-def test_a_curve_with_an_untested_stretch_is_drawn_by_its_smallest_p(movement: Movement) -> None:
-    rows = movement.curve_differences
-    low = rows.assign(joint="ring_pip", p=rows["p"].where(rows["percent"] > 9) / 5, p_holm=0.04)
-    others = [rows.assign(joint=f"other{n}_pip", p=0.5, p_holm=1.0) for n in range(7)]
-    drawn = curve_difference_plots(replace(movement, curve_differences=pd.concat([*others, rows, low])))
-    assert drawn[0].heading.endswith("n = 3 and 3, p = 0.04 over all joint angles")
-    assert [each.heading.partition(",")[0] for each in drawn[:2]] == ["ring PIP flexion", "index PIP flexion"]
-
-
-def test_agreement_is_drawn_of_those_whom_the_limits_are_of(movement: Movement) -> None:
-    """P0 has the first session and the third, which is none of a session to the next."""
-    ranges = movement.ranges
-    third = ranges[ranges["session"] == "2"].assign(session="3")
-    first = ranges[(ranges["subject"] == "P0") & (ranges["session"] == "1")]
-    rest = ranges[ranges["subject"] != "P0"]
-    every = pd.concat([first, third[third["subject"] == "P0"], rest, third[third["subject"] != "P0"]])
-    plot = agreement_plots(replace(movement, ranges=every))[0].plot
-    own = rest[(rest["joint"] == "index_pip") & (rest["angle"] == "flexion")]
-    wide = own.pivot_table(index="subject", columns="session", values=RANGE)
-    expected = np.column_stack([wide["2"] - wide["1"], 0.0 * wide["2"]])
-    assert plot.points is not None
-    np.testing.assert_allclose(plot.points[1], expected.ravel(), atol=1e-9)
-
-
 def test_what_is_drawn_is_what_the_tables_say(movement: Movement) -> None:
-    flexion = next(each for each in range_strips(movement, DIGITS) if each.angle == "flexion")
-    assert [strip.model for strip in flexion.strips] == list(JOINTS)
-    assert all(len(strip.numbers) == len(SUBJECTS) for strip in flexion.strips)
-    (contrast,) = difference_strips(movement, DIGITS)
-    shown = [strip for panel in contrast.panels for strip in panel.strips if strip.baseline]
-    assert [(strip.model, strip.mean, strip.interval) for strip in shown] == [
+    flexion = range_panels(movement, DIGITS)[0]
+    assert [row.name for row in flexion.rows] == list(JOINTS)
+    assert all(len(row.numbers) == len(SUBJECTS) for row in flexion.rows)
+    (contrast,) = contrasts(movement, DIGITS)
+    shown = [row for panel in contrast.panels for row in panel.rows if row.filled]
+    assert [(row.name, row.mean, row.interval) for row in shown] == [
         ("index_pip", 12.1, (pytest.approx(8.1), pytest.approx(16.1)))
     ]
     (curve,) = curve_difference_plots(movement)
     rows = movement.curve_differences
     significant = rows.loc[rows["significant"].astype(bool), "percent"]
-    assert curve.plot.marked == ((significant.min(), significant.max()),)
-    plot = agreement_plots(movement)[0].plot
+    assert curve.marked == ((significant.min(), significant.max()),)
+    plot = agreement_plots(movement)[0]
     assert plot.points is not None
     own = movement.session_means
     own = own[(own["joint"] == "index_pip") & (own["angle"] == "flexion")]
@@ -251,22 +184,3 @@ def test_methods_say_what_was_done(results: StudyResults, movement: Movement) ->
     )
     assert "Bland-Altman" in text
     assert "Movement was measured" not in " ".join(methods_text(results))
-
-
-def test_the_command_line_writes_both_pages(moved: tuple[Path, Path], tmp_path: Path) -> None:
-    """The study's page links to the other, and the same input gives the same bytes."""
-    written: list[Any] = []
-    for name in ("first", "second"):
-        out = tmp_path / name / "report.html"
-        assert main(["--study", str(moved[0]), "--results", str(moved[1]), "--out", str(out)]) == 0
-        written.append((out.read_bytes(), (out.parent / "report" / "movement.html").read_bytes()))
-    assert written[0] == written[1]
-    assert b'href="report/movement.html"' in written[0][0]
-
-
-@pytest.mark.parametrize(
-    ("joint", "words"),
-    [("index_mcp", "index MCP flexion"), ("wrist", "wrist flexion"), ("elbow", "elbow flexion")],
-)
-def test_angles_in_words(joint: str, words: str) -> None:
-    assert angle_text(joint, "flexion") == words

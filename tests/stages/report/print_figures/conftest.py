@@ -6,12 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from report_samples.compared import compared
 from report_samples.made_study import FITTED_MODELS, make_study
 
-from schemas.study import read_study
-from stages.report.print_figures.drawing import Drawing
-from stages.report.print_figures.study_figures import of_study
-from stages.report.study_results import Row, StudyResults, read_results
+from shukotsu.schemas.study import read_study
+from shukotsu.stages.report.print_figures.drawing import Drawing
+from shukotsu.stages.report.print_figures.study_figures import of_study
+from shukotsu.stages.report.study_results import Row, StudyResults, read_results
 
 SUBJECTS = tuple(f"S{index}" for index in range(8))
 
@@ -27,11 +28,12 @@ def simulated_files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Pat
 def simulated(simulated_files: tuple[Path, Path]) -> StudyResults:
     """That study, read, with subjects that differ."""
     results = read_results(read_study(simulated_files[0]), simulated_files[1])
-    return replace(
+    different = replace(
         results,
         scores=[_of_subject(row, "true_tip_mean_mm") for row in results.scores],
         joint_errors=[_of_subject(row, "error_mm") for row in results.joint_errors],
     )
+    return compared(different)
 
 
 def _of_subject(row: Row, name: str) -> Row:

@@ -5,16 +5,16 @@ import pytest
 from report_samples.hand_tables import part_of, write_parts
 from report_samples.read_page import rows_where
 
-from schemas.catalogue import JOINT_ANGLES, TIPS
-from schemas.errors import InputError
-from schemas.study import Recording
-from schemas.tables import read_table
-from stages.report.palette import MODELS
-from stages.report.print_figures.over_time import joint_angles, tip_error
-from stages.report.print_figures.skeletons import skeletons
-from stages.report.print_figures.study_figures import find_recording
-from stages.report.print_figures.style import applied
-from stages.report.study_results import StudyResults
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import JOINT_ANGLES, TIPS
+from shukotsu.schemas.study import Recording
+from shukotsu.schemas.tables import read_table
+from shukotsu.stages.report.palette import MODELS
+from shukotsu.stages.report.plots.description import CurvesPanel
+from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
+from shukotsu.stages.report.print_figures.skeletons import skeletons
+from shukotsu.stages.report.print_figures.study_figures import find_recording
+from shukotsu.stages.report.study_results import StudyResults
 
 
 @pytest.fixture(scope="module")
@@ -23,39 +23,29 @@ def recording(results: StudyResults) -> Recording:
 
 
 def test_tip_errors_are_the_tables_and_break_at_the_gap(results: StudyResults, recording: Recording) -> None:
-    with applied():
-        figure, caption = tip_error(results, recording)
-    index = figure.axes[1]
-    line = next(line for line in index.lines if line.get_color() == MODELS[2])
+    plot, caption = tip_error(results, recording)
+    panels = [panel for panel in plot.panels if isinstance(panel, CurvesPanel)]
+    line = next(line for line in panels[1].lines if line.colour == MODELS[2])
     data = read_table(results.paths.study_table("tips"), TIPS).to_pylist()
     own = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
     largest = max(row["error_mm"] for row in own if row["error_mm"] is not None)
-    y = np.asarray(line.get_ydata(), float)
-    assert np.nanmax(y) == largest
-    assert np.isnan(y).sum() == 1
+    assert np.nanmax(line.y) == largest
+    assert np.isnan(line.y).sum() == 1
     assert "n = 240–300 frames" in caption
     assert "least-squares" in caption
-    assert figure.axes[-1].get_xlabel() == "Device time [s]"
+    assert [panel.x_label for panel in panels] == ["", "", "", "", "Device time [s]"]
 
 
 def test_skeletons_show_every_joint_and_name_what_they_cannot(results: StudyResults) -> None:
     """The little DIP joint is doubtful and far off, the ring DIP joint has no place, where not corrected."""
     spoiled = find_recording(results, "S01", "left", "opposition")
-    with applied():
-        figure, caption = skeletons(results, spoiled)
-    assert len(figure.axes) >= 3
+    plot, caption = skeletons(results, spoiled)
+    assert len(plot.panels) == 3
     assert (
         "(a) paper-fig3-rest and paper-fig3; not to be believed: little_dip; outside the picture: " in caption
     )
     assert "(b) paper-fig4 and rigid; not to be believed: little_dip; outside" in caption
     assert "(c) paper-fig4-corrected; not to be believed: little_dip; without a place: ring_dip." in caption
-
-
-def test_equal_skeletons_share_a_panel(results: StudyResults, recording: Recording) -> None:
-    with applied():
-        figure, _ = skeletons(results, recording)
-    titles = [panel.get_title(loc="right") for panel in figure.axes]
-    assert titles == ["paper-fig3-rest and paper-fig3", "paper-fig4, paper-fig4-corrected\nand rigid"]
 
 
 def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
@@ -76,18 +66,14 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
     ]
     write_parts(path, JOINT_ANGLES, {part_of(recording.hand, "whole-hand"): rows})
     try:
-        with applied():
-            figure, caption = joint_angles(simulated, recording, "whole-hand")
+        plot, caption = joint_angles(simulated, recording, "whole-hand")
     finally:
         path.unlink()
-    shown = [panel for panel in figure.axes if panel.get_visible()]
-    assert [panel.get_title(loc="right") for panel in shown] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
-    flexion = next(
-        line for line in shown[0].lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 2
-    )
-    x, y = np.asarray(flexion.get_xdata(), float), np.asarray(flexion.get_ydata(), float)
-    np.testing.assert_allclose(np.unique(y), 3.0 * np.arange(12))
-    assert np.isclose(x[-1], 11 / 240, atol=0.6 / 240)
+    panels = [panel for panel in plot.panels if isinstance(panel, CurvesPanel)]
+    assert [panel.heading for panel in panels] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
+    flexion = next(line for line in panels[0].lines if line.style == "-")
+    np.testing.assert_allclose(np.unique(flexion.y), 3.0 * np.arange(12))
+    assert np.isclose(flexion.x[-1], 11 / 240, atol=0.6 / 240)
     assert "n = 12 frames" in caption
 
 

@@ -14,16 +14,16 @@ from report_samples.hand_tables import part_of, write_parts, write_plans, write_
 from report_samples.made_study import HOSTILE, make_study
 from report_samples.read_page import rows_where
 
-from schemas.catalogue import BONE_POSES, JOINT_ANGLES, JOINT_SOLUTIONS, POSED_TIPS, POSES, TIPS
-from schemas.layout import read_layout
-from schemas.parts import Part, part_metadata, parts_writer
-from schemas.plan import read_plan
-from schemas.results import FIT_TABLES, Results
-from schemas.study import Hand, Recording, Study, read_study
-from schemas.tables import Provenance, Table, read_table, rows_of, write_failure
-from stages.report.recording_page.recording_content import recording_page
-from stages.report.recording_results import RecordingResults, read_recording
-from stages.report.study_results import StudyResults, read_subject
+from shukotsu.schemas.catalogue import BONE_POSES, JOINT_ANGLES, JOINT_SOLUTIONS, POSED_TIPS, POSES, TIPS
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.parts import Part, part_metadata, parts_writer
+from shukotsu.schemas.plan import read_plan
+from shukotsu.schemas.results import FIT_TABLES, Results
+from shukotsu.schemas.study import Hand, Recording, Study, read_study
+from shukotsu.schemas.tables import Provenance, Table, read_table, rows_of, write_failure
+from shukotsu.stages.report.recording_page.recording_content import recording_page
+from shukotsu.stages.report.recording_results import RecordingResults, read_recording
+from shukotsu.stages.report.study_results import StudyResults, read_subject
 
 N_FRAMES = 300
 GAP = slice(100, 160)

@@ -6,18 +6,16 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 import pytest
 from browser import WatchedPage, watched
 from playwright.sync_api import Browser, Locator
-from report_samples.made_study import HOSTILE
 
-from schemas.catalogue import JOINT_ANGLES, POSED_TIPS, TIPS
-from schemas.files import write_text
-from stages.report.recording_page.recording_content import recording_page
-from stages.report.viewer.packed_motion import ERROR_STEP_MM
+from shukotsu.files.whole_files import write_text
+from shukotsu.schemas.catalogue import JOINT_ANGLES, POSED_TIPS, TIPS
+from shukotsu.stages.report.recording_page.recording_content import recording_page
+from shukotsu.stages.report.viewer.packed_motion import ERROR_STEP_MM
 
 pytestmark = pytest.mark.slow
 
@@ -112,7 +110,7 @@ def point(page: WatchedPage, frame: float, plot: str = ERRORS, above: float = 10
     return box["x"] + place["x"], box["y"] + place["y"]
 
 
-def told(page: WatchedPage, model: int) -> dict[str, str]:
+def translated(page: WatchedPage, model: int) -> dict[str, str]:
     """The numbers beside a model's name."""
     page.page.wait_for_timeout(200)
     cells = page.page.locator("[data-model]").nth(model).locator("td").all_inner_texts()
@@ -191,7 +189,7 @@ def test_hovering_tells_the_tables_tip_errors(opened: WatchedPage, hands: Any) -
         where = opened.page.locator('[data-part="error-where"]').inner_text()
         assert where == f"Tip error [mm] at frame {frame}, {frame / RATE_HZ:.3f} s"
         for m, model in enumerate(hands.study.models):
-            for digit, words in told(opened, m).items():
+            for digit, words in translated(opened, m).items():
                 expected = tip_error_mm.get((model, digit, frame))
                 known = expected is not None and np.isfinite(expected)
                 packed = round(expected / ERROR_STEP_MM) * ERROR_STEP_MM if known else 0.0
@@ -274,7 +272,7 @@ def test_a_screen_reader_is_told_the_frame_and_its_numbers(opened: WatchedPage) 
     assert element.get_attribute("aria-valuemax") == "299"
     words = element.get_attribute("aria-valuetext") or ""
     assert words.startswith("frame 1, 0.004 s; ")
-    assert f"thumb {told(opened, 0)['thumb']}" in words
+    assert f"thumb {translated(opened, 0)['thumb']}" in words
 
 
 def test_models_in_view_are_drawn_until_others_are_ticked(opened: WatchedPage) -> None:
@@ -306,35 +304,6 @@ def test_a_peak_of_one_frame_is_drawn_though_frames_share_a_column(opened: Watch
     found = opened.value(FOUND, [ERRORS, "--model2", 0, 20, 104, 20])
     assert found
     assert all(abs(x - (LEFT + 217 / 299 * 50)) < 3 for x, _ in found)
-
-
-def listed(hands: Any, *names: str) -> str:
-    """The address of S01's page as the study's page links to it: with the subjects that have such a page."""
-    folders = (quote(hands.paths.subject_pages(name).name) for name in names)
-    page = hands.paths.recording_page(hands.recording("S01"))
-    return f"{page.as_uri()}#subjects={','.join(folders)}"
-
-
-def test_the_list_of_subjects_opens_the_other_page(opened: WatchedPage, hands: Any) -> None:
-    other = hands.paths.recording_page(hands.recording(HOSTILE))
-    opened.opened.add(other.as_uri())
-    assert opened.page.locator("[data-switch]").is_hidden()
-    opened.page.goto(listed(hands, "S01", HOSTILE))
-    opened.page.reload()
-    subjects = opened.page.locator("[data-switch] select")
-    subjects.focus()
-    opened.page.keyboard.press("ArrowDown")
-    opened.page.wait_for_timeout(500)
-    assert subjects.locator("option:checked").inner_text() == " ".join(HOSTILE.split())
-    assert "/sub-S01/right/opposition.html" in opened.page.url
-    opened.page.keyboard.press("Enter")
-    opened.page.wait_for_url("**/sub-A*/right/opposition.html*")
-    assert opened.page.locator("h1").inner_text() == f"Subject {HOSTILE}, right hand, opposition"
-    opened.page.locator("[rel=prev]").click()
-    opened.page.wait_for_url("**/sub-S01/right/opposition.html*")
-    opened.wait("!!document.querySelector('.drawn')")
-    assert subjects.locator("option:checked").inner_text() == "S01"
-    assert opened.page.locator("[rel=prev]").is_hidden()
 
 
 @pytest.mark.parametrize(
@@ -375,16 +344,16 @@ def test_paper_shows_what_the_screen_shows(browser: Browser, pages: Path) -> Non
         on_screen = page.value(f"() => {ink}")
         page.page.emulate_media(media="print")
         assert page.page.locator(ERRORS).is_visible()
-        assert page.page.locator(".plots-still").first.is_hidden()
+        assert page.page.locator(".plots-still-note").first.is_hidden()
         assert page.page.locator(".plots-tools").first.is_hidden()
         assert page.page.locator("[data-switch]").is_hidden()
         page.wait(f"{ink} !== '{on_screen}'")
 
 
-def test_still_pictures_stand_without_scripts(browser: Browser, pages: Path) -> None:
+def test_without_scripts_the_page_says_what_to_do(browser: Browser, pages: Path) -> None:
     with watched(browser, java_script_enabled=False) as page:
         page.open(pages)
-        assert page.page.locator(".plots-still svg").first.is_visible()
+        assert page.page.locator(".plots-still-note").first.is_visible()
         assert page.page.locator(ERRORS).is_hidden()
         assert page.page.locator("[data-switch]").is_hidden()
 

@@ -8,10 +8,10 @@ from urllib.parse import unquote, urljoin
 
 import pytest
 
-from schemas.results import Results
-from schemas.study import read_study
-from stages.report.links import Link, Navigation, navigation
-from stages.report.study_results import StudyResults
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import read_study
+from shukotsu.stages.report.links import Link, Navigation, navigation
+from shukotsu.stages.report.study_results import StudyResults
 
 ODD = "Ä%2F é#?"
 SHEET = [
@@ -39,7 +39,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     text = "study: odd\nrecordings: sheet.tsv\nlayout: liberty16\nmodels: [rigid]\n"
     (folder / "study.yaml").write_text(text, "utf-8")
     recordings = read_study(folder / "study.yaml").recordings
-    no_rows: list[list[Any]] = [[] for _ in range(11)]
+    no_rows: list[list[Any]] = [[] for _ in range(14)]
     return StudyResults("odd", recordings, False, Results(Path("/r/odd")), {}, {}, *no_rows)
 
 
@@ -66,15 +66,3 @@ def test_the_links_of_a_page_lead_where_the_pages_are(study: StudyResults) -> No
         "/r/odd/report/sub-S1/left/opposition.html",
         "/r/odd/report/sub-S1/left/pinch_2.html",
     ]
-
-
-def test_an_excluded_or_calibrating_recording_is_linked_from_nowhere(study: StudyResults) -> None:
-    assert of(study, ODD, "right", "opposition").other_hand is None
-    assert of(study, ODD, "right", "opposition").others == ()
-
-
-def test_the_same_trial_of_the_other_hand_comes_before_another_trial(study: StudyResults) -> None:
-    to = of(study, "S6", "right", "pinch_2")
-    assert leads_to(to.other_hand, "sub-S6/right/pinch_2.html") == "/r/odd/report/sub-S6/left/pinch_2.html"
-    to = of(study, "S6", "right", "pinch_3")
-    assert leads_to(to.other_hand, "sub-S6/right/pinch_3.html") == "/r/odd/report/sub-S6/left/pinch_1.html"

@@ -12,7 +12,7 @@ import pytest
 from report_samples.hand_tables import part_of, write_parts
 from report_samples.made_study import pose_columns
 
-from schemas.catalogue import (
+from shukotsu.schemas.catalogue import (
     BONE_POSES,
     JOINT_ANGLES,
     JOINT_CENTRES,
@@ -22,19 +22,19 @@ from schemas.catalogue import (
     RECEIVERS,
     TIPS,
 )
-from schemas.layout import FINGER_MM, read_layout
-from schemas.model import read_model
-from schemas.results import Results
-from schemas.study import Hand, Recording
-from schemas.tables import Provenance, read_table, rows_of, write_table
-from schemas.verdict import judged_joint
-from stages.report.hand_motion import HandMotion
-from stages.report.recording_results import read_recording
-from stages.report.study_results import StudyResults
-from stages.simulate.random_hand import BONES, DIGITS
-from stages.simulate.realism import Realism
-from stages.simulate.simulation import Simulated, simulate
-from stages.simulate.written_truth import write_truth
+from shukotsu.schemas.layout import FINGER_MM, read_layout
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.results import Results
+from shukotsu.schemas.study import Hand, Recording
+from shukotsu.schemas.tables import Provenance, read_table, rows_of, write_table
+from shukotsu.schemas.verdict import judged_joint
+from shukotsu.stages.report.hand_motion import HandMotion
+from shukotsu.stages.report.recording_results import read_recording
+from shukotsu.stages.report.study_results import StudyResults
+from shukotsu.stages.simulate.random_hand import BONES, DIGITS
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import Simulated, simulate
+from shukotsu.stages.simulate.written_truth import write_truth
 
 LAYOUT = read_layout("liberty16")
 MODELS = ("paper-fig3", "paper-fig4", "whole-hand")
@@ -60,7 +60,7 @@ class KnownHand:
             name: []
             for name in (
                 *("problems", "bones", "tip_errors", "scores", "joint_errors", "advice"),
-                *("gains", "receiver_costs"),
+                *("gains", "receiver_costs", "model_values", "model_pairs", "model_differences"),
             )
         }
         return StudyResults(

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from report_samples.small_page import page_of_viewer
 
-from stages.report.hand_motion import still_frame
-from stages.report.viewer import view as viewer_view
-from stages.report.viewer.view import view_of
+from shukotsu.stages.report.hand_motion import still_frame
+from shukotsu.stages.report.palette import DIGIT_HUES
+from shukotsu.stages.report.viewer import view as viewer_view
+from shukotsu.stages.report.viewer.view import view_of
 
 FOLDER = Path(viewer_view.__file__).parent
 
@@ -32,7 +33,8 @@ def test_a_still_picture_stands_in_until_the_hand_moves(right: Any) -> None:
     page = page_of_viewer("Right hand", right.motion("whole-hand"))
     still, live = page.split('<form class="viewer-live"')
     assert "<svg" in still
-    assert still.count("stroke-width:3;") == 2 * 5, "a line a digit in both views"
+    lines = re.findall(r'clip-path="[^"]*" style="fill:none;stroke:var\(--(\w+)\)', still)
+    assert [hue for hue in lines if hue in DIGIT_HUES] == list(DIGIT_HUES) * 2, "a line a digit in both views"
     assert live.split(">")[0].endswith(" hidden")
 
 

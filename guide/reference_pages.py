@@ -1,0 +1,205 @@
+"""The reference pages of the guide, made from the schemas: docs/tables.md,
+docs/configuration.md and docs/mistakes.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby, takewhile
+from pathlib import Path
+from typing import Any
+
+from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.config_files import json_schema, shipped
+from shukotsu.schemas.findings import mistakes_page
+from shukotsu.schemas.sheets import SHEETS
+from shukotsu.schemas.table_columns import OF_RECORDING
+from shukotsu.schemas.tables import Column, Table
+
+NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. -->"
+
+
+def pages() -> dict[str, str]:
+    """Give the pages by file name."""
+    return {
+        "tables.md": tables_page(),
+        "configuration.md": configuration_page(),
+        "mistakes.md": f"{NOTE}\n{mistakes_page()}",
+    }
+
+
+def tables_page() -> str:
+    """Give the page of tables: what a row is, its key and every column, those of many tables once."""
+    shared = _shared_columns()
+    lines = [
+        NOTE,
+        "# Tables",
+        "",
+        "Every table is a Parquet file. Lengths are in mm, times in s, angles in degrees; a name ends in its",
+        "unit. Quaternions are unit, scalar first (w, x, y, z) and turn a receiver's (or bone's) frame into",
+        "the transmitter's. A gap is null, never NaN and never zero. A table of another version is refused.",
+        "",
+        "What this page says stands in each file too, with its inputs' SHA-256 and the program's version:",
+        "",
+        "```python",
+        "import pyarrow.parquet",
+        "",
+        'table = pyarrow.parquet.read_table("results/demo/tip_errors.parquet")',
+        'table.schema.metadata[b"shukotsu"]  # a JSON object',
+        "```",
+        "",
+        "Below, **key** names the columns that tell rows apart: *hand* is `subject`, `session`, `hand`, and",
+        "*recording* these with `task`, `trial`. `{x,y,z}` stands for three columns. A type is double where",
+        "none is given; `?` says that a cell may be null.",
+        "",
+        "## Columns of many tables",
+        "",
+        *_rows(shared.values()),
+    ]
+    for table in TABLES.values():
+        lines += ["", *_table(table, shared)]
+    return "\n".join(lines) + "\n"
+
+
+def _shared_columns() -> dict[str, Column]:
+    """Columns that three tables or more have with the same meaning, by name."""
+    columns = [column for table in TABLES.values() for column in table.columns]
+    uses = Counter(columns)
+    return {column.name: column for column in columns if uses[column] >= 3}
+
+
+def configuration_page() -> str:
+    """Give the page of configuration files and sheets: every key and every column."""
+    lines = [
+        NOTE,
+        "# Configuration",
+        "",
+        "A study is one YAML file that names its sheets, its layout and its skeleton models. Every file is",
+        "checked before anything runs: a key or column that is not listed here is refused by name. In",
+        "brackets: what a key holds, and what it is where it is left out.",
+        "",
+        f"Layouts that ship: {', '.join(shipped('layout'))}. Skeleton models: {', '.join(shipped('model'))}.",
+    ]
+    for kind in ("study", "layout", "model", "mapping"):
+        schema = json_schema(kind)
+        lines += ["", f"## {schema['title']} file", "", schema["description"], ""]
+        lines += _keys(schema, "")
+    lines += [
+        "",
+        "## Sheets",
+        "",
+        "Tab-separated UTF-8 text with a header line. Cells are taken as they are, quotes too.",
+    ]
+    for sheet in SHEETS.values():
+        more = " Further columns are kept." if sheet.more_columns else ""
+        lines += ["", f"### {sheet.name}", "", f"A row is one {', '.join(sheet.key)}.{more}", ""]
+        lines += [
+            f"- `{cell.name}`{' **needed**' if cell.required else ''}: {_linked(cell.description)}"
+            for cell in sheet.cells
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _table(table: Table, shared: Mapping[str, Column]) -> Iterator[str]:
+    own = [column for column in table.columns if column != shared.get(column.name)]
+    more = [f"`{c.name}`" for c in table.columns if c not in own and c.name not in table.key]
+    yield f"## {table.name}"
+    yield ""
+    key = f" Key: {_key(table.key)}." if table.key else ""
+    also = f" Also: {', '.join(more)}." if more else ""
+    yield f"A row: {table.row}.{key}{also}"
+    yield ""
+    yield from _rows(own)
+
+
+def _key(names: tuple[str, ...]) -> str:
+    """Names of a key, with a word for those that a hand or a recording has."""
+    listed = ", ".join(f"`{name}`" for name in names)
+    for word, known in (("recording", OF_RECORDING), ("hand", OF_RECORDING[:3])):
+        listed = listed.replace(", ".join(f"`{column.name}`" for column in known), f"*{word}*")
+    return listed
+
+
+def _rows(columns: Iterable[Column]) -> Iterator[str]:
+    """A line a column; neighbours that are parts of one vector, quaternion or matrix share one."""
+    for (meaning, kind), parts in groupby(columns, key=lambda column: (_whole(column), _type(column))):
+        yield f"- `{_joined([part.name for part in parts])}`{kind}: {_linked(meaning)}"
+
+
+def _linked(text: str) -> str:
+    """A meaning as Markdown: pages of the guide are links, and what would be a mark stands as it is."""
+    parts = text.split("`")
+    parts[::2] = [part.replace("<", "&lt;").replace("*", "\\*") for part in parts[::2]]
+    return re.sub(r"docs/([\w-]+)\.md", r"[\1](\1.md)", "`".join(parts))
+
+
+def _whole(column: Column) -> str:
+    """Meaning of the vector, quaternion or matrix that a column is a part of; its own where it is of none."""
+    return re.sub(r", (row \w column )?[wxyz]$", "", column.description)
+
+
+def _joined(names: list[str]) -> str:
+    """Names that differ in one part, as one: x_mm, y_mm, z_mm are {x,y,z}_mm."""
+    if len(names) == 1:
+        return names[0]
+    start, end = _alike(names), _alike([name[::-1] for name in names])
+    parts = [name[start : len(name) - end] for name in names]
+    return f"{names[0][:start]}{{{','.join(parts)}}}{names[0][len(names[0]) - end :]}"
+
+
+def _alike(names: list[str]) -> int:
+    """Count the letters that all names begin with alike."""
+    return sum(1 for _ in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
+
+
+def _type(column: Column) -> str:
+    """Write a column's type where it is not the usual one, and a question mark where it may be null."""
+    listed = re.fullmatch(r"fixed_size_list<item: double>\[(\d+)\]", str(column.type))
+    kind = f"{listed[1]} doubles" if listed else str(column.type).replace("string", "text")
+    return f"{'' if kind == 'double' else f' {kind}'}{'?' if column.nullable else ''}"
+
+
+def _keys(schema: dict[str, Any], prefix: str) -> Iterator[str]:
+    required = schema.get("required", [])
+    for name, part in schema.get("properties", {}).items():
+        yield _key_row(f"{prefix}{name}", part, name in required)
+        yield from _keys(part, f"{prefix}{name}.")
+    others = schema.get("additionalProperties")
+    if isinstance(others, dict):
+        yield from _keys(others, f"{prefix}<name>.")
+
+
+def _key_row(path: str, part: dict[str, Any], required: bool) -> str:
+    kind = _kind(part)
+    if "enum" in part:
+        kind = ", ".join(str(word) or "empty" for word in part["enum"])
+    default = (
+        "; **needed**" if required else f"; `{json.dumps(part['default'])}`" if "default" in part else ""
+    )
+    return f"- `{path}` ({kind}{default}): {_linked(part['description'])}"
+
+
+def _kind(part: dict[str, Any]) -> str:
+    reference = part.get("$ref", "").rsplit("/", 1)[-1]
+    if reference in ("vector", "column"):
+        return {"vector": "vector", "column": "text or integer"}[reference]
+    words = {"string": "text", "object": "group", "array": "list", "boolean": "true, false"}
+    kinds = part.get("type", "string")
+    return " or ".join(words.get(kind, kind) for kind in ([kinds] if isinstance(kinds, str) else kinds))
+
+
+def main() -> None:
+    """Write the pages into a folder."""
+    parser = argparse.ArgumentParser(description="Write the guide's reference pages from the schemas.")
+    parser.add_argument("folder", type=Path, help="where the pages go, e.g. docs")
+    folder = parser.parse_args().folder
+    for name, text in pages().items():
+        (folder / name).write_text(text, "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Digits of a layout whose anatomy is known, and their bones' rest orientations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from shukotsu.anatomy.average_hand import DIGITS, DigitAnatomy
+from shukotsu.schemas.layout import Digit, Layout
+from shukotsu.sentences.messages import message_of
+from shukotsu.skeleton.joint_angles import mirrored
+from shukotsu.skeleton.rotations import Array, from_matrix
+
+
+def root_of(layout: Layout) -> str:
+    """The segment from which the first digit hangs: the root of every chain."""
+    return next(iter(layout.digits.values())).base
+
+
+def known_digits(layout: Layout) -> list[Digit]:
+    """Digits of the layout whose anatomy is known."""
+    return [
+        digit
+        for digit in layout.digits.values()
+        if digit.name in DIGITS
+        and digit.base == root_of(layout)
+        and len(digit.segments) == len(DIGITS[digit.name].lengths_mm)
+    ]
+
+
+def no_whole_hand(layout: Layout, model: str) -> str:
+    """Say why a model that fits the whole hand cannot be taken for a layout; empty where it can.
+
+    Without a digit of known anatomy nothing tells it where receivers sit on bones: on a real arm it stated
+    1 mm at a wrist whose receivers disagree by 5, and two lengths of one person's upper arms, 15 mm apart.
+    """
+    if known_digits(layout):
+        return ""
+    return message_of("no-whole-hand", model=model, layout=layout.name)
+
+
+def rest_rotations(
+    layout: Layout, hand: str, anatomy: Mapping[str, DigitAnatomy] = DIGITS
+) -> dict[str, Array]:
+    """Quaternion (4,) of every joint of known anatomy, child to parent bone, of a straight digit lying flat.
+
+    Of the average hand; for a left hand mirrored. anatomy : that of the fitted model, whose bones' frames
+    these are.
+    """
+    rests = {}
+    for digit in known_digits(layout):
+        above = np.eye(3)
+        for joint, frame in zip(digit.joints, anatomy[digit.name].frames(), strict=True):
+            rest = from_matrix(above.T @ frame)
+            rests[joint] = mirrored(rest) if hand == "left" else rest
+            above = frame
+    return rests

@@ -1,0 +1,82 @@
+"""Derive bones' neutral poses from their names: which way a thumb faces, where angles are zero.
+
+A bone frame's +Y is the back of the bone, and a thumb's metacarpal has two (`skeleton.thumb_facing`). In
+our tables it faces as the receiver over it does. A rig that is driven by these frames wants one answer: the
+nail's side, as its phalanges do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from shukotsu.anatomy.average_hand import DIGITS
+from shukotsu.anatomy.known_digits import known_digits, rest_rotations
+from shukotsu.schemas.layout import Layout
+from shukotsu.skeleton.joint_angles import joint_angles, mirrored
+from shukotsu.skeleton.posing import PosedBones, SkeletonJoint
+from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, matrix, multiply
+from shukotsu.skeleton.thumb_facing import faces_nail
+
+
+def to_nail_side(
+    layout: Layout, hand: str, joints: Sequence[SkeletonJoint], quaternion: Array
+) -> dict[int, Array]:
+    """By what rotation (4,) in its own frame a thumb's metacarpal is to be turned, by its index.
+
+    quaternion : (T, J, 4) of the bone frames of our tables. Nothing where the skeleton has no thumb of known
+    anatomy, or where it faces the nail's side already. It turns by the angle between the two backs of the
+    average thumb.
+    """
+    places = {(joint.digit, joint.segment): i for i, joint in enumerate(joints) if not joint.tip}
+    thumbs = [d for d in known_digits(layout) if d.name == "thumb" and ("thumb", d.segments[0]) in places]
+    if not thumbs:
+        return {}
+    metacarpal, proximal = (places["thumb", segment] for segment in thumbs[0].segments[:2])
+    relative = multiply(conjugate(quaternion[:, metacarpal]), quaternion[:, proximal])
+    relative = relative[np.isfinite(relative).all(-1)]
+    frames = [replace(DIGITS["thumb"], faces_nail=nail).frames() for nail in (True, False)]
+    rests = [_of_hand(from_matrix(bones[0].T @ bones[1]), hand) for bones in frames]
+    if not len(relative) or faces_nail(matrix(relative), *(matrix(rest) for rest in rests)):
+        return {}
+    return {metacarpal: _of_hand(from_matrix(frames[1][0].T @ frames[0][0]), hand)}
+
+
+def bone_angles_deg(
+    layout: Layout, hand: str, bones: PosedBones, facing: Mapping[int, Array]
+) -> dict[str, Array]:
+    """Flexion, deviation and axial rotation (T, 3) of the joints of known anatomy, by joint.
+
+    bones : in the bone frames of our tables. facing : what `to_nail_side` says of them.
+    """
+    rests = neutral_rotations(layout, hand, bones.joints)
+    turned = {
+        index: multiply(bones.quaternion[:, index], facing[index])
+        if index in facing
+        else bones.quaternion[:, index]
+        for index in range(len(bones.joints))
+    }
+    return {
+        joint.name: joint_angles(turned[joint.parent], turned[index], hand, rests[index])
+        for index, joint in enumerate(bones.joints)
+        if not joint.tip and joint.parent >= 0 and np.isfinite(rests[index]).all()
+    }
+
+
+def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]) -> Array:
+    """Rotations (J, 4) of each bone against its parent, in our bone frames, where its joint angles are zero.
+
+    Those of `docs/joint-angles.md`, the thumb's metacarpal facing its nail's side; NaN of the root, of tips,
+    of digits of which no anatomy is known and of joints to which the layout gives no degree of freedom.
+    """
+    nails = {name: replace(digit, faces_nail=digit.second_axis is not None) for name, digit in DIGITS.items()}
+    rests = rest_rotations(layout, hand, nails)
+    moving = {name: rest for name, rest in rests.items() if layout.joints[name].dof}
+    return np.stack([moving.get(joint.name, np.full(4, np.nan)) for joint in joints])
+
+
+def _of_hand(quaternion: Array, hand: str) -> Array:
+    """A right hand's rotation between bone frames as that of the hand."""
+    return mirrored(quaternion) if hand == "left" else quaternion

@@ -1,0 +1,1 @@
+"""Compare what was declared about a recording with what its poses say; findings, each one sentence."""

@@ -1,0 +1,295 @@
+"""The findings on one recording, and what of it is compared with the subject's others."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shukotsu.checks.declared import TIDY, Declared
+from shukotsu.checks.expected_body import ExpectedBody, expected_body
+from shukotsu.checks.explanation import Explanation
+from shukotsu.checks.hypotheses import Recorded, hypotheses
+from shukotsu.checks.mistake_effect import effect
+from shukotsu.checks.mistake_search import Mistake, Search, explained, find_mistakes
+from shukotsu.checks.sampled_motion import motion_of, receiver_axes
+from shukotsu.checks.timeline import (
+    Timeline,
+    alike,
+    away,
+    jumping_share,
+    repeated_share,
+    sides,
+    spikes,
+    stuck,
+    true_clock,
+    turning_speed,
+    zeros,
+)
+from shukotsu.schemas.findings import NOTE, REFUSED, SUSPECT, Finding
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.sentences.finding_sentences import Values
+from shukotsu.skeleton.rotations import Array
+
+SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
+OPEN_GAP_MM = 15.0
+MANY_STUCK, MANY_REPEATED = 0.02, 0.4
+MOST_NAMED = 8
+"""Of poses that are where nothing can be."""
+SPEED_LIMIT_RAD_S = 25.0
+"""Of a hand's receivers from one frame to the next: fingers that play fast reach a third of it."""
+UNEXPLAINED = -25.0
+"""Log likelihood a joint; of loose receivers it is about -8."""
+
+
+@dataclass(frozen=True)
+class CheckedRecording:
+    """findings : likeliest first. digest : of the poses, number by number. body, explanation : of the joints
+    with all mistakes undone; None where there was nothing to explain.
+    """
+
+    findings: tuple[Finding, ...]
+    digest: str
+    body: ExpectedBody | None
+    explanation: Explanation | None
+
+
+def check_recording(
+    poses: Poses,
+    layout: Layout,
+    hand: str,
+    declared: Declared = TIDY,
+    left_out: Mapping[str, Mapping[str, int]] | None = None,
+) -> CheckedRecording:
+    """Test what was declared about a recording against its poses.
+
+    declared : of its numbers, by the mapping that it was read with.
+    left_out : by flag and segment, of those in LEFT_OUT: how many poses the import left out, or put back.
+    """
+    seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
+    worn = slice(None) if len(seen) == len(poses.segments) else seen  # a slice copies nothing
+    line = Timeline(poses.time_s, poses.position_mm[:, worn], poses.quaternion[:, worn], poses.valid[:, worn])
+    segments = tuple(poses.segments[place] for place in seen)
+    body = expected_body(layout, segments)
+    clock = true_clock(line)
+    short = _too_short(line, timed=clock is None)
+    if (short and short.severity == REFUSED) or not body.names:
+        return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
+    if angles := _angles(line, declared):
+        return CheckedRecording(tuple(angles), poses_digest(poses), None, None)
+    findings, search = _explained(line, poses.frame, body, layout, segments, hand, declared)
+    if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
+        findings = [finding for finding in findings if finding.kind != "hemisphere"]
+    late = [
+        *_left_out(left_out or {}),
+        *_frozen(poses),
+        *_zeros(line, segments),
+        *_alike(line, segments, declared),
+        *_stays(line, segments, declared),
+        *_clock(line, clock, declared),
+        *([short] if short else []),
+    ]
+    return CheckedRecording((*findings, *late), poses_digest(poses), body, search.explanation)
+
+
+def poses_digest(poses: Poses) -> str:
+    """Give a digest of all poses, whatever their names, frames and times; empty where there is none."""
+    if not poses.valid.any():
+        return ""
+    digest = hashlib.sha256()
+    for place in np.flatnonzero(poses.valid.any(0)):
+        for numbers in (poses.position_mm, poses.quaternion):
+            digest.update(numbers[:, place].tobytes())
+    return digest.hexdigest()[:16]
+
+
+def _explained(
+    line: Timeline,
+    frame: np.ndarray,
+    body: ExpectedBody,
+    layout: Layout,
+    segments: tuple[str, ...],
+    hand: str,
+    declared: Declared,
+) -> tuple[list[Finding], Search]:
+    """Findings of flips, spikes and all that a hypothesis undoes."""
+    declared_mm = line.position_mm
+    jumping = jumping_share(line) > 0.5
+    sign = np.ones(line.valid.shape) if jumping else sides(line)
+    if (sign < 0).any():
+        line = replace(line, position_mm=line.position_mm * sign[..., None], valid=line.valid & (sign != 0))
+    odd = spikes(line)
+    usable = line.valid & ~odd & ~stuck(line) & ~zeros(line)
+    axes = receiver_axes(layout, segments)
+    motion = motion_of(line.position_mm, line.quaternion, usable, axes, hand)
+    recorded = Recorded(layout, segments, axes, hand, bool(body.known.any()), declared)
+    search = find_mistakes(motion, body, [] if jumping else hypotheses(recorded, motion))
+    if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
+        return [Finding("spikes", REFUSED, "all", declared.unmapped)], search
+    flips = _flips(line, sign, segments)
+    if flips:
+        as_read = motion_of(declared_mm, line.quaternion, usable, axes, hand)
+        flipped = np.flatnonzero((sign < 0).any(0)).tolist()
+        matters = effect(body, explained(as_read, body), explained(motion, body), flipped)
+        flips = [replace(flips[0], values={**flips[0].values, **matters})]
+    mistakes = search.mistakes
+    if mistakes and _unexplained(body, search.explanation):  # guesses on guesses: the likeliest alone
+        mistakes = mistakes[:1]
+    named = [_finding(one) for one in mistakes if not (flips and one.hypothesis.kind == "hemisphere")]
+    # angles taken about the wrong axes jump near their poles
+    jumps = [] if "euler-order" in {one.kind for one in named} else _spikes(line, frame, odd, segments)
+    return [*flips, *named, *jumps], search
+
+
+def _unexplained(body: ExpectedBody, explanation: Explanation) -> bool:
+    """Say whether even with all mistakes undone this is no hand."""
+    return bool(body.known.all() and explanation.total[0] < UNEXPLAINED * len(body.names))
+
+
+def _finding(mistake: Mistake) -> Finding:
+    one = mistake.hypothesis
+    return Finding(one.kind, SUSPECT, one.variant, {**one.values, **mistake.evidence})
+
+
+def _first(line: Timeline, row: int) -> Values:
+    """Say when something is first seen; of rows without a time, in which."""
+    time_s = float(line.time_s[row])
+    return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
+
+
+def _flips(line: Timeline, sign: Array, segments: Sequence[str]) -> list[Finding]:
+    changes = away(sign)
+    if not changes.any():
+        return []
+    most = int(np.argmax(changes))
+    first = int(np.argmax(sign[:, most] < 0))
+    seen = {
+        "segment": segments[most],
+        "count": int(changes[most]),
+        "others": int((changes > 0).sum()) - 1,
+        **_first(line, first),
+    }
+    return [Finding("hemisphere", SUSPECT, "jumps", seen)]
+
+
+def _spikes(line: Timeline, frame: np.ndarray, odd: np.ndarray, segments: Sequence[str]) -> list[Finding]:
+    """Name the poses; frame : (T,) as the file or the mapping counts them."""
+    if not odd.any():
+        return []
+    place = int(np.argmax(odd.sum(0)))
+    row = int(np.argmax(odd[:, place]))
+    seen = {"segment": segments[place], "count": int(odd.sum()), **_first(line, row)}
+    spiked = [
+        [
+            segments[place],
+            int(frame[row]),
+            *([float(time_s)] if np.isfinite(time_s := line.time_s[row]) else []),
+        ]
+        for row, place in np.argwhere(odd)[:MOST_NAMED]
+    ]
+    return [Finding("spikes", SUSPECT, "some", {**seen, "spiked": spiked})]
+
+
+def _stays(line: Timeline, segments: Sequence[str], declared: Declared) -> list[Finding]:
+    repeated = repeated_share(line)
+    if repeated > MANY_REPEATED:
+        seen = {"percent": 100 * float(repeated), **declared.unmapped}
+        return [Finding("receiver-stuck", NOTE, "repeated", seen)]
+    still = stuck(line)
+    share = still.sum(0) / np.maximum(line.valid.sum(0), 1)
+    if not still.any():
+        return []
+    place = int(np.argmax(share))
+    row = int(np.argmax(still[:, place]))
+    severity = SUSPECT if share[place] > MANY_STUCK else NOTE
+    seen = {"segment": segments[place], "percent": 100 * share[place], **_first(line, row)}
+    return [Finding("receiver-stuck", severity, "at-times", seen)]
+
+
+def _zeros(line: Timeline, segments: Sequence[str]) -> list[Finding]:
+    empty = zeros(line)
+    if not empty.any():
+        return []
+    place = int(np.argmax(empty.sum(0)))
+    row = int(np.argmax(empty[:, place]))
+    seen = {"segment": segments[place], "count": int(empty.sum()), **_first(line, row)}
+    return [Finding("zeros", SUSPECT, "", seen)]
+
+
+def _alike(line: Timeline, segments: Sequence[str], declared: Declared) -> list[Finding]:
+    empty = zeros(line)
+    pairs = alike(replace(line, valid=line.valid & ~empty) if empty.any() else line)
+    if not pairs:
+        return []
+    (first, second), rows = max(pairs.items(), key=lambda pair: len(pair[1]))
+    share = len(rows) / max(1, int(line.valid[:, [first, second]].all(1).sum()))
+    pair = {"segment": segments[first], "segment_2": segments[second]}
+    seen = {**pair, "percent": 100 * share, **_first(line, int(rows[0])), **declared.unmapped}
+    return [Finding("receivers-alike", SUSPECT, "", seen)]
+
+
+LEFT_OUT = {
+    "hemisphere-flip": ("hemisphere", NOTE, "left-out"),
+    "hemisphere-transit": ("hemisphere", NOTE, "between"),
+    "hemisphere-repaired": ("hemisphere", NOTE, "put-back"),
+    "hemisphere-undecided": ("hemisphere", SUSPECT, "undecided"),
+    "spike": ("spikes", NOTE, "left-out"),
+}
+"""By flag of what the import left out or put back: the kind, how grave it is, and which of its sentences."""
+
+
+def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
+    found = []
+    for flag, by_segment in left_out.items():
+        kind, severity, variant = LEFT_OUT[flag]
+        named = sorted(by_segment, key=lambda name: -by_segment[name])
+        counts = [by_segment[name] for name in named]
+        seen = {"count": sum(counts), "of": named, "counts": counts}
+        found.append(Finding(kind, severity, variant, seen))
+    return found
+
+
+def _frozen(poses: Poses) -> list[Finding]:
+    """Receivers that the import leaves out because they never move though their parents do."""
+    numbers = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
+    there = np.isfinite(numbers).all((0, 2)) & (numbers[0] == numbers[-1]).all(-1)
+    names = [name for name, dead in zip(poses.segments, there & ~poses.valid.any(0), strict=True) if dead]
+    return [Finding("receiver-stuck", NOTE, "all-along", {"segment": name}) for name in names[:1]]
+
+
+_SECONDS = {"us": (1e-6, "microseconds"), "ms": (1e-3, "milliseconds"), "s": (1.0, "seconds")}
+"""Of the units that a mapping knows, and their names."""
+
+
+def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Finding]:
+    if factor is None:
+        return []
+    seconds, read = _SECONDS.get(declared.time_unit, _SECONDS["s"])
+    unit = next((name for name, (own, _) in _SECONDS.items() if np.isclose(own, factor * seconds)), "")
+    rate_hz = 1 / line.interval_s
+    seen = {"rate_hz": rate_hz, "unit": unit, "read": read, "factor": factor, **declared.unmapped}
+    if declared.rate_hz and not declared.time_unit:
+        return [Finding("time-unit", SUSPECT, "rate", {**seen, "true_hz": declared.rate_hz / factor})]
+    readable = unit and (declared.time_unit or not declared.format)
+    return [Finding("time-unit", SUSPECT, "" if readable else "scaled", seen)]
+
+
+def _angles(line: Timeline, declared: Declared) -> list[Finding]:
+    """Degrees read as radians turn a receiver some 57 times too fast."""
+    speed_rad_s = turning_speed(line, most_frames=1)
+    if declared.angle_unit != "rad" or not speed_rad_s > SPEED_LIMIT_RAD_S:
+        return []
+    return [Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})]
+
+
+def _too_short(line: Timeline, *, timed: bool) -> Finding | None:
+    frames = int(line.valid.any(1).sum()) if line.valid.size else 0
+    times = line.time_s[np.isfinite(line.time_s)]
+    duration = float(times.max() - times.min()) if len(times) and timed else np.inf
+    if frames >= SHORT_FRAMES and duration >= SHORT_S:
+        return None
+    length = {"frames": frames} | ({"duration_s": duration} if np.isfinite(duration) else {})
+    return Finding("too-short", REFUSED if frames < NO_FRAMES else SUSPECT, "", length)

@@ -1,0 +1,120 @@
+"""Findings that need several recordings: one file named twice, a recording of another person."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shukotsu.anatomy import average_hand as average
+from shukotsu.checks.checked_recording import CheckedRecording
+from shukotsu.schemas.findings import NOTE, SUSPECT, Finding, same_file
+from shukotsu.sentences.finding_sentences import Values
+from shukotsu.skeleton.rotations import Array
+
+FINGERS = tuple(name for name in average.DIGITS if name != "thumb")
+PHALANX_MM, KNUCKLE_MM = ((2.0, 5.2), (1.9, 3.5)), ((1.9, 3.5), (1.3, 2.9), (1.4, 2.7))
+SCALE = (0.025, 0.105)
+"""Sd of a difference between recordings, of one person and of two: proximal and middle phalanges;
+knuckles about their middle, distally, sideways, dorsally; the hand's scale. From simulated hands (ours)."""
+WORN_AGAIN_MM = 0.68
+"""Median difference of joints' coordinates in the receivers' frames, beyond which they were put on anew."""
+OTHER_PERSON = 2.0
+"""Log of the odds from which on lengths are another person's."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A hand as one recording has it. sizes : (N,) what differs between people. centre_mm : (J, 2, 3)."""
+
+    sizes: Array
+    centre_mm: Array
+    joints: tuple[str, ...]
+    scale: float
+
+
+def compared(
+    recordings: Sequence[tuple[str, str, CheckedRecording]],
+) -> list[CheckedRecording]:
+    """Add to a subject's recordings what a comparison says: task, hand and findings each, as in the sheet.
+
+    Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.
+    """
+    first_of: dict[str, tuple[str, str]] = {}
+    for task, hand, own in sorted(recordings, key=lambda one: _accused(one[2])):
+        first_of.setdefault(own.digest, (hand, task))
+    found = []
+    for task, hand, own in recordings:
+        first = first_of[own.digest] if own.digest else (hand, task)
+        more = (same_file(*first),) if first != (hand, task) else ()
+        found.append(replace(own, findings=(*more, *own.findings)))
+    for place, finding in _other_people(recordings).items():
+        if not any(one.kind == "same-file" for one in found[place].findings):
+            found[place] = replace(found[place], findings=(*found[place].findings, finding))
+    return found
+
+
+def _accused(checked: CheckedRecording) -> bool:
+    return any(finding.severity != NOTE for finding in checked.findings)
+
+
+def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:
+    """By their place, recordings whose receivers sit elsewhere than in the one with which most agree."""
+    found: dict[int, Finding] = {}
+    for hand in dict.fromkeys(hand for _, hand, _ in recordings):
+        measured = {
+            place: sizes
+            for place, (_, own, checked) in enumerate(recordings)
+            if own == hand and (sizes := measure(checked)) is not None
+        }
+        differ = {
+            a: sum(_worn_elsewhere(one, other) for other in measured.values()) for a, one in measured.items()
+        }
+        if not any(differ.values()):
+            continue
+        usual = min(measured, key=lambda place: (differ[place], place))
+        for place, own in measured.items():
+            if _worn_elsewhere(own, measured[usual]):
+                first = {"subject": "", "hand": hand, "task": recordings[usual][0]}
+                found[place] = _worn_by_another(first, measured[usual], own)
+    return found
+
+
+def _worn_elsewhere(one: Measured, other: Measured) -> bool:
+    apart = np.abs(one.centre_mm - other.centre_mm) if one.joints == other.joints else np.zeros(1)
+    return bool(np.median(apart) > WORN_AGAIN_MM)
+
+
+def _worn_by_another(first: Values, usual: Measured, own: Measured) -> Finding:
+    """Another person, or the same with receivers put on anew. first : names the usual recording."""
+    if _log_odds(own, usual) > OTHER_PERSON:
+        scales = {"scale": own.scale, "usual": usual.scale}
+        return Finding("other-person", SUSPECT, "another", {**first, **scales})
+    return Finding("other-person", NOTE, "put-on-anew", first)
+
+
+def measure(checked: CheckedRecording) -> Measured | None:
+    """Measure a hand whose four fingers are seen; None of any other body."""
+    body, explained = checked.body, checked.explanation
+    needed = [f"{finger}_{kind}" for finger in FINGERS for kind in ("mcp", "pip", "dip")]
+    if body is None or explained is None or not ({*needed} <= {*body.names} and body.known.any()):
+        return None
+    centre = dict(zip(body.names, explained.centre_mm[0], strict=True))
+    phalanges = [
+        centre[f"{finger}_{after}"][0, 0] - centre[f"{finger}_{before}"][1, 0]
+        for before, after in (("mcp", "pip"), ("pip", "dip"))
+        for finger in FINGERS
+    ]
+    knuckles = np.array([centre[f"{finger}_mcp"][0] for finger in FINGERS])
+    spread = (knuckles - knuckles.mean(0)).T.ravel()
+    scale = float(explained.scale[0])
+    return Measured(np.array([*phalanges, *spread, scale]), explained.centre_mm[0], body.names, scale)
+
+
+def _log_odds(one: Measured, other: Measured) -> float:
+    """Log of the odds that the two are of different people."""
+    same, others = np.array([sd for sd in (*PHALANX_MM, *KNUCKLE_MM) for _ in FINGERS] + [SCALE]).T
+    difference = one.sizes - other.sizes
+    odds = 0.5 * difference**2 * (same**-2 - others**-2) - np.log(others / same)
+    return float(odds.sum())

@@ -1,0 +1,167 @@
+"""Model a body before it is seen: joints' places on the receivers' bones, and how joints turn.
+
+Of a hand it is the average one of the `anatomy` room, with room for hands that differ much; of any other
+layout no more than that joints lie within some tens of centimetres of their receivers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.anatomy import average_hand as average
+from shukotsu.anatomy.known_digits import known_digits, root_of
+from shukotsu.schemas.layout import Digit, Joint, Layout
+from shukotsu.skeleton.rotations import Array, cross_matrix
+
+SHARED = 7
+"""What all joints of a hand share: its scale, and where the hand's receiver sits and how it is turned."""
+SCALE_SD, FREE_SCALE_SD = 0.13, 0.6
+"""Of the hand's scale: as hands differ, and as it is solved, so that a wrong unit is seen as one."""
+ROOM = 1.6
+"""That hands and receivers on them may differ more than healthy ones put on by experts do."""
+PHALANX_SD_MM, THUMB_SD_MM = (4.5, 2.5, 2.5), (6.0, 4.0, 4.0)
+"""Of a joint's centre in the frame of a receiver on the bone before or after it."""
+HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
+"""Of receivers from the wrist, where the layout does not say where the wrist is (ours)."""
+ON_HAND_SD_MM = 4.0
+"""Of a knuckle in the hand's frame, what is shared apart."""
+
+FACINGS, PAST_DEG = 9, 25.0
+"""Of the receiver over a thumb's metacarpal: how many are tried, and how far past either side (ours)."""
+
+FLEXION_DEG = {"mcp": (-45.0, 100.0), "pip": (-25.0, 120.0), "dip": (-30.0, 100.0), "ip": (-35.0, 100.0)}
+THUMB_FLEXION_DEG = {"cmc": (-45.0, 70.0), "mcp": (-35.0, 80.0), "ip": (-40.0, 100.0)}
+"""What joints reach, given that the receivers are turned against the bones by some degrees."""
+HINGE_SD_DEG, MCP_SD_DEG, THUMB_SD_DEG = (10.0, 10.0), (14.0, 12.0), (18.0, 20.0)
+"""Of the middle of abduction and of axial rotation."""
+SWING_DEG = {"mcp": (45.0, 30.0), "cmc": (60.0, 50.0)}
+HINGE_SWING_DEG = (14.0, 14.0)
+"""Of abduction and axial rotation, the range that needs no explanation."""
+
+
+@dataclass(frozen=True)
+class ExpectedBody:
+    """J joints between receivers.
+
+    names : of the joints. ends : (J, 2) indices of the parent's and the child's receiver. centre_mm, sd_mm :
+    (J, 2, 3) the joint in the parent's and the child's frame. gain : (J, 2, 3, 7) how much it changes with
+    what is SHARED, of sd 1 each. rest : (J, F, 3, 3) child to parent when the hand is flat, for each of F
+    facings of the receiver over the thumb's metacarpal; faced : (J,) whether a joint's depends on it.
+    flexion_deg : (J, 2) least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial
+    rotation. known : (J,) whether anatomy says all this. gap_mm : (J,) that skin explains.
+    """
+
+    names: tuple[str, ...]
+    ends: npt.NDArray[np.int64]
+    centre_mm: Array
+    sd_mm: Array
+    gain: Array
+    rest: Array
+    faced: npt.NDArray[np.bool_]
+    flexion_deg: Array
+    sideways_sd_deg: Array
+    swing_deg: Array
+    known: npt.NDArray[np.bool_]
+    gap_mm: Array
+
+
+def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
+    """Build the expected body of the layout's joints of which both receivers are among the segments."""
+    joints = [j for j in layout.solvable if j.parent_receiver in segments and j.child in segments]
+    ends = np.array([[segments.index(j.parent_receiver), segments.index(j.child)] for j in joints])
+    n = len(joints)
+    body = ExpectedBody(
+        tuple(joint.name for joint in joints), ends.reshape(n, 2), np.zeros((n, 2, 3)),
+        np.full((n, 2, 3), 250.0), np.zeros((n, 2, 3, SHARED)), np.tile(np.eye(3), (n, FACINGS, 1, 1)),
+        np.zeros(n, bool),
+        np.tile([-180.0, 180.0], (n, 1)), np.full((n, 2), 90.0), np.full((n, 2), 180.0), np.zeros(n, bool),
+        np.full(n, 3.0),
+    )  # fmt: skip
+    for digit in known_digits(layout):
+        for place, joint in enumerate(joints):
+            if joint.child in digit.segments:
+                _expect(body, place, joint, digit, layout)
+    if layout.wrist is not None and body.known.any():
+        for place, joint in enumerate(joints):
+            if joint.name == layout.wrist.joint and joint.child == root_of(layout):
+                _expect_wrist(body, place, _hand_mount_mm(layout))
+    return body
+
+
+def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: Layout) -> None:
+    """Fill in a joint of a digit."""
+    anatomy = average.DIGITS[digit.name]
+    bone = digit.segments.index(joint.child)
+    thumb = digit.name == "thumb"
+    on_root = joint.parent_receiver == digit.base
+    body.known[place] = True
+    for facing, frames in enumerate(_frames(anatomy)):
+        body.rest[place, facing] = frames[bone] if on_root else frames[bone - 1].T @ frames[bone]
+    body.faced[place] = bool(np.ptp(body.rest[place], axis=0).max() > 0)
+    body.sd_mm[place] = THUMB_SD_MM if thumb else PHALANX_SD_MM
+    ends, mounts = anatomy.lengths_mm[:, None] * [1.0, 0.0, 0.0], anatomy.mounts_mm()
+    if on_root:
+        body.sd_mm[place, 0] = ON_HAND_SD_MM * (1.5 if thumb else 1.0)
+        parent = anatomy.joints_mm()[bone]
+        body.centre_mm[place, 0] = parent - _hand_mount_mm(layout)
+        _share_root(body, place, 0)
+    else:
+        body.centre_mm[place, 0] = (ends - mounts)[bone - 1]
+    body.centre_mm[place, 1] = -mounts[bone]
+    body.gain[place, :, :, 0] = FREE_SCALE_SD * body.centre_mm[place]
+    kind = joint.name.rsplit("_", 1)[-1]
+    body.flexion_deg[place] = (THUMB_FLEXION_DEG if thumb else FLEXION_DEG).get(kind, (-90.0, 120.0))
+    sideways = MCP_SD_DEG if kind in ("mcp", "cmc") else HINGE_SD_DEG
+    body.sideways_sd_deg[place] = THUMB_SD_DEG if thumb else sideways
+    body.swing_deg[place] = SWING_DEG.get(kind, HINGE_SWING_DEG)
+    body.gap_mm[place] = 3.0 if thumb or layout.joints[joint.name].compound else 2.0
+
+
+def _frames(anatomy: average.DigitAnatomy) -> list[Array]:
+    """The digit's bones' frames (B, 3, 3) for every facing of its first bone.
+
+    Over a thumb's metacarpal a receiver sits anywhere from the back of the hand's side to the nail's, see
+    `shukotsu.skeleton.thumb_facing`, and somewhat past either.
+    """
+    frames = anatomy.frames()
+    if anatomy.second_axis is None:
+        return [frames] * FACINGS
+    at_nail = frames[0].T @ replace(anatomy, faces_nail=True).frames()[0]
+    nail_rad = np.arctan2(at_nail[2, 1], at_nail[1, 1])
+    past_rad = np.sign(nail_rad) * np.radians(PAST_DEG)
+    faced = []
+    for roll in np.linspace(-past_rad, nail_rad + past_rad, FACINGS):
+        about = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+        faced.append(np.concatenate([(frames[0] @ about)[None], frames[1:]]))
+    return faced
+
+
+def _hand_mount_mm(layout: Layout) -> Array:
+    """Return the place of the hand's receiver from the wrist: distally, sideways, dorsally."""
+    if layout.wrist is None:
+        return np.array(HAND_MOUNT_MM)
+    worn = layout.segments[layout.wrist.segment]
+    distal, dorsal = np.array(worn.distal), np.array(worn.dorsal)
+    axes = np.stack([distal, np.cross(dorsal, distal), dorsal])
+    return np.asarray(-axes @ np.array(layout.wrist.nominal_mm))
+
+
+def _expect_wrist(body: ExpectedBody, place: int, hand_mount_mm: Array) -> None:
+    body.known[place] = True
+    body.centre_mm[place] = -np.array([FOREARM_MOUNT_MM, hand_mount_mm])
+    body.sd_mm[place] = [[40.0, 12.0, 12.0], [4.0, 4.0, 4.0]]
+    body.flexion_deg[place] = (-95.0, 95.0)
+    body.sideways_sd_deg[place] = (20.0, 25.0)
+    body.swing_deg[place] = (70.0, 40.0)
+    _share_root(body, place, 1)
+
+
+def _share_root(body: ExpectedBody, place: int, end: int) -> None:
+    """A joint in the frame of the hand's receiver moves as that one is shifted and turned."""
+    body.gain[place, end, :, 1:4] = ROOM * np.diag(average.HAND_MOUNT_SD_MM)
+    body.gain[place, end, :, 4:7] = (
+        ROOM * average.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[place, end])
+    )

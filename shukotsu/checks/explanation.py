@@ -1,0 +1,222 @@
+"""Compute how well a body explains poses: one total of log likelihood over all joints, for many hypotheses at
+once.
+
+A joint's share is that of (a) how far its centre, solved from both receivers, stays from being one point,
+(b) how far from where anatomy has it that centre lies in either receiver's frame, what all joints share
+(the hand's size and its receiver's place) being solved with them, and (c) how it turns: flexion within its
+range, abduction and axial rotation around none. Every share has long tails, so that one odd joint
+cannot outvote the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.checks.expected_body import FREE_SCALE_SD, SCALE_SD, SHARED, ExpectedBody
+from shukotsu.checks.sampled_motion import Motion
+from shukotsu.skeleton.rotations import Array
+
+INDEPENDENT_FRAMES = 8.0
+"""As many tell something of their own, however many were recorded."""
+PLACE_TAIL, TURN_TAIL = 12.0, 30.0
+"""Degrees of freedom of the t distributions."""
+FLEXION_SD_DEG, SWING_SD_DEG = 12.0, 8.0
+REACH_MM, REACH_LOG_SD = 120.0, 0.9
+"""Of a body that anatomy does not know: how far a joint's centre is from a receiver."""
+
+
+@dataclass(frozen=True)
+class JointShares:
+    """Hold what P series of a joint's two receivers say.
+
+    joint : (P,) which. normal : (P, 6, 6), slope : (P, 6), square : (P,) of the mean squared gap, a quadratic
+    form of the two centres. turning : (P, F) log likelihood of how the joint turns, for each facing of the
+    thumb's metacarpal. angles_deg : (P, F, 3, 3), 10th, 50th and 90th percentile of flexion, abduction and
+    axial rotation.
+    """
+
+    joint: npt.NDArray[np.int64]
+    normal: Array
+    slope: Array
+    square: Array
+    turning: Array
+    angles_deg: Array
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """H hypotheses: closing, placed, turning (H, J) log likelihoods of the joints, shared (H,) of what they
+    share; gap_mm (H, J), off_mm (H, J) from where the average hand has the joint, angles_deg
+    (H, J, 3, 3), see `JointShares`, centre_mm (H, J, 2, 3), scale (H,).
+    """
+
+    closing: Array
+    placed: Array
+    turning: Array
+    shared: Array
+    gap_mm: Array
+    off_mm: Array
+    angles_deg: Array
+    centre_mm: Array
+    scale: Array
+
+    @property
+    def total(self) -> Array:
+        """Log likelihood (H,) of each hypothesis."""
+        return np.asarray((self.closing + self.placed + self.turning).sum(-1) + self.shared)
+
+
+def joint_shares(body: ExpectedBody, series: Sequence[tuple[int, Motion]]) -> JointShares:
+    """Summarise each joint's receivers in each motion: (joint, motion) pairs in, shares out."""
+    joint = np.array([place for place, _ in series], int)
+    parts = [_pair(motion, *body.ends[place]) for place, motion in series]
+    turn, offset, weight = (np.stack(part) for part in zip(*parts, strict=True))
+    n = len(series)
+    total = weight.sum(1)
+    weight = weight / np.maximum(total, 1.0)[:, None]
+    # gap = parent - turn @ child - offset
+    mean_turn = np.einsum("pk,pkij->pij", weight, turn)
+    mean_offset = np.einsum("pk,pki->pi", weight, offset)
+    normal = np.zeros((n, 6, 6))
+    normal[:, :3, :3] = normal[:, 3:, 3:] = np.eye(3) * (total > 0)[:, None, None]
+    normal[:, :3, 3:] = -mean_turn
+    normal[:, 3:, :3] = -np.swapaxes(mean_turn, 1, 2)
+    turned = np.einsum("pkij,pki->pkj", turn, offset)
+    slope = np.concatenate([mean_offset, -np.einsum("pk,pkj->pj", weight, turned)], -1)
+    square = np.einsum("pk,pki,pki->p", weight, offset, offset)
+    turning, angles_deg = _turned(body, joint, turn, weight > 0)
+    return JointShares(joint, normal, slope, square, turning, angles_deg)
+
+
+def _turned(
+    body: ExpectedBody, joint: npt.NDArray[np.int64], turn: Array, seen: npt.NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Log likelihood (P, F) of how the joints turn, and percentiles (P, F, 3, 3) of their angles, deg."""
+    facings = body.rest.shape[1]
+    angles_deg = np.zeros((len(joint), facings, 3, 3))
+    turning = np.zeros((len(joint), facings))
+    for facing in range(facings):
+        # the others turn alike, whichever way a thumb's receiver faces
+        own = body.faced[joint] | (facing == 0)
+        rest = np.swapaxes(body.rest[joint[own], facing], 1, 2)[:, None]
+        angles = np.where(seen[own][..., None], _angles_deg(rest @ turn[own]), np.nan)
+        low, middle, high = _quantiles(angles)
+        angles_deg[own, facing] = np.stack([low, middle, high], 1)
+        turning[own, facing] = _turning(body, joint[own], low, middle, high)
+    alike = ~body.faced[joint]
+    angles_deg[alike], turning[alike] = angles_deg[alike, :1], turning[alike, :1]
+    return np.where(body.known[joint, None], turning, 0.0), angles_deg
+
+
+def _pair(motion: Motion, parent: int, child: int) -> tuple[Array, Array, Array]:
+    above = np.swapaxes(motion.rotation[:, parent], 1, 2)
+    apart = motion.position_mm[:, child] - motion.position_mm[:, parent]
+    weight = (motion.valid[:, parent] & motion.valid[:, child]).astype(float)
+    return above @ motion.rotation[:, child], (above @ apart[..., None])[..., 0], weight
+
+
+def _angles_deg(turn: Array) -> Array:
+    """Flexion, abduction and axial rotation (..., 3), turns about y, z and x carried one by the other."""
+    reach = np.hypot(turn[..., 0, 0], turn[..., 2, 0])
+    flexion = np.arctan2(-turn[..., 2, 0], turn[..., 0, 0])
+    axial = np.arctan2(-turn[..., 1, 2], turn[..., 1, 1])
+    return np.asarray(np.degrees(np.stack([flexion, np.arctan2(turn[..., 1, 0], reach), axial], -1)))
+
+
+def _quantiles(angles: Array) -> tuple[Array, Array, Array]:
+    """The 10th, 50th and 90th percentiles (P, 3) over the frames (P, K, 3), NaN left out."""
+    ordered = np.sort(angles, axis=1)  # NaN last
+    last = np.maximum(np.isfinite(ordered).sum(1, keepdims=True) - 1, 0)
+    picked = [np.take_along_axis(ordered, (share * last).round().astype(int), 1) for share in (0.1, 0.5, 0.9)]
+    low, middle, high = (np.nan_to_num(one[:, 0]) for one in picked)
+    return low, middle, high
+
+
+def _turning(
+    body: ExpectedBody, joint: npt.NDArray[np.int64], low: Array, middle: Array, high: Array
+) -> Array:
+    least, largest = body.flexion_deg[joint].T
+    below, above = np.maximum(least - low[:, 0], 0), np.maximum(high[:, 0] - largest, 0)
+    swing = np.maximum(high[:, 1:] - low[:, 1:] - body.swing_deg[joint], 0)
+    aside = middle[:, 1:] / body.sideways_sd_deg[joint]
+    return np.asarray(
+        _tail((below / FLEXION_SD_DEG) ** 2)
+        + _tail((above / FLEXION_SD_DEG) ** 2)
+        + _tail((swing / SWING_SD_DEG) ** 2).sum(-1)
+        + _tail(aside**2).sum(-1)
+    )
+
+
+def _tail(squared: Array, freedom: float = TURN_TAIL, dimensions: int = 1) -> Array:
+    """Log likelihood of a t distribution, 0 at its middle."""
+    return np.asarray(-(freedom + dimensions) / 2 * np.log1p(squared / freedom))
+
+
+def explain(body: ExpectedBody, shares: JointShares, choice: npt.NDArray[np.int64]) -> Explanation:
+    """Explain hypotheses, each of which takes one of the shares for every joint.
+
+    choice : (H, J) indices into the shares. What joints share is solved from all joints of a hypothesis.
+    """
+    joint = shares.joint
+    precision = 1.0 / body.sd_mm.reshape(-1, 6) ** 2
+    gain = body.gain.reshape(-1, 6, SHARED)
+    expected = body.centre_mm.reshape(-1, 6)
+    weight = INDEPENDENT_FRAMES / body.gap_mm[joint] ** 2
+    own = precision[joint]
+    inner = np.linalg.inv(weight[:, None, None] * shares.normal + np.eye(6) * own[:, :, None])
+    # centre = inner (weight slope + own (expected + gain u)), for shared u
+    held = np.eye(6) * own[:, :, None] - own[:, :, None] * inner * own[:, None, :]
+    pull = own * np.einsum("pij,pj->pi", inner, weight[:, None] * shares.slope)
+    lean = np.einsum("pij,pj->pi", held, expected[joint])
+    gains = gain[joint]
+    matrix = np.einsum("pia,pij,pjb->pab", gains, held, gains)
+    vector = np.einsum("pia,pi->pa", gains, pull - lean)
+    system = matrix[choice].sum(1) + np.eye(SHARED)
+    shared = np.linalg.solve(system, vector[choice].sum(1)[..., None])[..., 0]
+    place = np.arange(len(body.names))
+    from_shared = expected + np.einsum("jia,ha->hji", gain[place], shared)
+    target = weight[choice][..., None] * shares.slope[choice] + precision * from_shared
+    centre = np.einsum("hjik,hjk->hji", inner[choice], target)
+    square = (
+        np.einsum("hji,hjik,hjk->hj", centre, shares.normal[choice], centre)
+        - 2 * np.einsum("hji,hji->hj", centre, shares.slope[choice])
+        + shares.square[choice]
+    )
+    gap = np.sqrt(np.maximum(square, 0))
+    scale = np.clip(1.0 + FREE_SCALE_SD * shared[:, 0], 0.01, 100.0)
+    off = (centre - from_shared).reshape(*centre.shape[:2], 2, 3)
+    centres = centre.reshape(off.shape)
+    # of a hand twice as large all is twice as large, so that no size closes better
+    size = np.where(body.known, scale[:, None], _reach_mm(centres) / REACH_MM)
+    strange = (off**2 / body.sd_mm**2).sum(-1) / size[..., None] ** 2
+    placed = np.where(body.known, _tail(strange, PLACE_TAIL, 3).sum(-1), _reach(centres))
+    closing = -1.5 * INDEPENDENT_FRAMES * np.log1p((gap / (size * body.gap_mm)) ** 2)
+    facing = np.argmax(shares.turning[choice].sum(1), axis=-1)[:, None]
+    return Explanation(
+        closing,
+        placed,
+        shares.turning[choice, facing],
+        -0.5 * (shared[:, 1:] ** 2).sum(-1) - 0.5 * (np.log(scale) / SCALE_SD) ** 2,
+        gap,
+        np.linalg.norm(centres - body.centre_mm, axis=-1).max(-1),
+        shares.angles_deg[choice, facing],
+        centres,
+        scale,
+    )
+
+
+def _reach_mm(centre_mm: Array) -> Array:
+    """Return the median joint's distance from its receivers, (H, 1)."""
+    distance = np.linalg.norm(centre_mm, axis=-1).reshape(len(centre_mm), -1)
+    return np.asarray(np.maximum(np.median(distance, axis=-1, keepdims=True), 1e-3))
+
+
+def _reach(centre_mm: Array) -> Array:
+    """Say of joints that anatomy does not know: how far the median joint is from its receivers."""
+    log = np.log(_reach_mm(centre_mm) / REACH_MM) / REACH_LOG_SD
+    joints = centre_mm.shape[1]
+    return np.asarray(np.broadcast_to(-0.5 * log**2 / joints, (len(centre_mm), joints)))

@@ -1,0 +1,383 @@
+"""List what else than declared may hold of a recording: each hypothesis changes its poses to undo it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, permutations, product
+from typing import Any
+
+import numpy as np
+
+from shukotsu.checks.declared import TIDY, Declared
+from shukotsu.checks.sampled_motion import MIRROR, Motion
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.sentences.finding_sentences import Values
+from shukotsu.skeleton.rotations import Array, from_matrix, matrix
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One mistake. undo : gives the motion without it. variant, values : of its sentence, see
+    `finding_sentences`. places : the receivers concerned; None: all. penalty : how much less likely than none
+    it is before any pose is seen, in log units.
+    """
+
+    kind: str
+    undo: Callable[[Motion], Motion]
+    variant: str = ""
+    values: Values = field(default_factory=dict)
+    places: frozenset[int] | None = None
+    penalty: float = 0.0
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Hold what the hypotheses are about. axes : (S, 3, 3), see `receiver_axes`. hand : as declared."""
+
+    layout: Layout
+    segments: tuple[str, ...]
+    axes: Array
+    hand: str
+    is_hand: bool
+    declared: Declared = TIDY
+
+    @property
+    def mirror(self) -> Array:
+        """Signs of the axes that `Motion` has turned over."""
+        return MIRROR if self.hand == "left" else np.ones(3)
+
+
+def hypotheses(recorded: Recorded, motion: Motion) -> list[Hypothesis]:
+    """Give every mistake that is looked for by explaining the poses of the motion otherwise."""
+    found = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
+    found += [*_hemispheres(recorded, motion), *_swaps(recorded)]
+    if recorded.is_hand:
+        found += [_other_hand(recorded), *_digit_swaps(recorded), *_turns(recorded)]
+    rivals = Counter((one.kind, one.places is None) for one in found)
+    return [
+        replace(
+            one,
+            penalty=float(np.log(rivals[one.kind, one.places is None] / SHARES[one.kind])),
+            values={**one.values, **recorded.declared.unmapped},
+        )
+        for one in found
+    ]
+
+
+SHARES = {
+    "quaternion-order": 0.02,
+    "quaternion-inverse": 0.01,
+    "euler-order": 0.03,
+    "units": 0.02,
+    "axes-mirrored": 0.01,
+    "wrong-hand": 0.02,
+    "hemisphere": 0.02,
+    "receivers-swapped": 0.02,
+    "digits-swapped": 0.01,
+    "receiver-turned": 0.01,
+}
+"""Of a laboratory's recordings that have the mistake (ours): what they share, its hypotheses share alike."""
+
+
+INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
+"""Of a unit quaternion, its conjugate."""
+
+
+def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Callable[[Motion], Motion]:
+    """Undo a mistake of the file's own quaternions, which its mapping may have inverted."""
+    sense = INVERSE if recorded.declared.is_inverted else np.ones(4)
+
+    def undo(motion: Motion) -> Motion:
+        mirror = recorded.mirror
+        own = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
+        turned = matrix(change(from_matrix(own) * sense) * sense) @ recorded.axes
+        return replace(motion, rotation=turned * mirror[:, None] * mirror)
+
+    return undo
+
+
+def _inverted(recorded: Recorded) -> Callable[[Motion], Motion]:
+    """Invert whole poses, as a mapping does to 4x4 matrices: positions too."""
+
+    def undo(motion: Motion) -> Motion:
+        mirror = recorded.mirror
+        own = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
+        position = -np.einsum("ksji,ksj->ksi", own, motion.position_mm * mirror) * mirror
+        turned = np.swapaxes(own, 2, 3) @ recorded.axes
+        return replace(motion, position_mm=position, rotation=turned * mirror[:, None] * mirror)
+
+    return undo
+
+
+def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
+    """Quaternions in the other order, rotations the other way round; only where the file could have it so."""
+    declared = recorded.declared
+    rotates = declared.other_sense
+    if declared.kind == "quaternion":
+        order = {"wxyz": "xyzw", "xyzw": "wxyz"}[declared.order]
+        read, true = ", ".join(declared.order), ", ".join(order)
+        columns = [3, 0, 1, 2] if order == "xyzw" else [1, 2, 3, 0]
+        values = {"read": read, "true": true, "order": order, "rotates": rotates}
+        for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE)):
+            change = _reordered_quaternion(columns, sign)
+            yield Hypothesis("quaternion-order", _requaternioned(recorded, change), variant, values)
+    if declared.format == "matrices":
+        yield Hypothesis("quaternion-inverse", _inverted(recorded), "matrices", {"rotates": rotates})
+    elif declared.has_orientations:
+        undo = _requaternioned(recorded, lambda q: q * INVERSE)
+        yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})
+
+
+def _reordered_quaternion(columns: list[int], sign: Array) -> Callable[[Array], Array]:
+    return lambda quaternion: quaternion[..., columns] * sign
+
+
+def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
+    declared = recorded.declared.axes
+    if not declared:
+        return
+    for true in map("".join, permutations("XYZ")):
+        if true != declared:
+            yield Hypothesis(
+                "euler-order", _requaternioned(recorded, _reordered(declared, true, 1.0)),
+                "axes", {"read": declared, "true": true},
+            )  # fmt: skip
+    yield Hypothesis(
+        "euler-order", _requaternioned(recorded, _reordered(declared, declared, 1.0, backwards=True)),
+        "fixed", {"read": declared, "true": declared[::-1]},
+    )  # fmt: skip
+    yield Hypothesis(
+        "units", _requaternioned(recorded, _reordered(declared, declared, 180 / np.pi)),
+        "radians",
+    )  # fmt: skip
+
+
+def _reordered(
+    declared: str, true: str, factor: float, *, backwards: bool = False
+) -> Callable[[Array], Array]:
+    """Take rotations apart into angles about the declared axes, put them together about the true ones."""
+    i, j, k = ("XYZ".index(axis) for axis in declared)
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+
+    def change(quaternion: Array) -> Array:
+        m = matrix(quaternion)
+        first = np.arctan2(-sign * m[..., j, k], m[..., k, k])
+        second = np.arcsin(np.clip(sign * m[..., i, k], -1, 1))
+        third = np.arctan2(-sign * m[..., i, j], m[..., i, i])
+        turns = [_about("XYZ".index(axis), factor * angle)
+                 for axis, angle in zip(true, (first, second, third), strict=True)]  # fmt: skip
+        one, two, three = turns[::-1] if backwards else turns
+        return from_matrix(one @ two @ three)
+
+    return change
+
+
+def _about(axis: int, angle: Array) -> Array:
+    out = np.zeros((*angle.shape, 3, 3))
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    out[..., axis, axis] = 1.0
+    out[..., j, j] = out[..., k, k] = np.cos(angle)
+    out[..., j, k], out[..., k, j] = -np.sin(angle), np.sin(angle)
+    return out
+
+
+def _moved(factor: float | Array, order: Sequence[int] = (0, 1, 2)) -> Callable[[Motion], Motion]:
+    """Take the positions' axes in another order and scale them."""
+    columns = list(order)
+    return lambda motion: replace(motion, position_mm=motion.position_mm[..., columns] * factor)
+
+
+def _units(declared: Declared) -> Iterator[Hypothesis]:
+    read = declared.position_unit
+    for true, mm in MM_PER_UNIT.items():
+        if true != read:
+            factor = mm / MM_PER_UNIT[read]
+            variant = "positions-small" if factor > 1 else "positions-large"
+            values = {"factor": max(factor, 1 / factor), "true": true, "read": read}
+            yield Hypothesis("units", _moved(factor), variant, values)
+
+
+def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
+    """Positions whose axes are exchanged or negated while the rotations' are not.
+
+    Markers of a C3D file give rotations, so that there is nothing to write for it.
+    """
+    if recorded.declared.format == "c3d":
+        return
+    names, read = "xyz", recorded.declared.position_axes
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            if order == (0, 1, 2) and min(signs) > 0:
+                continue
+            sign = np.array(signs) * recorded.mirror * recorded.mirror[list(order)]
+            columns = [read[i] if s > 0 else _negated(read[i]) for i, s in zip(order, signs, strict=True)]
+            values: dict[str, Any] = {"columns": ", ".join(columns)}
+            mirrored = order == (0, 1, 2)
+            if mirrored:
+                values["negated"] = [n for n, s in zip(names, signs, strict=True) if s < 0]
+                values["count"] = len(values["negated"])
+            variant = "negated" if mirrored else "exchanged"
+            yield Hypothesis("axes-mirrored", _moved(sign, order), variant, values)
+
+
+def _negated(axis: str) -> str:
+    return axis[1:] if axis.startswith("-") else f"-{axis}"
+
+
+def _other_hand(recorded: Recorded) -> Hypothesis:
+    other = "left" if recorded.hand == "right" else "right"
+    return Hypothesis("wrong-hand", Motion.mirrored, "", {"hand": other, "hand_2": recorded.hand})
+
+
+def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
+    """One receiver on the other side, or all of those that are opposite to most."""
+    opposite = _opposite(motion)
+    for places in [*({place} for place in range(len(recorded.segments))), *([opposite] if opposite else [])]:
+        sign = np.ones((len(recorded.segments), 1))
+        sign[list(places)] = -1.0
+        names = [recorded.segments[place] for place in sorted(places)]
+        values = {"segments": names, "count": len(names)}
+        yield Hypothesis("hemisphere", _moved(sign), "all-along", values, frozenset(places))
+
+
+def _opposite(motion: Motion) -> set[int]:
+    """Receivers that are on the other side of the transmitter than most; none where that is one or none."""
+    place = np.median(motion.position_mm, axis=0)
+    side = place @ np.linalg.eigh(place.T @ place)[1][:, -1]
+    behind = side < 0 if (side < 0).sum() <= len(side) / 2 else side > 0
+    return {int(i) for i in np.flatnonzero(behind)} if behind.sum() > 1 else set()
+
+
+def _swaps(recorded: Recorded) -> Iterator[Hypothesis]:
+    for first, second in combinations(range(len(recorded.segments)), 2):
+        pair = {"segment": recorded.segments[first], "segment_2": recorded.segments[second]}
+        order = list(range(len(recorded.segments)))
+        order[first], order[second] = second, first
+        yield Hypothesis(
+            "receivers-swapped", _permuted(recorded, order), "", pair, frozenset({first, second})
+        )  # fmt: skip
+
+
+def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
+    worn = {
+        name: [recorded.segments.index(s) for s in digit.segments if s in recorded.segments]
+        for name, digit in recorded.layout.digits.items()
+    }
+    for first, second in combinations(worn, 2):
+        if len(worn[first]) != len(worn[second]):
+            continue
+        order = list(range(len(recorded.segments)))
+        for one, other in zip(worn[first], worn[second], strict=True):
+            order[one], order[other] = other, one
+        yield Hypothesis(
+            "digits-swapped", _permuted(recorded, order),
+            "two", _thumb_first(first, second) | {"pairs": _pairs(recorded, worn[first], worn[second])},
+            frozenset({*worn[first], *worn[second]}),
+        )  # fmt: skip
+    fingers = [own for name, own in worn.items() if name != "thumb"]
+    if len(fingers) > 2 and len({len(own) for own in fingers}) == 1:
+        order = list(range(len(recorded.segments)))
+        for worn_on, stands_for in zip(fingers, fingers[::-1], strict=True):
+            for one, two in zip(worn_on, stands_for, strict=True):
+                order[one] = two
+        half = len(fingers) // 2
+        ends = zip(fingers[:half], fingers[: -half - 1 : -1], strict=True)
+        pairs = [pair for one, other in ends for pair in _pairs(recorded, one, other)]
+        yield Hypothesis("digits-swapped", _permuted(recorded, order), "reversed", {"pairs": pairs})
+
+
+def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> list[list[str]]:
+    """Names of two digits' segments, each with the one that stands for it."""
+    return [[recorded.segments[i] for i in pair] for pair in zip(first, second, strict=True)]
+
+
+def _thumb_first(first: str, second: str) -> dict[str, Any]:
+    """Two digits as the sentence has them, in which the second is a finger."""
+    one, other = (second, first) if second == "thumb" else (first, second)
+    return {"digit": one, "digit_2": other}
+
+
+def _permuted(recorded: Recorded, order: Sequence[int]) -> Callable[[Motion], Motion]:
+    """Each segment takes the pose of the receiver that it stands for, mounted by its own axes."""
+    rows = list(order)
+    exchange = (
+        np.swapaxes(recorded.axes[rows], 1, 2) @ recorded.axes * recorded.mirror[:, None] * recorded.mirror
+    )
+
+    def undo(motion: Motion) -> Motion:
+        return Motion(motion.position_mm[:, rows], motion.rotation[:, rows] @ exchange, motion.valid[:, rows])
+
+    return undo
+
+
+def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
+    """A receiver, or every receiver alike, turned on its bone by quarter turns."""
+    every = len(recorded.segments)
+    for turn in _quarter_turns():
+        values: dict[str, Any] = _turn_values(turn, recorded.mirror)
+        # a column is where the bone's axis points in the receiver's frame
+        axes = recorded.axes @ (turn * recorded.mirror[:, None] * recorded.mirror)
+        if np.ptp(axes, axis=0).max() < ALIKE:
+            all_turned = _turned(np.tile(turn, (every, 1, 1)))
+            yield Hypothesis("receiver-turned", all_turned, "all", values | _axes_values(axes[0]))
+        for place, segment in enumerate(recorded.segments):
+            yield Hypothesis(
+                "receiver-turned", _turned_at(place, turn), "one",
+                values | _axes_values(axes[place]) | {"segment": segment}, frozenset({place}),
+            )  # fmt: skip
+
+
+ALIKE = 1e-6
+"""Of the axes of receivers that the layout has mounted alike, so that one line can turn all of them."""
+
+
+def _axes_values(axes: Array) -> dict[str, Any]:
+    """Receiver axes (3, 3) as the layout has them: whole numbers where they are."""
+    whole = axes.round(6) + 0.0
+    return {
+        name: [int(v) if v == int(v) else float(v) for v in whole[:, i]]
+        for i, name in enumerate(("distal", "lateral", "dorsal"))
+    }
+
+
+def _turned(turns: Array) -> Callable[[Motion], Motion]:
+    return lambda motion: replace(motion, rotation=motion.rotation @ turns)
+
+
+def _turned_at(place: int, turn: Array) -> Callable[[Motion], Motion]:
+    def undo(motion: Motion) -> Motion:
+        rotation = motion.rotation.copy()
+        rotation[:, place] = rotation[:, place] @ turn
+        return replace(motion, rotation=rotation)
+
+    return undo
+
+
+def _quarter_turns() -> list[Array]:
+    """The 23 turns of a cube, the identity left out."""
+    turns = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            turn = np.zeros((3, 3))
+            turn[range(3), order] = signs
+            if np.linalg.det(turn) > 0 and not np.array_equal(turn, np.eye(3)):
+                turns.append(turn)
+    return turns
+
+
+def _turn_values(turn: Array, mirror: Array) -> dict[str, Any]:
+    """By how much and about which of its axes it is turned; none: about a diagonal."""
+    own = turn * mirror[:, None] * mirror
+    degrees = round(float(np.degrees(np.arccos(np.clip((np.trace(own) - 1) / 2, -1, 1)))))
+    if degrees == 180:
+        axis = np.linalg.eigh(own + own.T)[1][:, -1]
+    else:
+        axis = np.array([own[2, 1] - own[1, 2], own[0, 2] - own[2, 0], own[1, 0] - own[0, 1]])
+    along = np.flatnonzero(np.abs(axis) > 0.3)
+    if len(along) == 1:
+        sign = -1 if axis[along[0]] < 0 and degrees != 180 else 1
+        return {"turn_deg": sign * degrees, "turn_axis": "xyz"[along[0]]}
+    return {"turn_deg": degrees, "turn_axis": ""}

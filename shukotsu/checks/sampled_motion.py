@@ -1,0 +1,59 @@
+"""A recording as the checks see it: some frames of it, receivers' axes along the bones, as a right hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.schemas.layout import Layout
+from shukotsu.skeleton.rotations import Array, matrix
+
+FRAMES = 60
+"""That hypotheses are compared on, spread over the recording."""
+
+MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Poses of S receivers in K frames, receiver to transmitter.
+
+    position_mm : (K, S, 3). rotation : (K, S, 3, 3), columns distal, lateral and dorsal. valid : (K, S).
+    Where not valid, the numbers are finite and mean nothing.
+    """
+
+    position_mm: Array
+    rotation: Array
+    valid: npt.NDArray[np.bool_]
+
+    def mirrored(self) -> Motion:
+        """The motion of the other hand: the world and the bones' lateral axes mirrored."""
+        rotation = self.rotation * MIRROR[:, None] * MIRROR
+        return replace(self, position_mm=self.position_mm * MIRROR, rotation=rotation)
+
+
+def receiver_axes(layout: Layout, segments: tuple[str, ...]) -> Array:
+    """Rotations (S, 3, 3) from distal, lateral-by-right-hand-rule and dorsal axes to the receivers' own."""
+    distal = np.array([layout.segments[name].distal for name in segments])
+    dorsal = np.array([layout.segments[name].dorsal for name in segments])
+    return np.stack([distal, np.cross(dorsal, distal), dorsal], -1)
+
+
+def motion_of(
+    position_mm: Array, quaternion: Array, valid: npt.NDArray[np.bool_], axes: Array, hand: str
+) -> Motion:
+    """Take frames of a recording in which most receivers are seen, spread over it.
+
+    position_mm : (T, S, 3). quaternion : (T, S, 4). axes : (S, 3, 3), see `receiver_axes`. A left hand is
+    mirrored into a right one.
+    """
+    seen = valid.sum(1)
+    rows = np.flatnonzero(seen >= 0.8 * seen.max()) if len(seen) and seen.max() else np.zeros(0, int)
+    rows = rows[np.linspace(0, len(rows) - 1, min(FRAMES, len(rows))).round().astype(int)]
+    usable = valid[rows]
+    place = np.where(usable[..., None], position_mm[rows], 0.0)
+    turn = np.where(usable[..., None], quaternion[rows], [1.0, 0.0, 0.0, 0.0])
+    motion = Motion(place, matrix(turn) @ axes, usable)
+    return motion.mirrored() if hand == "left" else motion

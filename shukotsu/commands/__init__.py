@@ -1,0 +1,59 @@
+"""List the commands of `shukotsu`, each with the module whose `main` takes its arguments."""
+
+from __future__ import annotations
+
+import argparse
+from typing import NamedTuple
+
+CAPTURE = "shukotsu.stages.capture.__main__"
+
+
+class Command(NamedTuple):
+    """A command: its module, what it does in a line, and arguments that go before the user's own."""
+
+    module: str
+    summary: str
+    before: tuple[str, ...] = ()
+
+
+COMMANDS = {
+    "new": Command("shukotsu.commands.new_study", "make a study folder with files to edit"),
+    "check": Command("shukotsu.commands.check_file", "read a study, or say whether a recording went well"),
+    "run": Command("shukotsu.commands.run_study", "run a study, or what of it is out of date"),
+    "demo": Command("shukotsu.commands.run_demo", "run the demo's study in this folder"),
+    "report": Command("shukotsu.commands.show_report", "name, print or open a study's report"),
+    "export": Command(
+        "shukotsu.commands.export_study", "write a study's moving skeletons for other programs"
+    ),
+    "record": Command(CAPTURE, "record a tracker into a raw capture", ("record",)),
+    "devices": Command(CAPTURE, "list the ports at which a tracker may be", ("devices",)),
+    "tracker": Command(CAPTURE, "say what a tracker answers, without recording", ("check",)),
+    "emulate": Command(CAPTURE, "be a tracker, for a recorder without one at hand", ("emulate",)),
+    "inspect": Command(CAPTURE, "say what is in a file, and draft the mapping that it needs", ("inspect",)),
+    "import": Command(CAPTURE, "turn a recording's file into the poses table", ("import",)),
+    "decode": Command(CAPTURE, "turn a raw capture into a table of every record", ("decode",)),
+    "export-bids": Command(CAPTURE, "write poses tables into a Motion-BIDS dataset", ("export-bids",)),
+    "stage": Command("shukotsu.commands.run_stage", "run one stage of the pipeline alone"),
+    "workflow": Command("shukotsu.commands.show_workflow", "print where the Snakefile is"),
+    "doctor": Command(
+        "shukotsu.commands.doctor", "say what is installed, what is missing, what this machine can do"
+    ),
+}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the parser of the first argument; every command parses its own."""
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:{width}}  {command.summary}" for name, command in COMMANDS.items()]
+    parser = argparse.ArgumentParser(
+        prog="shukotsu",
+        usage="shukotsu [-h] COMMAND ...",
+        description="A person's own hand skeleton from magnetic motion-capture receivers.\n\ncommands:\n"
+        + "\n".join(lines),
+        epilog="`shukotsu COMMAND --help` shows the options of a command, and an example.\n\n"
+        "example:\n  shukotsu new piano && cd piano\n  shukotsu run",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
+    return parser

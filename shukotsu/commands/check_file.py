@@ -1,0 +1,111 @@
+"""Command line: read a study as a run would, or say of a recording whether it went well."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+from shukotsu.commands.study_file import USUAL
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
+
+STUDY_ENDINGS = (".yaml", ".yml", ".json")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the command's argument parser."""
+    parser = command_line.parser(
+        "shukotsu check",
+        "Read a study file and all that it names as a run would, name what it reads outside its folder, and "
+        "say what in its recordings contradicts what was declared. Of a recording: say that, and which "
+        "joints should move more.",
+        "shukotsu check study.yaml\n  shukotsu check rom.csv --hand right\n  "
+        "shukotsu check lab.csv --hand right --mapping mapping.yaml",
+        records_failure=False,
+    )
+    parser.add_argument(
+        "file", nargs="?", type=Path, default=USUAL, metavar="STUDY_OR_RECORDING", help=f"default: {USUAL}"
+    )
+    recording = parser.add_argument_group("of a recording")
+    recording.add_argument("--hand", choices=("right", "left"), help="which hand it is of")
+    recording.add_argument("--layout", default="liberty16", help="a layout that ships, or a path (liberty16)")
+    recording.add_argument(
+        "--mapping", type=Path, help="how to read a file of another program, as `shukotsu inspect` drafts it"
+    )
+    recording.add_argument(
+        "--repair-hemisphere", action="store_true", help="put back what is on the transmitter's other side"
+    )
+    return parser
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Check the study or the recording. Raises InputError as a run would."""
+    if arguments.file.suffix.lower() in STUDY_ENDINGS:
+        from shukotsu.commands.check_study import check_study
+
+        check_study(arguments.file)
+    else:
+        check_recording(
+            arguments.file,
+            arguments.hand,
+            arguments.layout,
+            arguments.mapping,
+            repair_hemisphere=arguments.repair_hemisphere,
+        )
+
+
+def check_recording(
+    path: Path, hand: str | None, layout: str, mapping: Path | None, *, repair_hemisphere: bool = False
+) -> None:
+    """Import a recording into a folder that is removed again; print its findings, or else joints' advice."""
+    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.schemas.findings import SUSPECT
+    from shukotsu.schemas.layout import read_layout
+    from shukotsu.sentences.finding_sentences import in_quotes
+    from shukotsu.stages.capture import import_recording
+    from shukotsu.stages.solve_joints import check_calibration
+
+    if hand is None:
+        raise InputError(f"{path}: --hand is missing; say which hand the recording is of, right or left")
+    with tempfile.TemporaryDirectory() as folder:
+        poses = Path(folder, "poses.parquet")
+        who = [f"--in={path}", f"--layout={layout}", f"--hand={hand}", "--subject=-", "--task=-"]
+        who += [] if mapping is None else [f"--mapping={mapping}"]
+        who += ["--repair-hemisphere"] if repair_hemisphere else []
+        silent = ["--record-failure", f"--out={poses}"]  # leaves findings to the lines below
+        try:
+            import_recording.import_recording(import_recording.build_parser().parse_args([*who, *silent]))
+        except InputError as error:
+            raise _without_mapping(path, layout, error) if mapping is None else error from error
+        findings = checked_poses(poses, read_layout(layout).of_hand(hand)).findings
+        for finding in findings:
+            print(f"{finding.severity}: {finding.kind}: {in_quotes(finding.message)}")
+        if any(finding.severity == SUSPECT for finding in findings):
+            return  # before that is settled, nothing can be said of joints
+        print("" if findings else "no finding\n", end="")
+        of_hand = [f"--poses={poses}", f"--layout={layout}"]
+        check_calibration.check(check_calibration.build_parser().parse_args(of_hand))
+
+
+def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
+    """The same error, or where the file can be read by a mapping, what leads to one."""
+    from shukotsu.schemas.layout import read_layout
+    from shukotsu.stages.capture.inspect_file import describe
+
+    try:
+        drafted = bool(describe(path, read_layout(layout)).draft)
+    except InputError:
+        return error
+    if not drafted:
+        return error
+    worn = "" if layout == "liberty16" else f" --layout {layout}"
+    return InputError(
+        f"{path}: is another program's file, which needs a mapping; `shukotsu inspect {path} --write-mapping "
+        f"mapping.yaml{worn}` drafts one to edit, then check again with --mapping mapping.yaml"
+    )
+
+
+def main(argv: list[str]) -> int:
+    """Check; give the exit code."""
+    return command_line.run(build_parser().parse_args(argv), check)

@@ -1,0 +1,117 @@
+"""Read a study and its recordings as a run would; say what is wrong, and what lies outside its folder."""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shukotsu.commands.progress import progress
+from shukotsu.commands.study_file import read_files
+from shukotsu.errors import InputError, listed
+
+if TYPE_CHECKING:
+    from shukotsu.schemas.plan import SubjectPlan
+    from shukotsu.schemas.study import Recording
+    from shukotsu.workflow.study_files import StudyFiles
+
+
+def check_study(path: Path) -> None:
+    """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict.
+
+    Raises InputError as a run would. Snakemake runs code in a file that asks for it; this runs none.
+    """
+    from shukotsu.schemas.study import unmatched_rows
+
+    files = read_files(path)
+    study = files.study
+    counts = f"{len(study.subjects)} subjects, {len(study.recordings)} recordings, {len(study.models)} models"
+    print(f"{path}: study {study.name}, {counts}")
+    for note in (*(row.message for row in study.unusable), *unmatched_rows(study), *_outside(path, files)):
+        print(f"note: {note}")
+    recordings_by_finding: dict[str, list[str]] = {}
+    for name, sentence in _findings_of_recordings(files.subjects):
+        recordings_by_finding.setdefault(sentence, []).append(name)
+    for sentence, names in recordings_by_finding.items():
+        print(f"{listed(names)}: {sentence}")
+    print("" if recordings_by_finding else "no finding in any recording\n", end="")
+
+
+def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
+    """List what a study reads outside its folder, links followed, a sentence a folder."""
+    shipped, folder = (Path(__file__).parents[1] / "config").resolve(), path.resolve().parent
+    read = [*map(Path, files.configuration), *(recording.file for recording in files.study.recordings)]
+    read += [recording.mapping for recording in files.study.recordings if recording.mapping is not None]
+    real = {Path(os.path.realpath(each)) for each in read}  # of a link to itself, itself
+    outside = [each for each in real if not (each.is_relative_to(folder) or each.is_relative_to(shipped))]
+    for parent, group in groupby(sorted(outside, key=lambda each: (each.parent, each.name)), _parent):
+        own = list(group)
+        if len(own) == 1:
+            yield f"reads {own[0]}, outside the study's folder"
+        else:
+            names = ", ".join(each.name for each in own)
+            yield f"reads {len(own)} files in {parent}, outside the study's folder: {names}"
+
+
+def _parent(path: Path) -> Path:
+    return path.parent
+
+
+def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
+    """Import every recording into a folder that is removed again; give its name and what is to say, each."""
+    total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
+    findings: list[tuple[str, str]] = []
+    done = 0
+    with progress("recordings read", total) as tell, tempfile.TemporaryDirectory() as folder:
+        for plan in plans:
+            recordings = [recording for recording in plan.recordings if not recording.exclude]
+            poses = {own: Path(folder, f"{done + place}.parquet") for place, own in enumerate(recordings)}
+            for own, file in poses.items():
+                _import(own, file)
+                done += 1
+                tell(done)
+            findings += _findings_of_subject(replace(plan, recordings=tuple(recordings), poses_files=poses))
+            for file in poses.values():
+                file.unlink()
+    return findings
+
+
+def _import(recording: Recording, poses: Path) -> None:
+    """Import a recording as a run does, be it a poses table that says why it cannot be read."""
+    from shukotsu.stages.capture import import_recording
+    from shukotsu.workflow.study_files import import_options
+
+    output = io.StringIO()
+    with redirect_stderr(output), redirect_stdout(output):
+        status = import_recording.main(
+            ["--record-failure", *import_options(recording), f"--out={poses}"],
+        )
+    if status:
+        raise InputError(output.getvalue().strip().removeprefix("error: "))
+
+
+def _findings_of_subject(plan: SubjectPlan) -> list[tuple[str, str]]:
+    """List the findings on a subject's recordings: why one cannot be read, else what its poses contradict."""
+    from shukotsu.schemas.poses import usable_poses
+    from shukotsu.stages.check_recordings.__main__ import build_parser, check_subject
+
+    findings = [
+        (_name(own), f"cannot be read: {reason}")
+        for own in plan.recordings
+        for reason in usable_poses([plan.poses(own)])[1]
+    ]
+    for own, checked in check_subject(plan, build_parser().parse_args(["--record-failure"])):
+        accepted = (finding.accept(own.accept) for finding in checked.findings)
+        findings += [(_name(own), f"{one.severity}: {one.kind}: {one.message}") for one in accepted]
+    return findings
+
+
+def _name(recording: Recording) -> str:
+    hand = recording.hand
+    return " ".join(filter(None, (hand.subject, hand.session, hand.hand, recording.task, recording.trial)))

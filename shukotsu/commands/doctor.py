@@ -1,0 +1,118 @@
+"""Command line: what is missing of what studies need, and what this machine can do."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import re
+import shutil
+import sys
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import NamedTuple
+
+from shukotsu.stages import command_line
+
+LEAST_MEMORY_GB, LEAST_DISK_GB = 2.0, 1.0
+"""An hour of sixteen receivers at 240 Hz takes as much a job; a study of the demo's kind as much on disk."""
+
+
+class Check(NamedTuple):
+    """Hold one check. needed : whether studies cannot run without it; remedy : where it is not there."""
+
+    name: str
+    found: str
+    there: bool
+    remedy: str
+    needed: bool = False
+
+    def line(self) -> str:
+        """Give the check as a line of text."""
+        state = "ok" if self.there else "MISSING" if self.needed else "-"
+        return f"{state:8}{self.name:10}{self.found}{'' if self.there else f'; {self.remedy}'}"
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the command's argument parser."""
+    return command_line.parser(
+        "shukotsu doctor",
+        "Say what is installed, what is missing and what for, and what this machine can do. Ends with 2 "
+        "where no study can run.",
+        "shukotsu doctor",
+        records_failure=False,
+    )
+
+
+def checks() -> Iterator[Check]:
+    """Look at everything, what studies need first."""
+    yield _packages()
+    yield _disk()
+    yield _memory()
+    yield _ports()
+
+
+def _packages() -> Check:
+    found = f"Python {platform.python_version()} at {sys.executable}, on {platform.system()}"
+    missing = []
+    try:
+        for requirement in requires("shukotsu") or []:
+            name = re.split(r"[^\w.-]", requirement)[0]
+            try:
+                version(name)
+            except PackageNotFoundError:
+                missing.append(name)
+    except PackageNotFoundError:
+        missing.append("shukotsu")
+    remedy = f"not installed: {', '.join(missing)}; install this program again"
+    return Check("packages", found, not missing, remedy, needed=True)
+
+
+def _memory() -> Check:
+    from shukotsu.files.limits import available_memory_bytes
+
+    free = available_memory_bytes()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    remedy = f"an hour of recording takes up to {LEAST_MEMORY_GB:.0f} GB a job; shorter ones less"
+    if free is None:
+        return Check("memory", f"this system does not say; {cores} cores", True, remedy)
+    jobs = max(1, min(cores, int(free / 1e9 / LEAST_MEMORY_GB)))
+    found = f"{free / 1e9:.1f} GB free, {cores} cores: enough for {jobs} jobs on hours of recording"
+    return Check("memory", found, free / 1e9 >= LEAST_MEMORY_GB, remedy)
+
+
+def _disk() -> Check:
+    free = shutil.disk_usage(Path.cwd()).free / 1e9
+    writable = os.access(Path.cwd(), os.W_OK)
+    found = f"{free:.0f} GB free in {Path.cwd()}" + ("" if writable else ", where this user may not write")
+    remedy = "results go into the folder that a study is run from; run it from another"
+    return Check("disk", found, writable and free >= LEAST_DISK_GB, remedy, needed=True)
+
+
+def _ports() -> Check:
+    """List serial ports, and say which of them this user may not open."""
+    try:
+        from serial.tools.list_ports import comports
+    except ModuleNotFoundError:
+        return Check("tracker", "no serial port can be opened", False, "pyserial is not installed")
+    ports = [port.device for port in comports()]
+    closed = [port for port in ports if not os.access(port, os.R_OK | os.W_OK)]
+    found = f"serial ports: {', '.join(ports)}" if ports else "no serial port"
+    found += f"; not to be opened by this user: {', '.join(closed)}" if closed else ""
+    remedy = "join the ports' group (often dialout) and log in anew" if closed else "only `record` needs one"
+    return Check("tracker", found, bool(ports) and not closed, remedy)
+
+
+def doctor(arguments: argparse.Namespace) -> None:
+    """Print every check; note in the arguments whether a study can run."""
+    found = list(checks())
+    arguments.ready = all(check.there for check in found if check.needed)
+    print("\n".join(check.line() for check in found))
+
+
+def main(argv: list[str]) -> int:
+    """Look at everything; give 0 where a study can run, else 2."""
+    arguments = build_parser().parse_args(argv)
+    status = command_line.run(arguments, doctor)
+    return status or (0 if arguments.ready else command_line.EXIT_BAD_INPUT)

@@ -1,0 +1,45 @@
+"""Command line: the stage `export` for all subjects of a study that was run in this folder."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from shukotsu.commands.study_file import add_study, read_files
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
+from shukotsu.stages.export import __main__ as export_stage
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the command's argument parser: the stage's options, and the study."""
+    parser = command_line.parser(
+        "shukotsu export",
+        export_stage.DESCRIPTION,
+        "shukotsu export study.yaml --hand right --model whole-hand --formats bvh,glb --out exports",
+        records_failure=False,
+    )
+    add_study(parser)
+    export_stage.add_options(parser)
+    return parser
+
+
+def plans(study: Path) -> list[Path]:
+    """Give the plans of a study's subjects. Raises InputError where it has not been run in this folder."""
+    files = read_files(study)
+    found = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]
+    there = [path for path in found if path.is_file()]
+    if not there:
+        raise InputError(f"{found[0]}: is not there yet; run `shukotsu run {study}` in this folder first")
+    return there
+
+
+def export_study(arguments: argparse.Namespace) -> None:
+    """Export what is asked for of every subject."""
+    arguments.plan, arguments.inputs, arguments.record_failure = plans(arguments.study), None, False
+    export_stage.export(arguments)
+
+
+def main(argv: list[str]) -> int:
+    """Export; give the exit code."""
+    return command_line.run(build_parser().parse_args(argv), export_study)

@@ -1,0 +1,117 @@
+"""Read subject, session, hand, task, trial and whether it is a calibration from the name of a recording.
+
+A first draft of a sheet, for a person to look over: what a name does not say stays empty.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+
+HANDS = {
+    **dict.fromkeys(("r", "rh", "right", "re", "rechts"), "right"),
+    **dict.fromkeys(("l", "lh", "left", "li", "links"), "left"),
+}
+"""What names of files call a hand, in lower case."""
+
+CALIBRATIONS = ("cal", "calib", "calibration", "rom", "kalibrierung")
+"""What names of files call a recording in which every joint moves through its range, in lower case."""
+
+_KEYS = {
+    "subject": "sub|subj|subject|participant",
+    "session": "ses|sess|session|day|visit",
+    "task": "task",
+    "trial": "run|trial|take|rep",
+    "hand": "hand",
+}
+_KEYED = re.compile(
+    "|".join(
+        rf"\b(?:{words})(?:[- ](?P<{key}>[^\W_]+)|(?P<{key}_number>\d+))(?=$|[-_. /])"
+        for key, words in _KEYS.items()
+    ),
+    re.I,
+)
+"""A word and what it names: sub-03, Session 2, trial01."""
+
+_DATE = re.compile(r"(?<!\d)(19|20)\d\d[-_.]?\d\d[-_.]?\d\d([T_ -]?\d\d[-_.:h]?\d\d([-_.:m]?\d\d)?)?(?!\d)")
+_APART = re.compile(r"\b(P|S|VP)[- ](?=\d)", re.I)
+"""A subject's name of which the number stands apart: P 01."""
+
+_WITH_HAND = re.compile(r"(\w*\d)([LR])")
+"""A subject's name with its hand's letter: P01L."""
+
+
+@dataclass(frozen=True)
+class NameParts:
+    """The cells of a row of the recordings sheet that a name says; empty what it does not."""
+
+    subject: str = ""
+    session: str = ""
+    hand: str = ""
+    task: str = ""
+    trial: str = ""
+    role: str = ""
+
+
+def parts_of_names(names: Iterable[Path]) -> list[NameParts]:
+    """Read names of files, each relative to the folder of recordings: its folders are parts of the name.
+
+    The role is calibration where the name says so. Others of the same hand are then for evaluation; where it
+    has no calibration, they are for both.
+    """
+    parts = [_parts(name) for name in names]
+    calibrated = {_whose(each) for each in parts if each.role}
+    return [
+        each if each.role or not each.task else replace(each, role=_other_role(each, calibrated))
+        for each in parts
+    ]
+
+
+def _whose(parts: NameParts) -> tuple[str, str, str]:
+    return parts.subject, parts.session, parts.hand
+
+
+def _other_role(parts: NameParts, calibrated: set[tuple[str, str, str]]) -> str:
+    return "evaluation" if _whose(parts) in calibrated else "both"
+
+
+def _parts(name: Path) -> NameParts:
+    text = _DATE.sub(" ", name.with_suffix("").as_posix().removesuffix("_motion")).replace("_", " ")
+    text = _APART.sub(r"\1", text)
+    found: dict[str, str] = {}
+    for match in _KEYED.finditer(text):
+        for key, value in match.groupdict().items():
+            if value:
+                found.setdefault(key.removesuffix("_number"), value)
+    words = list(_words(_KEYED.sub(" ", text)))
+    sides = [found.pop("hand", ""), *words]
+    found["hand"] = next((HANDS[word.lower()] for word in sides if word.lower() in HANDS), "")
+    words = [word for word, _ in groupby(word for word in words if word.lower() not in HANDS)]
+    subject = found.get("subject") or _subject(words, tasked="task" in found)
+    if subject in words:
+        words.remove(subject)
+    if "trial" not in found and len(words) > 1 and words[-1].isdigit():
+        found["trial"] = words.pop()
+    task = found.pop("task", "-".join(words))
+    is_calibration = any(word in CALIBRATIONS for word in re.split(r"[\W\d_]+", task.lower()))
+    return NameParts(
+        **found | {"subject": subject, "task": task, "role": "calibration" if is_calibration else ""}
+    )
+
+
+def _words(text: str) -> Iterator[str]:
+    """The words of a name; a hand's letter behind a subject's number is one of its own."""
+    for word in filter(None, re.split(r"[\W_]+", text)):
+        match = _WITH_HAND.fullmatch(word)
+        yield from match.groups() if match else (word,)
+
+
+def _subject(words: list[str], *, tasked: bool) -> str:
+    """The word that names the subject: one like P01, or else the first of several but a calibration's."""
+    others = [word for word in words if word.lower() not in CALIBRATIONS]
+    coded = [word for word in others if re.fullmatch(r"[A-Za-z]{1,2}\d+", word)]
+    several = tasked or len(words) > 1
+    return next(iter(coded), others[0] if others and several else "")

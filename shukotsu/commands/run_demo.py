@@ -1,0 +1,52 @@
+"""Command line: run the demo's study in this folder, print its tables and name its report."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from shukotsu.commands import run_study, show_report
+from shukotsu.errors import InputError
+from shukotsu.files.whole_files import write_text
+from shukotsu.stages import command_line
+
+PACKAGE = Path(__file__).parents[1]
+STUDY = Path("config", "demo.yaml")
+SHEETS = Path("data", "demo")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the command's argument parser."""
+    parser = command_line.parser(
+        "shukotsu demo",
+        f"Run the demo, a study of two simulated people, in this folder: {STUDY}, its sheets and recordings "
+        f"in {SHEETS}, results in results/demo. What is there is kept; what is up to date is not made again.",
+        "shukotsu demo --cores 2",
+        records_failure=False,
+    )
+    parser.add_argument("--cores", default="all", metavar="N", help="jobs at once (default: all)")
+    return parser
+
+
+def write_study(_: argparse.Namespace) -> None:
+    """Write the study file and its sheets into this folder, those that are not there."""
+    for shipped in (PACKAGE / STUDY, *sorted((PACKAGE / SHEETS).glob("*.tsv"))):
+        path = shipped.relative_to(PACKAGE)
+        if not path.exists():
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(
+                    f"{path.parent}: cannot be made ({error.strerror}); go to another folder"
+                ) from error
+            write_text(path, shipped.read_text("utf-8"))
+
+
+def main(argv: list[str]) -> int:
+    """Write, run and show the study; give the exit code of what failed first."""
+    arguments = build_parser().parse_args(argv)
+    return (
+        command_line.run(arguments, write_study)
+        or run_study.main([str(STUDY), "--cores", arguments.cores])
+        or show_report.main([str(STUDY), "--print"])
+    )

@@ -1,0 +1,97 @@
+"""Command line: run a study by Snakemake, and say what came of it."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import signal
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+from shukotsu.commands.study_file import add_study, read_files
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
+
+SNAKEFILE = (Path(__file__).parents[1] / "Snakefile").resolve()
+
+
+class StudyFailedError(Exception):
+    """Snakemake ended with an exit code that is not 0, and has said why."""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the command's argument parser."""
+    parser = command_line.parser(
+        "shukotsu run",
+        "Run a study by Snakemake, whose command is printed; what is up to date is not made again. Results "
+        "go to results/<study>/ in this folder.",
+        "shukotsu run study.yaml --cores 8 -- --keep-going",
+        records_failure=False,
+    )
+    add_study(parser)
+    parser.add_argument("--cores", default="all", metavar="N", help="jobs at once (default: all)")
+    parser.add_argument("--dry-run", action="store_true", help="say what would be run, and run nothing")
+    parser.usage = "shukotsu run [-h] [--cores N] [--dry-run] [STUDY] [-- OPTION_OF_SNAKEMAKE ...]"
+    return parser
+
+
+def snakemake_command(arguments: argparse.Namespace) -> list[str]:
+    """Give the command that runs a study: Snakemake of this Python, the Snakefile, the options."""
+    command = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
+    command += ["--configfile", str(arguments.study)]
+    command += ["--quiet", "rules"]  # takes any number of words, so it may not stand before the user's own
+    command += ["--cores", arguments.cores, *(["--dry-run"] if arguments.dry_run else [])]
+    return [*command, *arguments.more]
+
+
+def run_study(arguments: argparse.Namespace) -> None:
+    """Read the study, run it, and print its report's first sentences and where it is.
+
+    Raises InputError where the study cannot be read, StudyFailedError where a job met a bug.
+    """
+    files = read_files(arguments.study)
+    if find_spec("snakemake") is None:
+        raise ModuleNotFoundError("No module named 'snakemake'", name="snakemake")
+    if arguments.cores != "all" and not (arguments.cores.isdecimal() and int(arguments.cores)):
+        raise InputError(f"--cores: is {arguments.cores!r}; expected a number of jobs, or all")
+    command = snakemake_command(arguments)
+    print(f"$ {shlex.join(command)}", file=sys.stderr, flush=True)
+    status = _run(command)
+    report = files.results.folder / "report.html"
+    if status:
+        raise StudyFailedError(status)
+    if not arguments.dry_run and not arguments.more and report.is_file():
+        print(_outcome(arguments.study, files.results.folder))
+        print(f"report: {report}")
+
+
+def _run(command: list[str]) -> int:
+    """Run a command to its end, whatever signal asks this process to end before; give its exit code."""
+    with subprocess.Popen(command) as process:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C reaches Snakemake too
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, lambda *_: process.terminate())
+        return process.wait()
+
+
+def _outcome(study: Path, results: Path) -> str:
+    """Return the first sentences of the report."""
+    from shukotsu.schemas.study import read_study
+    from shukotsu.stages.report.headline import opening, used_text
+    from shukotsu.stages.report.study_results import read_results
+
+    found = read_results(read_study(study), results)
+    return f"{used_text(found)} {opening(found)}"
+
+
+def main(argv: list[str]) -> int:
+    """Run the study; give the exit code."""
+    end = argv.index("--") if "--" in argv else len(argv)
+    arguments = build_parser().parse_args(argv[:end])
+    arguments.more = argv[end + 1 :]
+    try:
+        return command_line.run(arguments, run_study)
+    except StudyFailedError as error:
+        return abs(int(str(error)))

@@ -1,0 +1,55 @@
+"""Command line: a study's report, named, printed or opened."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from shukotsu.commands.study_file import add_study, read_files
+from shukotsu.errors import InputError
+from shukotsu.stages import command_line
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Give the command's argument parser."""
+    parser = command_line.parser(
+        "shukotsu report",
+        "Name the report of a study that was run in this folder, print its tables, or open it in a browser.",
+        "shukotsu report study.yaml --print",
+        records_failure=False,
+    )
+    add_study(parser)
+    parser.add_argument(
+        "--print",
+        action="store_true",
+        dest="to_terminal",
+        help="print the tables of the models that reproduce one of the paper's, and the skeletons' scores",
+    )
+    parser.add_argument("--open", action="store_true", help="open it in the browser")
+    return parser
+
+
+def show_report(arguments: argparse.Namespace) -> None:
+    """Print what was asked for. Raises InputError where the study has not been run here."""
+    files = read_files(arguments.study)
+    report = files.results.report
+    if not report.is_file():
+        raise InputError(
+            f"{report}: is not there yet; run `shukotsu run {arguments.study}` in this folder first"
+        )
+    if arguments.to_terminal:
+        from shukotsu.stages.report.study_results import read_results
+        from shukotsu.stages.report.terminal import terminal_tables
+
+        print(terminal_tables(read_results(files.study, files.results.folder)))
+    print(report)
+    if arguments.open:
+        import webbrowser
+
+        if not webbrowser.open(report.resolve().as_uri()):
+            print("note: found no browser here; open that file in one", file=sys.stderr)
+
+
+def main(argv: list[str]) -> int:
+    """Show the report; give the exit code."""
+    return command_line.run(build_parser().parse_args(argv), show_report)

@@ -1,0 +1,19 @@
+"""Command line: where the Snakefile is, for Snakemake's own command line."""
+
+from __future__ import annotations
+
+from shukotsu.commands.run_study import SNAKEFILE
+from shukotsu.stages import command_line
+
+
+def main(argv: list[str]) -> int:
+    """Print the Snakefile's path."""
+    command_line.parser(
+        "shukotsu workflow",
+        "Print the path of the Snakefile, for Snakemake itself or for a module of another workflow: "
+        'snakemake --snakefile "$(shukotsu workflow)" --configfile study.yaml --cores 2',
+        "shukotsu workflow",
+        records_failure=False,
+    ).parse_args(argv)
+    print(SNAKEFILE)
+    return 0

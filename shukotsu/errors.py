@@ -1,0 +1,71 @@
+"""Define errors that a person can put right: bad input or bad configuration."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+
+from shukotsu.sentences.messages import Message
+
+MOST_LETTERS = 400
+"""Of a message. What it names stands at its start and what to do at its end, so the middle is left out."""
+
+INTERNAL = "internal error in"
+"""How the reason begins why a part cannot be had that a bug ended; the stage follows."""
+
+
+class InputError(Exception):
+    """Bad input or configuration, told in one sentence that names the place and says what to do.
+
+    Command lines print the sentence and end with exit code 2; nothing else does. A line break or a run of
+    blanks in what is quoted (another library's message) becomes one blank, a control character or half a
+    character a question mark, and a long quotation is cut (MOST_LETTERS).
+
+    message : the same with its kind and values, where it is a result's.
+    """
+
+    def __init__(self, message: str) -> None:
+        text = on_one_line(message)
+        super().__init__(text)
+        self.message = message if isinstance(message, Message) else text
+
+
+def on_one_line(text: str) -> str:
+    """Give text as a message may quote it: one line of printable letters, not too many."""
+    printable = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
+    return shortened(printable, MOST_LETTERS)
+
+
+def shortened(text: str, most: int) -> str:
+    """Leave out the middle of a text that has more letters."""
+    if len(text) <= most:
+        return text
+    cut, end = " [...] ", most // 3
+    return f"{text[: most - end - len(cut)].rstrip()}{cut}{text[-end:].lstrip()}"
+
+
+class TableError(InputError):
+    """A table of the pipeline is not what it should be: damaged, of another version, or somebody else's.
+
+    No result of a subject's own data, so a stage that meets it fails and does not record it as one.
+    """
+
+
+class StorageError(TableError):
+    """A file could not be written: the disk is full, a quota used up, a folder read-only.
+
+    What would have been in it is no result either: it is made by the next run, when there is room.
+    """
+
+
+def listed(names: Sequence[str], most: int = 8) -> str:
+    """Name the first of what a file holds, and how many more there are; "none" where it holds nothing."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    short = (name if len(name) <= 40 else f"{name[:37]}..." for name in names[:most])
+    return (", ".join(short) or "none") + more
+
+
+def guess(word: str, known: Sequence[str]) -> str:
+    """Suggest a word for one that is not known: the nearest known one, or else all of them."""
+    close = difflib.get_close_matches(word, known, 1)
+    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(known)}"

@@ -1,0 +1,86 @@
+"""Files: written whole or not at all, and told apart by their bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+
+from shukotsu.errors import InputError, StorageError
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside `path` to write to; it takes the place of `path` at the end.
+
+    If writing fails, `path` is left as it was and the temporary file is removed; those of processes that were
+    killed are removed first. What is under the name after a power cut is the file before or the one after,
+    whole: its bytes are on the disk before it takes the name, and the name is before this returns. A file has
+    one writer at a time. Raises StorageError where it cannot be written.
+    """
+    if not path.name:
+        raise InputError(f"{path}: is a folder; expected the name of a file to write")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(path)
+        yield temporary
+        _sync(temporary)
+        temporary.replace(path)
+        with suppress(OSError):  # a file system without it; the file is whole under either name
+            _sync(path.parent)
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        with suppress(OSError):  # a part of the path that is a file was told above
+            temporary.unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    """Return when a file's bytes, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove what a process that was killed while it wrote `path` has left beside it."""
+    left = re.compile(re.escape(f".{path.name}.") + r"\d+\.tmp")
+    with suppress(OSError):  # no such folder, or one that cannot be written to: its writer will say so
+        for beside in path.parent.iterdir():
+            if left.fullmatch(beside.name):
+                beside.unlink(missing_ok=True)
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Give a folder's files by name; hidden ones, which editors and writers at work leave, do not count."""
+    return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file (UTF-8, lines ended by a line feed), whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, "utf-8", newline="\n")
+
+
+def file_sha256(path: Path) -> str:
+    """Give the SHA-256 of a file's bytes, read a piece at a time; once for as long as it stays as it is."""
+    return _sha256(path.absolute(), *file_state(path))
+
+
+def file_state(path: Path) -> tuple[int, int, int]:
+    """Return numbers that change when a file does: which one it is on the disk, its size and its time."""
+    found = path.stat()
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+@lru_cache(maxsize=4096)
+def _sha256(path: Path, *_: int) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,437 @@
+"""Define where the bones of a skeleton are in a recording, whatever its model.
+
+Bone frames have x distal and z dorsal (docs/conventions.md). A fitted hand moves as the fit posed its bones
+with all receivers together. Of every other skeleton each bone goes with the receiver that drives it, turned
+against it by the constant rotation that lays the frame along the bone; its joint is where the child half of
+the centre is (that of a digit's base at the parent half or the wrist), metacarpals turn as the metacarpals
+table says, and the digit ends at the origin of its distal receiver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.schemas.layout import Digit, Layout
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.tables import vector_of
+from shukotsu.sentences.messages import message_of
+from shukotsu.skeleton.digit_chain import Rows, carried_mm, digit_chain, starts_at_wrist
+from shukotsu.skeleton.rotations import (
+    Array,
+    bone_frame,
+    conjugate,
+    from_matrix,
+    mean_rotation,
+    multiply,
+    rotate,
+)
+
+_LEAST_RANGE_RAD = np.radians(1.0)
+"""A joint that turns by less shows no axis."""
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """One hand under one model.
+
+    joints : joint_centres' rows by joint; bones : bone_lengths' rows by digit and bone, for a bone that two
+    digits share ends at another joint in each.
+    """
+
+    layout: Layout
+    model: SkeletonModel
+    joints: Rows
+    bones: Mapping[tuple[str, str], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class BoneMotion:
+    """Hold what the tables hold of a recording frame by frame, at the T frames of its poses, NaN in gaps.
+
+    metacarpals : (T, 4) quaternions bone to transmitter, by digit. bone_poses : (T, 7) of fitted bones by
+    segment, mm then quaternion. tips, skin_tips : (T, 3) mm of fitted digits, by digit: ends of their last
+    bones, and of the skin beyond them.
+    """
+
+    metacarpals: Mapping[str, Array] = field(default_factory=dict)
+    bone_poses: Mapping[str, Array] = field(default_factory=dict)
+    tips: Mapping[str, Array] = field(default_factory=dict)
+    skin_tips: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SkeletonJoint:
+    """A joint, and the bone that starts there.
+
+    name : as the layout calls the joint; `<digit>_tip` is where a digit's bones end and `<digit>_skin_tip`,
+    after it, where its skin does. parent : index of the joint before it, -1 where there is none. segment :
+    the bone; a tip's is that which it ends. digit : empty for the root. tip : whether it is such an end. dof
+    : degrees of freedom that the model gave it, 0 where none are known.
+    """
+
+    name: str
+    parent: int
+    segment: str
+    digit: str = ""
+    tip: bool = False
+    dof: int = 0
+
+
+@dataclass(frozen=True)
+class PosedBones:
+    """J joints with their bones over T frames; joint 0 is the root, and parents come before children.
+
+    position_mm : (T, J, 3) of the joints and quaternion : (T, J, 4) unit (w, x, y, z) of the bone frames,
+    both in the transmitter frame, NaN where not known; a tip has its bone's quaternion. rest_offset_mm : (J,
+    3) each joint in its parent's bone frame by the bone's length; zeros for the root, all NaN for a digit's
+    first joint and for the skin beyond its last bone, of which no table but the motion tells, and (NaN, 0, 0)
+    where the bone before has no length. axis : (J, 3) unit, in its own bone frame, of a joint of one degree
+    of freedom; NaN where there is none.
+    left_out : digits that are not among the joints, and why. root_failure : why the root has no position, or
+    empty.
+    """
+
+    joints: tuple[SkeletonJoint, ...]
+    position_mm: Array
+    quaternion: Array
+    rest_offset_mm: Array
+    axis: Array
+    left_out: Mapping[str, str]
+    root_failure: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def parents(self) -> npt.NDArray[np.int64]:
+        """Index of each joint's parent (J,), -1 where there is none."""
+        return np.array([joint.parent for joint in self.joints], np.int64)
+
+    def index(self, name: str) -> int:
+        """Place of the joint of that name; ValueError where there is none."""
+        return self.names.index(name)
+
+    def only(self, kept: Sequence[int], choose: Callable[[Array, Sequence[int]], Array]) -> PosedBones:
+        """Give some of the joints, each with its parent; choose : points (T, n, k) of (T, J, k)."""
+        place = {-1: -1} | {old: new for new, old in enumerate(kept)}
+        return replace(
+            self,
+            joints=tuple(
+                replace(self.joints[index], parent=place[self.joints[index].parent]) for index in kept
+            ),
+            position_mm=choose(self.position_mm, kept),
+            quaternion=choose(self.quaternion, kept),
+            rest_offset_mm=self.rest_offset_mm[kept],
+            axis=self.axis[kept],
+        )
+
+    def constant_part(self) -> tuple[Array, Array]:
+        """Offset (J, 3) mm and rotation (J, 4) of every joint in its parent's bone, constant over time.
+
+        Offsets are the rest offsets; of those that are not wholly known, as rotations, the mean over time is
+        taken, NaN without a frame. The root's are zero and no turn.
+        """
+        offset, rest = self.rest_offset_mm.copy(), np.tile([1.0, 0.0, 0.0, 0.0], (len(self.joints), 1))
+        for index, joint in enumerate(self.joints):
+            if joint.parent < 0:
+                continue
+            back = conjugate(self.quaternion[:, joint.parent])
+            turn = multiply(back, self.quaternion[:, index])
+            rest[index] = mean_rotation(turn[np.isfinite(turn).all(-1)])
+            if np.isnan(offset[index]).any():
+                moved = rotate(back, self.position_mm[:, index] - self.position_mm[:, joint.parent])
+                moved = moved[np.isfinite(moved).all(-1)]
+                offset[index] = moved.mean(0) if len(moved) else np.nan
+        return offset, rest
+
+
+@dataclass(frozen=True)
+class ReceiverPoint:
+    """A joint's centre or a tip that a receiver carries: at point_mm (3,) in the frame of that of `segment`.
+
+    name : the joint whose row of joint_centres says so (of a digit that starts at the wrist, the wrist), or
+    `<digit>_tip`. segment : empty where the point is nowhere.
+    """
+
+    name: str
+    segment: str
+    point_mm: Array
+
+    def position_mm(self, poses: Poses) -> Array:
+        """Give positions (T, 3) in the transmitter frame, NaN where the receiver has no valid pose."""
+        if not self.segment:
+            return np.full((len(poses.frame), 3), np.nan)
+        valid = poses.valid[:, poses.index(self.segment), None]
+        return np.where(valid, carried_mm(poses, self.segment, self.point_mm), np.nan)
+
+
+def pose_bones(skeleton: Skeleton, poses: Poses, motion: BoneMotion) -> PosedBones:
+    """Pose all bones of a skeleton in a recording, as its model has them: fitted or carried by receivers.
+
+    A digit of which a joint failed, or that the fit does not pose, is left out. Raises InputError where the
+    model asks for a first joint of its own that no receiver measures.
+    """
+    if skeleton.model.fitting is not None:
+        return fitted_bones(skeleton, poses, motion)
+    return receiver_bones(skeleton, poses, motion.metacarpals)
+
+
+def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, Array]) -> PosedBones:
+    """Pose bones that receivers carry. metacarpals : (T, 4) by digit; a digit that lacks them has NaN.
+
+    Of a model that fits the whole hand these are its bones as its receivers alone carry them, which the tips
+    table is made from.
+    """
+    layout = skeleton.layout
+    build = _Builder(_receiver_root(skeleton, poses))
+    for digit in layout.digits.values():
+        chain = digit_chain(digit, layout, skeleton.model, skeleton.joints)
+        if isinstance(chain, str):
+            build.left_out[digit.name] = chain
+            continue
+        lacking = [own for own in digit.segments if (digit.name, own) not in skeleton.bones]
+        if lacking:
+            build.left_out[digit.name] = f"bone_lengths has no row of {lacking[0]}"
+            continue
+        turn = metacarpals.get(digit.name, np.full((len(poses.frame), 4), np.nan))
+        lengths_mm = [_replayed_length_mm(skeleton.bones[digit.name, own]) for own in digit.segments]
+        build.add_digit(skeleton, digit, _receiver_digit(skeleton, digit, poses, turn), lengths_mm)
+    return build.bones(_root_failure(skeleton))
+
+
+def fitted_bones(skeleton: Skeleton, poses: Poses, motion: BoneMotion) -> PosedBones:
+    """Pose the bones of a hand that was fitted as a whole, as the fit posed them.
+
+    The axis of a hinge is that which its bones turn about.
+    """
+    layout, count, bone_poses = skeleton.layout, len(poses.frame), motion.bone_poses
+    name, segment = root_names(layout)
+
+    def placed(own: str) -> _Placed:
+        pose = bone_poses.get(own, np.full((count, 7), np.nan))
+        return _Placed(pose[:, :3], pose[:, 3:])
+
+    build = _Builder(_Bone(SkeletonJoint(name, -1, segment), placed(segment), np.zeros(3)))
+    for digit in layout.digits.values():
+        missing = [own for own in digit.segments if own not in bone_poses]
+        if missing and bone_poses:
+            build.left_out[digit.name] = f"the fit of the whole hand poses no {missing[0]}"
+            continue
+        own_bones = [placed(own) for own in digit.segments]
+        end = motion.tips.get(digit.name, np.full((count, 3), np.nan))
+        rows = [skeleton.bones.get((digit.name, own), {}) for own in digit.segments]
+        lengths_mm = [_number(row.get("length_mm")) for row in rows]
+        build.add_digit(skeleton, digit, [*own_bones, _Placed(end, own_bones[-1].quaternion)], lengths_mm)
+        if digit.name in motion.skin_tips:
+            build.add_skin_tip(motion.skin_tips[digit.name])
+    bones = build.bones("")
+    return replace(bones, axis=axes_turned_about(bones))
+
+
+def rigid_positions(
+    parents: Sequence[int], position_mm: Array, quaternion: Array, rest_offset_mm: Array
+) -> Array:
+    """Place bones of constant length, (T, J, 3): each joint at its rest offset from its parent.
+
+    parents : (J,), before their children. position_mm : (T, J, 3), quaternion : (T, J, 4), rest_offset_mm :
+    (J, 3) as in `PosedBones`. A joint without a parent, or whose offset is all NaN (a digit's first), stays
+    where it is. The tips of `receiver_bones` so placed are those of the least-squares binding.
+    """
+    out = position_mm.copy()
+    for index, parent in enumerate(parents):
+        if parent >= 0 and not np.isnan(rest_offset_mm[index]).all():
+            out[:, index] = out[:, parent] + rotate(quaternion[:, parent], rest_offset_mm[index])
+    return out
+
+
+def digit_points(
+    digit: Digit, layout: Layout, model: SkeletonModel, joints: Rows
+) -> tuple[ReceiverPoint, ...]:
+    """Give a digit's joints and its tip on the receivers, nowhere where a joint failed or was not solved.
+
+    A base that is not the wrist goes with its parent's receiver, every other joint with its child's.
+    """
+    names, sides = list(digit.joints), ["child"] * len(digit.joints)
+    if layout.wrist is not None and starts_at_wrist(digit, layout, model):
+        names[0] = layout.wrist.joint
+    else:
+        sides[0] = "parent"
+    points = [joint_point(name, side, joints.get(name)) for name, side in zip(names, sides, strict=True)]
+    return (*points, ReceiverPoint(f"{digit.name}_tip", digit.tip, np.zeros(3)))
+
+
+def joint_point(name: str, side: str, row: Mapping[str, Any] | None) -> ReceiverPoint:
+    """Give the parent or child half of a joint, from its row of joint_centres."""
+    if row is None or row["status"] == "failed" or not row[f"{side}_segment"]:
+        return ReceiverPoint(name, "", np.zeros(3))
+    return ReceiverPoint(name, row[f"{side}_segment"], vector_of(row, f"{side}_", "_mm"))
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """A joint's positions (T, 3), its bone's rotations (T, 4), and its axis (3,) in the bone frame or NaN."""
+
+    position_mm: Array
+    quaternion: Array
+    axis: Array = field(default_factory=lambda: np.full(3, np.nan))
+
+
+@dataclass(frozen=True)
+class _Bone:
+    """A joint, where it is, and its rest offset (3,)."""
+
+    joint: SkeletonJoint
+    placed: _Placed
+    offset_mm: Array
+
+
+class _Builder:
+    """The bones so far, root first; left_out : digits that are not among them, and why."""
+
+    def __init__(self, root: _Bone) -> None:
+        self._bones = [root]
+        self.left_out: dict[str, str] = {}
+
+    def add_digit(
+        self, skeleton: Skeleton, digit: Digit, placed: Sequence[_Placed], lengths_mm: Sequence[float]
+    ) -> None:
+        """Add a digit's joints and its tip; lengths_mm : of its bones, NaN where not known."""
+        starts = [i for i, own in enumerate(self._bones) if own.joint.segment == digit.base]
+        parent, offset = next(iter(starts), -1), np.full(3, np.nan)
+        for name, segment, place, length_mm in zip(
+            digit.joints, digit.segments, placed[:-1], lengths_mm, strict=True
+        ):
+            dof = int(skeleton.joints.get(name, {"dof": 0})["dof"])
+            joint = SkeletonJoint(name, parent, segment, digit.name, dof=dof)
+            parent = len(self._bones)
+            self._bones.append(_Bone(joint, place, offset))
+            offset = np.array([length_mm, 0.0, 0.0])
+        tip = SkeletonJoint(f"{digit.name}_tip", parent, digit.tip, digit.name, tip=True)
+        self._bones.append(_Bone(tip, placed[-1], offset))
+
+    def add_skin_tip(self, position_mm: Array) -> None:
+        """Add where the skin of the digit added last ends, (T, 3)."""
+        tip = self._bones[-1]
+        joint = replace(tip.joint, name=f"{tip.joint.digit}_skin_tip", parent=len(self._bones) - 1)
+        self._bones.append(_Bone(joint, replace(tip.placed, position_mm=position_mm), np.full(3, np.nan)))
+
+    def bones(self, root_failure: str) -> PosedBones:
+        """Join all bones that were added; each is let go of, as a long recording is not needed twice."""
+        joints = tuple(bone.joint for bone in self._bones)
+        offset = np.stack([bone.offset_mm for bone in self._bones])
+        axis = np.stack([bone.placed.axis for bone in self._bones])
+        shape = (len(self._bones[0].placed.position_mm), len(joints))
+        position, turn = np.empty((*shape, 3)), np.empty((*shape, 4))
+        for index in reversed(range(len(joints))):
+            own = self._bones.pop().placed
+            position[:, index], turn[:, index] = own.position_mm, own.quaternion
+        return PosedBones(joints, position, turn, offset, axis, self.left_out, root_failure)
+
+
+def _replayed_length_mm(bone: Mapping[str, Any]) -> float:
+    """Length of a bone as the replay has it: of its vector, or its own where it is posed frame by frame."""
+    vector_mm = vector_of(bone, "", "_mm")
+    known = np.isfinite(vector_mm).all()
+    return float(np.linalg.norm(vector_mm)) if known else _number(bone["length_mm"])
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def root_names(layout: Layout) -> tuple[str, str]:
+    """Joint and segment of the root: the wrist, or without one what the first digit hangs from."""
+    if layout.wrist is not None:
+        return layout.wrist.joint, layout.wrist.segment
+    base = next(iter(layout.digits.values())).base
+    return base, base
+
+
+def _root_failure(skeleton: Skeleton) -> str:
+    wrist = skeleton.layout.wrist
+    if wrist is None:
+        return ""
+    row = skeleton.joints.get(wrist.joint)
+    if row is not None and row["status"] != "failed":
+        return ""
+    why = message_of("not-solved") if row is None else row["message"]
+    return message_of("joint-failed", joint=wrist.joint, reason=why)
+
+
+def _receiver_root(skeleton: Skeleton, poses: Poses) -> _Bone:
+    """The wrist on the hand's receiver, or where a layout has no wrist that receiver itself."""
+    layout = skeleton.layout
+    name, segment = root_names(layout)
+    point = ReceiverPoint(name, segment, np.zeros(3))
+    if layout.wrist is not None:
+        point = joint_point(name, "child", skeleton.joints.get(name))
+    axes = layout.segments[segment]
+    turn = from_matrix(bone_frame(np.array(axes.distal), np.array(axes.dorsal)))
+    placed = _Placed(point.position_mm(poses), _turned(poses, segment, turn))
+    return _Bone(SkeletonJoint(name, -1, segment), placed, np.zeros(3))
+
+
+def _receiver_digit(skeleton: Skeleton, digit: Digit, poses: Poses, metacarpal: Array) -> list[_Placed]:
+    """Joints and tip of one digit. metacarpal : (T, 4), of a digit that has one."""
+    layout = skeleton.layout
+    *points, end = digit_points(digit, layout, skeleton.model, skeleton.joints)
+    placed: list[_Placed] = []
+    for index, (name, segment, point) in enumerate(zip(digit.joints, digit.segments, points, strict=True)):
+        position = point.position_mm(poses)
+        if index == 0 and digit.metacarpal:
+            placed.append(_Placed(position, metacarpal))
+            continue
+        row = skeleton.bones[digit.name, segment]
+        dorsal = np.array(layout.segments[segment].dorsal)
+        align = from_matrix(bone_frame(vector_of(row, "", "_mm"), dorsal))
+        turn = _turned(poses, row["driven_by"], align)
+        placed.append(_Placed(position, turn, _solved_axis(skeleton.joints.get(name), align)))
+    return [*placed, _Placed(end.position_mm(poses), placed[-1].quaternion)]
+
+
+def _solved_axis(row: Mapping[str, Any] | None, align: Array) -> Array:
+    """A hinge's axis in its bone's frame, which is turned by `align` against its receiver; NaN if none."""
+    if row is None or row["dof"] != 1 or row["axis_child_x"] is None:
+        return np.full(3, np.nan)
+    return rotate(conjugate(align), vector_of(row, "axis_child_"))
+
+
+def _turned(poses: Poses, segment: str, align: Array) -> Array:
+    """Rotations (T, 4) of a frame that a receiver carries, NaN where it is not valid."""
+    index = poses.index(segment)
+    turn = multiply(poses.quaternion[:, index], align)
+    return np.where(poses.valid[:, index, None], turn, np.nan)
+
+
+def axes_turned_about(bones: PosedBones) -> Array:
+    """Axes (J, 3), each in its bone's frame, of the joints of one degree of freedom; NaN of the others."""
+    return np.stack([_axis_turned_about(bones, index) for index in range(len(bones.joints))])
+
+
+def _axis_turned_about(bones: PosedBones, index: int) -> Array:
+    """The axis (3,) that a joint of one degree of freedom turns about, as the posed bones show it.
+
+    The fit turns such a joint about one constant axis, which the bones' own rotations hold without the
+    receivers' skin. NaN where it hardly moves.
+    """
+    joint = bones.joints[index]
+    if joint.dof != 1 or joint.parent < 0:
+        return np.full(3, np.nan)
+    relative = multiply(conjugate(bones.quaternion[:, joint.parent]), bones.quaternion[:, index])
+    relative = relative[np.isfinite(relative).all(-1)]
+    if not len(relative):
+        return np.full(3, np.nan)
+    change = multiply(conjugate(mean_rotation(relative)), relative)
+    vector = change[:, 1:] * np.where(change[:, :1] < 0, -1.0, 1.0)
+    axis = np.linalg.eigh(vector.T @ vector)[1][:, -1]
+    if 2 * np.ptp(np.arcsin(np.clip(vector @ axis, -1, 1))) < _LEAST_RANGE_RAD:
+        return np.full(3, np.nan)
+    return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis))]))

@@ -1,0 +1,218 @@
+"""Measure how well a number repeats when n subjects are measured k times.
+
+ICC(2,1) (absolute agreement: the sessions are a sample of all) and ICC(3,1) (consistency), single measures:
+P. E. Shrout, J. L. Fleiss, Psychol. Bull. 86, 1979, the F-based intervals of K. O. McGraw, S. P. Wong,
+Psychol. Methods 1, 1996. SEM is the standard deviation within subjects, sessions' own shift included (H. C.
+W. de Vet and others, J. Clin. Epidemiol. 59, 2006); MDC = 1.96 sqrt(2) SEM.
+
+Limits of agreement: of a session's difference to the one before it, J. M. Bland, D. G. Altman, J. Biopharm.
+Stat. 17, 2007, where subjects give several; their intervals by G. Y. Zou, Stat. Methods Med. Res. 22, 2013.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from shukotsu.statistics.multiple_comparisons import LEVEL
+from shukotsu.statistics.paired_statistics import Array
+
+Interval = tuple[float, float]
+
+Z_95 = 1.959963984540054
+FEWEST_REPEATED = 3
+"""Subjects, measured at least twice, from which repeatability is stated at all."""
+
+
+@dataclass(frozen=True)
+class Icc:
+    """An intraclass correlation and its 95 % interval; NaN where all values are the same."""
+
+    value: float
+    interval: Interval
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """Hold what values (n, k) say, in their unit; icc without one. sem_interval : 95 %."""
+
+    n: int
+    k: int
+    agreement: Icc
+    consistency: Icc
+    sem: float
+    sem_interval: Interval
+
+    @property
+    def mdc(self) -> float:
+        """The smallest change of one subject between two sessions that is not measurement error, at 95 %."""
+        return Z_95 * math.sqrt(2.0) * self.sem
+
+
+@dataclass(frozen=True)
+class BlandAltman:
+    """Bias and 95 % limits of agreement, each with its 95 % interval, in the values' unit."""
+
+    bias: float
+    bias_interval: Interval
+    low: float
+    low_interval: Interval
+    high: float
+    high_interval: Interval
+
+
+@dataclass(frozen=True)
+class StatedSd:
+    """Hold how stated 1-sigma errors do against n differences that were seen.
+
+    stated : rms of the stated sd of a difference. ratio : rms difference over that, 1 where they are right.
+    held_percent : differences within 1.96 of their own stated sd.
+    """
+
+    n: int
+    stated: float
+    ratio: float
+    held_percent: float
+
+
+def reliability(values: Array) -> Reliability:
+    """Repeatability of values (n subjects, k sessions), all there; n and k at least 2."""
+    n, k = values.shape
+    of_subjects, of_sessions, rest = mean_squares(values)
+    freedom = n * (k - 1)
+    within = ((k - 1) * of_sessions + (n - 1) * (k - 1) * rest) / freedom
+    return Reliability(
+        n,
+        k,
+        _agreement(n, k, of_subjects, of_sessions, rest),
+        _consistency(n, k, of_subjects, rest),
+        math.sqrt(within),
+        tuple_of(np.sqrt(within * freedom / _chi2([1 - LEVEL / 2, LEVEL / 2], freedom))),
+    )
+
+
+def mean_squares(values: Array) -> tuple[float, float, float]:
+    """Mean squares of subjects, of sessions and of the rest in a two-way table (n, k)."""
+    n, k = values.shape
+    mean = values.mean()
+    rows, columns = values.mean(axis=1) - mean, values.mean(axis=0) - mean
+    rest = values - mean - rows[:, None] - columns
+    return (
+        float(k * (rows**2).sum() / (n - 1)),
+        float(n * (columns**2).sum() / (k - 1)),
+        float((rest**2).sum() / ((n - 1) * (k - 1))),
+    )
+
+
+def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: float) -> Icc:
+    """ICC(2,1); degrees of freedom of its interval by F. E. Satterthwaite.
+
+    Without a rest they are those of the sessions: a shift that all subjects share is no agreement.
+    """
+    spread = of_subjects + (k - 1) * rest + k * (of_sessions - rest) / n
+    if spread <= 0 or (rest <= 0 and of_sessions <= 0):
+        return _undefined(of_subjects, rest)
+    value = (of_subjects - rest) / spread
+    freedom = float(k - 1)
+    if rest > 0:
+        ratio = k * value * of_sessions / rest
+        others = n * (1 + (k - 1) * value) - k * value
+        freedom = (n - 1) * (k - 1) * (ratio + others) ** 2 / ((n - 1) * ratio**2 + others**2)
+    share = 1 - LEVEL / 2
+    upper, lower = _f(share, n - 1, freedom), _f(share, freedom, n - 1)
+    whole = k * of_sessions + (k * n - k - n) * rest
+    return Icc(
+        value,
+        (
+            n * (of_subjects - upper * rest) / (upper * whole + n * of_subjects),
+            n * (lower * of_subjects - rest) / (whole + n * lower * of_subjects),
+        ),
+    )
+
+
+def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
+    """ICC(3,1)."""
+    if rest <= 0:
+        return _undefined(of_subjects, rest)
+    ratio, freedom, share = of_subjects / rest, (n - 1) * (k - 1), 1 - LEVEL / 2
+    low, high = ratio / _f(share, n - 1, freedom), ratio * _f(share, freedom, n - 1)
+    return Icc((ratio - 1) / (ratio + k - 1), ((low - 1) / (low + k - 1), (high - 1) / (high + k - 1)))
+
+
+def _undefined(of_subjects: float, rest: float) -> Icc:
+    """Give, of sessions that repeat exactly 1, of values that are all the same nothing."""
+    value = 1.0 if of_subjects > 0 and rest <= 0 else math.nan
+    return Icc(value, (value, value))
+
+
+def bland_altman(values: Array) -> BlandAltman:
+    """Agreement of values (n, k), a session with the one before it; n at least 2."""
+    from scipy.special import stdtrit
+
+    differences = np.diff(values, axis=1)
+    n, m = differences.shape
+    means = differences.mean(axis=1)
+    bias, of_means = float(means.mean()), float(means.var(ddof=1))
+    half = -float(stdtrit(n - 1, LEVEL / 2)) * math.sqrt(of_means / n)
+    parts = [(of_means, n - 1)]
+    if m > 1:
+        parts.append(((1 - 1 / m) * float(differences.var(axis=1, ddof=1).mean()), n * (m - 1)))
+    variance = sum(part for part, _ in parts)
+    spread = Z_95 * math.sqrt(variance)
+    inner, outer = (math.sqrt(max(0.0, edge)) * Z_95 for edge in _variance_interval(parts, variance))
+    near = math.hypot(half, spread - inner)
+    far = math.hypot(half, outer - spread)
+    return BlandAltman(
+        bias,
+        (bias - half, bias + half),
+        bias - spread,
+        (bias - spread - far, bias - spread + near),
+        bias + spread,
+        (bias + spread - near, bias + spread + far),
+    )
+
+
+def _variance_interval(parts: list[tuple[float, int]], variance: float) -> Interval:
+    """95 % interval of a sum of independent variances, (estimate, degrees of freedom) each (Zou, 2013)."""
+    below = above = 0.0
+    for part, freedom in parts:
+        low, high = freedom / _chi2([1 - LEVEL / 2, LEVEL / 2], freedom)
+        below += (part * (1 - low)) ** 2
+        above += (part * (high - 1)) ** 2
+    return variance - math.sqrt(below), variance + math.sqrt(above)
+
+
+def stated_against_seen(differences: Array, stated_sd: Array) -> StatedSd | None:
+    """Hold differences (m,) against the stated sd (m,) of each; None where no difference has one."""
+    known = np.isfinite(differences) & np.isfinite(stated_sd) & (stated_sd > 0)
+    if not known.any():
+        return None
+    seen, stated = differences[known], stated_sd[known]
+    rms = math.sqrt(float((stated**2).mean()))
+    return StatedSd(
+        int(known.sum()),
+        rms,
+        math.sqrt(float((seen**2).mean())) / rms,
+        100.0 * float((np.abs(seen) <= Z_95 * stated).mean()),
+    )
+
+
+def tuple_of(pair: Array) -> Interval:
+    """The two numbers of an interval."""
+    return float(pair[0]), float(pair[1])
+
+
+def _chi2(shares: list[float], freedom: int) -> Array:
+    """Quantiles of chi-squared."""
+    from scipy.special import chdtri
+
+    return np.asarray(chdtri(freedom, 1.0 - np.array(shares)))
+
+
+def _f(share: float, freedom: float, other: float) -> float:
+    """Quantile of Fisher's F."""
+    from scipy.special import fdtri
+
+    return float(fdtri(freedom, other, share))

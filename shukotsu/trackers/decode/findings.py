@@ -1,0 +1,189 @@
+"""Describe a survey in sentences for people: what came, what is lost and where, what to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shukotsu.trackers.archive import open_archive
+from shukotsu.trackers.decode.survey import SHORT_GAP_S, Sightings, Survey, survey_archive
+
+NAMED_PLACES = 3
+"""Places of a kind that are named; more are counted."""
+
+CLOCK_JUMP_S = 0.1
+
+
+def findings(survey: Survey) -> list[str]:
+    """Give a sentence for everything that is not as it should be; none for a faultless recording."""
+    return [
+        *_ending(survey),
+        *_lost(survey),
+        *_absent(survey),
+        *_damage(survey),
+        *_device(survey),
+        *_clocks(survey),
+    ]
+
+
+def facts(survey: Survey) -> dict[str, Any]:
+    """Give the numbers of a survey as JSON types, for a table's metadata."""
+    clock = survey.clock
+    return {
+        "tracker": [survey.settings.to_json()],
+        "records": {str(station): count for station, count in survey.records.items()},
+        "first_frame": survey.first_frame,
+        "last_frame": survey.last_frame,
+        "missing_frames": survey.missing_frames,
+        "partial_frames": len(survey.partial_frames),
+        "skipped_bytes": survey.skipped_bytes,
+        "doubtful_records": survey.doubtful.total + survey.out_of_order.total,
+        "clock": None if clock is None else _clock_facts(survey),
+        "events": [dict(event) for event in survey.tally.events],
+        "summary": None if survey.tally.summary is None else dict(survey.tally.summary),
+    }
+
+
+def _clock_facts(survey: Survey) -> Mapping[str, Any]:
+    clock = survey.clock
+    assert clock is not None
+    return {
+        "period_s": clock.period_s,
+        "fitted": clock.fitted,
+        "measured_rate_hz": None if np.isnan(clock.measured_rate_hz) else clock.measured_rate_hz,
+        "median_delay_ms": clock.delay_ms,
+        "host_ns_at_start": clock.host_ns,
+        "utc_offset_ns": survey.tally.first_utc_offset_ns,
+    }
+
+
+def _at(survey: Survey, frame: int) -> str:
+    if survey.clock is None:
+        return f"frame {frame}"
+    return f"{float(survey.clock.time_s(np.array([frame]))[0]):.2f} s"
+
+
+def _ending(survey: Survey) -> Iterator[str]:
+    if survey.clock is None:
+        yield "the tracker sent no pose record"
+    if survey.tally.unreadable_bytes:
+        yield (
+            f"{survey.tally.unreadable_bytes} bytes of the file are no whole entry and were left out "
+            "(the recorder was killed or the file was cut off or damaged)"
+        )
+    if survey.tally.spoilt_bytes:
+        yield f"{survey.tally.spoilt_bytes} bytes do not have their checksum (the file was damaged); left out"
+    if survey.tally.missing_rows:
+        yield f"{survey.tally.missing_rows} entries of the recorder are missing (the file was damaged)"
+    if survey.tally.summary is None:
+        yield "the recording was not ended by the recorder, so up to its last second may be missing"
+
+
+def _lost(survey: Survey) -> Iterator[str]:
+    span = survey.last_frame - survey.first_frame + 1
+    whole = survey.gaps[survey.gaps[:, 0] == 0]
+    if len(whole):
+        yield (
+            f"{survey.missing_frames} of {span} frames are missing for all receivers "
+            f"(at {_places(survey, whole[:, 1])})"
+        )
+    if len(survey.partial_frames):
+        yield (
+            f"{len(survey.partial_frames)} of {span} frames lack a receiver "
+            f"(at {_places(survey, survey.partial_frames)})"
+        )
+
+
+def _absent(survey: Survey) -> Iterator[str]:
+    rate_hz = survey.settings.rate_hz
+    for station in survey.settings.stations:
+        if station not in survey.records:
+            yield f"receiver {station} was active and sent nothing"
+    for station in survey.records:
+        mine = survey.gaps[survey.gaps[:, 0] == station]
+        for first, last in mine[mine[:, 2] - mine[:, 1] >= SHORT_GAP_S * rate_hz, 1:]:
+            yield (
+                f"receiver {station} sent nothing for {(last - first + 1) / rate_hz:.1f} s, "
+                f"from {_at(survey, first)} on"
+            )
+
+
+def _damage(survey: Survey) -> Iterator[str]:
+    if survey.skipped:
+        frames = np.array([frame for _, _, frame in survey.skipped])
+        yield (
+            f"{survey.skipped_bytes} bytes at {len(survey.skipped)} places were no record and were skipped "
+            f"(at {_places(survey, frames)})"
+        )
+    for sightings, what in (
+        (survey.doubtful, "hold numbers that cannot be right"),
+        (survey.out_of_order, "have a frame or receiver that fits no neighbour"),
+    ):
+        if sightings.total:
+            yield f"{sightings.total} records {what} ({_sighted(survey, sightings)}); not used"
+
+
+def _device(survey: Survey) -> Iterator[str]:
+    for letter, sightings in survey.errors.items():
+        yield (
+            f"the tracker reported error {letter!r} with {sightings.total} records "
+            f"({_sighted(survey, sightings)})"
+        )
+    metal = survey.distorted
+    if metal.total:
+        worst, count = metal.records.most_common(1)[0]
+        share = 100 * count / max(1, survey.records.get(worst, 0))
+        yield (
+            f"the tracker saw its field distorted by metal ({_sighted(survey, metal)}; "
+            f"receiver {worst} in {share:.1f} % of its records)"
+        )
+
+
+def _sighted(survey: Survey, sightings: Sightings) -> str:
+    stations = sorted(sightings.records)
+    named = "receiver" if len(stations) == 1 else "receivers"
+    first, last = _at(survey, sightings.first), _at(survey, sightings.last)
+    when = f"at {first}" if first == last else f"from {first} to {last}"
+    return f"{named} {', '.join(map(str, stations))}, {when}"
+
+
+def _clocks(survey: Survey) -> Iterator[str]:
+    clock = survey.clock
+    if clock is not None and not np.isnan(clock.measured_rate_hz) and not clock.fitted:
+        yield (
+            f"frames came at {clock.measured_rate_hz:.3f} Hz by the host's clock, not at "
+            f"{survey.settings.rate_hz:g} Hz; time is taken from the frame counter at the nominal rate"
+        )
+    moved_s = survey.tally.utc_offset_range_ns * 1e-9
+    if moved_s > CLOCK_JUMP_S:
+        yield f"the host's calendar clock was moved by {moved_s:.2f} s meanwhile; device time is not touched"
+
+
+def _places(survey: Survey, frames: np.ndarray) -> str:
+    named = ", ".join(_at(survey, int(frame)) for frame in frames[:NAMED_PLACES])
+    return named + (f" and {len(frames) - NAMED_PLACES} more" if len(frames) > NAMED_PLACES else "")
+
+
+def describe(path: Path) -> list[str]:
+    """Describe the content of a raw capture, a line each. Raises InputError where it is none."""
+    archive = open_archive(path)
+    survey = survey_archive(archive)
+    lines = [f"a raw capture of this project, {survey.tally.received_bytes} bytes of the tracker"]
+    lines += [f"{key}: {value}" for key, value in archive.about.items()]
+    settings = survey.settings
+    items = next(iter(settings.items.values()), ())
+    lines.append(
+        f"{settings.family} in {settings.mode}, {settings.rate_hz:g} Hz, positions in {settings.unit}, "
+        f"stations {', '.join(map(str, settings.stations))}, "
+        f"output list {','.join(map(str, items)) or 'fixed'}"
+    )
+    frames = survey.last_frame - survey.first_frame + 1
+    if survey.clock is not None:
+        seconds = frames * survey.clock.period_s
+        lines.append(f"frames {survey.first_frame} to {survey.last_frame}, {seconds:.2f} s")
+        rates = ", ".join(f"{station}: {count}" for station, count in survey.records.items())
+        lines.append(f"records of each station: {rates}")
+    return [*lines, *findings(survey)]

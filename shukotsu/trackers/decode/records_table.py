@@ -1,0 +1,110 @@
+"""Second pass over an archive: records with device time and flags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from shukotsu.trackers.archive import Archive
+from shukotsu.trackers.decode.stream import Block, Tally, blocks_of
+from shukotsu.trackers.decode.survey import Survey
+from shukotsu.trackers.protocols.records import NONE, Bools, Records
+
+FLAGS = {
+    "gap-before": "frames are missing between this record and the station's one before",
+    "resync-before": "bytes that are no record lie before it",
+    "partial-cycle": "another station's record is missing in this frame",
+    "doubtful": "framed as a record should be, but its numbers cannot be right",
+    "out-of-order": "its frame or station does not fit between its neighbours'",
+    "device-error": "the tracker's error letter says that the pose is wrong (a to g, A to G)",
+    "device-warning": "its error letter is another one (I: self-test errors, u: unmapped place)",
+    "distorted": "the tracker saw its field distorted by metal",
+}
+"""What a record's flags say; bit i of the number stands for the i-th."""
+
+BIT = {flag: np.uint16(1 << place) for place, flag in enumerate(FLAGS)}
+
+UNUSABLE = ("doubtful", "out-of-order")
+"""Records of which not even the station and frame can be believed."""
+
+SOURCE_FAILURES = b"abcdefgABCDEFG"
+
+
+@dataclass(frozen=True)
+class FlaggedRecords:
+    """Records of a block: time_s (N,) device time, flags (N,) bits as in FLAGS, host_ns (N,) of arrival."""
+
+    records: Records
+    time_s: npt.NDArray[np.float64]
+    host_ns: npt.NDArray[np.int64]
+    flags: npt.NDArray[np.uint16]
+
+    def flagged(self, *names: str) -> Bools:
+        """Whether a record has any of the flags, shape (N,)."""
+        mask = np.bitwise_or.reduce([BIT[name] for name in names])
+        return np.asarray((self.flags & mask) != 0)
+
+
+def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords]:
+    """Decode the archive again, with what the survey found; blocks without a record are left out."""
+    if survey.clock is None:
+        return
+    for block in blocks_of(archive, Tally()):
+        if len(block.records):
+            yield FlaggedRecords(
+                block.records,
+                survey.clock.time_s(block.records.frame),
+                block.host_ns,
+                _flags(block, survey),
+            )
+
+
+def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
+    records = block.records
+    flags = np.zeros(len(records), np.uint16)
+    flags[records.doubtful] |= BIT["doubtful"]
+    flags[block.out_of_order] |= BIT["out-of-order"]
+    source = np.isin(records.error, list(SOURCE_FAILURES))
+    flags[source] |= BIT["device-error"]
+    flags[(records.error != 0) & ~source] |= BIT["device-warning"]
+    flags[(records.distortion > 0) & ~records.doubtful] |= BIT["distorted"]
+    flags[np.isin(records.frame, survey.partial_frames)] |= BIT["partial-cycle"]
+    resumed = [offset + size for offset, size, _ in survey.skipped]
+    flags[np.isin(records.offset, resumed)] |= BIT["resync-before"]
+    for station in np.unique(records.station).tolist():
+        mine = np.flatnonzero(records.station == station)
+        frame = records.frame[mine]
+        flags[mine[np.isin(frame, survey.gap_ends(station))]] |= BIT["gap-before"]
+    return flags
+
+
+def table_columns(flagged: FlaggedRecords) -> dict[str, Any]:
+    """Give the columns of the table of records."""
+    records = flagged.records
+    return {
+        "station": records.station,
+        "frame": records.frame,
+        "time_s": flagged.time_s,
+        "device_ms": _known(records.device_ms, np.int64),
+        **{f"{axis}_mm": records.position_mm[:, i].astype(np.float32) for i, axis in enumerate("xyz")},
+        **{f"q{part}": records.quaternion[:, i].astype(np.float32) for i, part in enumerate("wxyz")},
+        "error": records.error,
+        "distortion": _known(records.distortion, np.int16),
+        "button": _known(records.button, np.int8),
+        "sync": _known(records.sync, np.int8),
+        "host_ns": flagged.host_ns,
+        "offset": records.offset,
+        "flags": flagged.flags,
+    }
+
+
+def _known(values: npt.NDArray[np.int64], kind: type[np.signedinteger[Any]]) -> pa.Array:
+    """Values as a column of that type; null where there is none, or a damaged one that it cannot hold."""
+    limits = np.iinfo(kind)
+    unknown = (values == NONE) | (values < limits.min) | (values > limits.max)
+    return pa.array(np.where(unknown, 0, values).astype(kind), mask=unknown)

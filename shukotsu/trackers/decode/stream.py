@@ -1,0 +1,155 @@
+"""The archive as blocks of records: decoded, counters unwrapped, each with the host time of its arrival."""
+
+from __future__ import annotations
+
+import json
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.trackers.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
+from shukotsu.trackers.decode.counting import Counter
+from shukotsu.trackers.families import decoder_of
+from shukotsu.trackers.protocols.records import Records, Skipped, Wholes
+from shukotsu.trackers.protocols.stream_settings import StreamSettings, settings_from_json
+
+BLOCK_BYTES = 4 << 20
+
+
+@dataclass(frozen=True)
+class Block:
+    """Records of one stretch of the stream.
+
+    records : offsets count from the first byte that came after the settings; frames are unwrapped.
+    host_ns : (N,) when the record's last byte had come.
+    out_of_order : (N,) its station or frame does not fit between its neighbours'.
+    """
+
+    settings: StreamSettings
+    records: Records
+    host_ns: Wholes
+    out_of_order: npt.NDArray[np.bool_]
+    skipped: tuple[Skipped, ...] = ()
+
+    @property
+    def good(self) -> npt.NDArray[np.bool_]:
+        """Whether a record's frame, station and numbers can be right, shape (N,)."""
+        return np.asarray(~(self.records.doubtful | self.out_of_order))
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes that belong to no record or reply."""
+        return sum(skip.size for skip in self.skipped)
+
+
+@dataclass
+class Tally:
+    """Hold what an archive holds beside records; filled while its blocks are read."""
+
+    events: list[Mapping[str, Any]] = field(default_factory=list)
+    summary: Mapping[str, Any] | None = None
+    spoilt_bytes: int = 0
+    unreadable_bytes: int = 0
+    missing_rows: int = 0
+    received_bytes: int = 0
+    first_utc_offset_ns: int | None = None
+    utc_offset_range_ns: int = 0
+
+
+def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) -> Iterator[Block]:
+    """Decode an archive block by block; `tally` is filled on the way.
+
+    Raises InputError where the archive has no settings before its records, has them twice, or has ones that
+    cannot be read.
+    """
+    stream: ChunkDecoder | None = None
+    for piece in archive.pieces():
+        _count(tally, piece)
+        for kind, data, host_ns in zip(piece.kind, piece.data, piece.host_ns, strict=True):
+            if kind == SETTINGS:
+                if stream is not None:
+                    raise InputError(
+                        f"{archive.path}: holds the tracker's settings twice; expected one recording"
+                    )
+                stream = ChunkDecoder(settings_from_json(_json(archive, data), str(archive.path)))
+            elif kind == EVENT:
+                tally.events.append({**_json(archive, data), "host_ns": int(host_ns)})
+            elif kind == END:
+                tally.summary = _json(archive, data)
+            elif kind == RECEIVED and stream is not None:
+                stream.add(data, int(host_ns))
+        if stream is not None and stream.waiting_bytes >= block_bytes:
+            yield stream.decode(final=False)
+    if stream is None:
+        raise InputError(
+            f"{archive.path}: ends before the tracker was set up, so it holds no pose; record again"
+        )
+    yield stream.decode(final=True)
+
+
+def _count(tally: Tally, piece: Piece) -> None:
+    tally.spoilt_bytes += piece.spoilt_bytes
+    tally.unreadable_bytes += piece.unreadable_bytes
+    tally.missing_rows += piece.missing_rows
+    if not len(piece.kind):
+        return
+    if tally.first_utc_offset_ns is None:
+        tally.first_utc_offset_ns = int(piece.utc_offset_ns[0])
+    moved = np.abs(piece.utc_offset_ns - tally.first_utc_offset_ns)
+    tally.utc_offset_range_ns = max(tally.utc_offset_range_ns, int(moved.max()))
+    tally.received_bytes += sum(
+        len(data) for kind, data in zip(piece.kind, piece.data, strict=True) if kind == RECEIVED
+    )
+
+
+def _json(archive: Archive, data: bytes) -> dict[str, Any]:
+    try:
+        loaded = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{archive.path}: an entry of the recorder in it is no JSON ({error})") from error
+    if not isinstance(loaded, dict):
+        raise InputError(f"{archive.path}: an entry of the recorder in it is {loaded!r}; expected an object")
+    return loaded
+
+
+class ChunkDecoder:
+    """Decodes the chunks of bytes that came after the settings."""
+
+    def __init__(self, settings: StreamSettings) -> None:
+        self.settings = settings
+        self.waiting_bytes = 0
+        self._decoder = decoder_of(settings)
+        self._counter = Counter(settings)
+        self._waiting: list[bytes] = []
+        self._length = 0
+        self._ends: list[int] = []
+        self._arrivals: list[int] = []
+
+    def add(self, data: bytes, host_ns: int) -> None:
+        """Take a chunk and the host's time [ns] at which it had come."""
+        self._waiting.append(data)
+        self.waiting_bytes += len(data)
+        self._length += len(data)
+        self._ends.append(self._length)
+        self._arrivals.append(host_ns)
+
+    def decode(self, *, final: bool) -> Block:
+        """Decode the chunks that wait; `final` says that none follow, so that the rest is decided too."""
+        decoded = self._decoder.feed(b"".join(self._waiting), final=final)
+        self._waiting, self.waiting_bytes = [], 0
+        records = decoded.records
+        host_ns = np.empty(0, np.int64)
+        if len(records):
+            arrival = np.searchsorted(self._ends, records.offset + records.size)
+            host_ns = np.array(self._arrivals, np.int64)[arrival]
+        skipped_to = decoded.skipped[-1].offset + decoded.skipped[-1].size if decoded.skipped else 0
+        decided = max(skipped_to, int((records.offset + records.size).max(initial=0)))
+        first = bisect_left(self._ends, decided)
+        del self._ends[:first], self._arrivals[:first]
+        records, host_ns, out_of_order = self._counter.number(decoded, host_ns, final=final)
+        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)

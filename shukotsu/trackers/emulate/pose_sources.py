@@ -1,0 +1,107 @@
+"""Give the receivers' true poses, cycle by cycle: a motion computed from its number, or a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shukotsu.skeleton import rotations
+from shukotsu.trackers.protocols.records import Array, Wholes
+
+MAX_STATION = 16
+PERIOD_CYCLES = 960
+"""The built-in motion repeats after so many cycles: 4 s at 240 Hz."""
+
+_MAX_STRETCH = 10
+"""Frame numbers that span more than so many times their count are no count, and are numbered anew."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Poses of receivers, a frame a cycle.
+
+    position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN where the recording has no pose. loop : begin
+    again after the last frame; otherwise no receiver has a pose from there on. notes : what of the file
+    cannot be played, a sentence each.
+    """
+
+    stations: tuple[int, ...]
+    position_mm: Array
+    quaternion: Array
+    loop: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def cycles(self) -> int:
+        """Frames of the recording, those that it leaves out among them."""
+        return len(self.position_mm)
+
+    def poses(self, count: Wholes, stations: Sequence[int]) -> tuple[Array, Array]:
+        """Positions in mm (T, S, 3) and quaternions (T, S, 4) of cycles numbered from 0, shape (T,).
+
+        Both are NaN where there is no pose.
+        """
+        position = np.full((len(count), len(stations), 3), np.nan)
+        quaternion = np.full((len(count), len(stations), 4), np.nan)
+        rows = count % self.cycles if self.loop else count
+        inside = (rows >= 0) & (rows < self.cycles)
+        for place, station in enumerate(stations):
+            if station in self.stations:
+                column = self.stations.index(station)
+                position[inside, place] = self.position_mm[rows[inside], column]
+                quaternion[inside, place] = self.quaternion[rows[inside], column]
+        return position, quaternion
+
+
+def built_in_motion() -> Motion:
+    """Sixteen receivers that sway and bend smoothly, 0.15-0.45 m in front of the transmitter, in a loop."""
+    phase = 2 * np.pi * np.arange(PERIOD_CYCLES)[:, None] / PERIOD_CYCLES
+    index = np.arange(MAX_STATION)
+    finger, bone = index // 4, index % 4
+    bend = np.sin(phase + 0.4 * finger) * (0.35 + 0.15 * bone)  # farther out it bends more
+    position = np.empty((PERIOD_CYCLES, MAX_STATION, 3))
+    position[..., 0] = 250 + 30 * bone + 40 * np.sin(phase)
+    position[..., 1] = -45 + 30 * finger + 15 * np.cos(phase)
+    position[..., 2] = -120 + 25 * bend + 20 * np.sin(2 * phase)
+    about_y = rotations.about_axis(np.array([0.0, 1.0, 0.0]), bend)
+    about_z = rotations.about_axis(np.array([0.0, 0.0, 1.0]), 0.5 * np.cos(phase) + 0.1 * finger)
+    return Motion(tuple(range(1, MAX_STATION + 1)), position, rotations.multiply(about_z, about_y), loop=True)
+
+
+def recorded_motion(
+    frame: Wholes,
+    station: Wholes,
+    position_mm: Array,
+    quaternion: Array,
+    *,
+    loop: bool = False,
+    notes: Sequence[str] = (),
+) -> Motion:
+    """Give the motion of N poses: frame, station (N,), position_mm (N, 3), quaternion (N, 4).
+
+    A pose of station 0 is not played, but its frame counts. Frame numbers are divided by their usual step and
+    counted from the first; numbers that are left out stay gaps.
+    """
+    rows, remark = _numbered(frame)
+    played = station > 0
+    stations = sorted(set(station[played].tolist()))
+    position = np.full((int(rows.max()) + 1, len(stations), 3), np.nan)
+    turned = np.full((len(position), len(stations), 4), np.nan)
+    columns = np.searchsorted(stations, station[played])
+    position[rows[played], columns] = position_mm[played]
+    turned[rows[played], columns] = quaternion[played]
+    return Motion(tuple(stations), position, turned, loop, (*remark, *notes))
+
+
+def _numbered(frame: Wholes) -> tuple[Wholes, tuple[str, ...]]:
+    """Number frames from 0 in the recording's usual step, gaps kept where they are believable."""
+    known, rows = np.unique(frame, return_inverse=True)
+    if len(known) < 2:
+        return rows, ()
+    step = max(1, int(np.median(np.diff(known))))
+    counted = np.rint((known - known[0]) / step).astype(np.int64)
+    if counted[-1] >= _MAX_STRETCH * len(known) or len(np.unique(counted)) < len(known):
+        return rows, ("its frame numbers are no count; its frames are played one after the other",)
+    return counted[rows], ()

@@ -1,0 +1,272 @@
+"""Setting up LIBERTY and PATRIOT, whatever state an earlier program left them in.
+
+Stop, wake, ask for everything, set what matters, ask again and compare: see `SettingsDriver`. All of that in
+binary; text comes last, where it is asked for. Commands are those of the LIBERTY User Manual URM03PH156,
+section on commands.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from shukotsu.errors import InputError
+from shukotsu.trackers.families import FAMILIES
+from shukotsu.trackers.liberty.items import ITEMS, TAGS
+from shukotsu.trackers.liberty.replies import (
+    ERRORS,
+    Value,
+    answers,
+    binary_answers,
+    binary_value,
+    error_text,
+    half_stations,
+    ports_of,
+    text_whoami,
+    usable_stations,
+)
+from shukotsu.trackers.protocols.records import Reply
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record.conversation import Conversation
+from shukotsu.trackers.record.driver import is_zero, shown
+from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.settings_driver import FILTER_OFF, LEFT, Setting, SettingsDriver, State, listed
+
+POLL = b"P"
+"""Ends a stream and asks for one record of each station; the only command that ends without CR."""
+
+STREAM = b"C\r"
+TEXT, BINARY = b"F0\r", b"F1\r"
+RESET_COUNTERS = b"Q0\r"
+WHOAMI = b"\x16\r"
+RATES = {120: 3, 240: 4}
+"""Frames a second -> the number that stands for it."""
+
+CENTIMETRES = 1
+
+
+SETTINGS = {
+    "units": Setting(b"U", "number"),
+    "rate": Setting(b"R", "number"),
+    "stations": Setting(b"\x15", "stations"),
+    "source_frame": Setting(b"G", "floats", 3),
+    "external_sync": Setting(b"Z", "number"),
+    "position_filter": Setting(b"X", "floats", 4),
+    "attitude_filter": Setting(b"Y", "floats", 4),
+    "bit_errors": Setting(b"\x14", "words"),
+    "echo": Setting(b"\x05", "number"),
+    "usb_buffering": Setting(b"@B", "number"),
+    "output_list": Setting(b"O", "numbers", per_station=True),
+    "hemisphere": Setting(b"H", "floats", 3, per_station=True),
+    "stylus": Setting(b"L", "number", per_station=True),
+    "boresight": Setting(b"B", "floats", 3, per_station=True),
+    "alignment": Setting(b"A", "floats", 9, per_station=True),
+    "tip_offset": Setting(b"N", "floats", 3, per_station=True),
+}
+"""What is asked for before and after a set-up, in that order."""
+
+ANSWER_S = 1.0
+
+
+class LibertyDriver(SettingsDriver):
+    """Driver of LIBERTY and PATRIOT."""
+
+    settings = SETTINGS
+
+    def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
+        super().__init__(conversation, request)
+        self._was_binary = False
+        self._changed: set[str] = set()
+        self._switches: dict[int, bool] = {}
+
+    def set_up(self) -> StreamSettings:
+        """Identify the tracker, set it up and make sure that it took everything."""
+        whoami = self._find(self._attempt)
+        self._ask_ports()
+        self._before = self._ask_all()
+        stations = self._choose_stations()
+        wanted = self._wanted()
+        self._changed = set(wanted)
+        self._set_all(wanted)
+        for station, on in self._switches.items():
+            self._conversation.send(SETTINGS["stations"].assignment(int(on), station))
+        came, _ = self._conversation.drain(0.1)
+        self._complaints = [error_text(r.error) for r in binary_answers(came) if r.error in ERRORS]
+        after = self._ask_all()
+        if self._request.stations is None:
+            stations = self._switched_on(after["stations"], stations)
+        else:
+            active = None if after["stations"] is None else usable_stations(after["stations"])
+            self._require("active receivers", active, stations, self._complaints)
+        if after["echo"] is not None:
+            wanted["echo"] = 0
+        self._compare(after, wanted, stations)
+        if self._request.mode == "ascii" and self._identify() is None:
+            raise InputError(f"{self._port_name}: the tracker was told to answer in text and does not")
+        self._warn_of_frames(after, stations)
+        self._warn_of(after)
+        return self._stream_settings(whoami, after, stations)
+
+    def start(self) -> Mapping[str, Any]:
+        """Set the counters to 0 and have it stream; gives the host's time before and after the first."""
+        before_ns = self._conversation.send(RESET_COUNTERS)
+        after_ns = time.monotonic_ns()
+        self._conversation.send(STREAM)
+        return {"counters_reset_after_ns": before_ns, "counters_reset_before_ns": after_ns}
+
+    def stop(self) -> None:
+        """Have it stop; it sends one more record of each station."""
+        self._conversation.send(POLL)
+
+    def put_back(self) -> None:
+        """Set what was changed to what it was before; a stream that was running stays off."""
+        self.stop()
+        self._conversation.drain()
+        send = self._conversation.send
+        if not self._before:
+            return
+        self._restore(name for name in reversed(SETTINGS) if name in self._changed)  # units last
+        for station in self._switches:
+            on = int(station in usable_stations(self._before["stations"]))
+            send(SETTINGS["stations"].assignment(on, station))
+        send(BINARY if self._was_binary else TEXT)
+        self._conversation.drain(0.1)
+
+    # --- identifying it -------------------------------------------------------------------------------
+
+    def _attempt(self) -> tuple[str | None, bytes]:
+        """Stop a stream, have it say anything at all, and ask who it is."""
+        # What a program that broke off has left of a command would swallow the first poll.
+        before = self._silence(POLL, b"\r" + POLL)
+        self._was_binary |= bool(binary_answers(before))
+        answer = self._conversation.ask(b"\r", lambda data: data or None, ANSWER_S)
+        rest, _ = self._conversation.drain(cap_s=2.0)
+        heard = before + (answer or b"") + rest
+        return (self._identify() if heard else None), heard
+
+    def _identify(self) -> str | None:
+        """Have it speak text and say who it is; None where that is not understood."""
+        self._conversation.send(TEXT)
+        self._conversation.send(WHOAMI)
+        came, _ = self._conversation.drain()
+        return text_whoami(came)
+
+    def _ask_ports(self) -> None:
+        """Ask in binary how many ports it has, and see whether it is the tracker that was said."""
+        self._conversation.send(BINARY)
+        answer = self._conversation.ask(WHOAMI, _whoami, ANSWER_S)
+        if answer is None:
+            raise InputError(f"{self._port_name}: the tracker was told to answer in binary and does not")
+        family, reply = answer
+        if family != self._request.family:
+            title = FAMILIES[family].title
+            raise InputError(f"{self._port_name}: the tracker is a {title}; give --tracker {family}")
+        self._ports = min(ports_of(reply) or self._ports, self._ports)
+
+    # --- asking ---------------------------------------------------------------------------------------
+
+    def _ask(self, setting: Setting, station: int = 0) -> Value | None:
+        answer = self._conversation.ask(
+            setting.question(station), lambda data: self._answer(data, setting, station), ANSWER_S
+        )
+        return None if answer is None else answer[0]
+
+    def _answer(self, data: bytes, setting: Setting, station: int) -> tuple[Value | None] | None:
+        """Find the answer to a question: its value, None in its place where it is refused."""
+        for reply in binary_answers(data, [TAGS[self._request.family]]):
+            if reply.error in ERRORS and reply.command not in b"PC":
+                return (None,)
+            if answers(reply, setting, station):
+                value = binary_value(setting, reply)
+                if value is not None:
+                    return (value,)
+        return None
+
+    # --- setting --------------------------------------------------------------------------------------
+
+    def _choose_stations(self) -> tuple[int, ...]:
+        """Give the stations to record; without --stations all that are connected, switched off or not.
+
+        Raises InputError where those asked for are not connected.
+        """
+        halves = self._before["stations"]
+        if halves is None:
+            raise InputError(f"{self._port_name}: the tracker does not say which receivers are connected")
+        usable, wanted = usable_stations(halves), self._request.stations
+        connected = {s for s in (*usable, *half_stations(halves)) if s <= self._ports}
+        absent = [] if wanted is None else sorted(set(wanted) - connected)
+        if absent:
+            raise InputError(
+                f"{self._port_name}: receiver {absent[0]} of --stations is not connected; "
+                f"connected are {listed(sorted(connected))}"
+            )
+        if not connected:
+            raise InputError(f"{self._port_name}: no receiver is connected; plug them in and wait a second")
+        if wanted is None:
+            self._switches = dict.fromkeys(sorted(connected - set(usable)), True)
+            return tuple(sorted(connected))
+        self._switches = {station: station in wanted for station in range(1, self._ports + 1)}
+        return wanted
+
+    def _switched_on(self, halves: tuple[int, ...] | None, stations: tuple[int, ...]) -> tuple[int, ...]:
+        """Give those of the connected stations that can send, and warn of the others.
+
+        Raises InputError where there is none.
+        """
+        usable = () if halves is None else usable_stations(halves)
+        off = [station for station in stations if station not in usable]
+        if len(off) == len(stations):
+            self._require("active receivers", None if halves is None else usable, stations, self._complaints)
+        if off:
+            self.warnings.append(f"receiver {listed(off)}: cannot be switched on; not recorded")
+        return tuple(station for station in stations if station in usable)
+
+    def _wanted(self) -> dict[str, Any]:
+        """Give the settings that a recording needs, in the order in which they are sent."""
+        request = self._request
+        wanted: dict[str, Any] = {"echo": 0} if self._before["echo"] else {}
+        wanted["units"] = CENTIMETRES
+        if request.family == "liberty":
+            wanted["rate"] = RATES[request.usual_rate_hz]
+        wanted |= {"output_list": request.items, "hemisphere": request.hemisphere, "stylus": 0}
+        # Without external sync on, the sync item would always be 0.
+        wanted["external_sync"] = int(any("sync" in ITEMS[item].fields for item in request.items))
+        if request.no_filters:
+            wanted |= dict.fromkeys(("position_filter", "attitude_filter"), FILTER_OFF)
+        return wanted
+
+    def _warn_of(self, after: State) -> None:
+        """Warn of what concerns all receivers and is not for a recorder to undo."""
+        if after["source_frame"] and not is_zero(after["source_frame"]):
+            self.warnings.append(
+                f"the transmitter's mounting frame is turned by {shown(after['source_frame'])} deg{LEFT}"
+            )
+        if any(after["bit_errors"] or ()):
+            words = " ".join(f"{word:08x}" for word in after["bit_errors"])
+            self.warnings.append(f"its built-in test has found faults (words {words}, see its manual)")
+        if after["usb_buffering"] == 0:
+            self.warnings.append(f"USB buffering is off, so that frames may be left out{LEFT}")
+
+    def _stream_settings(self, whoami: str, after: State, stations: tuple[int, ...]) -> StreamSettings:
+        request = self._request
+        every = range(1, self._ports + 1)  # a receiver that is plugged in later has the same list
+        return StreamSettings(
+            request.family,
+            request.mode,
+            "cm",
+            float(request.usual_rate_hz),
+            stations,
+            dict.fromkeys(every, request.items),
+            dict.fromkeys(every, request.hemisphere),
+            {"whoami": whoami, "before": self._before, "after": after, "warnings": self.warnings},
+        )
+
+
+def _whoami(data: bytes) -> tuple[str, Reply] | None:
+    """Find the binary answer to "who are you": of which family it is, and the answer."""
+    for family, tag in TAGS.items():
+        for reply in binary_answers(data, [tag]):
+            if reply.command == WHOAMI[0] and reply.station == 0:
+                return family, reply
+    return None

@@ -1,0 +1,142 @@
+"""A recording through the emulated device into a raw capture, as a recorder would have kept it.
+
+Time is made up: the device's cycles at their exact period, pieces that arrive about every 10 ms,
+cut anywhere. The same input gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shukotsu.trackers.archive import ArchiveWriter
+from shukotsu.trackers.emulate.device import FOLLOWING
+from shukotsu.trackers.emulate.emulator import SECOND_NS, Behaviour, Emulator
+from shukotsu.trackers.emulate.pose_sources import Motion
+from shukotsu.trackers.liberty.emulated_device import EmulatedLiberty
+from shukotsu.trackers.liberty.items import FULL_LIST
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+
+BEGINNING_NS = SECOND_NS
+"""The made-up clock's reading when the recorder opens the port."""
+
+PIECE_NS, MOST_JITTER_NS = 10_000_000, 1_000_000
+_COMMAND_NS = 20_000_000
+_MOST_HELD_BACK_BYTES = 80
+_TEXT_REPLY_HEADER_BYTES = 5
+_GLOBAL_QUERIES = (b"U\r", b"R\r", b"X\r", b"Y\r", b"Z\r", b"\x150\r", b"\x14\r", b"\x05\r", b"@B\r")
+_STATION_QUERIES = b"OHBANL"
+
+
+def write_archive(
+    device: EmulatedLiberty,
+    motion: Motion,
+    out: Path,
+    behaviour: Behaviour,
+    about: Mapping[str, Any],
+) -> None:
+    """Record the device, which measures that motion, from its first to its last frame.
+
+    Positions pass through float32 centimetres: they come back within 1e-4 mm up to 1 m from the transmitter.
+    about : kept with the recording. The hemisphere is one that no receiver leaves, or following. Raises
+    InputError where `out` exists.
+    """
+    arrived = bytearray()
+
+    def write(data: bytes) -> int:
+        arrived.extend(data)
+        return len(data)
+
+    emulator = Emulator(device, behaviour, write, BEGINNING_NS)
+    archive = ArchiveWriter(out, {"emulated": True, **about}, utc_offset_ns=lambda: 0)
+    vector = home_hemisphere(motion)
+    now_ns = BEGINNING_NS
+    replies: dict[bytes, bytes] = {}
+    for command in _handshake(device, vector):
+        replies[command] = _exchange(emulator, archive, arrived, command, now_ns)
+        now_ns += _COMMAND_NS
+    archive.settings(_settings(device, vector, replies).to_json(), now_ns)
+    for command in (b"Q0\r", b"C\r"):
+        _exchange(emulator, archive, arrived, command, now_ns)
+    begun_ns = emulator.due_ns
+    end_ns = begun_ns + motion.cycles * SECOND_NS // int(device.rate) - 1
+    pieces = 0
+    ticks_ns = [*range(begun_ns + PIECE_NS, end_ns, PIECE_NS), end_ns]
+    for pieces, due_ns in enumerate(ticks_ns, 1):
+        emulator.run(due_ns)
+        draw = random.Random(pieces)
+        now_ns = due_ns + draw.randrange(MOST_JITTER_NS)
+        held_back = 0 if due_ns == end_ns else draw.randrange(_MOST_HELD_BACK_BYTES)
+        count = len(arrived) - held_back  # the others come with the next piece
+        if count > 0:
+            archive.received(bytes(arrived[:count]), now_ns)
+            del arrived[:count]
+        if pieces % (SECOND_NS // PIECE_NS) == 0:
+            archive.flush()
+    _exchange(emulator, archive, arrived, b"P", now_ns)
+    duration_s = (end_ns + 1 - begun_ns) / SECOND_NS
+    archive.close({"reason": "duration", "duration_s": duration_s}, now_ns + _COMMAND_NS)
+
+
+def home_hemisphere(motion: Motion) -> tuple[float, float, float]:
+    """The axis on whose side all receivers stay, nearest to where they are; FOLLOWING where there is none."""
+    places = motion.position_mm.reshape(-1, 3)
+    places = places[np.isfinite(places).all(-1)]
+    if len(places):
+        mean = places.mean(0)
+        axis = int(np.argmax(np.abs(mean)))
+        vector = np.zeros(3)
+        vector[axis] = np.sign(mean[axis])
+        if (places @ vector > 0).all():
+            return (float(vector[0]), float(vector[1]), float(vector[2]))
+    return FOLLOWING
+
+
+def _handshake(device: EmulatedLiberty, hemisphere: Sequence[float]) -> Iterator[bytes]:
+    """Give the commands of a recorder in turn, up to those that start the stream."""
+    items = ",".join(map(str, FULL_LIST))
+    vector = ",".join(f"{part:g}" for part in hemisphere)
+    rate = f"R{device.rate_code}\r".encode()
+    yield from (b"P", b"\r", b"F0\r", b"\x16\r", b"F1\r", b"U1\r", rate, f"O*,{items}\r".encode())
+    yield from (f"H*,{vector}\r".encode(), b"L*,0\r", b"Z1\r", b"X0,1,0,0\r", b"Y0,1,0,0\r")
+    yield from _GLOBAL_QUERIES
+    for letter in _STATION_QUERIES:
+        for station in device.stations:
+            yield bytes([letter]) + f"{station}\r".encode()
+
+
+def _exchange(
+    emulator: Emulator, archive: ArchiveWriter, arrived: bytearray, command: bytes, now_ns: int
+) -> bytes:
+    """Send a command and keep what is answered."""
+    archive.sent(command, now_ns)
+    emulator.receive(command, now_ns)
+    reply = bytes(arrived)
+    arrived.clear()
+    if reply:
+        archive.received(reply, now_ns + MOST_JITTER_NS)
+    return reply
+
+
+def _settings(
+    device: EmulatedLiberty, vector: tuple[float, float, float], replies: Mapping[bytes, bytes]
+) -> StreamSettings:
+    stations = device.stations
+    return StreamSettings(
+        family=device.family,
+        mode="binary",
+        unit="cm",
+        rate_hz=float(device.rate),
+        stations=device.active(),
+        items=dict.fromkeys(stations, FULL_LIST),
+        hemisphere=dict.fromkeys(stations, vector),
+        options={
+            "whoami": replies[b"\x16\r"][_TEXT_REPLY_HEADER_BYTES:].decode("latin-1").strip(),
+            "position_filter": list(device.position_filter),
+            "attitude_filter": list(device.attitude_filter),
+        },
+    )

@@ -1,0 +1,82 @@
+"""Describe a tracker's stream: kept with the recording, so that its bytes can be read alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from shukotsu.errors import InputError
+from shukotsu.files.limits import RATES_HZ
+from shukotsu.trackers.families import FAMILIES
+
+STATIONS = frozenset(range(256))
+"""Numbers that a station's byte can have; no tracker has as many."""
+
+MM_PER_UNIT = {"cm": 10.0, "inch": 25.4, "m": 1000.0, "foot": 304.8, "mm": 1.0}
+
+
+@dataclass(frozen=True)
+class StreamSettings:
+    """Everything that a decoder must know.
+
+    family : a name in FAMILIES; mode : "binary" or "ascii"; unit : of positions in the stream.
+    rate_hz : frames a second (of each station). stations : those that were active at the start.
+    items : station -> output list, as LIBERTY, PATRIOT and FASTRAK number their items; empty for others.
+    hemisphere : station -> vector of its half of space, (0, 0, 0) where the tracker follows the receiver.
+    options : what only this family has: trakSTAR's `group`, and for people `whoami`, filters, errors.
+    """
+
+    family: str
+    mode: str
+    unit: str
+    rate_hz: float
+    stations: tuple[int, ...]
+    items: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    hemisphere: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def mm_per_unit(self) -> float:
+        """Millimetres of the unit of positions."""
+        return MM_PER_UNIT[self.unit]
+
+    def to_json(self) -> dict[str, Any]:
+        """Give the settings as JSON types."""
+        return asdict(self)
+
+
+def settings_from_json(loaded: Any, where: str) -> StreamSettings:
+    """Read settings that `to_json` gave. Raises InputError where they cannot be what it gave."""
+    try:
+        if not all(isinstance(loaded[name], str) for name in ("family", "mode", "unit")):
+            raise TypeError("a name is no text")
+        settings = StreamSettings(
+            family=str(loaded["family"]),
+            mode=str(loaded["mode"]),
+            unit=str(loaded["unit"]),
+            rate_hz=float(loaded["rate_hz"]),
+            stations=tuple(int(station) for station in loaded["stations"]),
+            items={int(s): tuple(int(i) for i in items) for s, items in loaded["items"].items()},
+            hemisphere={
+                int(s): (float(v[0]), float(v[1]), float(v[2])) for s, v in loaded["hemisphere"].items()
+            },
+            options=dict(loaded.get("options", {})),
+        )
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+        raise InputError(f"{where}: the tracker's settings in it are damaged; copy it again") from error
+    known = settings.family in FAMILIES and settings.mode in ("binary", "ascii")
+    stations = {*settings.stations, *settings.items, *settings.hemisphere}
+    vectors = [number for vector in settings.hemisphere.values() for number in vector]
+    if not stations <= STATIONS or not all(map(math.isfinite, vectors)):
+        raise InputError(
+            f"{where}: the tracker's settings in it name stations or hemispheres that none has; copy it again"
+        )
+    possible = RATES_HZ[0] <= settings.rate_hz < 10_000
+    if not known or settings.unit not in MM_PER_UNIT or not possible:
+        raise InputError(
+            f"{where}: the tracker's settings in it are none that is known (family {settings.family!r}, "
+            f"mode {settings.mode!r}, unit {settings.unit!r}, {settings.rate_hz} Hz)"
+        )
+    return settings

@@ -1,0 +1,173 @@
+"""Talking with a tracker: what is sent and what comes, all of it kept, and answers picked out of it.
+
+A thread reads and does nothing else but stamp what came, so that nothing else can make it late. An answer is
+recognised by what it says of itself and never by its place, for records of a stream that was left running may
+stand anywhere between.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+from shukotsu.errors import InputError
+from shukotsu.trackers.record.port import Port, PortGoneError
+
+if TYPE_CHECKING:
+    from shukotsu.trackers.archive import ArchiveWriter
+
+Answer = TypeVar("Answer")
+
+SILENCE_S = 0.3
+"""A tracker that sends nothing for so long does not stream."""
+
+
+MOST_WAITING_BYTES = 16 << 20
+"""What comes while so much waits to be kept is dropped and counted: half a minute of the fastest tracker."""
+
+MOST_BEFORE_FRAMES_BYTES = 32 << 20
+"""No tracker sends so much while it is set up, not even one that was left streaming."""
+
+ANSWER_BYTES = 1 << 16
+"""No answer is longer."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Bytes that came together, and the host's monotonic time [ns] when they had come."""
+
+    data: bytes
+    host_ns: int
+
+
+class StoppedError(Exception):
+    """The user ended the recording while the tracker was being talked to."""
+
+
+class Conversation:
+    """A port that is read from now on until `close`, whoever listens.
+
+    archive : keeps all that passes, where that is wanted. stopped() : whether the user has asked for the end.
+    gone : why the port is gone, and when [ns]; None while it is there. dropped_bytes : that came faster than
+    they could be kept. frames_began : whether any number of bytes may come.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        archive: ArchiveWriter | None = None,
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.port = port
+        self.gone: tuple[str, int] | None = None
+        self.dropped_bytes = 0
+        self.frames_began = False
+        self._queued_bytes = 0  # of the reader's thread alone, as the other is of the listener's
+        self._taken_bytes = 0
+        self._archive = archive
+        self._stopped = stopped
+        self._chunks: queue.SimpleQueue[Chunk] = queue.SimpleQueue()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="reader", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop reading; the port is free to be closed when this returns."""
+        self._ended.set()
+        self._thread.join(timeout=5)
+
+    def _read(self) -> None:
+        while not self._ended.is_set():
+            try:
+                data = self.port.read()
+            except PortGoneError as error:
+                self.gone = (str(error), time.monotonic_ns())
+                return
+            if self._queued_bytes - self._taken_bytes > MOST_WAITING_BYTES:
+                self.dropped_bytes += len(data)
+            elif data:
+                self._queued_bytes += len(data)
+                self._chunks.put(Chunk(data, time.monotonic_ns()))
+
+    def send(self, data: bytes) -> int:
+        """Send; gives the host's monotonic time [ns] just before. Raises PortGoneError."""
+        host_ns = time.monotonic_ns()
+        if self._archive is not None:
+            self._archive.sent(data, host_ns)
+        self.port.write(data)
+        return host_ns
+
+    def keep(self, wait_s: float = 0.0) -> list[Chunk]:
+        """Keep all that has come by now, and give it; waits so long for a first chunk."""
+        chunks = []
+        with suppress(queue.Empty):
+            chunks.append(self._chunks.get(timeout=wait_s) if wait_s > 0 else self._chunks.get_nowait())
+            chunks += [self._chunks.get_nowait() for _ in range(self._chunks.qsize())]
+        self._taken_bytes += sum(len(chunk.data) for chunk in chunks)
+        if self._archive is not None:
+            for chunk in chunks:
+                self._archive.received(chunk.data, chunk.host_ns)
+        return chunks
+
+    def receive(self, wait_s: float) -> bytes:
+        """Give the bytes that came.
+
+        Raises PortGoneError where no more can come, StoppedError where none is wanted, InputError where more
+        has come than a tracker sends while it is set up.
+        """
+        return b"".join(chunk.data for chunk in self.listen(wait_s))
+
+    def listen(self, wait_s: float) -> list[Chunk]:
+        """Return the chunks that came, with their times. Raises as `receive`."""
+        chunks = self.keep(wait_s)
+        if not chunks and self.gone:
+            raise PortGoneError(self.gone[0])
+        if self._stopped():
+            raise StoppedError
+        if self._taken_bytes > MOST_BEFORE_FRAMES_BYTES and not self.frames_began:
+            raise InputError(
+                f"{self.port.name}: what answers is no tracker: it sent {self._taken_bytes >> 20} MB before "
+                "it could be set up; check --port"
+            )
+        return chunks
+
+    def finish(self) -> None:
+        """Go on to the end from here, whoever asks for it."""
+        self._stopped = lambda: False
+
+    def drain(self, silence_s: float = SILENCE_S, cap_s: float = 5.0) -> tuple[bytes, bool]:
+        """Wait for `silence_s` without a byte; gives what came, and whether it ended within `cap_s`."""
+        got = bytearray()
+        start = heard = time.monotonic()
+        while True:
+            piece = self.receive(0.02)
+            now = time.monotonic()
+            if piece:
+                got += piece
+                heard = now
+            elif now - heard >= silence_s:
+                return bytes(got), True
+            if now - start >= cap_s:
+                return bytes(got), False
+
+    def ask(
+        self, question: bytes, answer_in: Callable[[bytes], Answer | None], wait_s: float
+    ) -> Answer | None:
+        """Send a question and give what `answer_in` reads in the bytes since; None where that is nothing."""
+        self.send(question)
+        got = b""
+        end = time.monotonic() + wait_s
+        while (left := end - time.monotonic()) > 0:
+            piece = self.receive(min(left, 0.1))
+            if piece:
+                got += piece
+                answer = answer_in(got)
+                if answer is not None:
+                    return answer
+                got = got[-ANSWER_BYTES:]
+        return None

@@ -1,0 +1,159 @@
+"""Share code between all drivers: finding the tracker on its line, comparing what it says is set."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from shukotsu.errors import InputError
+from shukotsu.trackers.families import FAMILIES, loaded
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record.conversation import Conversation
+from shukotsu.trackers.record.request import RecordingRequest
+
+OTHER_BAUDS = (115200, 57600, 38400, 19200, 9600)
+LEAST_COSINE = 0.9999
+
+Identity = TypeVar("Identity")
+
+
+class Driver(ABC):
+    """Sets up one family of trackers.
+
+    warnings : what the user should know of the tracker, after `set_up`.
+    """
+
+    def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
+        self.warnings: list[str] = []
+        self._conversation = conversation
+        self._request = request
+
+    @abstractmethod
+    def set_up(self) -> StreamSettings:
+        """Stop the tracker, ask for its settings, set what is needed, ask again and compare.
+
+        Raises InputError where it does not answer, or did not take a setting.
+        """
+
+    @abstractmethod
+    def start(self) -> Mapping[str, Any]:
+        """Have it stream; gives what the archive shall say of that, as JSON types."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Have it stop."""
+
+    @abstractmethod
+    def put_back(self) -> None:
+        """Set what `set_up` changed to what it was before; a stream that was running stays off."""
+
+    @property
+    def _port_name(self) -> str:
+        return self._conversation.port.name
+
+    def _find(self, attempt: Callable[[], tuple[Identity | None, bytes]]) -> Identity:
+        """Identify the tracker at the rate of the port or, where there is a serial line, at another.
+
+        attempt : gives what identifies the tracker, and what was heard at all. Raises InputError where
+        nothing answers, or something that is not this tracker.
+        """
+        port = self._conversation.port
+        first_baud = port.baud
+        bauds = [first_baud]
+        if port.tries_other_bauds:
+            bauds += [baud for baud in OTHER_BAUDS if baud != first_baud]
+        heard_at_first = b""
+        for baud in bauds:
+            if baud != first_baud and baud is not None:
+                port.set_baud(baud)
+            identity, heard = attempt()
+            if identity is None and heard:  # a busy host may have read the answer too late
+                identity, heard = attempt()
+            if identity is not None:
+                if baud != first_baud:
+                    self.warnings.append(
+                        f"it answered at {baud} baud and not at {first_baud}; {baud} is used"
+                    )
+                return identity
+            heard_at_first = heard_at_first or heard
+        title = FAMILIES[self._request.family].title
+        if heard_at_first:
+            shown = heard_at_first[:24].decode("latin-1").encode("ascii", "backslashreplace").decode()
+            raise InputError(
+                f"{port.name}: what answers is no {title} (it sent {shown!r}); check --tracker and --port"
+            )
+        tried = f" at {', '.join(str(baud) for baud in bauds)} baud" if port.tries_other_bauds else ""
+        raise InputError(
+            f"{port.name}: nothing answers{tried}; check that the {title} is switched on (just switched "
+            "on? it takes 10 s), its cable (on RS-232 a null-modem one), that its USB is not "
+            "connected too (that ends RS-232), and --port"
+        )
+
+    def _silence(self, *commands: bytes) -> bytes:
+        """Send what stops a stream until it is silent, at most three times; gives what was heard.
+
+        commands : what is sent at each attempt, the last one from then on.
+        """
+        heard = b""
+        for attempt in range(3):
+            self._conversation.send(commands[min(attempt, len(commands) - 1)])
+            piece, silent = self._conversation.drain(cap_s=2.0 if attempt else 5.0)
+            heard += piece
+            if silent:
+                break
+        return heard
+
+    def _require(self, what: str, reported: Any, sent: Any, complaints: Sequence[str] = ()) -> None:
+        """Raise InputError where a setting is not what was sent; reported : None where it does not say."""
+        if same_value(reported, sent):
+            return
+        says = "says nothing about it" if reported is None else f"says {shown(reported)}"
+        complained = f" (it complained: {', '.join(complaints)})" if complaints else ""
+        raise InputError(
+            f"{self._port_name}: the tracker did not take its {what}: sent was {shown(sent)}, and when "
+            f"asked it {says}{complained}; switch it off and on, and try again"
+        )
+
+
+def driver_of(conversation: Conversation, request: RecordingRequest) -> Driver:
+    """Give the driver that sets the tracker up."""
+    driver: Driver = loaded(FAMILIES[request.family].driver)(conversation, request)
+    return driver
+
+
+def same_value(reported: Any, sent: Any) -> bool:
+    """Whether a value that was read is the one that was sent, numbers to 0.01."""
+    if isinstance(reported, tuple) and isinstance(sent, tuple):
+        return len(reported) == len(sent) and all(
+            abs(a - b) < 0.01 for a, b in zip(reported, sent, strict=True)
+        )
+    return bool(reported == sent)
+
+
+def shown(value: Any) -> str:
+    """Write a setting for people."""
+    if isinstance(value, tuple):
+        return ", ".join(f"{round(part, 4):g}" for part in value) or "nothing"
+    return str(value)
+
+
+def same_direction(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Whether two vectors point the same way, to 0.8 degrees; never where one has no length."""
+    lengths = math.hypot(*a) * math.hypot(*b)
+    return lengths > 0 and sum(x * y for x, y in zip(a, b, strict=True)) / lengths > LEAST_COSINE
+
+
+def is_zero(values: Sequence[float]) -> bool:
+    """Whether an offset or a rotation is none."""
+    return all(abs(value) < 1e-4 for value in values)
+
+
+def is_default_alignment(values: Sequence[float]) -> bool:
+    """Whether an alignment (origin, a point on x, one on y: 9 numbers) is the transmitter's own frame.
+
+    The points may be at any distance: it differs between trackers and with the unit.
+    """
+    along_x, along_y = same_direction(values[3:6], (1, 0, 0)), same_direction(values[6:9], (0, 1, 0))
+    return math.hypot(*values[:3]) < 1e-3 and along_x and along_y

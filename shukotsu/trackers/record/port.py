@@ -1,0 +1,152 @@
+"""A tracker's port: a serial device, a pseudo-terminal or a URL of pySerial (socket://, rfc2217://).
+
+Only three wires of a LIBERTY's RS-232 are connected, so no flow control is ever switched on.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import select
+from pathlib import Path
+from typing import Any
+
+import serial
+
+from shukotsu.errors import InputError
+
+WAIT_S = 0.1
+"""Longest time that a read waits for a first byte."""
+
+POLHEMUS_USB = 0x0F44
+_READ_BYTES = 65536
+_QUANTUM_S = 0.005
+_EMPTY_READS = 3
+
+
+class PortGoneError(Exception):
+    """The port does not exist any more, or its other end has closed it."""
+
+
+class Port:
+    """An open port.
+
+    name : as the user gave it. baud : what a serial device is set to; None for a network.
+    line_baud : bits a second of the serial line behind it; None where there is none that is known (a
+    pseudo-terminal, a network, the tracker's own USB).
+    """
+
+    def __init__(self, name: str, device: Any, baud: int | None, line_baud: int | None) -> None:
+        self.name = name
+        self.baud = baud
+        self.line_baud = line_baud
+        self._device = device
+        self._descriptor = None if name.startswith("rfc2217:") else int(device.fileno())
+        self._empty = 0
+
+    @property
+    def tries_other_bauds(self) -> bool:
+        """Whether another line rate can make a difference."""
+        return self.line_baud is not None and self.baud is not None
+
+    def set_baud(self, baud: int) -> None:
+        """Change the line's rate."""
+        self._device.baudrate = baud
+        self.baud = self.line_baud = baud
+
+    def read(self) -> bytes:
+        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        try:
+            if self._descriptor is None:  # nothing to wait on: what comes within _QUANTUM_S
+                return bytes(self._device.read(_READ_BYTES))
+            return self._read(self._descriptor)
+        except (OSError, serial.SerialException, TypeError) as error:
+            # TypeError: pySerial's answer when its descriptor is closed by another thread.
+            raise PortGoneError(_reason(error)) from error
+
+    def _read(self, descriptor: int) -> bytes:
+        """Read as soon as there is something, so that the host's time is that of the arrival."""
+        if not select.select([descriptor], [], [], WAIT_S)[0]:
+            return b""
+        try:
+            data = os.read(descriptor, _READ_BYTES)
+        except BlockingIOError:
+            return b""
+        self._empty = 0 if data else self._empty + 1
+        if self._empty >= _EMPTY_READS:
+            raise PortGoneError("it was closed at the other end")
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send all of it. Raises PortGoneError."""
+        try:
+            self._device.write(data)
+        except (OSError, serial.SerialException) as error:
+            raise PortGoneError(_reason(error)) from error
+
+    def close(self) -> None:
+        """Close the port; whatever happens then is of no interest any more."""
+        try:
+            self._device.close()
+        except (OSError, serial.SerialException):
+            return
+
+
+def open_port(name: str, baud: int, line_rate: int | None = None) -> Port:
+    """Open a port for this program alone.
+
+    baud : to set where the port is a serial device. line_rate : bits a second of the line behind the port,
+    where the user knows it.
+
+    Raises InputError where there is no such port, it may not be opened, or another program has it.
+    """
+    options: dict[str, Any] = {"baudrate": baud, "timeout": _QUANTUM_S}
+    if "://" not in name:
+        options |= {"exclusive": True, "write_timeout": 2.0}
+    try:
+        device = serial.serial_for_url(name, **options)
+    except (OSError, serial.SerialException, ValueError) as error:
+        raise InputError(f"{name}: {_why_not(name, error)}") from error
+    return Port(name, device, None if "://" in name else baud, line_rate or _line_baud(name, baud))
+
+
+def _line_baud(name: str, baud: int) -> int | None:
+    """The line's rate where the port is a serial line; a tracker's own USB is none, though a tty shows it."""
+    if "://" in name:
+        return None
+    path = str(Path(name).resolve())
+    if path.startswith("/dev/pts/"):
+        return None
+    from serial.tools import list_ports
+
+    usb = {port.device: port.vid for port in list_ports.comports()}
+    return None if usb.get(path) == POLHEMUS_USB else baud
+
+
+def _why_not(name: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    text = str(error)
+    if "exclusively lock" in text or number in (errno.EBUSY, errno.EAGAIN):
+        return "another program has it open, and two cannot share a tracker; end that one first"
+    if re.fullmatch(r"[\w.-]+:\d+", name):
+        return f"no such port; for one on the network give --port socket://{name}"
+    if number == errno.ENOENT or "No such file" in text:
+        return "no such port; `shukotsu devices` lists those there are"
+    if number == errno.EACCES or "Permission denied" in text:
+        return "may not be opened by you; on most systems members of the group dialout may"
+    if "://" in name:
+        return f"cannot be reached ({_reason(error)}){perhaps_taken(name) if 'refused' in text else ''}"
+    return f"is no port that can be opened ({_reason(error)})"
+
+
+def perhaps_taken(name: str) -> str:
+    """Explain why a connection to a network port may end at once: most serve one program at a time."""
+    return "; perhaps another program has it" if "://" in name else ""
+
+
+def _reason(error: Exception) -> str:
+    """Return the error's reason without the layers that pySerial puts around it."""
+    if isinstance(error, OSError) and not isinstance(error, serial.SerialException) and error.strerror:
+        return error.strerror
+    return re.sub(r".*\[Errno \d+\] ", "", str(error)) or type(error).__name__

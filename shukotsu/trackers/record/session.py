@@ -1,0 +1,359 @@
+"""The recording itself: everything that comes goes into the archive, and the rest is for the eyes.
+
+Three paces: a thread reads and stamps; the loop keeps what came a few times a second and writes it to disk;
+less often what came is decoded for the view. Only the first must not be late.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from shukotsu.errors import InputError
+from shukotsu.trackers.archive import ArchiveWriter
+from shukotsu.trackers.decode.stream import ChunkDecoder
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record import display
+from shukotsu.trackers.record.conversation import Chunk, Conversation, StoppedError
+from shukotsu.trackers.record.driver import Driver, driver_of
+from shukotsu.trackers.record.line_load import line_bytes_per_s, overload, too_slow
+from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
+from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
+from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.statistics import Moment, Statistics
+
+TICK_S = 0.05
+FLUSH_S = 0.25
+VIEW_S = 0.2
+LOG_S = 1.0
+CLOCK_JUMP_NS = 100_000_000
+LAST_BYTES_S = 0.5
+SILENCE_S = 0.3
+MOST_WAITING_BYTES = 8 << 20
+"""More is written and decoded before its time, so that memory has a bound whatever comes."""
+
+PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
+
+
+@dataclass(frozen=True)
+class RecordingPlan:
+    """Hold what to record and how long: duration_s None until it is stopped; notes go into the archive."""
+
+    out: Path
+    request: RecordingRequest
+    duration_s: float | None = None
+    countdown_s: int = 0
+    notes: tuple[str, ...] = ()
+    allow_slower: bool = False
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Hold how a recording ended.
+
+    reason : in words; failed : whether it ended before it was asked to. totals : see `Statistics.totals`,
+    None where it ended before its first frame.
+    """
+
+    reason: str
+    failed: bool
+    totals: Mapping[str, Any] | None
+    notices: tuple[str, ...] = ()
+
+
+def record(
+    plan: RecordingPlan,
+    port: Port,
+    terminal: Terminal,
+    stop: StopRequest,
+    about: Mapping[str, Any],
+    utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.monotonic_ns(),
+) -> Ending:
+    """Record a tracker until the time is up, somebody asks for the end, or it cannot go on.
+
+    Raises InputError where nothing could be recorded; then there is no archive either.
+    """
+    archive = ArchiveWriter(plan.out, about, utc_offset_ns)
+    conversation = Conversation(port, archive, lambda: bool(stop))
+    try:
+        try:
+            driver = driver_of(conversation, plan.request)
+            settings = _set_up(plan, driver, conversation, terminal)
+            archive.flush()
+            _count_down(plan.countdown_s, terminal, stop, conversation)
+        except BaseException as error:  # no file stays where there is no frame
+            archive.discard()
+            if isinstance(error, StoppedError):
+                return Ending(stop.reason, False, None)
+            if isinstance(error, PortGoneError):
+                raise InputError(
+                    f"{port.name}: the port is gone before the first frame ({error})"
+                    f"{perhaps_taken(port.name)}"
+                ) from error
+            if isinstance(error, OSError):
+                raise InputError(f"{plan.out}: cannot be written ({error.strerror})") from error
+            raise
+        session = _Session(plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns)
+        try:
+            return session.run()
+        except BaseException as error:  # whatever ends the session, what was received is kept
+            session.rescue(error)
+            raise
+    finally:
+        conversation.close()
+
+
+def _set_up(
+    plan: RecordingPlan, driver: Driver, conversation: Conversation, terminal: Terminal
+) -> StreamSettings:
+    port = conversation.port
+    terminal.say(f"setting up the tracker at {port.name} ...")
+    settings = driver.set_up()
+    slow = overload(settings, port.line_baud, port.name, plan.allow_slower)
+    if slow:
+        driver.warnings.append(slow)
+    for warning in driver.warnings:
+        terminal.say(f"note: {warning}")
+    return settings
+
+
+def _count_down(seconds: int, terminal: Terminal, stop: StopRequest, conversation: Conversation) -> None:
+    for left in range(seconds, 0, -1):
+        terminal.say(f"starting in {left} ...")
+        end = time.monotonic() + 1
+        while (rest := end - time.monotonic()) > 0:
+            if "q" in terminal.pressed().lower():
+                stop.ask("key q")
+            conversation.receive(min(rest, TICK_S))
+
+
+@dataclass
+class _Session:
+    """From the first frame to the last."""
+
+    _plan: RecordingPlan
+    _conversation: Conversation
+    _driver: Driver
+    _settings: StreamSettings
+    _archive: ArchiveWriter
+    _terminal: Terminal
+    _stop: StopRequest
+    _utc_offset_ns: Callable[[], int]
+    _view_failed: bool = False
+    _failure: str = ""
+    _dropped_bytes: int = 0
+    _absent: set[int] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self._offset_ns = self._utc_offset_ns()
+        self._decoder = ChunkDecoder(self._settings)
+        self._notices = list(self._driver.warnings)
+        self._kept_ns = self._start_ns = time.monotonic_ns()
+        self._statistics = Statistics(self._settings, self._start_ns)
+
+    def run(self) -> Ending:
+        """Record; gives how it ended."""
+        self._start()
+        shown_s = VIEW_S if self._terminal.in_place else LOG_S
+        flush_at = time.monotonic()
+        look_at, show_at = flush_at + VIEW_S, flush_at + shown_s
+        while not self._over():
+            time.sleep(TICK_S)
+            self._keep()
+            self._watch_clock()
+            now = time.monotonic()
+            if now >= flush_at:
+                flush_at = now + FLUSH_S
+                self._flush()
+            if now >= look_at:
+                look_at = max(look_at + VIEW_S, now)
+                self._guarded(self._look)
+            if now >= show_at:
+                show_at = max(show_at + shown_s, now)
+                self._guarded(self._show)
+        return self._end()
+
+    def rescue(self, error: BaseException) -> None:
+        """Keep what there is when the program itself has failed: it must not cost what was recorded."""
+        with suppress(Exception):
+            self._driver.stop()
+        with suppress(Exception):
+            self._conversation.keep()
+            self._archive.close({"reason": f"internal error ({error!r})"}, time.monotonic_ns())
+
+    def _start(self) -> None:
+        self._conversation.frames_began = True
+        self._conversation.keep()
+        now_ns = time.monotonic_ns()
+        for note in self._plan.notes:
+            self._archive.event("note", now_ns, text=note)
+        self._archive.settings(self._settings.to_json(), now_ns)
+        try:
+            details = self._driver.start()
+        except PortGoneError as error:
+            self._fail(PORT_GONE, str(error))
+            return
+        self._kept_ns = self._start_ns = time.monotonic_ns()
+        self._statistics = Statistics(self._settings, self._start_ns)
+        self._archive.event("started", self._start_ns, **details)
+
+    def _over(self) -> bool:
+        """Whether to end; the failure that made it so is kept."""
+        duration_s = self._plan.duration_s
+        if duration_s is not None and self._elapsed_s() >= duration_s:
+            self._stop.ask(f"--duration {duration_s:g}")
+        if "q" in self._terminal.pressed().lower():
+            self._stop.ask("key q")
+        if self._conversation.gone and not self._failure:
+            self._fail(PORT_GONE, self._conversation.gone[0])
+        return bool(self._failure or self._stop)
+
+    def _fail(self, what: str, why: str) -> None:
+        self._failure = f"{what} ({why})"
+        self._archive.event("failed", time.monotonic_ns(), reason=self._failure)
+
+    def _flush(self) -> None:
+        try:
+            self._archive.flush()
+            self._kept_ns = time.monotonic_ns()
+        except OSError as error:
+            self._fail(DISK_FULL, error.strerror or str(error))
+
+    def _watch_clock(self) -> None:
+        """Note that somebody set the host's clock: the monotonic time of every row is not concerned."""
+        offset_ns = self._utc_offset_ns()
+        jump_ns = offset_ns - self._offset_ns
+        if abs(jump_ns) > CLOCK_JUMP_NS:
+            self._offset_ns = offset_ns
+            seconds = jump_ns * 1e-9
+            self._archive.event("clock-jumped", time.monotonic_ns(), seconds=seconds)
+            self._notice(f"the host's clock was set by {seconds:+.1f} s; times of frames are not concerned")
+
+    def _keep(self, wait_s: float = 0.0) -> list[Chunk]:
+        """Keep what came, and have it decoded for the eyes: the archive is decoded anew."""
+        chunks = self._conversation.keep(wait_s)
+        if not self._view_failed:
+            for chunk in chunks:
+                self._decoder.add(chunk.data, chunk.host_ns)
+        if self._archive.waiting_bytes > MOST_WAITING_BYTES:
+            self._flush()
+        if self._decoder.waiting_bytes > MOST_WAITING_BYTES:
+            self._guarded(self._look)
+        self._watch_dropped()
+        return chunks
+
+    def _watch_dropped(self) -> None:
+        """Note what came faster than it could be kept."""
+        dropped = self._conversation.dropped_bytes - self._dropped_bytes
+        if not dropped:
+            return
+        if not self._dropped_bytes:
+            self._notice("bytes come faster than they can be kept; some are lost")
+        self._dropped_bytes += dropped
+        self._archive.event("bytes-dropped", time.monotonic_ns(), bytes=dropped)
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Do something for the eyes: a fault in it is reported, ends the view, and never costs a byte."""
+        if self._view_failed:
+            return
+        try:
+            work()
+        except Exception as error:  # a fault of the view, whatever it is
+            self._view_failed = True
+            reason = f"{type(error).__name__}: {error}"
+            self._archive.event("view-failed", time.monotonic_ns(), reason=reason)
+            self._terminal.say("")
+            self._notice(f"the view has failed ({reason}); every byte is still recorded")
+
+    def _look(self) -> None:
+        """Count what came since the last look."""
+        self._count(final=False)
+        self._report_absences()
+
+    def _count(self, *, final: bool) -> None:
+        received_bytes = self._decoder.waiting_bytes
+        self._statistics.add(self._decoder.decode(final=final), received_bytes, time.monotonic_ns())
+
+    def _report_absences(self) -> None:
+        absent = {s for s, receiver in self._statistics.receivers.items() if receiver.is_absent}
+        for station in sorted(absent ^ self._absent):
+            name = "receiver-absent" if station in absent else "receiver-back"
+            self._archive.event(name, time.monotonic_ns(), receiver=station)
+        self._absent = absent
+
+    def _notice(self, text: str) -> None:
+        self._notices.append(text)
+        if not self._terminal.in_place or self._view_failed:
+            self._terminal.say(f"note: {text}")
+
+    def _show(self) -> None:
+        moment = self._statistics.moment(time.monotonic_ns())
+        elapsed_s, duration_s = self._elapsed_s(), self._plan.duration_s
+        baud = self._conversation.port.line_baud
+        recorded = display.Recorded(
+            display.title(self._settings.family, self._conversation.port.name, self._plan.out.name),
+            elapsed_s,
+            None if duration_s is None else duration_s - elapsed_s,
+            self._archive_bytes(),
+            None if baud is None else line_bytes_per_s(baud),
+            self._slow(moment) or (self._notices[-1] if self._notices else ""),
+        )
+        if self._terminal.in_place:
+            self._terminal.show(display.view(moment, recorded, self._terminal.rows))
+        else:
+            self._terminal.say(display.one_line(moment, recorded))
+
+    def _slow(self, moment: Moment) -> str | None:
+        """Say that the line is too slow, of the last seconds."""
+        missing = [row.missing_percent for row in moment.rows if row.rate_hz is not None]
+        return too_slow(self._settings, moment.bytes_per_s, sum(missing) / max(len(missing), 1))
+
+    def _archive_bytes(self) -> int:
+        with suppress(OSError):  # somebody may have moved it; it is written all the same
+            return self._plan.out.stat().st_size
+        return 0
+
+    def _elapsed_s(self) -> float:
+        return (time.monotonic_ns() - self._start_ns) * 1e-9
+
+    def _end(self) -> Ending:
+        """Stop the tracker, keep its last bytes, close the archive."""
+        gone = self._conversation.gone
+        end_ns = gone[1] if gone else time.monotonic_ns()
+        try:
+            self._driver.stop()
+            self._keep_last()
+        except PortGoneError as error:
+            if not self._failure:
+                self._fail(PORT_GONE, str(error))
+        self._guarded(lambda: self._count(final=True))
+        totals = self._statistics.totals(end_ns)
+        self._notices += display.advice(totals, self._settings)
+        if self._dropped_bytes:
+            self._notices.append(f"{self._dropped_bytes} bytes came faster than they could be kept; lost")
+        reason = self._failure or self._stop.reason
+        try:
+            self._archive.close({"reason": reason, "notices": self._notices, **totals}, time.monotonic_ns())
+        except OSError as error:
+            self._failure = reason = self._failure or f"{DISK_FULL} ({error.strerror})"
+        if self._failure.startswith(DISK_FULL):
+            totals["seconds_kept"] = (self._kept_ns - self._start_ns) * 1e-9
+        return Ending(reason, bool(self._failure), totals, tuple(self._notices))
+
+    def _keep_last(self) -> None:
+        """Keep what still comes until the tracker is silent; what comes in a flood is no last bytes."""
+        heard = start = time.monotonic()
+        dropped = self._conversation.dropped_bytes
+        while (
+            self._conversation.dropped_bytes == dropped
+            and time.monotonic() - start < LAST_BYTES_S
+            and time.monotonic() - heard < SILENCE_S
+        ):
+            if self._keep(TICK_S):
+                heard = time.monotonic()
+            elif self._conversation.gone:
+                return

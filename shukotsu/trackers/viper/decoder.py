@@ -1,0 +1,226 @@
+"""Polhemus VIPER: frames of all sensors at once, with a checksum; and the frames of commands.
+
+A frame is a preamble, the count of the bytes that follow, a body and a CRC field whose low 16 bits are the
+CRC-16/ARC of all before it; all little-endian. Source: Polhemus VIPER interface header; VIPER User Manual
+URM18PH392.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, gaps, rows_at
+from shukotsu.trackers.protocols.pose_numbers import doubtful_poses
+from shukotsu.trackers.protocols.records import (
+    Bytes,
+    Decoded,
+    Records,
+    Reply,
+    Wholes,
+    concatenated,
+    empty_records,
+)
+from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
+
+COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
+LEADER_BYTES = 8
+POSE_HEADER_BYTES = 24
+COMMAND_HEADER_BYTES = 28
+CRC_BYTES = 4
+SENSORS = 16
+MAX_FRAME_BYTES = 4096
+"""Longer than any reply; a count beyond it is a damaged one."""
+
+SET, GET, RESET, ACKNOWLEDGED, REFUSED, WARNED = range(6)
+"""What a command asks for, or how it was answered."""
+SINGLE, CONTINUOUS = 18, 19
+ANY = 0xFFFFFFFF
+
+_MM = np.array([MM_PER_UNIT[unit] for unit in ("inch", "foot", "cm", "m")])
+_QUATERNION = 2
+_FULL_SCALE = 32768
+_SENSOR = np.dtype([("info", "<u4"), ("position", "<f4", (3,)), ("orientation", "<f4", (4,))])
+_WITH_ACCELERATION = 1
+_COUNT_PLACE = 20
+
+
+_REFLECTED_POLYNOMIAL = np.uint16(0xA001)
+_REGISTERS = np.arange(256, dtype=np.uint16)
+for _ in range(8):
+    _REGISTERS = (_REGISTERS >> np.uint16(1)) ^ (_REGISTERS & np.uint16(1)) * _REFLECTED_POLYNOMIAL
+
+
+def crc16_arc(rows: Bytes) -> npt.NDArray[np.uint16]:
+    """CRC-16/ARC (polynomial 0x8005, reflected, start 0) of N byte strings of one length, (N, L) -> (N,)."""
+    register = np.zeros(len(rows), np.uint16)
+    for column in np.ascontiguousarray(rows.T):
+        register = (register >> 8) ^ _REGISTERS[(register ^ column) & 0xFF]
+    return register
+
+
+def command_frame(
+    command: int, action: int, sensor: int = ANY, argument: int = 0, payload: bytes = b"", seuid: int = ANY
+) -> bytes:
+    """Give the bytes of a command.
+
+    command : its number (0 hemisphere ... 30 source select); action : SET, GET or RESET; sensor : from 0,
+    ANY for all; argument : the command's second; seuid : the electronics unit, ANY for whichever it is.
+    """
+    body = struct.pack("<5I", seuid, command, action, sensor, argument) + payload
+    frame = COMMAND_PREAMBLE + struct.pack("<I", len(body) + CRC_BYTES) + body
+    return frame + struct.pack("<I", int(crc16_arc(np.frombuffer(frame, np.uint8)[None])[0]))
+
+
+class ViperDecoder(PiecewiseDecoder):
+    """Decoder of a VIPER stream.
+
+    The bytes before a frame's first sensor count as that sensor's record, the CRC field as the last one's.
+    Units travel in every record, so nothing of the settings is needed. A pose frame without sensors is a
+    reply of CONTINUOUS. Station is sensor + 1; virtual sensors have stations beyond 128 and are doubted.
+    """
+
+    def __init__(self, settings: StreamSettings) -> None:
+        super().__init__()
+        del settings
+
+    def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
+        at, end, is_pose = _possible_frames(b)
+        good = _sound(b, at, end)
+        waiting = (end > len(b)) & (not final)
+        kept = _disjoint(at, end, good, waiting)
+        at, end, is_pose, waiting = at[kept], end[kept], is_pose[kept], waiting[kept]
+        decided = len(b) if final else _first_unknown(b, int(end[~waiting].max(initial=0)))
+        if waiting.any():
+            decided = int(at[waiting][0])
+            at, end, is_pose = at[~waiting], end[~waiting], is_pose[~waiting]
+        is_pose = is_pose & (end - at > POSE_HEADER_BYTES + CRC_BYTES)
+        records = _records(b, at[is_pose], end[is_pose])
+        others = zip(at[~is_pose].tolist(), end[~is_pose].tolist(), strict=True)
+        replies = tuple(_reply(b, first, last) for first, last in others)
+        return Decoded(records, gaps(at, end, decided), replies), decided
+
+
+def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, npt.NDArray[np.bool_]]:
+    """Find leaders that can be ones: first byte, first byte after, and whether they are of poses."""
+    at = np.flatnonzero(b[: max(0, len(b) - POSE_HEADER_BYTES + 1)] == COMMAND_PREAMBLE[0])
+    for place in (1, 2):
+        at = at[b[at + place] == COMMAND_PREAMBLE[place]]
+    kind = b[at + 3]
+    is_pose = kind == POSE_PREAMBLE[3]
+    either = is_pose | (kind == COMMAND_PREAMBLE[3])
+    at, is_pose = at[either], is_pose[either]
+    size = _unsigned(b, at + 4) + LEADER_BYTES
+    sensors = _unsigned(b, at + _COUNT_PLACE)
+    of_poses = size == POSE_HEADER_BYTES + _SENSOR.itemsize * sensors + CRC_BYTES
+    of_command = (size >= COMMAND_HEADER_BYTES + CRC_BYTES) & (size <= MAX_FRAME_BYTES)
+    possible = np.where(is_pose, of_poses & (sensors <= 2 * SENSORS), of_command)
+    return at[possible], (at + size)[possible], is_pose[possible]
+
+
+def _unsigned(b: Bytes, at: Wholes) -> Wholes:
+    """Numbers of 4 bytes at `at`."""
+    parts = [b[at + place].astype(np.int64) << 8 * place for place in range(4)]
+    return parts[0] | parts[1] | parts[2] | parts[3]
+
+
+def _sound(b: Bytes, at: Wholes, end: Wholes) -> npt.NDArray[np.bool_]:
+    """Say which frames are there as a whole with the right checksum."""
+    good = np.zeros(len(at), bool)
+    whole = end <= len(b)
+    for size in np.unique((end - at)[whole]):
+        mine = np.flatnonzero(whole & (end - at == size))
+        for some in np.array_split(mine, 1 + len(mine) * int(size) // (1 << 22)):
+            rows = rows_at(b, at[some], int(size))
+            sent = _unsigned(b, end[some] - CRC_BYTES) & 0xFFFF
+            good[some] = crc16_arc(rows[:, :-CRC_BYTES]) == sent
+    return good
+
+
+def _disjoint(at: Wholes, end: Wholes, good: npt.NDArray[np.bool_], waiting: npt.NDArray[np.bool_]) -> Wholes:
+    """Indices of the good frames up to the first that still waits for bytes, that one included.
+
+    What stands in a frame's body is no frame.
+    """
+    candidates = np.flatnonzero(good | waiting)
+    if not waiting.any() and (end[candidates][:-1] <= at[candidates][1:]).all():
+        return candidates
+    kept, position = [], 0
+    for index in candidates:
+        if at[index] >= position:
+            kept.append(index)
+            position = end[index]
+            if waiting[index]:
+                break
+    return np.array(kept, np.int64)
+
+
+def _first_unknown(b: Bytes, after: int) -> int:
+    """Find the first place, from byte `after` on, whose leader is cut off by the end of `b`."""
+    for place in range(max(after, len(b) - POSE_HEADER_BYTES + 1), len(b)):
+        leader = b[place : place + len(POSE_PREAMBLE)].tobytes()
+        if POSE_PREAMBLE.startswith(leader) or COMMAND_PREAMBLE.startswith(leader):
+            return place
+    return len(b)
+
+
+def _reply(b: Bytes, at: int, end: int) -> Reply:
+    """Give a command frame, or a pose frame without sensors; its body is all from the unit's id on."""
+    body = b[at + LEADER_BYTES : end - CRC_BYTES].tobytes()
+    if b[at + 3] == POSE_PREAMBLE[3]:
+        return Reply(at, 0, CONTINUOUS, 0, body)
+    _, command, action, sensor, _ = struct.unpack_from("<5I", body)
+    station = sensor + 1 if sensor < SENSORS else 0
+    return Reply(at, station, command, action if action in (REFUSED, WARNED) else 0, body)
+
+
+def _records(b: Bytes, at: Wholes, end: Wholes) -> Records:
+    """Read the pose frames; those with equally many sensors at a time."""
+    parts = []
+    sizes = end - at
+    for size in np.unique(sizes):
+        mine = at[sizes == size]
+        parts.append(_records_of_size(rows_at(b, mine, int(size)), mine))
+    records = concatenated(parts)
+    return records if len(parts) < 2 else records.take(np.argsort(records.offset))
+
+
+def _records_of_size(rows: Bytes, at: Wholes) -> Records:
+    """Read M frames of one size, rows (M, size), that start at bytes `at`."""
+    body = np.ascontiguousarray(rows[:, POSE_HEADER_BYTES:-CRC_BYTES])
+    sensors = body.view(_SENSOR)
+    per_frame = sensors.shape[1]
+    header = np.ascontiguousarray(rows[:, LEADER_BYTES:POSE_HEADER_BYTES]).view("<u4")
+    info = sensors["info"].ravel()
+    records = empty_records(sensors.size)
+    places = np.arange(per_frame) * _SENSOR.itemsize + POSE_HEADER_BYTES
+    places[0] = 0
+    records.offset[:] = (at[:, None] + places).ravel()
+    ends = np.append(places[1:], rows.shape[1])
+    records.size[:] = np.tile(ends - places, len(rows))
+    records.station[:] = (info & 0xFF) + 1
+    records.frame[:] = np.repeat(header[:, 1], per_frame)
+    records.distortion[:] = info >> 14 & 0xFF
+    records.button[:] = info >> 12 & 3
+    mm = _MM[info >> 8 & 3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        sent = sensors["position"].reshape(-1, 3)
+        records.position_mm[:] = sent.astype(float) * mm[:, None]
+        accelerated = np.repeat(header[:, 2] & 0xF == _WITH_ACCELERATION, per_frame)
+        orientation = sensors["orientation"].reshape(-1, 4)
+        records.quaternion[:] = _orientations(orientation, (info >> 10 & 3).astype(np.int64), accelerated)
+        records.doubtful[:] = doubtful_poses(records) | (records.station > SENSORS)
+    return records
+
+
+def _orientations(
+    sent: npt.NDArray[np.float32], kind: Wholes, accelerated: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.float64]:
+    """Quaternions (N, 4) of the 16 bytes of orientation; NaN for angles, which no recorder asks for."""
+    numbers = sent.astype(float)
+    if accelerated.any():  # four whole numbers of orientation, then four of acceleration
+        numbers[accelerated] = np.ascontiguousarray(sent[accelerated]).view("<i2")[:, :4] / _FULL_SCALE
+    numbers[kind != _QUATERNION] = np.nan
+    return numbers

@@ -1,0 +1,184 @@
+"""Setting up a VIPER: frames of commands, each answered; all sensors come in one frame.
+
+What is set here lasts until the tracker is switched off, for nothing is stored. Source: Polhemus VIPER
+interface header.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+from shukotsu.errors import InputError
+from shukotsu.trackers.protocols.records import Reply
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record.conversation import Conversation
+from shukotsu.trackers.record.driver import Driver
+from shukotsu.trackers.record.request import TRACK, RecordingRequest
+from shukotsu.trackers.viper.decoder import (
+    ANY,
+    CONTINUOUS,
+    GET,
+    REFUSED,
+    RESET,
+    SENSORS,
+    SET,
+    SINGLE,
+    ViperDecoder,
+    command_frame,
+)
+
+HEMISPHERE, FILTER, BORESIGHT, RATE, UNITS, STATION_MAP, STYLUS, WHOAMI = 0, 1, 4, 6, 7, 10, 11, 20
+RATES = {120: 2, 240: 3}
+CENTIMETRES, QUATERNION, MARK_ONLY, UNFILTERED = 2, 2, 0, 0
+ORIENTATION, POSITION = 1, 2
+ANSWER_S = 1.0
+_HEADER_BYTES = 20
+
+Key = tuple[int, int, int]
+"""Command, sensor (ANY for all) and argument of a setting."""
+
+
+class ViperDriver(Driver):
+    """Driver of VIPER."""
+
+    def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
+        super().__init__(conversation, request)
+        self._before: dict[Key, bytes] = {}
+
+    def set_up(self) -> StreamSettings:
+        """Find the tracker, set units, rate, hemispheres and stylus, and read them back."""
+        whoami = self._find(self._attempt)
+        stations = self._stations()
+        wanted = self._wanted(stations)
+        before = {key: self._get(*key) for key in wanted}
+        self._before = before
+        for key, payload in wanted.items():
+            self._set(key, payload)
+        after = {key: self._get(*key) for key in wanted}
+        for key, payload in wanted.items():
+            if not _same(key, after[key], payload):
+                self._require(_name(key), after[key].hex(), payload.hex())
+        self._warn_of_boresights(stations)
+        options = {
+            "whoami": whoami,
+            "before": {_name(key): payload.hex() for key, payload in before.items()},
+            "after": {_name(key): payload.hex() for key, payload in after.items()},
+            "warnings": self.warnings,
+        }
+        hemisphere = dict.fromkeys(range(1, SENSORS + 1), self._request.hemisphere)
+        rate_hz = float(self._request.usual_rate_hz)
+        return StreamSettings("viper", "binary", "cm", rate_hz, stations, {}, hemisphere, options)
+
+    def start(self) -> Mapping[str, Any]:
+        """Set the frame count to 0 and have it stream."""
+        return {
+            "sent_ns": self._conversation.send(command_frame(CONTINUOUS, SET, payload=struct.pack("<i", 0)))
+        }
+
+    def stop(self) -> None:
+        """Have it stop."""
+        self._conversation.send(command_frame(CONTINUOUS, RESET))
+
+    def put_back(self) -> None:
+        """Set what was changed to what it was before; a stream that was running stays off."""
+        self.stop()
+        self._conversation.drain(0.1)
+        for key, payload in self._before.items():
+            self._set(key, payload)
+
+    def _attempt(self) -> tuple[str | None, bytes]:
+        heard = self._silence(command_frame(CONTINUOUS, RESET))
+        self._conversation.send(command_frame(WHOAMI, GET))
+        came, _ = self._conversation.drain()
+        for reply in _replies(came):
+            if reply.command == WHOAMI and not reply.error:
+                text = reply.body[_HEADER_BYTES:].replace(b"\0", b" ").decode("latin-1")
+                return " ".join(text.split()), came
+        return None, heard + came
+
+    def _stations(self) -> tuple[int, ...]:
+        (bits,) = struct.unpack_from("<H", self._get(STATION_MAP, ANY, 0).ljust(2, b"\0"))
+        stations = tuple(sensor + 1 for sensor in range(SENSORS) if bits & 1 << sensor)
+        if not stations:
+            raise InputError(f"{self._port_name}: no sensor is connected; plug them in")
+        return stations
+
+    def _wanted(self, stations: tuple[int, ...]) -> dict[Key, bytes]:
+        """Give the settings to make, units last: what was read before is in the units from before."""
+        request = self._request
+        vector = (1.0, 0.0, 0.0) if request.hemisphere == TRACK else request.hemisphere
+        hemisphere = struct.pack("<I3f", int(request.hemisphere == TRACK), *vector)
+        wanted = {(HEMISPHERE, station - 1, 0): hemisphere for station in stations}
+        if request.no_filters:
+            off = struct.pack("<I4f", UNFILTERED, 0, 0, 0, 0)
+            for kind in (ORIENTATION, POSITION):
+                wanted |= {(FILTER, station - 1, kind): off for station in stations}
+        wanted[STYLUS, ANY, 0] = struct.pack("<I", MARK_ONLY)
+        wanted[RATE, ANY, 0] = struct.pack("<I", RATES[request.usual_rate_hz])
+        wanted[UNITS, ANY, 0] = struct.pack("<2I", CENTIMETRES, QUATERNION)
+        return wanted
+
+    def _warn_of_boresights(self, stations: tuple[int, ...]) -> None:
+        identity = struct.pack("<4f", 1, 0, 0, 0)
+        turned = []
+        for station in stations:
+            payload = self._ask(BORESIGHT, GET, station - 1, 0)
+            if payload is not None and len(payload) == 16 and payload != identity and any(payload):
+                turned.append(str(station))
+        if turned:
+            self.warnings.append(f"sensor {', '.join(turned)}: a boresight is in force, left as it is")
+
+    def _get(self, command: int, sensor: int, argument: int) -> bytes:
+        payload = self._ask(command, GET, sensor, argument)
+        if payload is None:
+            raise InputError(
+                f"{self._port_name}: the tracker does not say its {_name((command, sensor, argument))}"
+            )
+        return payload
+
+    def _set(self, key: Key, payload: bytes) -> None:
+        self._ask(key[0], SET, key[1], key[2], payload)
+
+    def _ask(
+        self, command: int, action: int, sensor: int, argument: int, payload: bytes = b""
+    ) -> bytes | None:
+        """Send a command; gives the answer's payload, None where it is refused or does not come."""
+
+        def answer_in(data: bytes) -> tuple[bytes | None] | None:
+            for reply in _replies(data):
+                if reply.command == command:
+                    return (None if reply.error == REFUSED else reply.body[_HEADER_BYTES:],)
+            return None
+
+        frame = command_frame(command, action, sensor, argument, payload)
+        answer = self._conversation.ask(frame, answer_in, ANSWER_S)
+        return None if answer is None else answer[0]
+
+
+def _replies(data: bytes) -> tuple[Reply, ...]:
+    settings = StreamSettings("viper", "binary", "cm", 240.0, ())
+    decoded = ViperDecoder(settings).feed(data, final=True)
+    return tuple(reply for reply in decoded.replies if reply.command not in (SINGLE, CONTINUOUS))
+
+
+def _same(key: Key, read: bytes, sent: bytes) -> bool:
+    """Whether a setting is what was sent; of a filter that is off only the level counts."""
+    if key[0] == FILTER:
+        return read[:4] == sent[:4]
+    if key[0] == HEMISPHERE and sent[0]:  # it follows the sensor: its vector is of the moment
+        return bool(read) and bool(read[0] & 1)
+    return read == sent
+
+
+def _name(key: Key) -> str:
+    names = {
+        HEMISPHERE: "hemisphere",
+        FILTER: "filter of positions" if key[2] == POSITION else "filter of orientations",
+        RATE: "rate",
+        UNITS: "units",
+        STATION_MAP: "sensors",
+        STYLUS: "stylus mode",
+    }
+    return names[key[0]] + ("" if key[1] == ANY else f" of sensor {key[1] + 1}")

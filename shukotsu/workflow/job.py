@@ -1,0 +1,79 @@
+"""Command line: run a stage's command as a job of a study, in a warm process where there is one.
+
+To start Python and import what a stage needs takes longer than most jobs' work. On one machine the workflow
+therefore starts a process that has imported everything (`workflow.warm_process`), and a job is a fork of it:
+this command hands over its arguments, folder, environment and open files, and ends as the job does.
+Elsewhere, and where that process is out of reach, the job is run right here, to the same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import sys
+from collections.abc import Sequence
+
+ADDRESS = "SHUKOTSU_JOBS"
+"""Environment variable: the socket of the warm process."""
+LENGTH_BYTES = 8
+STARTED = b"+"
+KILLED = 137
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run a module's command line, argv[0] being its dotted name; give its exit code."""
+    status = run_in_fork(argv)
+    if status is None and _workflow_has_ended():
+        print("error: the workflow that started this job was killed", file=sys.stderr)
+        return KILLED
+    return run(argv) if status is None else status
+
+
+def run_in_fork(argv: Sequence[str]) -> int | None:
+    """Have a fork of the warm process do the job; give its exit code, None where it was not started."""
+    with socket.socket(socket.AF_UNIX) as connection:
+        try:
+            connection.connect(os.environ[ADDRESS])
+            folder = os.getcwd()  # noqa: PTH109 - pathlib takes longer to import than all of this
+            request = {"argv": list(argv), "folder": folder, "environment": dict(os.environ)}
+            encoded = json.dumps(request).encode()
+            socket.send_fds(connection, [len(encoded).to_bytes(LENGTH_BYTES, "little")], [0, 1, 2])
+            connection.sendall(encoded)
+            started = connection.recv(1) == STARTED
+        except (KeyError, OSError):
+            return None
+        if not started:
+            return None
+        status = connection.recv(1)
+    if not status:
+        print("error: the job's process was killed before its end", file=sys.stderr)
+        return KILLED
+    return status[0]
+
+
+def _workflow_has_ended() -> bool:
+    """Whether the warm process has ended with its workflow, whose next run must find nobody at its files."""
+    folder = os.path.dirname(os.environ.get(ADDRESS, ""))  # noqa: PTH120 - pathlib, see above
+    return folder != "" and not os.path.isdir(folder)  # noqa: PTH112
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command line in this process."""
+    import importlib
+    from importlib.util import find_spec
+
+    from shukotsu.stages import command_line
+
+    command_line.begin()
+    if not command_line.can_start():
+        return command_line.EXIT_BAD_INPUT
+    name, *rest = argv
+    spec = find_spec(name)
+    is_package = spec is not None and spec.submodule_search_locations is not None
+    status: int = importlib.import_module(f"{name}.__main__" if is_package else name).main(rest)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

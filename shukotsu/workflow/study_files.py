@@ -1,0 +1,422 @@
+"""The Snakefile asks for the files that jobs read and write, and for what they use of the plan."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from shukotsu.anatomy.known_digits import known_digits, no_whole_hand
+from shukotsu.errors import InputError
+from shukotsu.files.whole_files import write_text
+from shukotsu.schemas.config_files import REFERENCE, check_config, read_config, read_yaml
+from shukotsu.schemas.plan import (
+    StudyPlans,
+    SubjectPlan,
+    fit_part,
+    plan_digest,
+    plan_from_content,
+    recordings_part,
+    truth_folder,
+)
+from shukotsu.schemas.results import (
+    FIGURE_KINDS,
+    FIT_TABLES,
+    GATHERED_TABLES,
+    MODEL_COMPARISONS,
+    MOVEMENT_COMPARISONS,
+    STUDY_FIGURES,
+    STUDY_TABLES,
+    SUBJECT_TABLES,
+    TRUTH_TABLES,
+    Results,
+)
+from shukotsu.schemas.study import Recording, Study, SubjectSession, path_token, read_study
+
+DEMO = Path("config", "demo.yaml")
+"""The study of a run that names none."""
+
+Wildcards = Any
+"""Snakemake's wildcards: attributes subject (and session), hand, recording, model, as they stand in paths."""
+
+
+class StudyFiles:
+    """One study, asked by the wildcards of a job."""
+
+    def __init__(self, study_file: Path) -> None:
+        self.file = _relative(study_file)
+        self.study: Study = read_study(Path(self.file))
+        self.results = Results.of(self.study.name)
+        plans = StudyPlans(self.study, self.results.folder)
+        self._contents = {who.token: plans.content(*who) for who in self.study.sessions}
+        self._plans = {
+            subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
+        }
+        self._check_models()
+        self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
+        if self.study.language != "en":  # at once, not after hours of computing
+            from shukotsu.stages.report.plots.style import check_font
+
+            check_font(self.study.language)
+        folders = [_relative(self._simulation_folder())] if self.study.simulation else []
+        for path in (*self.configuration, *folders):
+            if not _can_be_declared(path):
+                raise InputError(
+                    f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
+                    "it, or run from a folder from which its path does not"
+                )
+
+    def _check_models(self) -> None:
+        """Raise InputError where no model of the study can be taken for any hand of it.
+
+        With another model or layout, a hand that a model cannot be taken for is a problem of the study.
+        """
+        reasons = [
+            no_whole_hand(layout, name) if model.fitting is not None else ""
+            for plan in self._plans.values()
+            for layout in plan.layouts.values()
+            for name, model in plan.models.items()
+        ]
+        if reasons and all(reasons):
+            raise InputError(f"{self.file}: models: {reasons[0]}")
+
+    @property
+    def subjects(self) -> list[SubjectPlan]:
+        """The plan of every subject in every session, in the sheet's order."""
+        return list(self._plans.values())
+
+    @property
+    def options(self) -> str:
+        """Options that say which study a job is of."""
+        return shlex.join(["--study", self.file, "--results", self.results.folder.as_posix()])
+
+    # --- of one subject -----------------------------------------------------------------------------------
+
+    def subject(self, wildcards: Wildcards) -> SubjectSession:
+        """The subject and session of which the wildcard `subject` is the form that stands in paths."""
+        return self._plans[wildcards.subject].who
+
+    def subject_options(self, wildcards: Wildcards) -> str:
+        """Options that say whose a job is."""
+        who = self.subject(wildcards)
+        session = [f"--session={who.session}"] if who.session else []
+        return shlex.join([f"--subject={who.subject}", *session])
+
+    def plan(self, wildcards: Wildcards) -> str:
+        """Digest of the subject's whole plan."""
+        return plan_digest(self._contents[wildcards.subject])
+
+    def recordings_plan(self, wildcards: Wildcards) -> str:
+        """Digest of what the subject's plan says of its recordings."""
+        return plan_digest(recordings_part(self._contents[wildcards.subject]))
+
+    def recording_files(self, wildcards: Wildcards) -> list[str]:
+        """A recording's file and mapping, those that are there or are simulated: a missing one must not stop
+        the others, nor a pipe, nor one whose name Snakemake cannot take (see `undeclared_files`).
+        """
+        recording = self._recording(wildcards)
+        names = {"subject": wildcards.subject, "hand": recording.hand.hand, "task": recording.task}
+        simulated = [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
+        return [path for path in _files_of(recording) if _can_be_read(Path(path)) or path in simulated]
+
+    def event_files(self, wildcards: Wildcards) -> list[str]:
+        """Files of the events of the subject's recordings that are there."""
+        files = [recording.events for recording in self._plans[wildcards.subject].recordings]
+        paths = [_relative(path) for path in files if path is not None]
+        return [path for path in paths if _can_be_declared(path) and _can_be_read(Path(path))]
+
+    def undeclared_files(self, wildcards: Wildcards) -> str:
+        """Tell a change of those files of a recording whose names Snakemake would read as wildcards."""
+        odd = [
+            path for path in _files_of(self._recording(wildcards), declared=False) if _can_be_read(Path(path))
+        ]
+        states = [(path, Path(path).stat()) for path in odd]
+        return ";".join(f"{path} {state.st_size} {state.st_mtime_ns}" for path, state in states)
+
+    def import_options(self, wildcards: Wildcards) -> str:
+        """Options that say what a recording is, for the command that imports it."""
+        return shlex.join(import_options(self._recording(wildcards)))
+
+    def layout_digest(self, wildcards: Wildcards) -> str:
+        """Digest of what the layout of a hand says."""
+        return plan_digest(self._contents[wildcards.subject]["layouts"][wildcards.hand])
+
+    def poses(self, wildcards: Wildcards) -> list[str]:
+        """Poses of every recording of the subject that is not excluded."""
+        plan = self._plans[wildcards.subject]
+        return [str(plan.poses(recording)) for recording in plan.recordings if not recording.exclude]
+
+    def subject_tables(self, wildcards: Wildcards) -> list[str]:
+        """The subject's own tables, of both hands and all models."""
+        plan = self._plans[wildcards.subject]
+        return [str(plan.table(table)) for table in SUBJECT_TABLES]
+
+    def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
+        """Poses that a fit of a hand reads: of both hands, where the model shares lengths between them."""
+        plan = self._plans[wildcards.subject]
+        model = plan.models.get(self.model(wildcards))
+        both = model is not None and model.fitting is not None and model.fitting.share_lengths
+        recordings = [r for r in plan.recordings if not r.exclude and (both or r.hand.hand == wildcards.hand)]
+        return [str(plan.poses(recording)) for recording in recordings]
+
+    def model(self, wildcards: Wildcards) -> str:
+        """The model's name, of which the wildcard is the form that stands in paths."""
+        return self._models[wildcards.model]
+
+    def layout(self, wildcards: Wildcards) -> str:
+        """The layout of a hand."""
+        return _relative(self.study.layout_of(self._plans[wildcards.subject].hand(wildcards.hand)))
+
+    def fits(self, wildcards: Wildcards) -> list[str]:
+        """Tables of the subject's whole-hand fits."""
+        plan = self._plans[wildcards.subject]
+        return [str(path) for table in FIT_TABLES for path in plan.files_of(table)]
+
+    def references(self, wildcards: Wildcards) -> list[str]:
+        """Tables of the subject's hands as anatomy alone has them, where it knows any digit."""
+        plan = self._plans[wildcards.subject]
+        hands = [hand for hand, layout in plan.layouts.items() if known_digits(layout)]
+        return [str(plan.fit_table(hand, REFERENCE, table)) for hand in hands for table in FIT_TABLES]
+
+    def fit_plan(self, wildcards: Wildcards) -> str:
+        """Digest of the plan of a fit of the whole hand."""
+        model = self.model(wildcards)
+        return plan_digest(fit_part(self._contents[wildcards.subject], wildcards.hand, model))
+
+    def truth(self, wildcards: Wildcards) -> list[str]:
+        """Tables of the truth beside the subject's simulated recordings."""
+        plan = self._plans[wildcards.subject]
+        folders = [plan.truth(recording) for recording in plan.recordings if not recording.exclude]
+        paths = [folder / f"{name}.parquet" for folder in folders if folder for name in TRUTH_TABLES]
+        return [_relative(path) for path in paths]
+
+    def _recording(self, wildcards: Wildcards) -> Recording:
+        plan = self._plans[wildcards.subject]
+        return next(
+            r
+            for r in plan.recordings
+            if (r.hand.hand, r.name) == (wildcards.hand, wildcards.recording) and not r.exclude
+        )
+
+    # --- simulation ---------------------------------------------------------------------------------------
+
+    def _simulation_folder(self) -> Path:
+        """The folder that recordings are simulated into; InputError where it lies among other people's files,
+        which a simulated recording of the same name would replace.
+        """
+        assert self.study.simulation is not None
+        folder = self.study.simulation.folder
+        own = Path(self.file).parent, Path()
+        if not any(folder.resolve().is_relative_to(place.resolve()) for place in own):
+            raise InputError(
+                f"{self.file}: simulation.folder: {folder} is neither below the study file's folder nor "
+                "below the one that this runs in; expected a folder there"
+            )
+        return folder
+
+    @property
+    def simulated(self) -> str:
+        """Path of a simulated recording, with wildcards; a path that nothing asks for where none is."""
+        folder = self.study.simulation.folder if self.study.simulation else Path(os.devnull, "none")
+        return _relative(folder / "sub-{subject}_hand-{hand}_task-{task}.parquet")
+
+    @property
+    def streamed(self) -> str:
+        """Path of a simulated recording as its tracker's raw capture, with wildcards."""
+        return self.simulated.removesuffix(".parquet") + ".arrows"
+
+    @property
+    def simulated_truth(self) -> list[str]:
+        """Paths of the truth tables of a simulated recording, with wildcards."""
+        folder = truth_folder(Path(self.simulated))
+        return [(folder / f"{name}.parquet").as_posix() for name in TRUTH_TABLES]
+
+    @property
+    def seed(self) -> int:
+        """Seed of the simulation."""
+        return self.study.simulation.seed if self.study.simulation else 0
+
+    # --- the whole study ----------------------------------------------------------------------------------
+
+    @property
+    def plans(self) -> list[str]:
+        """Plans of all subjects."""
+        return [str(self.results.plan(*who)) for who in self.study.sessions]
+
+    @property
+    def plans_digest(self) -> str:
+        """Digest of the plans of all subjects."""
+        return plan_digest(self._contents)
+
+    def gathered(self, _: Wildcards = None) -> list[str]:
+        """Tables of all subjects that the study's tables are gathered from."""
+        own = [
+            str(path)
+            for plan in self._plans.values()
+            for table in ("findings", "joint_solutions", "projected_joints", *GATHERED_TABLES)
+            for path in plan.files_of(table)
+        ]
+        return own + self._of_all(self.references)
+
+    @property
+    def tables(self) -> list[str]:
+        """Every table of every subject."""
+        kinds = (self.poses, self.fits, self.references, self.subject_tables)
+        return [path for each in kinds for path in self._of_all(each)]
+
+    def all_poses(self, _: Wildcards = None) -> list[str]:
+        """Poses of all subjects."""
+        return self._of_all(self.poses)
+
+    def exported(self, _: Wildcards = None) -> list[str]:
+        """Tables of all subjects that exports are made of."""
+        names = ("findings", "joint_centres", "bone_lengths", "metacarpals")
+        tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
+        return [*self.all_poses(), *tables, *self._of_all(self.fits)]
+
+    def _of_all(self, files: Callable[[Wildcards], list[str]]) -> list[str]:
+        return [path for subject in self._plans for path in files(_Subject(subject))]
+
+    @property
+    def study_tables(self) -> list[str]:
+        """The study-wide tables."""
+        return [str(self.results.study_table(table)) for table in STUDY_TABLES]
+
+    @property
+    def model_comparisons(self) -> list[str]:
+        """The study-wide tables that compare its models."""
+        return [str(self.results.study_table(table)) for table in MODEL_COMPARISONS]
+
+    @property
+    def movement_comparisons(self) -> list[str]:
+        """The study-wide tables that compare its subjects' movement."""
+        return [str(self.results.study_table(table)) for table in MOVEMENT_COMPARISONS]
+
+    @property
+    def configuration(self) -> list[str]:
+        """The study file and its sheets, layouts and models."""
+        layouts = dict.fromkeys(recording.layout for recording in self.study.recordings)
+        files = [*self.study.sheets.values(), *layouts, *self.study.models.values()]
+        return [self.file, *map(_relative, files)]
+
+    @property
+    def export_options(self) -> str:
+        """Options of the export command that the study file sets."""
+        settings = self.study.export_settings | {"models": ",".join(self.study.export_settings["models"])}
+        given = {name: value for name, value in settings.items() if value not in ("", None)}
+        return shlex.join(f"--{name.replace('_', '-')}={value}" for name, value in given.items())
+
+    @property
+    def participants(self) -> str:
+        """Option of the dataset's command that names the participants sheet, where the study has one."""
+        sheet = self.study.sheets.get("participants")
+        return "" if sheet is None else shlex.join([f"--participants={_relative(sheet)}"])
+
+    @property
+    def export_formats(self) -> list[str]:
+        """Formats that each recording is exported in; the dataset of all is a job of its own."""
+        return [name for name in self.study.exports if name != "bids"]
+
+    @property
+    def exports(self) -> list[str]:
+        """The folder of everything that the study exports, none where it exports nothing."""
+        return [str(self.results.exports)] if self.study.exports else []
+
+    @property
+    def export_folders(self) -> list[str]:
+        """Folders that exports are made in: of each subject, and of the dataset of all."""
+        folders = [str(self.results.subject_exports(*who)) for who in self.study.sessions]
+        dataset = [str(self.results.new_dataset)] if "bids" in self.study.exports else []
+        return (folders if self.export_formats else []) + dataset
+
+    figure_names = STUDY_FIGURES
+
+    @property
+    def figures(self) -> list[str]:
+        """The study's figures for print, and their captions."""
+        return [
+            str(self.results.figures / f"{name}.{kind}") for name in STUDY_FIGURES for kind in FIGURE_KINDS
+        ]
+
+    @property
+    def subject_pages(self) -> list[str]:
+        """Folders of the subjects' pages of the report."""
+        return [str(self.results.subject_pages(*who)) for who in self.study.sessions]
+
+
+def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool) -> Path:
+    """Give the file that describes the study: Snakemake's --configfile, or the demo's in this folder.
+
+    files, config : what Snakemake was given, and what it has read. is_module : of a module of another
+    workflow, whose keys are a study: that of one of the files, or else they are written to a file of this
+    folder, which their paths begin in. Raises InputError where there are several files, or where --config
+    would change what the file says: the stages read that file, and results that it does not explain would
+    be worse than none.
+    """
+    if is_module:
+        for path in map(Path, files):
+            if read_yaml(path, "study") == config:
+                return path
+        return _written(config)
+    if len(files) > 1:
+        raise InputError("--configfile: names several files; a run is of one study")
+    path = Path(files[0]) if files else DEMO
+    if config and dict(config) != read_config(path, "study", with_defaults=False):
+        raise InputError(f"--config: a study is described by its file alone; write it into {path}")
+    return path
+
+
+def _written(config: Mapping[str, Any]) -> Path:
+    """Write a module's keys to a file, unless it says so already; give the file."""
+    content = json.loads(json.dumps(config))  # plain mappings and lists
+    check_config(content, "study", "config")
+    path = Path(f"{path_token(content['study'])}.module.yaml")
+    if not path.is_file() or read_yaml(path, "study") != content:
+        write_text(path, yaml.safe_dump(content, allow_unicode=True, sort_keys=False))
+    return path
+
+
+class _Subject:
+    """Wildcards of a subject alone."""
+
+    def __init__(self, subject: str) -> None:
+        self.subject = subject
+
+
+def import_options(recording: Recording) -> list[str]:
+    """Options that say what a recording of a plan is, for the command that imports it."""
+    values = {
+        "in": _relative(recording.file),
+        "layout": str(recording.layout),
+        "format": recording.format,
+        "mapping": None if recording.mapping is None else _relative(recording.mapping),
+        **recording.key,
+    }
+    repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
+    return [f"--{name}={value}" for name, value in values.items() if value] + repair
+
+
+def _files_of(recording: Recording, *, declared: bool = True) -> list[str]:
+    """A recording's file and mapping, of those that can be declared or of the others."""
+    files = [_relative(path) for path in (recording.file, recording.mapping) if path is not None]
+    return [path for path in files if _can_be_declared(path) == declared]
+
+
+def _can_be_declared(path: str) -> bool:
+    """Whether Snakemake takes a path as it stands: it has no way to quote wildcards and variables in it."""
+    return not re.search(r"\{.*\}|<[a-z][a-z0-9_]*>", path)
+
+
+def _relative(path: str | Path) -> str:
+    return Path(os.path.relpath(path)).as_posix()
+
+
+def _can_be_read(path: Path) -> bool:
+    """Whether a file or a folder is there: Snakemake would wait for a pipe."""
+    return path.is_file() or path.is_dir()

@@ -1,0 +1,168 @@
+"""A process that has imported what the jobs of a subject need, and forks for each (see `workflow.job`).
+
+It lives as long as the workflow that started it, on Linux and on one machine. It never computes anything
+itself, so that there is no thread that a fork would lose.
+"""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import importlib
+import json
+import os
+import pkgutil
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import traceback
+from contextlib import suppress
+from pathlib import Path
+from types import ModuleType
+
+from shukotsu.stages import command_line
+from shukotsu.workflow import job
+
+PACKAGES = (
+    "shukotsu.stages",
+    "shukotsu.workflow.write_plan",
+    "pyarrow.compute",
+    "pyarrow.parquet",
+    "jsonschema",
+)
+"""These are imported before the first fork, every module of a package of this project."""
+WAITING = 128
+
+
+def start() -> subprocess.Popen[bytes] | None:
+    """Start the process; it ends with this one. Jobs find it by their environment.
+
+    Where it cannot be had (another system, no place for its socket), and where the environment names an
+    address already, there is none, and jobs start by themselves.
+    """
+    if sys.platform != "linux" or job.ADDRESS in os.environ:
+        return None
+    with suppress(OSError), socket.socket(socket.AF_UNIX) as listener:
+        folder = tempfile.mkdtemp(prefix="shukotsu-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        address = str(Path(folder, "jobs"))
+        listener.bind(address)
+        listener.listen(WAITING)  # jobs may connect from now on; they wait until everything is imported
+        process = subprocess.Popen(
+            [sys.executable, "-m", "shukotsu.workflow.warm_process", str(listener.fileno())],
+            stdin=subprocess.PIPE,  # never written to: it is closed when this process ends, however it does
+            pass_fds=[listener.fileno()],
+            env=os.environ
+            | {
+                "PYTHONPATH": str(Path(__file__).parents[2]),
+                "PYTHONSAFEPATH": "1",
+                "OMP_NUM_THREADS": "1",
+            },
+        )
+        atexit.register(process.communicate)
+        os.environ[job.ADDRESS] = address
+        return process
+    return None
+
+
+def serve(listener: socket.socket) -> None:
+    """Fork for every job that connects, until standard input ends."""
+    command_line.begin()
+    import_all()
+    gc.freeze()  # what is here stays, and is shared with the forks
+    forks: set[int] = set()
+    while sys.stdin not in select.select([listener, sys.stdin], [], [])[0]:
+        connection, _ = listener.accept()
+        fork = os.fork()
+        if fork == 0:
+            listener.close()
+            _run_job(connection)
+        forks.add(fork)
+        connection.close()
+        _wait_for_forks(forks, os.WNOHANG)
+    for fork in forks:  # the workflow was killed: its next run must not find somebody else writing its files
+        with suppress(ProcessLookupError):
+            os.kill(fork, signal.SIGKILL)
+    _wait_for_forks(forks, 0)
+
+
+def _wait_for_forks(forks: set[int], options: int) -> None:
+    """Take the exit codes of forks that have ended, so that what they cost counts as this process's."""
+    with suppress(ChildProcessError):
+        while fork := os.waitpid(-1, options)[0]:
+            forks.discard(fork)
+
+
+def import_all() -> None:
+    """Import what jobs need."""
+    for name in PACKAGES:
+        package: ModuleType = importlib.import_module(name)
+        if name == "shukotsu.stages":
+            for module in pkgutil.walk_packages(package.__path__, "shukotsu.stages."):
+                importlib.import_module(module.name)
+
+
+def _run_job(connection: socket.socket) -> None:
+    """Do what the other end requests, as if it were this process; answer with the exit code and end."""
+    status = 1
+    try:
+        status = _status_of_job(connection)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the answered end closes the connection, no more
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError):
+                stream.flush()
+        with suppress(OSError):  # whoever waited for the answer is no more
+            connection.sendall(bytes([status & 255]))
+    finally:  # whatever happened: a fork must never come back to the listener
+        os._exit(status & 255)
+
+
+def _status_of_job(connection: socket.socket) -> int:
+    try:
+        argv = _become_the_client(connection)
+        connection.sendall(job.STARTED)
+        threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
+        return job.run(argv)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:  # as Python itself ends: a traceback in the job's log, and exit code 1
+        traceback.print_exc()
+        return 1
+
+
+def _become_the_client(connection: socket.socket) -> list[str]:
+    """Take over its standard streams, folder and environment; give its arguments."""
+    header, streams, _, _ = socket.recv_fds(connection, job.LENGTH_BYTES, 3)
+    with connection.makefile("rb") as stream:
+        request = json.loads(stream.read(int.from_bytes(header, "little")))
+    for number, descriptor in enumerate(streams):
+        os.dup2(descriptor, number)
+        os.close(descriptor)
+    # opened anew: the old ones take what is a pipe now for the file that was there
+    sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115
+    sys.stderr = open(2, "w", 1, sys.stderr.encoding, "backslashreplace", closefd=False)  # noqa: SIM115
+    os.chdir(request["folder"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    argv: list[str] = request["argv"]
+    return argv
+
+
+def _end_with(connection: socket.socket) -> None:
+    """Wait until the other end is closed, which says that the job is to end."""
+    with suppress(OSError):
+        connection.recv(1)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+if __name__ == "__main__":
+    with suppress(KeyboardInterrupt), socket.socket(fileno=int(sys.argv[1])) as listener:
+        try:
+            serve(listener)
+        finally:  # its parent may have been killed
+            shutil.rmtree(Path(listener.getsockname()).parent, ignore_errors=True)

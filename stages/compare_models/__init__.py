@@ -1,0 +1,1 @@
+"""Stage: how a study's skeleton models compare over its subjects."""

@@ -1,0 +1,107 @@
+"""Any recording posed with a fitted hand: joint angles, every bone, every fingertip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.anatomy.known_digits import root_of
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array, from_matrix
+from shukotsu.stages.fit_hand.chain_builder import bone, receiver
+from shukotsu.stages.fit_hand.compiled_equations import pose, residuals
+from shukotsu.stages.fit_hand.fit import HandFit
+from shukotsu.stages.fit_hand.gauss_newton import first_guess
+from shukotsu.stages.fit_hand.normal_equations import Frames, Problem, Residuals
+
+CHUNK_FRAMES = 256
+LEAST_RECEIVERS = 2
+_UNSEEN = 1e9
+"""Sd in units of a receiver's own, of what is to count for nothing."""
+
+
+@dataclass(frozen=True)
+class PosedHand:
+    """A recording as the fitted hand did it, T frames; NaN in frames that could not be posed.
+
+    angle_names : (joint, kind) of the columns of angles_rad (T, A). bones : B names, the base bone (the hand,
+    at the wrist centre) first; bone_position_mm (T, B, 3) proximal joint's centre, bone_quaternion
+    (T, B, 4) bone (x distal, z dorsal) to transmitter.
+    receivers : S names; receiver_mm (T, S, 3) where the hand says that each receiver's origin is, which for
+    a distal one is the fingertip. posed : (T,) bool. residual_mm : (T,) rms over the receivers.
+    """
+
+    angle_names: tuple[tuple[str, str], ...]
+    angles_rad: Array
+    bones: tuple[str, ...]
+    bone_position_mm: Array
+    bone_quaternion: Array
+    receivers: tuple[str, ...]
+    receiver_mm: Array
+    residual_mm: Array
+    posed: npt.NDArray[np.bool_]
+
+
+def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHand:
+    """Fit the joint angles of every frame over all receivers that are valid in it.
+
+    blind : receivers whose positions are left out, which are then predicted from everything else.
+    """
+    frames = fit.evidence.convention.frames(poses)
+    sd = fit.evidence.problem.sd.copy()
+    sd[[fit.evidence.model.receivers.index(name) for name in blind], 0] *= _UNSEEN
+    problem = replace(fit.evidence.problem, sd=sd, state_sd=np.array(fit.evidence.model.states.sd))
+    parts = [
+        _pose_chunk(fit, problem, frames.take(slice(start, start + CHUNK_FRAMES)))
+        for start in range(0, max(len(frames.valid), 1), CHUNK_FRAMES)
+    ]
+    angles, position, quaternion, origins, rms = (
+        np.concatenate(arrays) for arrays in zip(*parts, strict=True)
+    )
+    posed = frames.valid.sum(1) >= LEAST_RECEIVERS
+    for array in (angles, position, quaternion, origins, rms):
+        array[~posed] = np.nan
+    return PosedHand(
+        tuple(fit.evidence.model.states.names),
+        angles,
+        (root_of(fit.evidence.layout), *fit.evidence.model.length),
+        position,
+        quaternion,
+        fit.evidence.model.receivers,
+        origins,
+        rms,
+        posed,
+    )
+
+
+def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, Array, Array, Array, Array]:
+    """Angles, bones' positions and quaternions, receivers' origins, and rms residual, of some frames."""
+    problem = replace(problem, frames=frames)
+    point = pose(problem, first_guess(problem, fit.evidence.model, fit.evidence.posterior.x))
+    current = residuals(problem, point)
+    marks = {
+        name: (reached.rotation[mark], reached.position_mm[mark])
+        for branch, (_, _, reached) in zip(problem.branches, current.branches, strict=True)
+        for mark, name in enumerate(branch.marks)
+    }
+    places = [(point.root, point.root_mm), *(marks[bone(name)] for name in fit.evidence.model.length)]
+    bones = [fit.evidence.convention.world(*place) for place in places]
+    rotation, position = (np.stack(parts, 1) for parts in zip(*bones, strict=True))
+    origins = np.stack(
+        [fit.evidence.convention.world(*marks[receiver(name)])[1] for name in fit.evidence.model.receivers], 1
+    )
+    return point.y, position, from_matrix(rotation), origins, _rms_mm(problem, current)
+
+
+def _rms_mm(problem: Problem, current: Residuals) -> Array:
+    """Root mean square distance, (F,), of predicted to measured receivers that are valid."""
+    total, count = np.zeros(len(current.frame_cost)), np.zeros(len(current.frame_cost))
+    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
+        for i, (_, s) in enumerate(receivers):
+            if problem.sd[s, 0] < _UNSEEN / 1e3:
+                total += (r[i, :, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2
+                count += problem.frames.valid[:, s]
+    return np.asarray(np.sqrt(total / np.maximum(count, 1)))

@@ -1,0 +1,184 @@
+"""Add touches to a fitted hand's posterior: a fingertip on a known point, a thumb's pad on a finger's.
+
+Receivers are measured in a touch, so that it is an observation of three numbers, of the hand's unknowns and
+the soft parts' offsets alone. The posterior is normal and the observation nearly linear: it comes in by
+conditioning, linearised a few times at what it leads to (the iterated Kalman update, Bell & Cathey 1993).
+
+A touch is one observation however many frames it lasts. What is wrong with it, the skin under the receiver,
+the field, the finger's place on the point, stays the same while it lasts; only the tracker's noise averages,
+and that is a tenth of a millimetre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips_of, seen_parts
+from shukotsu.stages.fit_hand.operations import Index
+
+TOUCH_SD_MM = 0.4
+"""Of a fingertip's end on a known point, per direction: a divot or a stylus, and skin that gives way."""
+
+CONTACT_SD_MM = 1.5
+"""Of two pads that meet, per direction: pulps give way by 1 to 2 mm and do not meet centre on centre."""
+
+SKIN_SD_MM = 0.3
+"""Of a nail's receiver over its bone, per direction: other skin slides by about a millimetre per rad of its
+joint, that of the nail by a third of it."""
+
+WORST = 16.27
+"""Squared distance, in sd, of a touch from where all else puts it: exceeded by 1 in 1000 (chi-square, 3)."""
+
+_ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A fingertip on a known point, a stylus's tip on the fingertip, or two fingertips that meet.
+
+    receiver_mm : (N, D, 3), receiver_quaternion : (N, D, 4) poses of the D digits' distal receivers while it
+    lasted. part : tip or pad, or bone where somebody knows even that. sd_mm : of what meets, per direction.
+    point_mm : (3,) the point in the transmitter frame; None where two digits meet.
+    """
+
+    digits: tuple[str, ...]
+    receiver_mm: Array
+    receiver_quaternion: Array
+    part: str
+    sd_mm: float
+    point_mm: Array | None = None
+
+
+def touch_in(
+    tips: Fingertips,
+    poses: Poses,
+    rows: Index,
+    digit: str,
+    point_mm: Array,
+    *,
+    sd_mm: float = TOUCH_SD_MM,
+    part: str = TIP,
+) -> Touch:
+    """A touch that lasted for some frames of a recording; InputError where its receiver is in none valid."""
+    return Touch((digit,), *_held(tips, poses, rows, digit), part, sd_mm, point_mm)
+
+
+def contact_in(
+    tips: Fingertips, poses: Poses, rows: Index, digits: tuple[str, str], *, sd_mm: float = CONTACT_SD_MM
+) -> Touch:
+    """Two pads on each other for some frames of a recording; InputError where none has both receivers."""
+    return Touch(digits, *_held(tips, poses, rows, *digits), PAD, sd_mm)
+
+
+def _held(tips: Fingertips, poses: Poses, rows: Index, *digits: str) -> tuple[Array, Array]:
+    """Poses (N, D, 3), (N, D, 4) of the digits' receivers in those rows in which all are valid."""
+    receivers = [tips[digit].receiver for digit in digits]
+    columns = [poses.index(name) for name in receivers]
+    rows = rows[poses.valid[rows][:, columns].all(1)]
+    if not len(rows):
+        raise InputError(f"no frame of the touch has a valid pose of {' and '.join(receivers)}")
+    return poses.position_mm[rows][:, columns], poses.quaternion[rows][:, columns]
+
+
+@dataclass(frozen=True)
+class _Equation:
+    """value (3,) = sum of factor (3, 3) @ point of (digit, part), to an sd per direction."""
+
+    name: str
+    terms: tuple[tuple[Array, tuple[str, str]], ...]
+    value: Array
+    sd_mm: float
+
+
+def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
+    """Condition fingertips on touches; the result's `fit` has its joints, bones and their covariance then.
+
+    tips : of a fit, or conditioned on touches already. A touch farther from where the fit and the other
+    touches put it than 1 in 1000 would be is left out, with a sentence in `refused`. Raises InputError for a
+    digit without a fingertip or an unknown part.
+    """
+    equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
+    refused: list[str] = []
+    while equations:
+        u, covariance, misfits = _conditioned(tips, equations)
+        worst = max(range(len(equations)), key=lambda i: misfits[i][0])
+        if misfits[worst][0] <= WORST:
+            return _moved(tips, u, covariance, tuple(refused))
+        squared, apart_mm = misfits[worst]
+        refused.append(
+            f"{equations.pop(worst).name} is {apart_mm:.1f} mm, {np.sqrt(squared):.1f} sd, from where "
+            "the hand and all other touches put it: left out as another digit's, another part's, or no touch"
+        )
+    return replace(tips, refused=(*tips.refused, *refused))
+
+
+def _equation(tips: Fingertips, number: int, touch: Touch) -> _Equation:
+    """The ends of the digits meet, or one is at the point."""
+    if touch.part not in (BONE, TIP, PAD):
+        raise InputError(f"part {touch.part!r} of a fingertip is not known; expected bone, tip or pad")
+    first, *other = touch.digits
+    names = [tips[digit].receiver for digit in touch.digits]
+    name = f"contact {number} ({first} and {other[0]})" if other else f"touch {number} ({first}, {names[0]})"
+    turns = [matrix(quaternion).mean(0) for quaternion in touch.receiver_quaternion.swapaxes(0, 1)]
+    terms = zip((1.0, -1.0), turns, touch.digits, strict=False)
+    met = touch.receiver_mm[:, 1] if touch.point_mm is None else touch.point_mm
+    return _Equation(
+        name,
+        tuple((sign * turn, (digit, touch.part)) for sign, turn, digit in terms),
+        (met - touch.receiver_mm[:, 0]).mean(0),
+        float(np.sqrt(touch.sd_mm**2 + len(touch.digits) * SKIN_SD_MM**2)),
+    )
+
+
+def _conditioned(
+    tips: Fingertips, equations: Sequence[_Equation]
+) -> tuple[Array, Array, list[tuple[float, float]]]:
+    """Unknowns and offsets (G + 6 D,) given the equations, their covariance, and of each equation how far it
+    is from what all others make of it: squared in sd, and in mm.
+    """
+    evidence, shape = tips.fit.evidence, tips.offsets_mm.shape
+    start, P = np.concatenate([evidence.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
+    noise = np.repeat([equation.sd_mm**2 for equation in equations], 3)
+    u = start
+    for _ in range(_ROUNDS):
+        off, H = _misfit(tips, equations, u, shape)
+        PH = P @ H.T
+        gain = np.linalg.solve(H @ PH + np.diag(noise), PH.T).T
+        u = start + gain @ (off - H @ (start - u))
+    off, H = _misfit(tips, equations, u, shape)
+    after = P - gain @ PH.T
+    misfits = []
+    for i, equation in enumerate(equations):
+        rows = slice(3 * i, 3 * i + 3)
+        # what is left of an equation's own noise says how far the others alone would have it
+        left = equation.sd_mm**2 * np.eye(3) - H[rows] @ after @ H[rows].T
+        pull = np.linalg.solve(left, off[rows])
+        misfits.append((float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))))
+    return u, (after + after.T) / 2, misfits
+
+
+def _misfit(
+    tips: Fingertips, equations: Sequence[_Equation], u: Array, shape: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """Values of the K equations less what u gives, (3 K,), and the latter's derivative (3 K, G + 6 D)."""
+    n_unknowns = len(u) - int(np.prod(shape))
+    seen = seen_parts(tips.fit.evidence, u[:n_unknowns], u[n_unknowns:].reshape(shape))
+    off, rows = [], []
+    for equation in equations:
+        off.append(equation.value - sum(factor @ seen[part][0] for factor, part in equation.terms))
+        rows.append(sum(factor @ seen[part][1] for factor, part in equation.terms))
+    return np.concatenate(off), np.concatenate(rows)
+
+
+def _moved(tips: Fingertips, u: Array, covariance: Array, refused: tuple[str, ...]) -> Fingertips:
+    """The fit and the offsets moved to u; the mean joint angles go along."""
+    n_unknowns = len(tips.fit.evidence.posterior.x)
+    fit = tips.fit.moved_to(u[:n_unknowns], covariance[:n_unknowns, :n_unknowns])
+    offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
+    return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))

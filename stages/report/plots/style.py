@@ -1,0 +1,253 @@
+"""Set how every picture looks: sizes, fonts and lines.
+
+A journal that wants it otherwise changes this and the palette.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+from unicodedata import category, east_asian_width
+
+import matplotlib
+from matplotlib import font_manager
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.transforms import Affine2D, Transform
+
+from shukotsu.errors import InputError
+from shukotsu.sentences.translation import ENGLISH, N_, language
+from shukotsu.stages.report.palette import INK, RULE, SOFT
+from shukotsu.stages.report.wording import translations_of
+
+ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 175.0
+LARGE_PT, SMALL_PT = 8.0, 7.0
+
+FONT = N_("DejaVu Sans")
+FONTS_FOR_OTHER_SCRIPTS = (
+    "Noto Sans CJK JP",
+    "Noto Sans JP",
+    "IPAexGothic",
+    "IPAGothic",
+    "Source Han Sans JP",
+    "Yu Gothic",
+    "Hiragino Sans",
+    "MS Gothic",
+    "Noto Sans CJK SC",
+    "Microsoft YaHei",
+    "WenQuanYi Zen Hei",
+)
+"""Used where they are installed, for characters that FONT does not have."""
+
+STYLE: dict[str, Any] = {
+    "font.size": LARGE_PT,
+    "axes.labelsize": LARGE_PT,
+    "axes.titlesize": LARGE_PT,
+    "axes.titlepad": 3.0,
+    "axes.labelpad": 2.0,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": RULE,
+    "grid.linewidth": 0.5,
+    "xtick.labelsize": SMALL_PT,
+    "ytick.labelsize": SMALL_PT,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 0.0,
+    "ytick.minor.size": 0.0,
+    "lines.linewidth": 0.8,
+    "lines.markersize": 4.0,
+    "legend.fontsize": SMALL_PT,
+    "legend.frameon": False,
+    "legend.handlelength": 1.8,
+    "legend.columnspacing": 1.2,
+    "hatch.linewidth": 0.6,
+    "path.simplify_threshold": 0.1,  # pt
+    "text.parse_math": False,  # a name may hold $, \ and _
+    "svg.fonttype": "none",
+    "svg.hashsalt": "shukotsu",
+    "pdf.fonttype": 42,
+}
+"""Settings of matplotlib, on top of its own defaults; a user's matplotlibrc has no say."""
+
+
+@contextmanager
+def applied(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Draw and save in this style, `settings` on top, and leave matplotlib's settings as they were."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        all_settings: Any = {**STYLE, **_fonts(), **(settings or {})}
+        matplotlib.rcParams.update(all_settings)
+        yield
+
+
+def label(text: str) -> str:
+    """The text as the fonts at hand can write it; a character that none has becomes its code in ASCII."""
+    known = _characters(language())
+    return "".join(c if c.isprintable() and ord(c) in known else _code(c) for c in text)
+
+
+def _without_controls(text: str) -> str:
+    """Give a text as XML can hold it."""
+    return "".join(_code(c) if category(c) in ("Cc", "Cs") else c for c in text)
+
+
+def _code(character: str) -> str:
+    number = ord(character)
+    return (
+        f"\\x{number:02x}"
+        if number < 0x100
+        else f"\\u{number:04x}"
+        if number < 0x10000
+        else f"\\U{number:08x}"
+    )
+
+
+def width_in_letters(words: str) -> int:
+    """Count the Latin letters that a text is wide: a Chinese or Japanese one is twice as wide."""
+    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
+
+
+def width_mm(words: str, points: float = SMALL_PT) -> float:
+    """Give about how wide a text is in letters of that size."""
+    return 0.22 * points * width_in_letters(words)
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Lines of at most so many Latin letters, as the fonts at hand can write them."""
+    return wrap(label(text), width if width_in_letters(text) < 1.5 * len(text) else width // 2)
+
+
+def fonts_of(own: str) -> list[str]:
+    """Give the names of fonts that write a language, the best first: its translation of DejaVu Sans."""
+    return translations_of(own).gettext(FONT).split(", ")
+
+
+def font_of(own: str) -> Path | None:
+    """Find the file of the first installed font that writes a language; None where there is none."""
+    found = _first_font(fonts_of(own))
+    if found is None and _seek_fonts():
+        found = _first_font(fonts_of(own))
+    return found
+
+
+def _first_font(names: Sequence[str]) -> Path | None:
+    files = {entry.name: Path(entry.fname) for entry in reversed(font_manager.fontManager.ttflist)}
+    return next((files[name] for name in names if name in files), None)
+
+
+@cache
+def _seek_fonts() -> int:
+    """Add fonts that were installed after matplotlib wrote down its list; how many."""
+    known = {entry.fname for entry in font_manager.fontManager.ttflist}
+    new = [path for path in font_manager.findSystemFonts() if path not in known]
+    for path in new:
+        with suppress(OSError, RuntimeError):  # a file that is no font that can be drawn
+            font_manager.fontManager.addfont(path)
+    return len(new)
+
+
+def check_font(own: str) -> None:
+    """Raise InputError where no font is installed that writes the language of the figures."""
+    if own == ENGLISH or font_of(own) is not None:
+        return
+    raise InputError(
+        f"language: {own}: its figures need a font, and none of {', '.join(fonts_of(own))} is "
+        "installed; install one (on Debian and Ubuntu: sudo apt-get install fonts-ipaexfont-gothic) or leave "
+        "the key language out of the study file"
+    )
+
+
+def _fonts() -> dict[str, Any]:
+    """Settings of fonts: first that of the language spoken. Only a TrueType file goes into a PDF as such."""
+    font = None if language() == ENGLISH else font_of(language())
+    if font is None:
+        return {"font.family": [FONT, *_installed()]}
+    name = font_manager.get_font(font).family_name
+    return {"font.family": [name, FONT, *_installed()], "pdf.fonttype": 42 if font.suffix == ".ttf" else 3}
+
+
+@cache
+def _installed() -> tuple[str, ...]:
+    """Fonts for other scripts that are there as TrueType files; others cannot go into a PDF as TrueType."""
+    fonts = font_manager.fontManager.ttflist
+    names = {entry.name for entry in fonts if Path(entry.fname).suffix.lower() == ".ttf"}
+    return tuple(name for name in FONTS_FOR_OTHER_SCRIPTS if name in names)
+
+
+@cache
+def _characters(own: str) -> frozenset[int]:
+    """Code points that some font in use has."""
+    found: set[int] = set()
+    files = [Path(font_manager.findfont(name)) for name in (FONT, *_installed())]
+    for file in (*files, *([] if own == ENGLISH else filter(None, [font_of(own)]))):
+        found |= font_manager.get_font(file).get_charmap().keys()
+    return frozenset(found)
+
+
+@dataclass(frozen=True)
+class Margins:
+    """The room around a panel's axes, mm."""
+
+    left: float
+    right: float
+    top: float
+    foot: float
+
+
+@dataclass(frozen=True)
+class Place:
+    """A panel's place in a figure: left and top from the figure's upper left corner, width and height, mm."""
+
+    figure: Figure
+    left: float
+    top: float
+    width: float
+    height: float
+    margins: Margins
+
+    def axes(self) -> Axes:
+        """Add axes there."""
+        wide, high = 25.4 * self.figure.get_size_inches()
+        box = (self.left / wide, 1 - (self.top + self.height) / high, self.width / wide, self.height / high)
+        axes = self.figure.add_axes(box)
+        axes.patch.set_visible(False)
+        return axes
+
+    def millimetres(self, aside: float) -> Transform:
+        """Give the transform of millimetres from the lower left corner, moved to the right."""
+        high = 25.4 * self.figure.get_figheight()
+        own = Affine2D().translate(self.left + aside, high - self.top - self.height).scale(1 / 25.4)
+        return own + self.figure.dpi_scale_trans
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A picture's medium: print, or a page, whose browser has every character.
+
+    tips : on a page, what a pointer is told on each mark of an artist, by the artist's identifier.
+    """
+
+    on_page: bool
+    tips: dict[str, list[str]] = field(default_factory=dict)
+
+    def words(self, text: str) -> str:
+        """Give a text, of several lines or one, as it is to be drawn."""
+        lines = text.split("\n")
+        return "\n".join(map(_without_controls if self.on_page else label, lines))

@@ -1,0 +1,97 @@
+"""`shukotsu check` of a study: what is written, what lies outside, what the recordings' poses contradict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from small_study import write_plans, write_study
+
+from shukotsu.commands.check_file import main as check
+from shukotsu.schemas.catalogue import FINDINGS
+from shukotsu.schemas.plan import read_plan
+from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.stages.capture.import_recording import main as import_recording
+from shukotsu.stages.check_recordings.__main__ import main as check_recordings
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.recording import write_recording
+from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.workflow.study_files import import_options
+
+ROWS = (
+    "P1 right rom both rom.csv",
+    "P1 right pinch evaluation opposition.csv",
+    "P1 right again evaluation rom.csv",
+    "P1 right old evaluation opposition.csv - - moved",
+    "P2 left rom both rom.csv",
+    "P2 left seen evaluation opposition.csv - - - on-video",
+    "P2 left lost evaluation lost.csv",
+    "P2 left gone evaluation lost.csv",
+)
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two right recordings, of which one is named twice, and both declared as of another's left hand too."""
+    monkeypatch.chdir(tmp_path)
+    for task in ("rom", "opposition"):
+        write_recording(Path(f"{task}.csv"), simulate("P1", "right", task, 3, Realism.full(), 600))
+    return write_study(tmp_path, *ROWS)
+
+
+def of_run(study: Path) -> set[tuple[str, ...]]:
+    """Recording, severity, kind and message of every finding that the stages of a run write."""
+    found = set()
+    for path in write_plans(study).values():
+        plan = read_plan(path, checked=False)
+        for recording in plan.recordings:
+            if not recording.exclude:
+                poses = plan.poses(recording)
+                poses.parent.mkdir(parents=True)
+                argv = ["--record-failure", *import_options(recording), f"--out={poses}"]
+                assert import_recording(argv) == 0
+        assert check_recordings(["--plan", str(path), "--out", str(plan.table("findings"))]) == 0
+        for row in rows_of(read_table(plan.table("findings"), FINDINGS)):
+            name = f"{plan.subject} {row['hand']} {row['task']}"
+            found.add((name, *(row[column] for column in ("severity", "kind", "message"))))
+    return found
+
+
+def test_a_study_s_recordings_have_the_findings_of_its_run(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Those that take a comparison of recordings too; a sentence stands once, and nothing is left behind."""
+    before = sorted(Path().rglob("*"))
+    assert check([str(study)]) == 0
+    out, err = capsys.readouterr()
+    assert not err
+    assert sorted(Path().rglob("*")) == before
+    first, *lines = out.splitlines()
+    assert first.endswith("study test, 2 subjects, 8 recordings, 2 models")
+    lost = [line for line in lines if "cannot be read" in line]
+    assert lost == [
+        "P2 left lost, P2 left gone: cannot be read: lost.csv: no such file; expected a recording"
+    ]
+    said = {
+        (name, *rest.split(": ", 2))
+        for line in lines
+        for names, rest in [line.split(": ", 1)]
+        for name in names.split(", ")
+        if line not in lost
+    }
+    assert {kind for _, _, kind, _ in said} >= {"same-file", "wrong-hand"}
+    assert said == of_run(study)
+
+
+def test_a_study_says_what_its_sheets_do_not_share(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And a recording that is a link to itself is one that cannot be read, no end of the check."""
+    monkeypatch.chdir(tmp_path)
+    Path("loop.csv").symlink_to("loop.csv")
+    Path("recordings.tsv").write_text("subject\thand\ttask\trole\tfile\n01\tright\trom\tboth\tloop.csv\n")
+    Path("participants.tsv").write_text("subject\thand_length_mm\n1\t180\n")
+    sheets = "recordings: recordings.tsv\nparticipants: participants.tsv\n"
+    Path("study.yaml").write_text(f"study: s\n{sheets}layout: liberty16\nmodels: [rigid]\n")
+    assert check([]) == 0
+    assert "note: participants.tsv: has no row of '01', and row 2 is of '1'" in capsys.readouterr().out

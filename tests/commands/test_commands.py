@@ -1,0 +1,89 @@
+"""`shukotsu`: every command helps from any folder, quickly, with an example that its own parser takes."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from shukotsu.__main__ import main
+from shukotsu.commands import COMMANDS
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "yaml", "matplotlib", "snakemake")
+LIGHT_HELP = f"""
+import sys
+from shukotsu.__main__ import main
+try:
+    main(sys.argv[1:])
+except SystemExit as ended:
+    heavy = {HEAVY} and set({HEAVY}) & set(sys.modules)
+    sys.exit(f"imported {{heavy}}" if heavy else ended.code)
+"""
+
+
+def run(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
+    """Run a command as a process from a folder that is not the project's."""
+    return subprocess.run(
+        [sys.executable, "-P", *argv],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY), "COLUMNS": "100"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_helps_from_another_folder(tmp_path: Path, command: str) -> None:
+    """The example's command is this one, its options are the parser's, and nothing heavy is imported."""
+    done = run(tmp_path, "-c", LIGHT_HELP, command, "--help")
+    assert done.returncode == 0, done.stderr
+    known, _, example = done.stdout.partition("example:")
+    assert known.startswith(f"usage: shukotsu {command}")
+    argv = shlex.split(example.replace("$(", "").replace(")", ""), comments=True)
+    assert ["shukotsu", command] in [argv[i : i + 2] for i in range(len(argv))]
+    own = argv[: argv.index("--")] if "--" in argv else argv
+    assert [option for option in own if option.startswith("--") and option not in known] == []
+
+
+def test_the_help_names_every_command(tmp_path: Path) -> None:
+    done = run(tmp_path, "-m", "shukotsu", "--help")
+    assert done.returncode == 0
+    for name, command in COMMANDS.items():
+        assert f"  {name} " in done.stdout
+        assert command.summary in done.stdout
+
+
+def test_a_stage_is_run_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["stage", "solve_joints.check_calibration", "--help"])
+    assert ended.value.code == 0
+    assert "usage: shukotsu stage solve_joints.check_calibration" in capsys.readouterr().out
+
+
+def test_outside_the_environment_it_is_a_sentence(tmp_path: Path) -> None:
+    """A Python without the packages says where the command is, whatever is asked of it."""
+    hidden = "import sys; sys.modules.update(dict.fromkeys(['numpy', 'yaml', 'pyarrow'])); "
+    done = run(tmp_path, "-c", f"{hidden}from shukotsu.__main__ import main; sys.exit(main(['check']))")
+    (tmp_path / "study.yaml").write_text("study: a\n")
+    asked = run(tmp_path, "-c", f"{hidden}from shukotsu.__main__ import main; sys.exit(main(['check']))")
+    for ended in (done, asked):
+        assert ended.returncode == 2
+        assert "Traceback" not in ended.stderr
+    assert "is not installed for" in asked.stderr
+    assert "install this program again" in asked.stderr
+
+
+def test_the_installed_command_runs_from_a_folder_with_misleading_names(tmp_path: Path) -> None:
+    """Nothing that lies in the folder is imported in place of the program."""
+    script = Path(sys.executable).with_name("shukotsu")
+    for name in ("shukotsu", "schemas", "stages"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('imported from the folder')")
+    done = subprocess.run([script, "new", "a"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "a" / "study.yaml").is_file()

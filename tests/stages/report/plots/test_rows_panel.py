@@ -1,0 +1,89 @@
+"""Rows of dots: every number is drawn where it belongs, on a scale that a gross failure does not spoil."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shukotsu.stages.report.palette import MODELS, Look
+from shukotsu.stages.report.plots.description import (
+    Group,
+    Row,
+    RowsPanel,
+    Scale,
+    difference_scale,
+    value_scale,
+)
+from shukotsu.stages.report.plots.page_pictures import page_picture
+from shukotsu.stages.report.plots.rows_panel import MOST_NAMED, ticks
+
+LOOK = Look(MODELS[0], "s")
+NUMBERS = st.lists(st.floats(-500.0, 500.0).map(lambda value: round(value, 3)), min_size=1, max_size=40)
+
+
+def places(picture: str) -> np.ndarray:
+    """Give where the dots of a picture are, (n, 2)."""
+    return np.array(re.findall(r"M([\d.]+)[ ]?([\d.]+)h0", picture), float).reshape(-1, 2)
+
+
+def panel(scale: Scale, *rows: Row, n: int) -> RowsPanel:
+    return RowsPanel("", "Thumb <1>", "mm", scale, (Group("", rows),), of_all=n)
+
+
+@given(NUMBERS)
+def test_scales_hold_every_number(values: list[float]) -> None:
+    """Differences all, errors all but those that are next to nothing on a logarithmic scale."""
+    numbers = np.array(values)
+    differences, errors = difference_scale(numbers), value_scale(np.abs(numbers))
+    assert differences.low < 0 < differences.high
+    assert differences.low <= numbers.min()
+    assert differences.high >= numbers.max()
+    assert errors.high >= np.abs(numbers).max()
+    assert errors.low <= max(np.abs(numbers)[numbers != 0].min(initial=500.0), errors.high / 1e4)
+
+
+@pytest.mark.parametrize(
+    ("gross", "kinds"), [(4.0, ("linear", "linear")), (150.0, ("log", "asinh")), (9000.0, ("log", "asinh"))]
+)
+def test_gross_failures_flatten_nothing(gross: float, kinds: tuple[str, str]) -> None:
+    """The usual numbers keep a good part of the axis beside one of centimetres."""
+    usual = np.linspace(1.0, 3.0, 30)
+    found = value_scale(np.append(usual, gross)), difference_scale(np.append(usual - 2, -gross))
+    assert (found[0].kind, found[1].kind) == kinds
+    assert 0.0 in ticks(found[1])
+    assert all(len(ticks(scale)) >= 2 for scale in found)
+
+
+@pytest.mark.parametrize(
+    ("scale", "expected"),
+    [
+        (Scale(-1.0, 9.3), [0, 2, 4, 6, 8]),
+        (Scale(0.0, 0.5), [0, 0.1, 0.2, 0.3, 0.4, 0.5]),
+        (Scale(1e-4, 2.0, "log"), [1e-4, 1e-3, 1e-2, 0.1, 1]),
+        (Scale(0.8, 9.0, "log"), [1, 2, 5]),
+        (Scale(-30.0, 200.0, "asinh", 2.0), [-30, -10, -3, 0, 3, 10, 30, 100]),
+    ],
+)
+def test_ticks_are_round_numbers(scale: Scale, expected: list[float]) -> None:
+    assert ticks(scale) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("n", [3, MOST_NAMED + 1])
+def test_every_subject_is_drawn(n: int) -> None:
+    """A dot a number, over its value; subjects are named while they are few, and missing ones counted."""
+    first = Row("a & b", LOOK, {f"S{k}": k + 1.0 for k in range(n)})
+    scale = value_scale(np.arange(1.0, n + 1))
+    picture = page_picture(panel(scale, first, Row("c", LOOK, {"S0": 1.0}), Row("none", LOOK), n=n))
+    found = places(picture)
+    assert len(found) == n + 1
+    assert picture.count("<title>S") == (n if n <= MOST_NAMED else 0)
+    row = np.sort(found[found[:, 1] < found[:, 1].min() + 7][:, 0])
+    along = np.arange(1.0, n + 1)
+    np.testing.assert_allclose(row, np.polyval(np.polyfit(along, row, 1), along), atol=0.1)
+    assert ">1.00 (n = 1)<" in picture
+    assert "a &amp; b" in picture
+    assert "Thumb &lt;1&gt;" in picture

@@ -1,0 +1,210 @@
+"""What is installed: the wheel, all that it declares, the recorder alone, and the workflow for others."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+import yaml
+from program_files import PACKAGE, REPOSITORY, package_files
+
+import shukotsu
+from shukotsu.schemas import VERSION
+
+RECORDER = ("numpy", "pyarrow", "pyserial")
+OF_BLENDER = ("bpy", "mathutils")
+SMALL_STUDY = """
+study: small
+recordings: data/demo/recordings.tsv
+layout: liberty16
+models: [rigid]
+simulation: {folder: data/demo/recordings, seed: 1}
+"""
+MODULE = """
+configfile: "config.yaml"
+
+
+module shukotsu:
+    snakefile:
+        "SNAKEFILE"
+    config:
+        config["hands"]
+
+
+use rule * from shukotsu as hands_*
+
+
+rule own:
+    input:
+        "results/small/sub-01/plan.json",
+    default_target: True
+"""
+
+
+def run(*command: str | Path, folder: Path) -> str:
+    """Run a command to its end without this process's PYTHONPATH; give what it printed."""
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env=own,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
+    return done.stdout
+
+
+def test_what_is_imported_is_declared() -> None:
+    """By its own name: what another package brings along may not be there with its next version."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
+    declared = {re.split(r"[^\w-]", line)[0].lower() for line in project["dependencies"]}
+    imported = set()
+    for path in package_files(suffix=".py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                imported.add(node.module.partition(".")[0])
+    owners = packages_distributions()
+    foreign = imported - sys.stdlib_module_names - {"shukotsu", *OF_BLENDER}
+    assert {name: owners[name][0] for name in foreign if owners[name][0].lower() not in declared} == {}
+
+
+def test_the_version_is_said_once() -> None:
+    citation = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text("utf-8"))
+    assert citation["version"] == VERSION == shukotsu.__version__
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built from the source distribution."""
+    folder = tmp_path_factory.mktemp("wheel")
+    run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder, folder=REPOSITORY)
+    (source,) = folder.glob("*.tar.gz")
+    run("tar", "xzf", source, folder=folder)
+    unpacked = folder / source.name.removesuffix(".tar.gz")
+    run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, folder=unpacked)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+def environment(folder: Path, *packages: str | Path) -> Path:
+    """Make an environment with those packages alone; give the folder of its programs."""
+    run(sys.executable, "-m", "venv", folder, folder=REPOSITORY)
+    run(folder / "bin" / "python", "-m", "pip", "install", "--quiet", *packages, folder=REPOSITORY)
+    return folder / "bin"
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        held = {name for name in archive.namelist() if ".dist-info/" not in name}
+    assert held == {path.relative_to(REPOSITORY).as_posix() for path in package_files()}
+
+
+@pytest.mark.slow
+def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path) -> None:
+    """In an environment with the users' lock, which has all that the wheel asks for."""
+    programs = environment(tmp_path / "own", "--require-hashes", "-r", REPOSITORY / "requirements.lock")
+    pip = (programs / "python", "-m", "pip", "--quiet")
+    run(*pip, "install", "--no-index", wheel, folder=tmp_path)
+    study = tmp_path / "study"
+    sheets = study / "data" / "demo"
+    sheets.mkdir(parents=True)
+    (study / "study.yaml").write_text(SMALL_STUDY)
+    lines = (PACKAGE / "data" / "demo" / "recordings.tsv").read_text("utf-8").splitlines()
+    rows = [line.replace("../data/demo", "data/demo") for line in lines[:3]]
+    (sheets / "recordings.tsv").write_text("\n".join(rows) + "\n")
+    installed = sorted((tmp_path / "own").rglob("shukotsu/**/*.tsv"))
+
+    assert "report: results/small/report.html" in run(programs / "shukotsu", "run", folder=study)
+    read = "len(shukotsu.read('results/small/joint_centres.parquet'))"
+    code = f"import shukotsu; print({read}, shukotsu.__file__)"
+    rows_read, home = run(programs / "python", "-c", code, folder=study).split()
+    assert int(rows_read) > 0
+    assert Path(home).is_relative_to(tmp_path / "own")
+    snakefile = run(programs / "shukotsu", "workflow", folder=study).strip()
+    again = (programs / "snakemake", "--snakefile", snakefile, "--configfile", "study.yaml", "--cores", "1")
+    run(*again, folder=study)
+    assert sorted((tmp_path / "own").rglob("shukotsu/**/*.tsv")) == installed
+    assert not list((tmp_path / "own").rglob("*.arrows"))
+
+    run(*pip, "uninstall", "--yes", "shukotsu", folder=study)
+    assert not (programs / "shukotsu").exists()
+
+
+@pytest.mark.slow
+def test_the_recorder_needs_three_packages(wheel: Path, tmp_path: Path) -> None:
+    lock = (REPOSITORY / "requirements.lock").read_text("utf-8")
+    pins = re.findall(rf"^((?:{'|'.join(RECORDER)})==[^\\\n]+)", lock, re.MULTILINE)
+    assert {pin.partition("==")[0] for pin in pins} == set(RECORDER)
+    programs = environment(tmp_path / "own", *pins)
+    run(programs / "python", "-m", "pip", "install", "--no-deps", "--no-index", wheel, folder=tmp_path)
+    shukotsu, port = programs / "shukotsu", tmp_path / "port"
+    command = [shukotsu, "emulate", "--pty", port, "--stations", "1-2"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:
+        try:
+            assert emulator.stdout is not None
+            assert emulator.stdout.readline()
+            run(shukotsu, "devices", folder=tmp_path)
+            assert "LIBERTY" in run(shukotsu, "tracker", "--port", port, folder=tmp_path)
+            run(shukotsu, "record", "--port", port, "--out", "a.arrows", "--duration", "1", folder=tmp_path)
+            decoded = run(shukotsu, "decode", "--in", "a.arrows", "--out", "a.parquet", folder=tmp_path)
+        finally:
+            emulator.terminate()
+    assert "records of 2 receivers" in decoded
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What is committed."""
+    folder = tmp_path_factory.mktemp("clone") / "shukotsu"
+    run("git", "clone", "--quiet", REPOSITORY, folder, folder=REPOSITORY)
+    return folder
+
+
+@pytest.mark.slow
+def test_the_workflow_catalogue_lists_it_as_standardised(clone: Path) -> None:
+    """By the rules of Snakemake's catalogue: how it finds a workflow, and what it runs."""
+    readme = (clone / "README.md").read_text("utf-8").lower()
+    assert "snakemake" in readme
+    assert "workflow" in readme
+    assert (clone / "config" / "README.md").is_file()
+    usage = yaml.safe_load((clone / ".snakemake-workflow-catalog.yml").read_text("utf-8"))["usage"]
+    assert set(usage["mandatory-flags"]) == {"desc", "flags"}
+    assert set(usage["software-stack-deployment"]) == {"conda", "apptainer", "report"}
+    programs = Path(sys.executable).parent
+    run(programs / "snakemake", "--lint", "--snakefile", "workflow/Snakefile", folder=clone)
+    run(programs / "snakefmt", "--check", "Snakefile", "workflow", folder=clone)
+
+
+@pytest.mark.slow
+def test_the_workflow_is_a_module_of_another(clone: Path, tmp_path: Path) -> None:
+    """Its study stands among the keys of the other; a wrong one is one sentence, while it is parsed too."""
+    (tmp_path / "Snakefile").write_text(MODULE.replace("SNAKEFILE", str(clone / "workflow" / "Snakefile")))
+    config = {"hands": yaml.safe_load(SMALL_STUDY) | {"recordings": "recordings.tsv"}}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    (tmp_path / "recordings.tsv").write_text(
+        "subject\thand\ttask\trole\tfile\n01\tright\trom\tboth\t"
+        "data/demo/recordings/sub-01_hand-right_task-rom.arrows\n"
+    )
+    snakemake = Path(sys.executable).with_name("snakemake")
+    run(snakemake, "--cores", "1", folder=tmp_path)
+    assert (tmp_path / "results" / "small" / "sub-01" / "plan.json").is_file()
+    assert yaml.safe_load((tmp_path / "small.module.yaml").read_text("utf-8")) == config["hands"]
+
+    (tmp_path / "config.yaml").write_text("hands: {study: small}\n")
+    wrong = subprocess.run([snakemake, "-n"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert wrong.returncode == 1
+    assert "config: the key 'recordings', 'layout', 'models' is missing" in wrong.stdout
+    assert "Traceback" not in wrong.stdout + wrong.stderr
