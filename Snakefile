@@ -51,6 +51,8 @@ onstart:
         one_run.hold(study.results.folder)
     except InputError as error:
         raise WorkflowError(str(error)) from None
+    for note in filter(None, (study.what_changed(), study.remove_former())):
+        print(f"note: {note}", file=sys.stderr)
     write_cache()
     warm_process.start()
 
@@ -131,7 +133,8 @@ rule stream:  # the simulated tracker's end of the line: recordings -> raw captu
 
 rule capture:  # section 2: a recording -> its poses
     input:
-        study.recording_files,
+        study.simulated_recording,
+        ancient(study.recording_files),
     output:
         f"{subject}/{{hand}}/{{recording}}/poses.parquet",
     log:
@@ -140,7 +143,7 @@ rule capture:  # section 2: a recording -> its poses
         code=code_digest("shukotsu.stages.capture.import_recording"),
         layout=study.layout_digest,
         options=study.import_options,
-        undeclared=study.undeclared_files,
+        files=study.recording_digest,
     message:
         "capture: subject {wildcards.subject}, {wildcards.hand} hand, {wildcards.recording}"
     shell:
@@ -169,7 +172,7 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
 rule align_events:  # not in the paper: notes, markers and pulses, on each recording's own clock
     input:
         study.poses,
-        study.event_files,
+        ancient(study.event_files),
         plan=ancient(f"{subject}/plan.json"),
     output:
         events=f"{subject}/events.parquet",
@@ -178,6 +181,7 @@ rule align_events:  # not in the paper: notes, markers and pulses, on each recor
         f"{logs}/align_events/sub-{{subject}}.log",
     params:
         code=code_digest("shukotsu.stages.align_events"),
+        files=study.event_digest,
         plan=study.recordings_plan,
     message:
         "align_events: subject {wildcards.subject}"
@@ -369,7 +373,7 @@ rule gather:  # the study's short tables, and what went wrong
         study.gathered,
         poses=study.all_poses,
         plans=ancient(study.plans),
-        configuration=study.configuration,
+        configuration=ancient(study.configuration),
     output:
         study.study_tables,
         f"{results}/resolved.yaml",
@@ -377,6 +381,7 @@ rule gather:  # the study's short tables, and what went wrong
         f"{logs}/gather.log",
     params:
         code=code_digest("shukotsu.stages.gather"),
+        configuration=study.configuration_digest,
         plans=study.plans_digest,
         study=study.options,
     message:
@@ -388,13 +393,14 @@ rule gather:  # the study's short tables, and what went wrong
 rule compare_models:  # not in the paper: how the skeleton models differ over the subjects
     input:
         study.study_tables,
-        configuration=study.configuration,
+        configuration=ancient(study.configuration),
     output:
         study.model_comparisons,
     log:
         f"{logs}/compare_models.log",
     params:
         code=code_digest("shukotsu.stages.compare_models"),
+        configuration=study.configuration_digest,
         study=study.options,
     message:
         "compare_models: how the skeleton models differ"
@@ -405,13 +411,14 @@ rule compare_models:  # not in the paper: how the skeleton models differ over th
 rule compare_movement:  # not in the paper: how subjects, sessions and tasks differ, and how well it repeats
     input:
         study.study_tables,
-        configuration=study.configuration,
+        configuration=ancient(study.configuration),
     output:
         study.movement_comparisons,
     log:
         f"{logs}/compare_movement.log",
     params:
         code=code_digest("shukotsu.stages.compare_movement"),
+        configuration=study.configuration_digest,
         study=study.options,
     message:
         "compare_movement: how subjects, sessions and tasks differ"
@@ -448,13 +455,14 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
     input:
         study.exported,
         plans=ancient(study.plans),
-        configuration=study.configuration,
+        configuration=ancient(study.configuration),
     output:
         directory(f"{results}/dataset"),
     log:
         f"{logs}/export_dataset.log",
     params:
         code=code_digest("shukotsu.stages.export"),
+        configuration=study.configuration_digest,
         plans=study.plans_digest,
         options=study.export_options,
         participants=study.participants,
@@ -488,7 +496,7 @@ rule report:  # it names the pages that could not be made
         study.study_tables,
         study.model_comparisons,
         study.movement_comparisons,
-        configuration=study.configuration,
+        configuration=ancient(study.configuration),
     output:
         page=report(
             f"{results}/report.html",
@@ -501,6 +509,7 @@ rule report:  # it names the pages that could not be made
         f"{logs}/report.log",
     params:
         code=code_digest("shukotsu.stages.report"),
+        configuration=study.configuration_digest,
         study=study.options,
     message:
         "report: the study's page"
@@ -537,7 +546,7 @@ rule print_figures:  # the study's figures for print; each is written, if only t
         study.study_tables,
         study.model_comparisons,
         study.movement_comparisons,
-        configuration=study.configuration,
+        configuration=ancient(study.configuration),
     output:
         [
             report(
@@ -557,6 +566,7 @@ rule print_figures:  # the study's figures for print; each is written, if only t
         f"{logs}/print_figures.log",
     params:
         code=code_digest("shukotsu.stages.report.print_figures"),
+        configuration=study.configuration_digest,
         study=study.options,
     message:
         "print_figures: the study's figures for print"

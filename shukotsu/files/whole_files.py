@@ -74,10 +74,14 @@ def file_sha256(path: Path) -> str:
     return _sha256(path.absolute(), *file_state(path))
 
 
-def file_state(path: Path) -> tuple[int, int, int]:
-    """Return numbers that change when a file does: which one it is on the disk, its size and its time."""
+def file_state(path: Path) -> tuple[int, int, int, int, int]:
+    """Return numbers that change when a file does.
+
+    These are device and inode, size, and the times in ns of its content and, last, of its entry, which the
+    system alone sets: it tells a change after which the others were put back.
+    """
     found = path.stat()
-    return found.st_ino, found.st_size, found.st_mtime_ns
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
 
 
 @lru_cache(maxsize=4096)

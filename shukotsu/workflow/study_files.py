@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from shukotsu.anatomy.known_digits import known_digits, no_whole_hand
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, listed
 from shukotsu.files.whole_files import write_text
 from shukotsu.schemas.config_files import REFERENCE, check_config, read_config, read_yaml
 from shukotsu.schemas.plan import (
@@ -38,6 +38,9 @@ from shukotsu.schemas.results import (
     Results,
 )
 from shukotsu.schemas.study import Recording, Study, SubjectSession, path_token, read_study
+from shukotsu.stages.capture.formats.readers import files_read
+from shukotsu.workflow.file_digests import FileDigests
+from shukotsu.workflow.former_results import remove_former_results
 
 DEMO = Path("config", "demo.yaml")
 """The study of a run that names none."""
@@ -53,6 +56,7 @@ class StudyFiles:
         self.file = _relative(study_file)
         self.study: Study = read_study(Path(self.file))
         self.results = Results.of(self.study.name)
+        self._digests = FileDigests()
         plans = StudyPlans(self.study, self.results.folder)
         self._contents = {who.token: plans.content(*who) for who in self.study.sessions}
         self._plans = {
@@ -65,7 +69,7 @@ class StudyFiles:
 
             check_font(self.study.language)
         folders = [_relative(self._simulation_folder())] if self.study.simulation else []
-        for path in (*self.configuration, *folders):
+        for path in (*self._configuration, *folders):
             if not _can_be_declared(path):
                 raise InputError(
                     f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
@@ -85,6 +89,36 @@ class StudyFiles:
         ]
         if reasons and all(reasons):
             raise InputError(f"{self.file}: models: {reasons[0]}")
+
+    def what_changed(self) -> str:
+        """Say what changed since the study ran last and what is made again for it; empty where nothing did.
+
+        What is kept of what the study is made from is from now on that of the run that begins.
+        """
+        files = {
+            plan.who.token: [
+                *self._event_files(token),
+                *(p for r in plan.recordings for p in self._files_of(r)),
+            ]
+            for token, plan in self._plans.items()
+        }
+        paths = {*self._configuration, *(path for own in files.values() for path in own)}
+        contents = {path: self._digests.sha256(path) for path in sorted(paths)}
+        contents |= {f"plan of {token}": plan_digest(own) for token, own in self._contents.items()}
+        changed = self._digests.changes(self.study.name, contents)
+        self._digests.write(self.study.name, contents)
+        if not changed:
+            return ""
+        named = [name for name in changed if not name.startswith("plan of ")]
+        again = [token for token in files if {f"plan of {token}", *files[token]} & {*changed}]
+        whose = f"those of {listed([f'sub-{token}' for token in again])} and " if again else ""
+        return f"changed since the last run: {listed(named)}; results made again: {whose}the study's"
+
+    def remove_former(self) -> str:
+        """Remove results that the study has no longer; say whose, empty where there are none."""
+        present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders}
+        former = remove_former_results(self.results, present)
+        return f"removed results of what the study has no longer: {listed(former)}" if former else ""
 
     @property
     def subjects(self) -> list[SubjectPlan]:
@@ -116,28 +150,53 @@ class StudyFiles:
         """Digest of what the subject's plan says of its recordings."""
         return plan_digest(recordings_part(self._contents[wildcards.subject]))
 
+    def simulated_recording(self, wildcards: Wildcards) -> list[str]:
+        """The recording's file where the workflow makes it."""
+        recording = self._recording(wildcards)
+        return [path for path in [_relative(recording.file)] if path in self._made_for(recording)]
+
     def recording_files(self, wildcards: Wildcards) -> list[str]:
-        """A recording's file and mapping, those that are there or are simulated: a missing one must not stop
-        the others, nor a pipe, nor one whose name Snakemake cannot take (see `undeclared_files`).
+        """The user's files that a recording is read from, those that are there and can be declared.
+
+        A missing one must not stop the others, nor a pipe, nor one whose name Snakemake cannot take.
         """
         recording = self._recording(wildcards)
-        names = {"subject": wildcards.subject, "hand": recording.hand.hand, "task": recording.task}
-        simulated = [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
-        return [path for path in _files_of(recording) if _can_be_read(Path(path)) or path in simulated]
+        if recording.file.is_dir():
+            return _declarable([_relative(path) for path in (recording.file, recording.mapping) if path])
+        return _declarable(self._files_of(recording))
+
+    def recording_digest(self, wildcards: Wildcards) -> str:
+        """Digest of what is in the user's files that a recording is read from, declared or not."""
+        return self._digests.of(self._files_of(self._recording(wildcards)))
 
     def event_files(self, wildcards: Wildcards) -> list[str]:
-        """Files of the events of the subject's recordings that are there."""
-        files = [recording.events for recording in self._plans[wildcards.subject].recordings]
-        paths = [_relative(path) for path in files if path is not None]
-        return [path for path in paths if _can_be_declared(path) and _can_be_read(Path(path))]
+        """The user's files that the subject's events are read from, as `recording_files`."""
+        return _declarable(self._event_files(wildcards.subject))
 
-    def undeclared_files(self, wildcards: Wildcards) -> str:
-        """Tell a change of those files of a recording whose names Snakemake would read as wildcards."""
-        odd = [
-            path for path in _files_of(self._recording(wildcards), declared=False) if _can_be_read(Path(path))
-        ]
-        states = [(path, Path(path).stat()) for path in odd]
-        return ";".join(f"{path} {state.st_size} {state.st_mtime_ns}" for path, state in states)
+    def event_digest(self, wildcards: Wildcards) -> str:
+        """Digest of what is in the user's files that the subject's events are read from, declared or not."""
+        return self._digests.of(self._event_files(wildcards.subject))
+
+    def _made_for(self, recording: Recording) -> list[str]:
+        """Paths of what the workflow would simulate as a recording."""
+        hand = recording.hand
+        token = SubjectSession(hand.subject, hand.session).token
+        names = {"subject": token, "hand": hand.hand, "task": recording.task}
+        return [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
+
+    def _files_of(self, recording: Recording) -> list[str]:
+        """The user's files that a recording is read from: its own or those in its folder, those that are read
+        beside it, and its mapping.
+        """
+        mapping = [] if recording.mapping is None else [recording.mapping]
+        paths = dict.fromkeys(map(_relative, [*files_read(recording.file), *mapping]))
+        return [path for path in paths if path not in self._made_for(recording)]
+
+    def _event_files(self, subject: str) -> list[str]:
+        """The user's files that a subject's events are read from: also recordings, which may have pulses."""
+        with_events = [own for own in self._plans[subject].recordings if own.events is not None]
+        paths = [(own, _relative(path)) for own in with_events for path in (own.file, own.events) if path]
+        return list(dict.fromkeys(path for own, path in paths if path not in self._made_for(own)))
 
     def import_options(self, wildcards: Wildcards) -> str:
         """Options that say what a recording is, for the command that imports it."""
@@ -299,11 +358,26 @@ class StudyFiles:
         return [str(self.results.study_table(table)) for table in MOVEMENT_COMPARISONS]
 
     @property
-    def configuration(self) -> list[str]:
+    def _configuration(self) -> list[str]:
         """The study file and its sheets, layouts and models."""
         layouts = dict.fromkeys(recording.layout for recording in self.study.recordings)
         files = [*self.study.sheets.values(), *layouts, *self.study.models.values()]
         return [self.file, *map(_relative, files)]
+
+    @property
+    def _mappings(self) -> list[str]:
+        mappings = [own.mapping for own in self.study.recordings if own.mapping is not None]
+        return [_relative(path) for path in dict.fromkeys(mappings)]
+
+    @property
+    def configuration(self) -> list[str]:
+        """The study file and its sheets, layouts and models; and mappings, those that can be declared."""
+        return [*self._configuration, *_declarable(self._mappings)]
+
+    @property
+    def configuration_digest(self) -> str:
+        """Digest of what is in these files, and in the other mappings."""
+        return self._digests.of([*self._configuration, *self._mappings])
 
     @property
     def export_options(self) -> str:
@@ -402,10 +476,10 @@ def import_options(recording: Recording) -> list[str]:
     return [f"--{name}={value}" for name, value in values.items() if value] + repair
 
 
-def _files_of(recording: Recording, *, declared: bool = True) -> list[str]:
-    """A recording's file and mapping, of those that can be declared or of the others."""
-    files = [_relative(path) for path in (recording.file, recording.mapping) if path is not None]
-    return [path for path in files if _can_be_declared(path) == declared]
+def _declarable(paths: Sequence[str]) -> list[str]:
+    """Those of some files that are there and that Snakemake takes."""
+    known = [path for path in paths if _can_be_declared(path)]
+    return [path for path in known if Path(path).is_file() or Path(path).is_dir()]
 
 
 def _can_be_declared(path: str) -> bool:
@@ -415,8 +489,3 @@ def _can_be_declared(path: str) -> bool:
 
 def _relative(path: str | Path) -> str:
     return Path(os.path.relpath(path)).as_posix()
-
-
-def _can_be_read(path: Path) -> bool:
-    """Whether a file or a folder is there: Snakemake would wait for a pipe."""
-    return path.is_file() or path.is_dir()

@@ -80,6 +80,8 @@ def export(arguments: argparse.Namespace) -> None:
     if "bids" in formats:
         _describe_dataset(list(plans.values()), arguments)
     failures: list[tuple[str, str]] = []
+    with suppress(OSError):  # where something is to be written, its writer says so
+        arguments.out.mkdir(parents=True, exist_ok=True)  # also of a subject that has nothing to export
     _forget_failures(arguments.out, _failure_name(arguments))
     for plan, model, hands in chosen:
         failures += _export_recording(plan, hands, model, formats, settings, arguments)

@@ -1,4 +1,4 @@
-"""What each job of a study opens is what its rule declares: nothing is hidden from Snakemake."""
+"""What each job of a study opens is what its rule declares, and known by its content: nothing is hidden."""
 
 from __future__ import annotations
 
@@ -6,36 +6,73 @@ import json
 import os
 import re
 import shlex
+import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from studies.running import REPOSITORY, StudyRun, record, write_study
+from event_files import midi_of
+from fuzzing.sample_files import RECORDINGS
+from studies.running import REPOSITORY, StudyRun, hashes, record, write_study
 
+from shukotsu.errors import InputError
 from shukotsu.workflow import job
+from shukotsu.workflow.study_files import StudyFiles
 
 pytestmark = pytest.mark.slow
 
 CONFIGURED = {"plan"}
 """Rules of which the content of the study file and its sheets is a parameter."""
+OF_THE_STUDY = (
+    "gather",
+    "compare_models",
+    "compare_movement",
+    "export_dataset",
+    "report",
+    "print_figures",
+)
+"""Rules that read the study file and its sheets."""
 Command = tuple[str, ...]
+
+
+def every_format(folder: Path) -> list[str]:
+    """Write a recording of each format, all with events, of matrices a folder; give rows of the sheet."""
+    (folder / "taps_events.tsv").write_text("onset\tduration\ttrial_type\n0.01\t0\ttap\n")
+    pulses = f"{midi_of(folder, np.arange(3) / 100).name}\tnote 24 = sync"
+    rows = []
+    for name, sample in RECORDINGS.items():
+        recording, place = sample(), folder / name.replace(" ", "-")
+        place.mkdir()
+        for file, content in recording.files.items():
+            (place / file).write_bytes(content)
+        mapping = ""
+        if recording.mapping is not None:
+            mapping = f"{place.name}.yaml"
+            (folder / mapping).write_text(json.dumps(recording.mapping))
+        path = place if name == "matrices" else place / recording.path
+        events = pulses if name == "capture" else "taps_events.tsv\t"
+        rows.append(f"all\tright\t{place.name}\tboth\t{path.relative_to(folder)}\t{mapping}\t{events}")
+    return rows
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    """A study of two subjects with sheets of all kinds, simulated truth apart."""
+    """A study with sheets and recordings of all kinds, simulated truth apart."""
     folder = tmp_path_factory.mktemp("declared")
-    rows = ["subject\thand\ttask\trole\tfile"]
+    rows = ["subject\thand\ttask\trole\tfile\tmapping\tevents\tpulses", *every_format(folder)]
     for subject in ("01", "02"):
         record(folder / f"{subject}.parquet", subject=subject)
-        rows.append(f"{subject}\tright\trom\tboth\t{subject}.parquet")
+        rows.append(f"{subject}\tright\trom\tboth\t{subject}.parquet\t\t\t")
     record(folder / "left.parquet", subject="01", hand="left")
-    rows += ["01\tleft\trom\tboth\tleft.parquet", "02\tleft\trom\tboth\tmissing.csv"]
+    rows += ["01\tleft\trom\tboth\tleft.parquet\t\t\t", "02\tleft\trom\tboth\tmissing.csv\t\t\t"]
     (folder / "corrections.tsv").write_text(
         "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t1\t0\t0\n"
     )
@@ -147,3 +184,99 @@ def test_an_input_that_a_rule_leaves_out_is_found(
         for argv, (own, files) in declared(study).items()
     }
     assert undeclared(opened, jobs, study).keys() == {rule}
+
+
+def digests(study: StudyRun) -> dict[str, set[str]]:
+    """Give, by rule, what tells Snakemake whether the user's files are what they were."""
+    files = StudyFiles(study.file)
+    each = [
+        SimpleNamespace(subject=plan.who.token, hand=own.hand.hand, recording=own.name)
+        for plan in files.subjects
+        for own in plan.recordings
+    ]
+    return {
+        "plan": {files.plan(own) for own in each},
+        "capture": {files.recording_digest(own) for own in each},
+        "align_events": {files.event_digest(own) for own in each},
+        **{rule: {files.configuration_digest} for rule in OF_THE_STUDY},
+    }
+
+
+def other_content(path: Path) -> None:
+    """Change one byte, and nothing that the file system lets a program set."""
+    content, before = bytearray(path.read_bytes()), path.stat()
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def another_file(path: Path) -> None:
+    """Put another file of that size and time there, as `mv` does."""
+    other = path.with_name(f".{path.name}")
+    shutil.copy2(path, other)
+    other_content(other)
+    other.replace(path)
+
+
+def an_older_file(path: Path) -> None:
+    """Put what was there before in its place, as a restored backup does."""
+    other_content(path)
+    os.utime(path, (0, 0))
+
+
+@pytest.mark.parametrize("change", [other_content, another_file, an_older_file, Path.unlink])
+def test_an_input_is_known_by_its_content(
+    study: StudyRun,
+    opened: Mapping[Command, set[Path]],
+    change: Callable[[Path], None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of every file of the user's that a job opened, each change is seen by its rule, or refused at once."""
+    monkeypatch.chdir(study.folder)
+    jobs, before = declared(study), digests(study)
+    inputs: dict[Path, set[str]] = {}
+    for argv, paths in opened.items():
+        for path in paths:
+            if path.is_file() and path.relative_to(study.folder).parts[0] not in ("results", ".snakemake"):
+                inputs.setdefault(path, set()).add(jobs[argv][0])
+    assert len(inputs) > len(RECORDINGS) + 10
+    unseen = []
+    for path, rules in inputs.items():
+        kept = path.with_name(f".kept {path.name}")
+        shutil.copy2(path, kept)
+        change(path)
+        with suppress(InputError):
+            after = digests(study)
+            unseen += [(rule, path.name) for rule in rules if before[rule] == after[rule]]
+        kept.replace(path)
+    assert unseen == []
+    assert digests(study) == before
+
+
+def test_what_is_made_again_is_what_a_fresh_run_makes(study: StudyRun, tmp_path: Path) -> None:
+    """After exchanged recordings, other units in a sidecar, a changed and an added file of a folder."""
+    copy = StudyRun(tmp_path / "open" / study.file.name, tmp_path / "open")
+    shutil.copytree(study.folder, copy.folder)
+    (copy.folder / "01.parquet").rename(copy.folder / "right.parquet")
+    (copy.folder / "left.parquet").rename(copy.folder / "01.parquet")
+    (copy.folder / "right.parquet").rename(copy.folder / "left.parquet")
+    (sidecar,) = (copy.folder / "motion-bids").glob("*_channels.tsv")
+    sidecar.write_text(sidecar.read_text("utf-8").replace("\tm\t", "\tcm\t"))
+    other_content(copy.folder / "matrices" / "a.traj")
+    shutil.copy2(copy.folder / "matrices" / "a.traj", copy.folder / "matrices" / "b.traj")
+    (copy.folder / "participants.tsv").write_text("subject\tgroup\n01\tb\n")
+    rows = (copy.folder / "open.tsv").read_text("utf-8").splitlines(keepends=True)
+    (copy.folder / "open.tsv").write_text("".join(row for row in rows if not row.startswith("02\t")))
+    notes = copy.folder / "results" / "open" / "sub-02" / "notes.txt"
+    notes.write_text("the user's own")
+
+    said = copy.run()
+    assert "changed since the last run: " in said
+    assert "removed results of what the study has no longer: sub-02" in said
+    left = [path for path in notes.parent.rglob("*") if path.is_file()]
+    assert left == [notes]
+    notes.unlink()
+    again = hashes(copy.results.folder)
+    shutil.rmtree(copy.results.folder)
+    copy.run()
+    assert hashes(copy.results.folder) == again

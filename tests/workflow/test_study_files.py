@@ -101,26 +101,23 @@ def test_a_recordings_file_that_is_missing_stops_no_other(folder: Path) -> None:
         "A&b right rom both made/sub-A%26b_hand-right_task-rom.arrows",
         more=SIMULATION,
     )
-    assert simulated.recording_files(ROM) == ["study/made/sub-A%26b_hand-right_task-rom.arrows"]
+    made = ["study/made/sub-A%26b_hand-right_task-rom.arrows"]
+    assert (simulated.simulated_recording(ROM), simulated.recording_files(ROM)) == (made, [])
     assert simulated.truth(ROM)[0] == "study/made/sub-A%26b_hand-right_task-rom_truth/joint_centres.parquet"
 
 
 @pytest.mark.parametrize("name", ["a{1}.csv", "a<b>.csv", "{subject}.csv"])
 def test_a_name_that_snakemake_would_read_as_its_own_is_no_input(folder: Path, name: str) -> None:
-    """What tells a change of that file goes into a parameter instead."""
+    """A change of it is told by the digest of its content."""
     rows = (f"A&b right rom calibration data/{name}", "A&b right pinch both data/b.csv")
-    study = files(folder, *rows)
-    assert (study.recording_files(ROM), study.undeclared_files(ROM)) == ([], "")
+    missing = files(folder, *rows).recording_digest(ROM)
     (folder / "study/data").mkdir()
     (folder / "study/data" / name).write_text("1")
     (folder / "study/data/b.csv").write_text("2")
-    assert study.recording_files(ROM) == []
-    before = study.undeclared_files(ROM)
-    assert before.startswith(f"study/data/{name} 1 ")
-    (folder / "study/data" / name).write_text("12")
-    assert study.undeclared_files(ROM) != before
+    study = files(folder, *rows)
     pinch = SimpleNamespace(subject=ROM.subject, hand="right", recording="pinch")
-    assert (study.recording_files(pinch), study.undeclared_files(pinch)) == (["study/data/b.csv"], "")
+    assert (study.recording_files(ROM), study.recording_files(pinch)) == ([], ["study/data/b.csv"])
+    assert study.recording_digest(ROM) != missing
 
 
 def test_a_folder_that_snakemake_would_read_as_its_own_is_refused(folder: Path) -> None:

@@ -21,6 +21,9 @@ from shukotsu.schemas.mapping import MM_PER_UNIT, FileMapping
 
 MOTION_ENDING = "_motion.tsv"
 
+_ROOT = "dataset_description.json"
+"""What a dataset's own folder holds."""
+
 _REQUIRED = ("name", "component", "type", "tracked_point", "units")
 
 _LEVELS = 4
@@ -119,12 +122,27 @@ def read_sidecars(path: Path) -> Sidecars:
     return Sidecars(tables[-1], _channels(tables[-1]), _merged(path, "motion"), _merged(path, "channels"))
 
 
+def sidecar_files(path: Path) -> list[Path]:
+    """Give every file beside or above a motion.tsv on which depends what it holds."""
+    kinds = [("channels", ".tsv"), ("motion", ".json"), ("channels", ".json")]
+    folders = _dataset_folders(path)
+    return [
+        *(sidecar for kind in kinds for sidecar in _inherited(path, *kind)),
+        *(folder / _ROOT for folder in folders if (folder / _ROOT).is_file()),
+    ]
+
+
+def _dataset_folders(path: Path) -> list[Path]:
+    """Give the folders that sidecars may lie in, from the motion.tsv's own up to the dataset's."""
+    folders = [path.parent, *path.absolute().parent.parents[: _LEVELS - 1]]
+    root = next((i for i, folder in enumerate(folders) if (folder / _ROOT).is_file()), 0)
+    return folders[: root + 1]
+
+
 def _inherited(path: Path, suffix: str, ending: str) -> Iterator[Path]:
     """Give the sidecars that apply to a motion.tsv, the nearest and most specific last."""
     entities = set(path.name.removesuffix(MOTION_ENDING).split("_"))
-    folders = [path.parent, *path.absolute().parent.parents[: _LEVELS - 1]]
-    root = next((i for i, folder in enumerate(folders) if (folder / "dataset_description.json").is_file()), 0)
-    for folder in reversed(folders[: root + 1]):
+    for folder in reversed(_dataset_folders(path)):
         sidecars = []
         for candidate in sorted(folder.glob(f"*{suffix}{ending}")):
             *own, last = candidate.name.removesuffix(ending).split("_")

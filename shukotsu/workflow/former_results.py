@@ -1,0 +1,63 @@
+"""Remove results of subjects, recordings and models that a study had when it ran last and has no longer.
+
+What the workflow wrote for a subject is known by the plan that it wrote beside it; nothing else is touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from shukotsu.errors import InputError
+from shukotsu.schemas.config_files import REFERENCE
+from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.results import FAILED_PAGES, FIT_TABLES, SUBJECT_TABLES, Results
+
+_SNAKEMAKES = ".snakemake_timestamp"
+"""What Snakemake puts into every folder that is an output."""
+
+
+def remove_former_results(results: Results, present: Collection[str]) -> list[str]:
+    """Remove them; give the names of the subjects' folders that they were in.
+
+    present : paths of the files and folders that the study's rules make now.
+    """
+    folders = []
+    for path in sorted(results.folder.glob("sub-*/plan.json")):
+        plan = None
+        with suppress(InputError):  # one that cannot be read says nothing of what was made
+            plan = read_plan(path, checked=False)
+        if plan is None or plan.folder != path.parent:
+            continue
+        former = [own for own in _written(plan, results, present) if own.as_posix() not in present]
+        removed = [own for own in former if own.is_file()]
+        for own in removed:
+            own.unlink()
+            _remove_empty(own.parent, results.folder)
+        folders += [plan.folder.name] if removed else []
+    return folders
+
+
+def _written(plan: SubjectPlan, results: Results, present: Collection[str]) -> Iterator[Path]:
+    """Give the paths of all that was written for a subject, by its plan."""
+    yield plan.folder / "plan.json"
+    yield from plan.poses_files.values()
+    yield from (plan.table(name) for name in SUBJECT_TABLES)
+    for model in (*plan.fitted_models, REFERENCE):
+        yield from (plan.fit_table(hand, model, name) for hand in plan.hands for name in FIT_TABLES)
+    pages, exports = results.subject_pages(*plan.who), results.subject_exports(*plan.who)
+    if pages.as_posix() not in present:
+        yield from (results.recording_page(recording) for recording in plan.recordings)
+        yield from (results.subject_page(*plan.who), pages / FAILED_PAGES, pages / _SNAKEMAKES)
+    if exports.as_posix() not in present:
+        yield from (own for own in exports.rglob("*") if own.relative_to(exports).parts[0].startswith("sub-"))
+        yield exports / _SNAKEMAKES
+
+
+def _remove_empty(folder: Path, top: Path) -> None:
+    """Remove a folder and those above it, up to the top, as far as they are empty."""
+    with suppress(OSError):  # the first that is not
+        while folder != top:
+            folder.rmdir()
+            folder = folder.parent

@@ -1,0 +1,87 @@
+"""Files are known by what is in them, and read again only where the file system says that they changed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from shukotsu.workflow import file_digests
+from shukotsu.workflow.file_digests import FileDigests
+
+
+@pytest.fixture(autouse=True)
+def reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the files that are read, of which one, `a`, is in the working directory."""
+    monkeypatch.chdir(tmp_path)
+    Path("a").write_text("one")
+    names: list[str] = []
+    read = file_digests.file_sha256
+
+    def counted(path: Path) -> str:
+        names.append(path.name)
+        return read(path)
+
+    monkeypatch.setattr(file_digests, "file_sha256", counted)
+    return names
+
+
+def kept(*paths: str) -> str:
+    """Digest of files, which is kept for the next call."""
+    digests = FileDigests(Path("cache.json"))
+    found = digests.of(paths)
+    digests.write("study", {path: digests.sha256(path) for path in paths})
+    return found
+
+
+def same_size_and_time() -> None:
+    before = Path("a").stat()
+    Path("a").write_text("two")
+    os.utime("a", ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def moved_here() -> None:
+    Path("b").write_text("two")
+    os.utime("b", (0, 0))
+    Path("b").rename("a")
+
+
+@pytest.mark.parametrize("change", [same_size_and_time, moved_here, lambda: Path("a").unlink()])
+def test_a_change_is_seen_by_content(
+    reads: list[str], change: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(file_digests, "SETTLED_NS", 0)
+    before = kept("a")
+    assert kept("a") == before
+    assert reads == ["a"], "once"
+    change()
+    assert kept("a") != before
+
+
+def test_a_file_that_changed_a_moment_ago_is_read_again(reads: list[str]) -> None:
+    """Within one tick of a coarse clock it may change again and keep all its times."""
+    assert kept("a") == kept("a")
+    assert reads == ["a", "a"]
+
+
+def test_only_a_touched_file_is_the_same() -> None:
+    before = kept("a", "missing")
+    os.utime("a", (0, 0))
+    assert kept("a", "missing") == before
+
+
+def test_what_changed_since_the_last_run_is_named() -> None:
+    digests = FileDigests(Path("cache.json"))
+    assert digests.changes("study", {"a": "1"}) == [], "before the first run nothing did"
+    digests.write("study", {"a": "1", "b": "1", "c": "1"})
+    again = FileDigests(Path("cache.json"))
+    assert again.changes("study", {"a": "1", "b": "2", "d": "1"}) == ["b", "d", "c"]
+    assert again.changes("another", {"a": "1"}) == []
+
+
+def test_a_damaged_cache_costs_time_and_no_more() -> None:
+    before = kept("a")
+    Path("cache.json").write_text("[{]")
+    assert kept("a") == before
