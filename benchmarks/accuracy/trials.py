@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import redirect_stderr
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,7 +30,7 @@ class Scenario:
 
     name: str
     task: str = "rom"
-    realism: Realism = Realism()
+    realism: Realism = field(default_factory=Realism)
 
     @property
     def key(self) -> str:
