@@ -90,11 +90,9 @@ def _entry(file: str, name: str) -> str:
 
 
 def add_people(parser: argparse.ArgumentParser, n_hands: int, seed: int) -> None:
-    """Declare how many people are drawn, and from which seed on."""
-    parser.add_argument(
-        "--hands", dest="n_hands", type=int, default=n_hands, help=f"drawn people ({n_hands})"
-    )
-    parser.add_argument("--seed", type=int, default=seed, help=f"of the first of them ({seed})")
+    """Declare how many hands are drawn, and from which seed on."""
+    parser.add_argument("--hands", dest="n_hands", type=int, default=n_hands, help=f"drawn hands ({n_hands})")
+    parser.add_argument("--seed", type=int, default=seed, help=f"of the first person ({seed})")
 
 
 def of_each_person(measured: Callable[[int], T], n_people: int, seed: int) -> list[T]:

@@ -11,20 +11,21 @@ import numpy as np
 
 from benchmarks import other_hands
 from benchmarks.other_hands.person import Facing
-from benchmarks.thumb_receiver import facing_the_nail
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.declared import TIDY, Declared
 from shukotsu.schemas.findings import NOTE, Finding
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import Array, about_axis, multiply
-from shukotsu.stages.simulate import random_hand, task_motion
-from shukotsu.stages.simulate.random_hand import JOINTS, Hand
+from shukotsu.skeleton.rotations import Array, about_axis, conjugate, multiply, rotate
+from shukotsu.stages.simulate import random_hand
+from shukotsu.stages.simulate.random_hand import FLEXION, JOINTS, Hand
 from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import LAYOUT, simulate
+from shukotsu.stages.simulate.simulation import LAYOUT, Simulated, simulate
+from shukotsu.stages.simulate.task_motion import Motion
 
 FRAMES = {"rom": 1800, "opposition": 1200}
 FINGERS = ("index", "middle", "ring", "little")
+THUMB = "thumb_metacarpal"
 
 
 @dataclass(frozen=True)
@@ -125,14 +126,12 @@ def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Itera
 
 
 def _own(
-    seed: int, hand: str, task: str, *, artefact: float = 1.0, forearm: bool = False, at_nail: bool = False
+    seed: int, hand: str, task: str, *, artefact: float = 1.0, at_nail: bool = False, **simulated: Any
 ) -> Planted:
-    made = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], forearm=forearm)
+    made = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
     made = facing_the_nail(made) if at_nail else made
-    valid = np.ones(made.position_mm.shape[:2], bool)
-    poses = Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
     truth = {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in made.truth.joints.items()}
-    return Planted(poses, hand, truth=truth)
+    return Planted(made.poses(), hand, truth=truth)
 
 
 def _scaled(planted: Planted, factor: float) -> Planted:
@@ -164,15 +163,13 @@ def _with_dropouts(planted: Planted, rng: np.random.Generator) -> Planted:
 def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
     """Those joints move a tenth of what they would."""
 
-    def move(*args: Any) -> Any:
-        motion = task_motion.move(*args)
+    def change(motion: Motion) -> Motion:
         angles = motion.angles_rad.copy()
         for place in (i for i, name in enumerate(JOINTS) if any(part in name for part in joints)):
             angles[:, place] = angles[0, place] + 0.1 * (angles[:, place] - angles[0, place])
         return replace(motion, angles_rad=angles)
 
-    with mock.patch("shukotsu.stages.simulate.simulation.move", move):
-        return _own(seed, hand, task)
+    return _own(seed, hand, task, change=change)
 
 
 def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Planted:
@@ -190,3 +187,34 @@ def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Plan
 
     with mock.patch("shukotsu.stages.simulate.simulation.hand_of", hand_of):
         return _own(seed, hand, task)
+
+
+def nail_turn(made: Simulated) -> Array:
+    """Quaternion (4,) about the metacarpal's long axis that puts its y nearest the MCP's flexion axis."""
+    _, y, z = made.truth.hand.axes[JOINTS.index("thumb_mcp"), FLEXION]
+    return about_axis(np.array([1.0, 0.0, 0.0]), float(np.arctan2(z, y)))
+
+
+def facing_the_nail(made: Simulated) -> Simulated:
+    """The recording and its truth with that receiver carried about the bone, everything else as it was."""
+    mounts, turn = made.truth.mounts, nail_turn(made)
+    own = mounts.segments.index(THUMB)
+    bone_to_receiver = conjugate(mounts.quaternion[own])
+    moved_mm = rotate(bone_to_receiver, rotate(turn, mounts.position_mm[own]) - mounts.position_mm[own])
+    turned = multiply(bone_to_receiver, multiply(turn, mounts.quaternion[own]))
+    position, quaternion = made.position_mm.copy(), made.quaternion.copy()
+    position[:, own] += rotate(quaternion[:, own], moved_mm)
+    quaternion[:, own] = multiply(quaternion[:, own], turned)
+    mcp, cmc = (made.truth.joints[name] for name in ("thumb_mcp", "thumb_cmc"))
+    back = conjugate(turned)
+    joints = {
+        **made.truth.joints,
+        "thumb_cmc": replace(
+            cmc, child_mm=rotate(back, cmc.child_mm - moved_mm), axis_child=rotate(back, cmc.axis_child)
+        ),
+        "thumb_mcp": replace(
+            mcp, parent_mm=rotate(back, mcp.parent_mm - moved_mm), axis_parent=rotate(back, mcp.axis_parent)
+        ),
+    }
+    truth = replace(made.truth, joints=joints)
+    return replace(made, position_mm=position, quaternion=quaternion, truth=truth)

@@ -1,4 +1,4 @@
-"""A whole hand fitted, posed and judged: processor time, start-up, memory; compiled code beside NumPy."""
+"""A whole hand fitted, posed and judged: processor time, start-up, memory."""
 
 from __future__ import annotations
 
@@ -44,8 +44,7 @@ def run(rounds: int = 5, frames: tuple[int, int] = (CALIBRATION_FRAMES, TASK_FRA
 def recorded(task: str, n_frames: int) -> Poses:
     """A right hand's recording; all receivers valid."""
     made = simulate("01", "right", task, 1, Realism(), n_frames)
-    valid = np.ones(made.position_mm.shape[:2], bool)
-    return Poses(made.segments, made.frame, made.time_s, made.position_mm, made.quaternion, valid)
+    return made.poses()
 
 
 def _stages(tips: Fingertips, calibration: Poses, task: Poses, rounds: int) -> TextTable:

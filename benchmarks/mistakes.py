@@ -270,16 +270,16 @@ def _angles_misread(planted: Planted, rng: np.random.Generator) -> Planted:
     return replace(changed(planted, quaternion=_composed(angles, str(read))), declared=declared)
 
 
-def _radians_as_degrees(planted: Planted, _: np.random.Generator) -> Planted:
-    angles = np.radians(_angles(planted.poses.quaternion, "ZYX"))
-    declared = Declared("csv", kind="euler", axes="ZYX", angle_unit="deg")
-    return replace(changed(planted, quaternion=_composed(angles, "ZYX")), declared=declared)
+def _angle_unit(unit: str) -> Mistake:
+    """Angles of the other unit are read in this one."""
 
+    def plant(planted: Planted, _: np.random.Generator) -> Planted:
+        convert = np.radians if unit == "deg" else np.degrees
+        angles = convert(_angles(planted.poses.quaternion, "ZYX"))
+        declared = Declared("csv", kind="euler", axes="ZYX", angle_unit=unit)
+        return replace(changed(planted, quaternion=_composed(angles, "ZYX")), declared=declared)
 
-def _degrees_as_radians(planted: Planted, _: np.random.Generator) -> Planted:
-    angles = np.degrees(_angles(planted.poses.quaternion, "ZYX"))
-    declared = Declared("csv", kind="euler", axes="ZYX", angle_unit="rad")
-    return replace(changed(planted, quaternion=_composed(angles, "ZYX")), declared=declared)
+    return plant
 
 
 def _angles(quaternion: Array, axes: str) -> Array:
@@ -305,8 +305,8 @@ MISTAKES: Mapping[str, tuple[str, Mistake]] = {
     ),
     "inverse rotations": ("quaternion-inverse", _quaternions(conjugate)),
     "other axes of angles": ("euler-order", _angles_misread),
-    "radians read as degrees": ("units", _radians_as_degrees),
-    "degrees read as radians": ("units", _degrees_as_radians),
+    "radians read as degrees": ("units", _angle_unit("deg")),
+    "degrees read as radians": ("units", _angle_unit("rad")),
     "metres read as mm": ("units", _positions(1 / 1000)),
     "centimetres read as mm": ("units", _positions(1 / 10)),
     "inches read as cm": ("units", _positions(1 / 2.54, unit="cm")),

@@ -1,10 +1,12 @@
-"""Whole studies of 1, 10 and 100 subjects: what they cost, where it goes, and what a change costs."""
+"""Whole studies of 1, 10 and 100 subjects: what they cost, and what a change costs."""
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
+import sys
 import tempfile
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,38 +14,24 @@ from pathlib import Path
 import yaml
 
 from benchmarks.benchmark_table import Cell, TextTable
-from benchmarks.processes import Usage
-from benchmarks.study_runs import (
-    ALL_MODELS,
-    CORES,
-    FRAMES,
-    HANDS,
-    PAPER_MODELS,
-    ROLES,
-    SIMULATED,
-    Study,
-    job_counts,
-    simulate_recordings,
-)
+from benchmarks.processes import ROOT, Usage, run_process, run_python
 
 WRITTEN_TO = "benchmarks.md", "tables"
 SUBJECTS = (1, 10, 100)
 FITTED_SUBJECTS = (4, 12)
-FIT = "fit_hand"
 
+CORES = 2
+SEED = 42
+HANDS = ("right", "left")
+ROLES = {"rom": "calibration", "opposition": "evaluation"}
+FRAMES = {"rom": 6000, "opposition": 3774}
+SIMULATED = ("01", "02")
+"""Subjects that are simulated; the others' recordings are theirs under another name."""
 
-@dataclass(frozen=True)
-class RuleCost:
-    """Jobs of a rule in a study, what one of them takes by itself, and the memory of the largest in MB."""
-
-    jobs: int
-    processor_s: float
-    memory_mb: float
-
-    @property
-    def total_s(self) -> float:
-        """Processor seconds of all jobs of the rule."""
-        return self.jobs * self.processor_s
+PAPER_MODELS = ("paper-fig3-rest", "paper-fig3", "paper-fig4", "paper-fig4-corrected", "rigid")
+ALL_MODELS = (*PAPER_MODELS, "anatomical", "whole-hand")
+OWN_MODEL = "paper-fig4"
+"""The model whose file a study has in its own folder, to be changed there."""
 
 
 def run(subjects: Sequence[int] = SUBJECTS, fitted: Sequence[int] = FITTED_SUBJECTS) -> Iterator[TextTable]:
@@ -60,14 +48,13 @@ def run(subjects: Sequence[int] = SUBJECTS, fitted: Sequence[int] = FITTED_SUBJE
         for change, make in changes(study, simulated, count).items():
             make()
             rows.append(_row(f"then {change}", study.run()))
-        yield _whole(rows)
-        yield rule_table(
-            rule_costs(study, job_counts(cold.output)),
-            f"studies: the rules of {count} subjects, {len(PAPER_MODELS)} models",
-            "The first subject's jobs and those of the whole study, each run again as a process, start-up "
-            "included; all jobs of a rule are taken to cost what that subject's do.",
-        )
-        yield _fitted([_fitted_row(Study(folder / f"fit-{n}", ALL_MODELS), simulated, n) for n in fitted])
+        yield _whole(rows, PAPER_MODELS)
+        rows = []
+        for count in fitted:
+            study = Study(folder / f"fit-{count}", ALL_MODELS)
+            study.write_subjects(simulated, count)
+            rows.append(_row(f"{count} subjects, cold", study.run(), count))
+        yield _whole(rows, ALL_MODELS)
 
 
 def changes(study: Study, simulated: Path, subjects: int) -> Mapping[str, Callable[[], object]]:
@@ -98,33 +85,15 @@ def halve_twist(model: Path) -> None:
     model.write_text(yaml.safe_dump(config, sort_keys=False), "utf-8")
 
 
-def rule_costs(study: Study, counts: Mapping[str, int]) -> dict[str, RuleCost]:
-    """Costs of every rule in a study that was run: its first subject's jobs and the study's, one by one."""
-    usages: dict[str, list[Usage]] = defaultdict(list)
-    jobs = [(job, set(re.findall(r"\bsub-[^/_]+", " ".join(job.outputs)))) for job in study.jobs()]
-    first = min(set().union(*(subjects for _, subjects in jobs)))
-    for job, subjects in jobs:
-        if subjects <= {first}:
-            usages[job.rule].append(study.run_job(job))
-    return {
-        rule: RuleCost(
-            counts.get(rule, len(own)),
-            sum(usage.processor_s for usage in own) / len(own),
-            max(usage.memory_mb for usage in own),
-        )
-        for rule, own in usages.items()
-    }
-
-
 def _row(run: str, usage: Usage, subjects: int = 0) -> tuple[Cell, ...]:
     counts = job_counts(usage.output)
     each_s = usage.seconds / (subjects * len(HANDS) * len(ROLES)) if subjects else None
     return run, sum(counts.values()), usage.seconds, each_s, usage.processor_s, usage.memory_mb
 
 
-def _whole(rows: list[tuple[Cell, ...]]) -> TextTable:
+def _whole(rows: list[tuple[Cell, ...]], models: Sequence[str]) -> TextTable:
     return TextTable(
-        f"studies: {len(PAPER_MODELS)} models, {len(HANDS)} hands x {len(ROLES)} recordings a subject, "
+        f"studies: {len(models)} models, {len(HANDS)} hands x {len(ROLES)} recordings a subject, "
         f"{CORES} cores",
         ("study", "jobs:d", "s:.1f", "s a recording:.2f", "processor s:.0f", "largest process, MB:.0f"),
         rows,
@@ -135,37 +104,79 @@ def _whole(rows: list[tuple[Cell, ...]]) -> TextTable:
     )
 
 
-def rule_table(costs: Mapping[str, RuleCost], title: str, meaning: str) -> TextTable:
-    """Tabulate the cost of the rules of a study."""
-    heads = ("jobs:d", "processor s a job:.2f", "of all jobs:.0f", "largest MB:.0f")
-    rows: list[tuple[Cell, ...]] = [
-        (rule, cost.jobs, cost.processor_s, cost.total_s, cost.memory_mb) for rule, cost in costs.items()
-    ]
-    return TextTable(title, ("rule", *heads), rows, meaning)
+@dataclass(frozen=True)
+class Study:
+    """A study in a folder, its results below the same folder."""
+
+    folder: Path
+    models: Sequence[str] = PAPER_MODELS
+
+    @property
+    def file(self) -> Path:
+        """The study file."""
+        return self.folder / "study.yaml"
+
+    @property
+    def model_file(self) -> Path:
+        """The model that the study has a file of its own of."""
+        return self.folder / "models" / f"{OWN_MODEL}.yaml"
+
+    def write(self, rows: Sequence[Sequence[str]]) -> None:
+        """Write the study file, its model file and its sheet; rows : subject, hand, task, role, file."""
+        self.model_file.parent.mkdir(parents=True, exist_ok=True)
+        if not self.model_file.exists():
+            shutil.copy(ROOT / "config" / "models" / self.model_file.name, self.model_file)
+        sheet = [("subject", "hand", "task", "role", "file"), *rows]
+        (self.folder / "recordings.tsv").write_text("".join("\t".join(row) + "\n" for row in sheet), "utf-8")
+        models = ", ".join(f"models/{name}.yaml" if name == OWN_MODEL else name for name in self.models)
+        head = "study: study\nrecordings: recordings.tsv\nlayout: liberty16\n"
+        self.file.write_text(f"{head}models: [{models}]\n", "utf-8")
+
+    def write_subjects(self, simulated: Path, subjects: int) -> None:
+        """Write the study of so many subjects, their recordings linked from those that are simulated."""
+        rows = []
+        for index in range(subjects):
+            for hand, task in hand_tasks():
+                file = self.recording(index, hand, task)
+                if not file.exists():
+                    file.parent.mkdir(parents=True, exist_ok=True)
+                    os.link(simulated / f"{SIMULATED[index % len(SIMULATED)]}_{hand}_{task}.parquet", file)
+                name = file.relative_to(self.folder).as_posix()
+                rows.append((f"{index:04}", hand, task, ROLES[task], name))
+        self.write(rows)
+
+    def recording(self, index: int, hand: str, task: str) -> Path:
+        """A recording of the subject of that number."""
+        return self.folder / "recordings" / f"{index:04}" / f"{hand}_{task}.parquet"
+
+    def run(self) -> Usage:
+        """Run the workflow; RuntimeError where it fails."""
+        command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
+        command += ["--directory", str(self.folder), "--configfile", str(self.file), "--cores", str(CORES)]
+        return run_process(command, self.folder)
 
 
-def _fitted_row(study: Study, simulated: Path, subjects: int) -> tuple[Cell, ...]:
-    """Run a study with all models; what it took, and what its fits take of that."""
-    study.write_subjects(simulated, subjects)
-    usage = study.run()
-    fit = rule_costs(study, job_counts(usage.output))[FIT]
-    share = 100 * fit.total_s / usage.processor_s
-    return subjects, usage.seconds, usage.processor_s, fit.jobs, fit.processor_s, share, fit.memory_mb
+def hand_tasks() -> Iterator[tuple[str, str]]:
+    """Every hand of a subject with every task that it does."""
+    return ((hand, task) for hand in HANDS for task in ROLES)
 
 
-def _fitted(rows: list[tuple[Cell, ...]]) -> TextTable:
-    return TextTable(
-        f"studies: all {len(ALL_MODELS)} models",
-        (
-            "subjects:d",
-            "s:.0f",
-            "processor s:.0f",
-            "fits:d",
-            "s a fit:.1f",
-            "fits' % of all:.0f",
-            "largest fit, MB:.0f",
-        ),
-        rows,
-        "Processor seconds but for the second column. A fit is a hand under whole-hand, posed in its "
-        "recordings too; the other models have none. Fits of the first subject, run again as processes.",
-    )
+def simulate_recordings(folder: Path) -> Path:
+    """Simulate both tasks of both hands of two subjects in full length; give their folder."""
+    for subject in SIMULATED:
+        for hand, task in hand_tasks():
+            out = folder / f"{subject}_{hand}_{task}.parquet"
+            names = (f"--subject={subject}", f"--hand={hand}", f"--task={task}", f"--seed={SEED}")
+            run_python("-m", "shukotsu.stages.simulate", *names, f"--frames={FRAMES[task]}", f"--out={out}")
+    return folder
+
+
+def job_counts(output: str) -> Mapping[str, int]:
+    """Jobs by rule from Snakemake's first table of them, `all` left out; empty where nothing was to do."""
+    if "Nothing to be done" in output:
+        return {}
+    table = re.search(r"^Job stats:\n.*\n[- ]+\n((?:.+\n)+?)total ", output, re.MULTILINE)
+    if table is None:
+        raise RuntimeError(f"no job counts in Snakemake's output:\n{output[-4000:]}")
+    counts = dict(line.split()[:2] for line in table[1].splitlines())
+    return {rule: int(count) for rule, count in counts.items() if rule != "all"}

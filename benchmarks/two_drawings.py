@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
-from unittest import mock
 
 import numpy as np
-import numpy.typing as npt
-from scipy.stats import rankdata, spearmanr
+from scipy.stats import spearmanr
 
 from benchmarks import other_hands
 from benchmarks.accuracy.score import COVERED_95_SD, JOINT_TYPES
-from benchmarks.benchmark_table import TextTable, add_people, of_each_person
+from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import FACINGS, true_halves
-from benchmarks.other_hands import taped_skin
-from benchmarks.other_hands.room import Field
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
-from shukotsu.schemas.verdict import RADIUS_SD
+from shukotsu.schemas.verdict import BELIEVE, RADIUS_SD, judged_joint
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.chain_builder import KINDS
 from shukotsu.stages.fit_hand.fit import HandFit, fit_hand
 from shukotsu.stages.fit_hand.fitted_motion import pose_hand
+from shukotsu.stages.fit_hand.hand_tables import joint_rows
 from shukotsu.stages.simulate.random_hand import BONES, FLEXION, JOINTS
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import LAYOUT, simulate
@@ -36,23 +31,6 @@ FIRST_SEED, DURATION_S = 9500, 25.0
 FAR_MM, SHARED_MM = 5.0, 0.3
 POSED_FRAMES = 150
 OWN, OTHER = "own", "other"
-
-WITHOUT: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
-    OWN: {
-        "field": {"field_distortion": 0.0},
-        "skin": {"artefact": 0.0},
-        "glide": {"glide": 0.0},
-        "misplaced receivers": {"mounts": 0.0},
-        "noise": {"noise": 0.0},
-    },
-    OTHER: {
-        "field": {},
-        "skin": {"pull": 0.0, "pressed": 0.0},
-        "glide": {},
-        "thumb's lag": {"behind_turn": 0.0, "behind_place": 0.0},
-    },
-}
-"""What can be left out of a drawing: switches of the simulator; in the other one factors of its straps."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +53,7 @@ class Drawn:
 class JointErrors:
     """One joint of one hand: off_mm (2, 3) of both halves, as on a right hand, x distal and z dorsal; sd_mm
     as stated; posed_mm : mean distance, frame by frame, in the transmitter's frame; slope : of the fitted
-    flexion over the true one.
+    flexion over the true one; believed : whether the report believes it.
     """
 
     drawing: str
@@ -84,6 +62,7 @@ class JointErrors:
     sd_mm: float
     posed_mm: float
     slope: float
+    believed: bool = True
 
     @property
     def child_mm(self) -> float:
@@ -106,29 +85,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     """Give the tables over that many hands of each drawing."""
-
-    def errors(drawing: str, without: str = "") -> tuple[list[JointErrors], list[Length]]:
-        hands = of_each_person(partial(one_hand, drawing, without=without), n_hands, seed)
-        return [own for joints, _ in hands for own in joints], [own for _, all_ in hands for own in all_]
-
-    drawn = [errors(drawing) for drawing in (OWN, OTHER)]
-    joints, lengths = [one for own, _ in drawn for one in own], [one for _, own in drawn for one in own]
-    for table in (errors_table, kinds_table, shared_table, stated_table):
-        yield table(joints, lengths)
-    less = {(drawing, w): errors(drawing, w)[0] for drawing, all_ in WITHOUT.items() for w in all_}
-    yield ablation_table(joints, less)
+    hands = [
+        hand for drawing in (OWN, OTHER) for hand in of_each_person(partial(one_hand, drawing), n_hands, seed)
+    ]
+    joints, lengths = [one for own, _ in hands for one in own], [one for _, own in hands for one in own]
+    yield errors_table(joints, lengths)
+    for table in (kinds_table, shared_table, stated_table):
+        yield table(joints)
 
 
-def one_hand(drawing: str, seed: int, without: str = "") -> tuple[list[JointErrors], list[Length]]:
+def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[Length]]:
     """Give the errors of a hand that is drawn, calibrated once and fitted."""
-    drawn = (_own if drawing == OWN else _other)(seed, ("right", "left")[seed % 2], without)
+    drawn = DRAWINGS[drawing](seed, ("right", "left")[seed % 2])
     fit = fit_hand([drawn.poses], read_layout(LAYOUT), drawn.hand)
     return list(joint_errors(drawing, drawn, fit)), list(length_errors(drawing, drawn, fit))
 
 
-def _own(seed: int, hand: str, without: str) -> Drawn:
-    switches = WITHOUT[OWN].get(without, {})
-    made = simulate("01", hand, "rom", seed, Realism(**switches), round(240 * DURATION_S))
+def _own(seed: int, hand: str) -> Drawn:
+    made = simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S))
     truth = made.truth
     return Drawn(
         made.poses(),
@@ -140,14 +114,9 @@ def _own(seed: int, hand: str, without: str) -> Drawn:
     )
 
 
-def _other(seed: int, hand: str, without: str) -> Drawn:
+def _other(seed: int, hand: str) -> Drawn:
     person = other_hands.draw_person(seed, thumb_facing=FACINGS[seed % len(FACINGS)])
-    if without == "glide":
-        person = replace(
-            person, joints=tuple(replace(own, glide_mm=np.zeros((3, 2))) for own in person.joints)
-        )
-    with _without_field() if without == "field" else nullcontext(), _straps(WITHOUT[OTHER].get(without, {})):
-        made = other_hands.record(person, hand, "calibration", seed=seed, duration_s=DURATION_S)
+    made = other_hands.record(person, hand, "calibration", seed=seed, duration_s=DURATION_S)
     return Drawn(
         made.poses,
         hand,
@@ -158,19 +127,7 @@ def _other(seed: int, hand: str, without: str) -> Drawn:
     )
 
 
-def _without_field() -> AbstractContextManager[Any]:
-    none = Field(np.zeros((1, 3)), np.zeros(1), np.zeros((1, 6)))
-    return mock.patch("benchmarks.other_hands.drawn_recording.draw_field", return_value=none)
-
-
-def _straps(factors: Mapping[str, float]) -> AbstractContextManager[Any]:
-    usual = taped_skin._straps
-
-    def changed(*args: Any) -> taped_skin.Straps:
-        straps = usual(*args)
-        return replace(straps, **{name: factor * getattr(straps, name) for name, factor in factors.items()})
-
-    return mock.patch.object(taped_skin, "_straps", changed)
+DRAWINGS = {OWN: _own, OTHER: _other}
 
 
 def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErrors]:
@@ -178,6 +135,9 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
     step = max(1, len(drawn.poses.frame) // POSED_FRAMES)
     rows = np.arange(0, len(drawn.poses.frame), step)
     posed, convention = pose_hand(fit, drawn.poses.take(rows)), fit.evidence.convention
+    wanted_mm = read_layout(LAYOUT).wanted_mm
+    judged = {row["joint"]: judged_joint(row, wanted_mm) for row in joint_rows(fit)}
+    believed = {name for name, one in judged.items() if one["verdict"] == BELIEVE}
     for name, joint in fit.joints.items():
         if name not in drawn.truth:
             continue
@@ -193,6 +153,7 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
             joint.sd_mm,
             float(np.nanmean(np.linalg.norm(at - drawn.centre_mm[name][rows], axis=1))),
             float(np.polyfit(drawn.flexion_deg[name][rows], flexion, 1)[0]),
+            name in believed,
         )
 
 
@@ -211,7 +172,8 @@ def _inside(joints: Sequence[JointErrors]) -> float:
 
 
 def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
-    return {name: [own for own in joints if own.drawing == name] for name in (OWN, OTHER)}
+    names = dict.fromkeys(own.drawing for own in joints)
+    return {name: [own for own in joints if own.drawing == name] for name in names}
 
 
 def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> TextTable:
@@ -220,6 +182,7 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> Te
     for name, own in _by_drawing(joints).items():
         child, posed = [one.child_mm for one in own], [one.posed_mm for one in own]
         bones = [one for one in lengths if one[0] == name]
+        believed = [one for one in own if one.believed]
         rows.append(
             (
                 name,
@@ -232,23 +195,26 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> Te
                 float(np.mean([percent for _, kind, percent, _ in bones if kind == "middle"])),
                 100 * float(np.mean([inside for *_, inside in bones])),
                 100 * float(np.mean([one.slope - 1 for one in own if one.joint.endswith("_dip")])),
+                100 * len(believed) / len(own),
+                max((one.worse_mm for one in believed), default=None),
+                _inside(believed) if believed else None,
             )
         )
     columns = (
         "drawing", "median mm:.2f", "p90 mm:.2f", f"> {FAR_MM:.0f} mm %:.1f", "in 95 %:.1f",
         "posed: median mm:.2f", "p90 mm:.2f", "middle phalanges %:+.1f", "lengths in 95 %:.0f",
-        "DIP flexion %:+.1f",
+        "DIP flexion %:+.1f", "believed %:.0f", "worst mm:.1f", "in 95 %:.1f",
     )  # fmt: skip
     meaning = (
         "Centres where they were on average, in the child's receiver as it rode; in 95 %: the worse half "
         "within the stated radius. Posed: the posed hand's centres in the transmitter's frame, mean over "
         "frames, where the field is off as well. Own: this project's simulator; other: a drawing that "
-        "shares nothing with it."
+        "shares nothing with it. Believed: what the report believes, and the worst of its worse halves."
     )
     return TextTable("two drawings: errors", columns, rows, meaning)
 
 
-def kinds_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTable:
+def kinds_table(joints: Sequence[JointErrors]) -> TextTable:
     """Give errors and coverage by kind of joint."""
     kinds = {joint: kind for kind, names in JOINT_TYPES.items() for joint in names}
     rows = []
@@ -261,9 +227,9 @@ def kinds_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTable
     return TextTable("two drawings: by kind of joint", columns, rows, "As above.")
 
 
-def shared_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTable:
+def shared_table(joints: Sequence[JointErrors]) -> TextTable:
     """Give the error that all hands share, of each joint, and its share of the mean square."""
-    rows: list[tuple[str | float | None, ...]] = []
+    rows: list[tuple[Cell, ...]] = []
     for name, own in _by_drawing(joints).items():
         squares, constant = 0.0, 0.0
         for joint in dict.fromkeys(one.joint for one in own):
@@ -283,9 +249,9 @@ def shared_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTabl
     return TextTable("two drawings: the error that all hands share", columns, rows, meaning)
 
 
-def stated_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTable:
+def stated_table(joints: Sequence[JointErrors]) -> TextTable:
     """Compare the stated sd with errors: calibration, rank, risk by coverage."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for name, own in _by_drawing(joints).items():
         error, sd = np.array([one.worse_mm for one in own]), np.array([one.sd_mm for one in own])
         surest = error[np.argsort(sd)]
@@ -295,18 +261,15 @@ def stated_table(joints: Sequence[JointErrors], _: Sequence[Length]) -> TextTabl
                 expected_calibration_error(error, sd),
                 float(spearmanr(error, sd).statistic),
                 *(float(surest[: round(share * len(surest))].mean()) for share in (0.25, 0.5, 0.75, 1.0)),
-                area_under_curve(sd, error > 2.0),
-                area_under_curve(sd, error > FAR_MM),
             )
         )
     columns = (
         "drawing", "ECE:.3f", "Spearman:.2f", "risk at 25 %:.2f", "50 %:.2f", "75 %:.2f", "100 %:.2f",
-        "AUC > 2 mm:.2f", f"AUC > {FAR_MM:.0f} mm:.2f",
     )  # fmt: skip
     meaning = (
         "Of the worse half's error and the stated sd. ECE: mean distance of the share of joints within a "
         "stated radius from the share stated, over ten levels. Risk: mean error, mm, of the surest share "
-        "of joints. AUC: that the sd of a joint so far off exceeds that of one that is not; - without any."
+        "of joints."
     )
     return TextTable("two drawings: is the stated error true", columns, rows, meaning)
 
@@ -317,32 +280,3 @@ def expected_calibration_error(error_mm: Array, sd_mm: Array) -> float:
     normal = np.linalg.norm(np.random.default_rng(0).standard_normal((200_000, 3)), axis=1) / 3**0.5
     within = [(error_mm <= np.quantile(normal, level) * sd_mm).mean() for level in levels]
     return float(np.abs(np.array(within) - levels).mean())
-
-
-def area_under_curve(score: Array, positive: npt.NDArray[np.bool_]) -> float | None:
-    """Probability that the score of a positive exceeds that of a negative; None without either."""
-    n, m = int(positive.sum()), int((~positive).sum())
-    if not n or not m:
-        return None
-    return float((rankdata(score)[positive].sum() - n * (n + 1) / 2) / (n * m))
-
-
-def ablation_table(
-    joints: Sequence[JointErrors], less: Mapping[tuple[str, str], Sequence[JointErrors]]
-) -> TextTable:
-    """Tabulate how much of the mean square error goes with each ingredient of a drawing."""
-    whole = {name: _mean_square(own) for name, own in _by_drawing(joints).items()}
-    rows = [
-        (name, without, square, 100 * (1 - square / whole[name]))
-        for (name, without), square in sorted(
-            ((key, _mean_square(own)) for key, own in less.items()), key=lambda one: (one[0][0], one[1])
-        )
-    ]
-    rows = [*((name, "(nothing)", square, 0.0) for name, square in whole.items()), *rows]
-    columns = ("drawing", "without", "mean square mm2:.2f", "less by %:.0f")
-    meaning = "The same hands drawn without one ingredient: mean square error in the child's receiver."
-    return TextTable("two drawings: what the rest is made of", columns, rows, meaning)
-
-
-def _mean_square(joints: Sequence[JointErrors]) -> float:
-    return float(np.mean([one.child_mm**2 for one in joints]))

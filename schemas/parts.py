@@ -312,26 +312,6 @@ def read_part(path: Path, table: Table, part: Part, columns: Sequence[str] | Non
         return parts.part(part, columns)
 
 
-def read_recording(
-    path: Path,
-    table: Table,
-    part: Part,
-    task: str,
-    trial: str,
-    by: str,
-    columns: Sequence[str],
-    n_frames: int | None = None,
-    frames: npt.NDArray[np.int64] | None = None,
-    name: str = "",
-) -> dict[str, Array]:
-    """Read numbers of one recording from a frame-by-frame table, see `PartsReader.recording`.
-
-    Raises InputError as that and `open_parts` do.
-    """
-    with open_parts(path, table) as parts:
-        return parts.recording(part, task, trial, by, columns, n_frames, frames, name)
-
-
 def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
     """Columns (N, C) of the rows of each name in the column `by`, in the order in which names appear."""
     numbers = _numbers(rows, columns)

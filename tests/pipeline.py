@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from shukotsu.schemas.catalogue import TABLES
-from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.schemas.parts import open_parts
+from shukotsu.schemas.tables import Table, read_table, rows_of
+from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.__main__ import main as capture
 from shukotsu.stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
 from shukotsu.stages.evaluate_tips.__main__ import main as evaluate_tips
@@ -39,6 +41,12 @@ class HandResults:
     def errors(self, binding: str = "least-squares") -> dict[str, Row]:
         """tip_errors by digit, of the one recording."""
         return {row["digit"]: row for row in self.rows("tip_errors") if row["binding"] == binding}
+
+
+def recording_numbers(path: Path, table: Table, *which: Any, **more: Any) -> dict[str, Array]:
+    """Numbers of one recording in a subject table, see `PartsReader.recording`."""
+    with open_parts(path, table) as parts:
+        return parts.recording(*which, **more)
 
 
 def import_recording(

@@ -98,12 +98,12 @@ class PlannedSubject:
             _forget_inputs(table)
         return copy
 
-    def run_stages(self) -> None:
-        """Run every stage from the joints to the tips, and lay out the prior's hand."""
+    def run_stages(self, *, reference: bool = True) -> None:
+        """Run every stage from the joints to the tips; reference : lay out the prior's hand too."""
         for hand in self.plan.hands:
             assert self.fit(hand) == 0
         run_stages(self.plan_file)
-        for hand in self.plan.hands:
+        for hand in self.plan.hands if reference else ():
             assert self.fit(hand, model=REFERENCE) == 0
 
     def fit(self, hand: str, *options: str, model: str = "quick") -> int:
@@ -123,12 +123,13 @@ def planned_subject(
     *,
     n_frames: int,
     seed: int = 4,
+    quick: str = QUICK,
     **sheets: Sequence[str],
 ) -> PlannedSubject:
     """Simulate a subject's recordings and write their poses, truths and the plan.
 
-    recordings : hand, task and role of each. models : names of those that ship, or quick. sheets : rows of
-    measurements and touches, tab-separated.
+    recordings : hand, task and role of each. models : names of those that ship, or quick, whose file that
+    is. sheets : rows of measurements and touches, tab-separated.
     """
     subject, rows = PlannedSubject(folder), []
     for hand, task, role in recordings:
@@ -136,7 +137,7 @@ def planned_subject(
         write_poses(subject.poses(task, hand), made, hand, task)
         write_truth(subject.truth(task, hand), made, Provenance())
         rows.append(f"01 {hand} {task} {role} raw/{hand}-{task}.parquet")
-    (folder / "quick.yaml").write_text(QUICK)
+    (folder / "quick.yaml").write_text(quick)
     study = write_study(
         folder,
         *rows,

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from benchmarks.accuracy.score import Centre, Estimate, phalanges_mm
 from benchmarks.accuracy.trials import Trial
-from benchmarks.solvers import closed, solved_joints
 from shukotsu.schemas.layout import Joint, read_layout
 from shukotsu.schemas.model import read_model
 from shukotsu.skeleton.rotations import Array, rotate
@@ -22,8 +20,8 @@ from shukotsu.stages.project_planes.place import place_joint
 from shukotsu.stages.simulate.random_hand import BONES
 from shukotsu.stages.simulate.simulation import LAYOUT
 from shukotsu.stages.solve_joints.anatomical import HandSample, solve_hand
-from shukotsu.stages.solve_joints.closed import JointSolution
-from shukotsu.stages.solve_joints.moments import JointMoments
+from shukotsu.stages.solve_joints.closed import JointSolution, solve_closed
+from shukotsu.stages.solve_joints.moments import BLOCK_FRAMES, JointMoments
 from shukotsu.stages.solve_joints.solution_rows import solution_row
 from shukotsu.stages.solve_joints.solve import add_block
 
@@ -36,11 +34,6 @@ LENGTHS = "whole-hand + lengths"
 MEASURED = "whole-hand + lengths, mounts"
 OURS = (PRIOR, PAPER, SCORE, SARA, ANATOMICAL, WHOLE, BOTH, LENGTHS, MEASURED)
 
-ABLATIONS: Mapping[str, Settings] = {
-    "scales as published": Settings(rounds=0),
-}
-"""The whole-hand fit without what the hand itself shows of its scales."""
-
 MEASURED_SD_MM = 0.4
 POSED_EVERY = 20
 PALM = ("ring_metacarpal", "little_metacarpal")
@@ -48,16 +41,24 @@ PALM = ("ring_metacarpal", "little_metacarpal")
 
 def joint_by_joint(trial: Trial, kind: str) -> Estimate:
     """Each joint alone, in closed form: on its plane (the paper), with six unknowns, or five and an axis."""
-    poses = trial.poses
-    joints = solved_joints(read_layout(LAYOUT), poses)
+    joints = _solved_joints(trial)
     started = time.process_time()
-    centres = {}
-    for joint, one in zip(joints, closed(poses, joints, 6 if kind == SCORE else 5), strict=True):
+    moments, centres = JointMoments(len(joints)), {}
+    for start in range(0, len(trial.poses.frame), BLOCK_FRAMES):  # as the stage does
+        add_block(moments, trial.poses.take(slice(start, start + BLOCK_FRAMES)), joints)
+    for index, joint in enumerate(joints):
+        one = solve_closed(moments, index, 6 if kind == SCORE else 5)
         stated = one.covariance_mm2 if kind == SCORE else None
         on_axis = Centre(one.p_mm, one.q_mm, stated, one.null_child)
         centres[joint.name] = _on_plane(joint, one) if kind == PAPER else on_axis
     seconds = time.process_time() - started
     return Estimate(centres, seconds, phalanges_mm(centres))
+
+
+def _solved_joints(trial: Trial) -> list[Joint]:
+    """Joints between two receivers that were worn."""
+    worn = set(trial.poses.segments)
+    return [one for one in read_layout(LAYOUT).solvable if {one.parent_receiver, one.child} <= worn]
 
 
 def _on_plane(joint: Joint, solution: JointSolution) -> Centre:
@@ -71,11 +72,11 @@ def _on_plane(joint: Joint, solution: JointSolution) -> Centre:
 def anatomical(trial: Trial) -> Estimate:
     """The hand's joints weighed against anatomy, as the model `anatomical` does."""
     layout = read_layout(LAYOUT)
-    joints = solved_joints(layout, trial.poses)
+    joints = _solved_joints(trial)
     started = time.process_time()
     moments, sample = JointMoments(len(joints)), HandSample(joints)
     sample.add(add_block(moments, trial.poses, joints))
-    solutions = solve_hand(sample, moments, layout, trial.hand, trial.hand_length_mm)
+    solutions = solve_hand(sample, moments, layout, trial.hand, None)
     seconds = time.process_time() - started
     centres = {
         name: Centre(one.p_mm, one.q_mm, one.covariance_mm2, one.null_child)
@@ -96,7 +97,6 @@ def whole_hands(trials: Sequence[Trial], names: Sequence[str]) -> Fits:
         LENGTHS: lambda trial: _fit(trial, measured(trial, mounts=False)),
         MEASURED: lambda trial: _fit(trial, measured(trial, mounts=True)),
     }
-    ways |= {name: partial(_fit, measurements=[], settings=left) for name, left in ABLATIONS.items()}
     fits = {name: [way(trial) for trial in trials] for name, way in ways.items() if name in names}
     if BOTH in names and len(trials) == 2:
         (one, one_s), (other, other_s) = fits[WHOLE]
@@ -115,7 +115,6 @@ def _fit(
         [trial.poses],
         read_layout(LAYOUT),
         trial.hand,
-        hand_length_mm=trial.hand_length_mm,
         measurements=measurements,
         settings=settings,
     )

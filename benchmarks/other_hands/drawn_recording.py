@@ -10,25 +10,12 @@ from scipy.spatial.transform import Rotation
 from benchmarks.other_hands.carriage import carry, placed
 from benchmarks.other_hands.gestures import move_arm, move_joints, wander
 from benchmarks.other_hands.person import DIGITS, Array, Person
-from benchmarks.other_hands.room import (
-    beside_steel,
-    draw_field,
-    lost_frames,
-    measure,
-    quaternions,
-    table_stands,
-)
+from benchmarks.other_hands.room import draw_field, lost_frames, measure, quaternions, table_stands
 from benchmarks.other_hands.taped_skin import carry_receiver, settle
 from shukotsu.schemas.poses import Poses
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 """A left hand is a right hand in a mirror that stands in the room's x-z plane."""
-
-Slide = tuple[str, float, float, float]
-"""A segment whose receiver slides evenly along its bone: by how many mm, from and to which second."""
-
-Loose = tuple[str, float, float, float]
-"""A segment whose receiver gives way at once: at which second, by how many mm and degrees."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +48,12 @@ def record(
     rate_hz: float = 240.0,
     forearm: bool = False,
     stiff: tuple[str, ...] = (),
-    metal_mm: float | None = None,
-    slide: Slide | None = None,
-    loose: Loose | None = None,
     dropouts: bool = False,
 ) -> Recording:
     """Record a person's hand at a task (`gestures.TASKS`), with the receivers as `person.worn` has them.
 
     Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
-    stiff : joints of the layout that hardly move; metal_mm : what a steel plate adds where it is nearest.
+    stiff : joints of the layout that hardly move.
     """
     moves, skins, tracker = (np.random.default_rng([seed, part]) for part in range(3))
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
@@ -78,7 +62,6 @@ def record(
     bones, centres = carry(person, angles_deg)
     worn = [one for one in person.worn[side] if forearm or one.bone != "forearm"]
     extras = {one.bone: _wander_on_skin(one.bone, time_s, skins) for one in worn}
-    _give_way(extras, time_s, slide, loose, np.random.default_rng([seed, 3]))
     followed = settle(angles_deg, person, time_s, skins)
     rides = [carry_receiver(person, one, bones, followed, on_table, extras[one.bone]) for one in worn]
     place, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
@@ -91,7 +74,7 @@ def record(
     if side == "left":  # cable and skin as on the right hand: so y is the axis that changes its side
         points, turning = points * MIRROR, MIRROR[:, None] * turning * MIRROR
     names = tuple(one.bone for one in worn)
-    poses, true_pose = _track(person, names, time_s, points[:, : len(names)], turning, metal_mm, tracker)
+    poses, true_pose = _track(person, names, time_s, points[:, : len(names)], turning, tracker)
     true_mm = {name: points[:, len(names) + column] for column, name in enumerate(marks)}
     return Recording(
         person=person,
@@ -121,41 +104,18 @@ def _wander_on_skin(bone: str, time_s: Array, rng: np.random.Generator) -> Array
     return np.asarray(slow * (0.4 if bone.endswith("distal") else 1.0))
 
 
-def _give_way(
-    extras: dict[str, Array],
-    time_s: Array,
-    slide: Slide | None,
-    loose: Loose | None,
-    rng: np.random.Generator,
-) -> None:
-    """Add to each receiver's (T, 6) what tape that slides or comes loose lets it move."""
-    if slide is not None:
-        segment, total_mm, first_s, last_s = slide
-        extras[segment][:, 0] += total_mm * np.clip((time_s - first_s) / (last_s - first_s), 0, 1)
-    if loose is not None:
-        segment, at_s, shift_mm, turn_deg = loose
-        way, about = rng.normal(size=2), rng.normal(size=3)
-        step = np.zeros(6)
-        step[:2] = shift_mm * way / np.linalg.norm(way)
-        step[3:] = np.deg2rad(turn_deg) * about / np.linalg.norm(about)
-        extras[segment] += (time_s >= at_s)[:, None] * step
-
-
 def _track(
     person: Person,
     names: tuple[str, ...],
     time_s: Array,
     place: Array,
     turning: Array,
-    metal_mm: float | None,
     rng: np.random.Generator,
 ) -> tuple[Poses, Poses]:
     """Give the poses as the tracker says them in this person's room, and as they are."""
     shape = place.shape[:2]
     facing = Rotation.from_matrix(turning.reshape(-1, 3, 3))
     off = draw_field(np.random.default_rng([person.seed, 33])).at(place)
-    if metal_mm is not None:
-        off = off + beside_steel(place, metal_mm, np.random.default_rng([person.seed, 34]))
     frame = np.arange(len(time_s), dtype=np.int64)
     position_mm, quaternion = measure(place, facing, off, rng)
     return (

@@ -39,23 +39,6 @@ def table_stands(seed: int) -> Rotation:
     return Rotation.from_euler("zx", turns_deg, degrees=True)
 
 
-def beside_steel(place_mm: Array, metal_mm: float, rng: np.random.Generator) -> Array:
-    """Give (T, S, 6) what a steel plate adds: the same for all receivers at one place in the room.
-
-    The plate stands beside the volume; where a receiver comes nearest it is off by `metal_mm`, and by half
-    as many degrees, and less by a factor e every 70 mm farther away.
-    """
-    out = unit(np.array([rng.normal(0, 0.4), rng.choice([-1.0, 1.0]), rng.normal(0, 0.4)]))
-    far_mm = (place_mm @ out).max() - place_mm @ out
-    across = unit(np.cross(out, [1.0, 0.0, 0.2]))
-    lean = 0.5 * np.sin(place_mm @ across / 120 + rng.uniform(0, 6))
-    pulls = out + lean[..., None] * across
-    turns = lean[..., None] * out + across
-    strength = metal_mm * np.exp(-far_mm / 70)[..., None]
-    both = np.concatenate([unit(pulls), np.deg2rad(0.5) * unit(turns)], axis=-1)
-    return np.asarray(strength * both)
-
-
 def measure(place_mm: Array, turning: Rotation, off: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Give positions (T, S, 3) and quaternions (T, S, 4) as the tracker says them; `off` is the field's."""
     shape = place_mm.shape[:2]

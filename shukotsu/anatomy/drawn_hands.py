@@ -397,10 +397,6 @@ PRO_SUPINATION = 0.8
 WRIST_AXES = ((0.10, 0.97, 0.22), (-0.10, 0.0, 1.0), (1.0, 0.0, 0.0))
 """Axes of flexion, abduction and axial rotation of the wrist, in the hand's frame (ours)."""
 
-CREASE_MM = 6.5
-"""Of the distal wrist crease, from which hands are measured, proximal of the wrist centre: 6 to 7 mm (shares
-of Buchholz)."""
-
 PAD_DEPTH_MM = {"thumb": 8.0, "index": 6.5, "middle": 6.5, "ring": 6.5, "little": 6.0}
 """Of the pad that touches under the line of joints (ours)."""
 

@@ -18,7 +18,7 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.schemas.parts import Part, read_part, read_recording
+from shukotsu.schemas.parts import Part, open_parts, read_part
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_poses
 from shukotsu.schemas.results import FIT_TABLES
@@ -144,9 +144,9 @@ class PosedRecording:
         """
         by = next(own for own in ("segment", "joint", "digit") if own in table.key)
         own = self.recording
-        named = (self.tables.path(table), table, self.part, own.task, own.trial, by, columns)
         count = self.n_frames if frames is None else None
-        return read_recording(*named, count, frames, name)
+        with open_parts(self.tables.path(table), table) as parts:
+            return parts.recording(self.part, own.task, own.trial, by, columns, count, frames, name)
 
     def bone_motion(self, poses: Poses) -> BoneMotion:
         """Read what moves the bones beside the receivers, at the frames of poses."""

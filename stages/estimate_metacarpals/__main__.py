@@ -154,13 +154,12 @@ class _Fits:
     def posed(self, part: Part, recording: Recording, n_frames: int) -> Mapping[str, Array]:
         """Quaternions (T, 4) of the bones in a recording, by segment."""
         from shukotsu.schemas.catalogue import BONE_POSES
-        from shukotsu.schemas.parts import read_recording
+        from shukotsu.schemas.parts import open_parts
 
         path = self._file(part.hand, part.model, "bone_poses")
         columns = [f"q{name}" for name in "wxyz"]
-        return read_recording(
-            path, BONE_POSES, part, recording.task, recording.trial, "segment", columns, n_frames
-        )
+        with open_parts(path, BONE_POSES) as parts:
+            return parts.recording(part, recording.task, recording.trial, "segment", columns, n_frames)
 
     def _file(self, hand: str, model: str, name: str) -> Path:
         from shukotsu.errors import InputError

@@ -74,7 +74,7 @@ def _evaluate_recording(
     """Replay one recording; one whose import failed has rows of tip_errors that say why."""
     from shukotsu.errors import InputError, TableError
     from shukotsu.schemas.catalogue import METACARPALS
-    from shukotsu.schemas.parts import read_recording
+    from shukotsu.schemas.parts import open_parts
     from shukotsu.schemas.poses import frame_count, poses_reader
     from shukotsu.stages.evaluate_tips.tip_tables import replay_recording, unavailable_rows
 
@@ -89,16 +89,9 @@ def _evaluate_recording(
         for digit in skeleton.layout.digits:
             errors.rows(part, [{**row_keys, **row} for row in unavailable_rows(digit, str(error))])
         return
-    turns = read_recording(
-        arguments.metacarpals,
-        METACARPALS,
-        part,
-        recording.task,
-        recording.trial,
-        "digit",
-        [f"q{name}" for name in "wxyz"],
-        n_frames,
-    )
+    columns = [f"q{name}" for name in "wxyz"]
+    with open_parts(arguments.metacarpals, METACARPALS) as parts:
+        turns = parts.recording(part, recording.task, recording.trial, "digit", columns, n_frames)
     reader = poses_reader([plan.poses(recording)], skeleton.layout.measured)
     for replayed in replay_recording(skeleton, reader, turns):
         if replayed.columns is not None:

@@ -107,15 +107,14 @@ def _fit_part(
 ) -> None:
     from shukotsu.schemas.poses import usable_poses
     from shukotsu.stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
+    from shukotsu.stages.fit_hand.gains import gains
     from shukotsu.stages.fit_hand.hand_tables import (
         bone_rows,
-        cost_rows,
-        gain_rows,
         joint_rows,
         receiver_rows,
     )
     from shukotsu.stages.fit_hand.posed_tables import posed_blocks, posed_sample
-    from shukotsu.stages.fit_hand.receiver_costs import FRAMES
+    from shukotsu.stages.fit_hand.receiver_costs import FRAMES, receiver_costs
 
     plan.check_calibration_left(part.hand)
     partner, alone = partner_poses(plan, part)
@@ -126,7 +125,7 @@ def _fit_part(
     tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
     tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
-    tables["gains"].rows(part, gain_rows(tips) if weighed else [])
+    tables["gains"].rows(part, gains(tips) if weighed else [])
     for name in ("receiver_costs", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating, tasks = (
@@ -142,7 +141,7 @@ def _fit_part(
                 tables[name].columns(part, columns)
         return
     task = read_thinned([*tasks, *calibrating][0], plan.layouts[part.hand].measured, FRAMES)
-    tables["receiver_costs"].rows(part, cost_rows(tips, task))
+    tables["receiver_costs"].rows(part, receiver_costs(tips, task))
     for path in tasks:
         for block in posed_blocks(tips, path):
             for name, columns in block.items():

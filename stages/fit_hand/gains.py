@@ -7,7 +7,7 @@ fingertip, is tried on the covariance alone, all at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -28,25 +28,8 @@ DEEP_SD_MM = 2.0
 TOUCH = "touch"
 
 
-@dataclass(frozen=True)
-class Gain:
-    """Hold what measuring one thing to sd_mm would do to the 1-sigma errors of the joint centres.
-
-    quantity : as in `Measurement`, or a digit followed by .touch: its soft tip on a known point. mean_sd :
-    over all joints between two receivers. joint : the one that gains most, before and after.
-    """
-
-    quantity: str
-    sd_mm: float
-    mean_sd_before_mm: float
-    mean_sd_after_mm: float
-    joint: str
-    joint_sd_before_mm: float
-    joint_sd_after_mm: float
-
-
-def gains(tips: Fingertips) -> list[Gain]:
-    """Compute the gain of each bone's length, each receiver's place and each fingertip's touch, best first.
+def gains(tips: Fingertips) -> list[dict[str, Any]]:
+    """Give rows of gains: each bone's length, receiver's place and fingertip's touch, best first.
 
     What starts at a CMC joint or the wrist counts as known to DEEP_SD_MM, what ends at the tip of a bone as
     less certain by the soft tip. Empty for a hand whose anatomy is not known.
@@ -58,18 +41,18 @@ def gains(tips: Fingertips) -> list[Gain]:
     before, after = _sd_mm(tips, rows)
     best = (before[:, None] - after).argmax(0)
     all_gains = [
-        Gain(
-            quantity,
-            sd,
-            float(before.mean()),
-            float(after[:, k].mean()),
-            names[best[k]],
-            float(before[best[k]]),
-            float(after[best[k], k]),
-        )
+        {
+            "quantity": quantity,
+            "sd_mm": sd,
+            "mean_sd_before_mm": float(before.mean()),
+            "mean_sd_after_mm": float(after[:, k].mean()),
+            "joint": names[best[k]],
+            "joint_sd_before_mm": float(before[best[k]]),
+            "joint_sd_after_mm": float(after[best[k], k]),
+        }
         for k, (quantity, sd) in enumerate(zip(quantities, sds, strict=True))
     ]
-    return sorted(all_gains, key=lambda gain: gain.mean_sd_after_mm)
+    return sorted(all_gains, key=lambda gain: float(gain["mean_sd_after_mm"]))
 
 
 def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:

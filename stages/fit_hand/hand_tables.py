@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,18 +21,16 @@ from shukotsu.schemas.catalogue import (
     RECEIVERS,
 )
 from shukotsu.schemas.parts import PartsWriter, parts_writer
-from shukotsu.schemas.poses import Poses, RecordingName
+from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.tables import Provenance, Table, vector_columns
 from shukotsu.schemas.verdict import UNJUDGED, noted
 from shukotsu.sentences.messages import joined, message_of
 from shukotsu.stages.fit_hand.fingertips import Fingertips
 from shukotsu.stages.fit_hand.fit import HandFit
-from shukotsu.stages.fit_hand.gains import gains
 from shukotsu.stages.fit_hand.left_out import Unsteady
 from shukotsu.stages.fit_hand.loose_receivers import LooseReceiver
 from shukotsu.stages.fit_hand.measurements import MOUNT_PARTS
 from shukotsu.stages.fit_hand.posterior_summary import FittedJoint
-from shukotsu.stages.fit_hand.receiver_costs import receiver_costs
 
 SOURCE = "fit of the whole hand"
 STEP, SLIDE, FIELD = "step", "slide", "field"
@@ -124,16 +121,6 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
         for index, segment in enumerate(digit.segments)
         if segment in fit.bones
     ]
-
-
-def gain_rows(tips: Fingertips) -> list[Row]:
-    """Rows of gains, best first."""
-    return [asdict(gain) for gain in gains(tips)]
-
-
-def cost_rows(tips: Fingertips, task: Poses) -> list[Row]:
-    """Rows of receiver_costs; task : frames of a task, or of the calibration."""
-    return [asdict(cost) for cost in receiver_costs(tips, task)]
 
 
 def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:

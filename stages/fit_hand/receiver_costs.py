@@ -9,7 +9,7 @@ them, and the sd of every centre and angle is found with only some of them worn 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,29 +32,12 @@ FRAMES = 24
 
 LEAST_RECEIVERS = 2
 
-
-@dataclass(frozen=True)
-class ReceiverCost:
-    """A task with fewer receivers than the calibration: 1-sigma errors that would result.
-
-    without : the segment whose receiver is left out; layout : or the smaller layout that is worn; both empty:
-    all that the calibration had. centre_sd_mm, flexion_sd_deg : root mean square over the joints that move
-    and the task. joint : that which loses most, and its own.
-    """
-
-    without: str
-    layout: str
-    n_receivers: int
-    centre_sd_mm: float
-    flexion_sd_deg: float
-    joint: str
-    joint_centre_sd_mm: float
-    joint_flexion_sd_deg: float
+Row = dict[str, Any]
 
 
-def receiver_costs(tips: Fingertips, task: Poses) -> list[ReceiverCost]:
-    """Compute the cost of each receiver of the calibration left out of a task: first none, then the dearest
-    first, then layouts that ship by their number of receivers. Empty for a hand whose anatomy is not known.
+def receiver_costs(tips: Fingertips, task: Poses) -> list[Row]:
+    """Give rows of receiver_costs: a task without one receiver of the calibration or another, first with all,
+    then the dearest first, then layouts that ship. Empty for a hand whose anatomy is not known.
 
     task : some FRAMES frames of it.
     """
@@ -75,11 +58,11 @@ def receiver_costs(tips: Fingertips, task: Poses) -> list[ReceiverCost]:
         _cost(tips, without, layout, len(receivers), own, errors[0])
         for (without, layout, receivers), own in zip(known, errors, strict=True)
     ]
-    return sorted(costs, key=lambda cost: (bool(cost.without) + 2 * bool(cost.layout), -_order(cost)))
+    return sorted(costs, key=lambda cost: (bool(cost["without"]) + 2 * bool(cost["layout"]), -_order(cost)))
 
 
-def _order(cost: ReceiverCost) -> float:
-    return float(cost.n_receivers) if cost.layout else cost.flexion_sd_deg
+def _order(cost: Row) -> float:
+    return float(cost["n_receivers"] if cost["layout"] else cost["flexion_sd_deg"])
 
 
 def _smaller(layout: Layout, worn: Sequence[str]) -> list[Layout]:
@@ -90,7 +73,7 @@ def _smaller(layout: Layout, worn: Sequence[str]) -> list[Layout]:
 
 def _cost(
     tips: Fingertips, without: str, layout: str, n_receivers: int, errors: BoneErrors, with_all: BoneErrors
-) -> ReceiverCost:
+) -> Row:
     evidence = tips.fit.evidence
     bones = evidence.model.length
     joints = [joint for digit in evidence.layout.digits.values() for joint in digit.joints]
@@ -102,16 +85,16 @@ def _cost(
         _rms(np.stack([own.angles_deg[joint][:, 0] for joint in moving], 1)) for own in (errors, with_all)
     )
     worst = int(np.argmax(flexion - before)) if without or layout else int(np.argmax(flexion))
-    return ReceiverCost(
-        without,
-        layout,
-        n_receivers,
-        float(_rms(centre)),
-        float(_rms(flexion)),
-        moving[worst],
-        float(centre[worst]),
-        float(flexion[worst]),
-    )
+    return {
+        "without": without,
+        "layout": layout,
+        "n_receivers": n_receivers,
+        "centre_sd_mm": float(_rms(centre)),
+        "flexion_sd_deg": float(_rms(flexion)),
+        "joint": moving[worst],
+        "joint_centre_sd_mm": float(centre[worst]),
+        "joint_flexion_sd_deg": float(flexion[worst]),
+    }
 
 
 def _rms(values: Array) -> Array:

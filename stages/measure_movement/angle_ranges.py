@@ -43,26 +43,8 @@ class AngleErrors:
     session_change_sd_deg: Array
 
 
-@dataclass(frozen=True)
-class AngleRange:
-    """Range of an angle in degrees; the errors are 1-sigma, NaN where the model states none.
-
-    range_session_sd_deg, median_session_sd_deg : what differs when the receivers are put on anew.
-    """
-
-    range_deg: float
-    low_deg: float
-    high_deg: float
-    full_range_deg: float
-    median_deg: float
-    range_sd_deg: float
-    median_sd_deg: float
-    range_session_sd_deg: float
-    median_session_sd_deg: float
-
-
-def angle_range(angle_deg: Array, errors: AngleErrors) -> AngleRange:
-    """The range of an angle (T,) without gaps, one frame at least."""
+def angle_range(angle_deg: Array, errors: AngleErrors) -> dict[str, float]:
+    """Give the range of an angle (T,) without gaps, one frame at least: columns of ranges_of_motion."""
     low, middle, high = np.percentile(angle_deg, [LOW_PERCENT, 50.0, HIGH_PERCENT])
     below, above = np.percentile(angle_deg, [_ENDS_PERCENT, 100.0 - _ENDS_PERCENT])
     ends = (angle_deg <= below, angle_deg >= above)
@@ -72,17 +54,19 @@ def angle_range(angle_deg: Array, errors: AngleErrors) -> AngleRange:
     widened = range_deg - np.sqrt(max(range_deg**2 - (_WIDTH_OF_NORMAL * frame) ** 2, 0.0))
     visits = _visits(ends[0], angle_deg > middle), _visits(ends[1], angle_deg < middle)
     anew = _at_ends(errors.session_change_sd_deg, ends)
-    return AngleRange(
-        range_deg,
-        float(low),
-        float(high),
-        float(np.ptp(angle_deg)),
-        float(middle),
-        float(np.sqrt(by_hand**2 + 2 * frame**2 + widened**2)),
-        float(np.median(errors.sd_deg)),
-        float(np.sqrt(anew**2 + frame**2 * sum(1 / n for n in visits))),
-        float(np.sqrt(np.median(errors.session_sd_deg) ** 2 + frame**2 / sum(visits))),
-    )
+    return {
+        "range_deg": range_deg,
+        "low_deg": float(low),
+        "high_deg": float(high),
+        "full_range_deg": float(np.ptp(angle_deg)),
+        "median_deg": float(middle),
+        "range_sd_deg": float(np.sqrt(by_hand**2 + 2 * frame**2 + widened**2)),
+        "median_sd_deg": float(np.median(errors.sd_deg)),
+        "range_session_sd_deg": float(np.sqrt(anew**2 + frame**2 * sum(1 / n for n in visits))),
+        "median_session_sd_deg": float(
+            np.sqrt(np.median(errors.session_sd_deg) ** 2 + frame**2 / sum(visits))
+        ),
+    }
 
 
 def _at_ends(sd_deg: Array, ends: _Ends) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -40,7 +40,7 @@ def range_rows(series: JointSeries, grid: Grid | None) -> Iterator[Row]:
                 yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
             continue
         errors = AngleErrors(*series.errors_deg[known, index].T)
-        row |= asdict(angle_range(series.angle_deg[known, index], errors))
+        row |= angle_range(series.angle_deg[known, index], errors)
         row |= _speed_columns(speeds[:, index], "deg_s")
         yield row | _judged(row, "ok" if series.status == "failed" else series.status, series.message, grid)
 

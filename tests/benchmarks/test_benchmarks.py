@@ -5,28 +5,19 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from benchmarks import (
     benchmark_table,
-    paper_accuracy,
     studies,
 )
-from benchmarks.accuracy.score import JOINT_TYPES
-from benchmarks.benchmark_table import Cell, TextTable
+from benchmarks.benchmark_table import TextTable
 from benchmarks.processes import run_process, run_python
-from benchmarks.study_runs import OWN_MODEL, PAPER_MODELS, Study, hand_tasks, job_counts
+from benchmarks.studies import PAPER_MODELS, Study, hand_tasks, job_counts
 from shukotsu.schemas.model import read_model
 from shukotsu.schemas.study import read_study
-
-
-def column(table: TextTable, name: str) -> list[Cell]:
-    """One column's cells, top down."""
-    return [row[table.heads.index(name)] for row in table.rows]
 
 
 def test_a_table_aligns_its_columns_and_shows_what_is_missing() -> None:
@@ -69,28 +60,6 @@ def test_a_process_is_measured_with_its_children(tmp_path: Path) -> None:
         run_python("-c", "import sys; sys.exit(3)")
 
 
-def test_the_papers_accuracy_has_a_row_per_joint_type_and_finds_what_is_there() -> None:
-    joints, tips = map(pd.DataFrame, paper_accuracy.paper_hand(0, "right", 480))
-    for task in paper_accuracy.TASKS:
-        solved = joints[joints["calibration"] == task]
-        assert len(solved) == 15
-        table = paper_accuracy.centre_table(solved, "one hand")
-        assert column(table, "joints") == [*JOINT_TYPES, paper_accuracy.ALL]
-        assert column(table, "n") == [1, 1, 1, 2, 2, 4, 4, 15]
-        np.testing.assert_allclose(np.hypot(solved["along_mm"], solved["across_mm"]), solved["error_mm"])
-    assert len(paper_accuracy.verdict_table(joints, "one hand").rows) == 12
-    table = paper_accuracy.tip_table(tips, "one hand")
-    assert column(table, "skeleton") == [paper_accuracy.ESTIMATED, paper_accuracy.TRUE] * 4
-    assert column(table, "held out") == ["no", "no", "yes", "yes"] * 2
-    assert all(isinstance(cell, float) for row in table.rows for cell in row[4:])
-
-
-def test_a_failed_joint_is_counted_and_not_averaged() -> None:
-    failed = pd.DataFrame([{"calibration": "rom", "joint": "thumb_ip", "status": "failed"}])
-    table = paper_accuracy.centre_table(failed, "nobody")
-    assert table.rows[2] == ("thumb IP", 1, 1, *[None] * 9)
-
-
 def test_job_counts_are_read_from_the_output() -> None:
     counts = ["job        count", "-------  -------", "all            1", "capture        8", "total   9"]
     output = "\n".join(["Building", "Job stats:", *counts, ""])
@@ -126,22 +95,3 @@ def test_a_study_is_written_and_changed(tmp_path: Path, simulated: Path) -> None
     assert pq.read_table(study.recording(2, "right", "opposition")).num_rows == 3
     changes["one model changed"]()
     assert read_model(study.model_file).metacarpals.twist_factor == 0.5
-
-
-@pytest.mark.slow
-def test_the_jobs_of_a_study_are_those_that_snakemake_names(tmp_path: Path) -> None:
-    study = Study(tmp_path, [OWN_MODEL])
-    run_python(
-        "-m",
-        "shukotsu.stages.simulate",
-        *["--subject=01", "--hand=right", "--task=opposition", "--frames=240"],
-        f"--out={tmp_path}/tiny.parquet",
-    )
-    study.write([("01", "right", "opposition", "both", "tiny.parquet")])
-    counts = job_counts(study.run().output)
-    jobs = study.jobs()
-    assert {job.rule for job in jobs} == set(counts)
-    assert len(jobs) == sum(counts.values())
-    costs = studies.rule_costs(study, counts)
-    assert set(costs) == set(counts)
-    assert all(cost.processor_s > 0 and cost.memory_mb > 0 for cost in costs.values())

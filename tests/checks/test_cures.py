@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from cures.brought_files import Door, Result, check
+from cures.followed_cures import obeyed, to_do
+from cures.planted_cases import CASES, Case
+from cures.sheet_cures import SHEET_CASES, Files, SheetCase, check_sheet, files_of, obeyed_in_sheet
 from simulated_poses import hand_of
 
-from benchmarks.brought_files import Door, Result, check
-from benchmarks.cures import CASES, Case
-from benchmarks.followed_cures import obeyed, to_do
-from benchmarks.sheet_cures import SHEET_CASES, Files, SheetCase, check_sheet, files_of, obeyed_in_sheet
 from shukotsu.schemas.findings import KINDS
 
 FAR_MM, FAR_OF_OTHER_FRAMES_MM = 0.1, 3.0
@@ -47,7 +47,7 @@ def test_a_cure_done_word_for_word_cures(case: Case) -> None:
 
 @pytest.fixture(scope="module")
 def files() -> Files:
-    return files_of("own", 9001, "right")
+    return files_of(9001, "right")
 
 
 @pytest.mark.slow

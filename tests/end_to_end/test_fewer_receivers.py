@@ -29,7 +29,7 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
     rows = ("01 right tips evaluation t.parquet - tips-and-hand", "01 right rom calibration r.parquet")
     write_plans(write_study(folder, *rows, models=["rigid", "quick.yaml"]))
     subject = PlannedSubject(folder)
-    rom, task = (recorded(task=name, seed=4, n_frames=600)[0] for name in ("rom", "opposition"))
+    rom, task = (recorded(task=name, seed=4, n_frames=300)[0] for name in ("rom", "opposition"))
     worn = [task.segments.index(name) for name in SIX]
     few = replace(
         task, segments=SIX, position_mm=task.position_mm[:, worn], quaternion=task.quaternion[:, worn]
@@ -65,7 +65,7 @@ def test_a_fitted_hand_is_posed_with_an_error_for_everything(subject: PlannedSub
     ):
         every = subject.rows(folder / f"{name}.parquet", name, part)
         rows = [row for row in every if row["task"] == "tips"]
-        assert len(rows) == count * 600
+        assert len(rows) == count * 300
         assert {row["task"] for row in every} == {"tips", *(["rom"] if name == "joint_angles" else [])}
         values = np.array([[row[number] for number in numbers] for row in rows], float)
         assert np.isfinite(values).all(), name

@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pipeline import recording_numbers
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.schemas.catalogue import METACARPALS
@@ -18,7 +19,6 @@ from shukotsu.schemas.parts import (
     part_metadata,
     parts_writer,
     read_part,
-    read_recording,
 )
 from shukotsu.schemas.tables import Column, Provenance, Table, read_table, rows_of
 
@@ -179,14 +179,14 @@ def long(tmp_path: Path) -> Path:
 
 def test_one_recordings_numbers(long: Path) -> None:
     """A row group a recording and digit; a recording without rows gives nothing."""
-    found = read_recording(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
+    found = recording_numbers(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
     assert list(found) == ["thumb", "index"]
     for digit, values in found.items():
         np.testing.assert_array_equal(values, LONG[WHOLE, "rom", "", digit])
     for part, task, trial, digit in LONG:
-        own = read_recording(long, METACARPALS, part, task, trial, "digit", ["qy"])[digit]
+        own = recording_numbers(long, METACARPALS, part, task, trial, "digit", ["qy"])[digit]
         np.testing.assert_array_equal(own[:, 0], LONG[part, task, trial, digit][:, 2])
-    assert read_recording(long, METACARPALS, LEFT, "opposition", "", "digit", TURNS, 3) == {}
+    assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", "digit", TURNS, 3) == {}
     metadata = pq.ParquetFile(long).metadata
     assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [5, 5, 4, 3, 5, 6]
 
@@ -198,11 +198,11 @@ def test_recordings_that_share_a_row_group(tmp_path: Path, long: Path) -> None:
     pq.write_table(rows.replace_schema_metadata(rows.schema.metadata | {PARTS_KEY: listed}), path)
     assert pq.read_metadata(path).num_row_groups == 1
     for part, task, trial, digit in LONG:
-        found = read_recording(path, METACARPALS, part, task, trial, "digit", TURNS)
+        found = recording_numbers(path, METACARPALS, part, task, trial, "digit", TURNS)
         assert set(found) == {own[3] for own in LONG if own[:3] == (part, task, trial)}
         np.testing.assert_array_equal(found[digit], LONG[part, task, trial, digit])
     frames = np.array([2, 3, 9])
-    some = read_recording(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], frames=frames, name="index")
+    some = recording_numbers(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], frames=frames, name="index")
     np.testing.assert_array_equal(some["index"][:2, 0], LONG[LEFT, "rom", "", "index"][2:4, 0])
     assert np.isnan(some["index"][2, 0]), "the recording has no frame 9"
-    assert not read_recording(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], name="ring")
+    assert not recording_numbers(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], name="ring")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pyarrow.compute as pc
 import pytest
+from pipeline import recording_numbers
 
 from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
@@ -17,7 +18,7 @@ from shukotsu.schemas.catalogue import (
     METACARPALS,
 )
 from shukotsu.schemas.model import read_model
-from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
+from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.tables import Provenance, Table, read_metadata, read_table, rows_of
 from shukotsu.stages.estimate_metacarpals.__main__ import main
@@ -62,7 +63,7 @@ def test_metacarpals_are_posed_in_what_is_evaluated(plan: SubjectPlan) -> None:
     assert set(table.column("task").to_pylist()) == {"opposition"}
     assert set(table.column("made_without").to_pylist()) == {"", "opposition"}
     for part in plan.parts():
-        found = read_recording(
+        found = recording_numbers(
             plan.table("metacarpals"), METACARPALS, part, "opposition", "", "digit", TURNS, 300
         )
         assert list(found) == ["thumb", "index", "middle", "ring", "little"]

@@ -6,10 +6,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
+from pipeline import recording_numbers
 
 from shukotsu.schemas.catalogue import JOINT_CENTRES, METACARPALS, TIP_ERRORS, TIPS
 from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part, read_recording
+from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.poses import read_poses
 from shukotsu.schemas.tables import Provenance, rows_of
@@ -49,7 +50,9 @@ def test_every_skeleton_is_replayed_where_it_is_evaluated(plan: SubjectPlan) -> 
         assert [row["digit"] for row in errors] == [digit for digit in DIGITS for _ in range(2)]
         assert {(row["task"], row["held_out"]) for row in errors} == {("opposition", bool(part.made_without))}
         assert all(row["n_frames"] == row["n_frames_total"] == 300 for row in errors)
-        found = read_recording(plan.table("tips"), TIPS, part, "opposition", "", "digit", ["error_mm"], 300)
+        found = recording_numbers(
+            plan.table("tips"), TIPS, part, "opposition", "", "digit", ["error_mm"], 300
+        )
         for row in errors:
             if row["binding"] == "least-squares":
                 assert row["mean_mm"] == pytest.approx(found[row["digit"]].mean(), rel=1e-12)
@@ -58,7 +61,7 @@ def test_every_skeleton_is_replayed_where_it_is_evaluated(plan: SubjectPlan) -> 
 def test_errors_are_distances_of_the_tips(plan: SubjectPlan) -> None:
     columns = [f"tip_{axis}_mm" for axis in "xyz"] + ["error_mm"]
     layout = read_layout("liberty16")
-    found = read_recording(plan.table("tips"), TIPS, WHOLE, "opposition", "", "digit", columns)
+    found = recording_numbers(plan.table("tips"), TIPS, WHOLE, "opposition", "", "digit", columns)
     recording = next(r for r in plan.recordings if (r.hand.hand, r.task) == ("right", "opposition"))
     poses = read_poses(plan.poses(recording), layout.measured)
     for name, values in found.items():
@@ -109,7 +112,9 @@ def test_a_gap_is_in_no_statistic(plan: SubjectPlan, tmp_path: Path) -> None:
     assert frames["index"] == 300 - n_lost
     assert frames["ring"] == 300
     names = ["error_mm", "error_first_frame_mm"]
-    found = read_recording(tmp_path / "tips.parquet", TIPS, WHOLE, "opposition", "", "digit", names)["index"]
+    found = recording_numbers(tmp_path / "tips.parquet", TIPS, WHOLE, "opposition", "", "digit", names)[
+        "index"
+    ]
     assert np.isnan(found[:n_lost]).all()
     assert found[n_lost, 1] == pytest.approx(0, abs=1e-9)
 

@@ -89,17 +89,17 @@ def test_costs_begin_with_none_left_out_and_end_with_layouts_that_ship(whole: Ha
     task = recorded(task="opposition", seed=4, n_frames=480)[1].take(slice(0, None, 40))
     costs = receiver_costs(fingertips(whole), task)
     receivers = whole.evidence.model.receivers
-    assert [(cost.without, cost.layout) for cost in costs[:1]] == [("", "")]
-    assert {cost.without for cost in costs[1:-2]} == set(receivers)
-    assert [(cost.layout, cost.n_receivers) for cost in costs[-2:]] == [
+    assert [(cost["without"], cost["layout"]) for cost in costs[:1]] == [("", "")]
+    assert {cost["without"] for cost in costs[1:-2]} == set(receivers)
+    assert [(cost["layout"], cost["n_receivers"]) for cost in costs[-2:]] == [
         ("two-hands-7", 7),
         ("tips-and-hand", 6),
     ]
-    dearest = [cost.flexion_sd_deg for cost in costs[1:-2]]
+    dearest = [cost["flexion_sd_deg"] for cost in costs[1:-2]]
     assert dearest == sorted(dearest, reverse=True)
     for cost in costs[1:]:
-        assert cost.centre_sd_mm >= costs[0].centre_sd_mm
-        assert cost.flexion_sd_deg >= costs[0].flexion_sd_deg
-    lost = {cost.without: cost.joint for cost in costs[1:-2]}
+        assert cost["centre_sd_mm"] >= costs[0]["centre_sd_mm"]
+        assert cost["flexion_sd_deg"] >= costs[0]["flexion_sd_deg"]
+    lost = {cost["without"]: cost["joint"] for cost in costs[1:-2]}
     assert lost["ring_distal"] == "ring_dip"
-    assert costs[-1].flexion_sd_deg > costs[-2].flexion_sd_deg > 1.2 * costs[0].flexion_sd_deg
+    assert costs[-1]["flexion_sd_deg"] > costs[-2]["flexion_sd_deg"] > 1.2 * costs[0]["flexion_sd_deg"]

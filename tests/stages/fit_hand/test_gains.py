@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from pipeline import Row
 from simulated_poses import recorded
 
 from shukotsu.schemas.layout import read_layout
 from shukotsu.stages.fit_hand.fingertips import fingertips
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
-from shukotsu.stages.fit_hand.gains import DEEP_SD_MM, MEASURED_SD_MM, Gain, gains
+from shukotsu.stages.fit_hand.gains import DEEP_SD_MM, MEASURED_SD_MM, gains
 from shukotsu.stages.fit_hand.measurements import Measurement
 from shukotsu.stages.fit_hand.touches import touch_in, with_touches
 from shukotsu.stages.simulate.random_hand import BONES
@@ -21,31 +22,31 @@ def fitted() -> HandFit:
 
 
 @pytest.fixture(scope="module")
-def found(fitted: HandFit) -> dict[str, Gain]:
-    return {gain.quantity: gain for gain in gains(fingertips(fitted))}
+def found(fitted: HandFit) -> dict[str, Row]:
+    return {gain["quantity"]: gain for gain in gains(fingertips(fitted))}
 
 
 def sds(fit: HandFit) -> dict[str, float]:
     return {name: joint.sd_mm for name, joint in fit.joints.items()}
 
 
-def test_every_measurement_is_tried_and_the_best_comes_first(fitted: HandFit, found: dict[str, Gain]) -> None:
+def test_every_measurement_is_tried_and_the_best_comes_first(fitted: HandFit, found: dict[str, Row]) -> None:
     order = gains(fingertips(fitted))
-    assert [gain.quantity for gain in order] == list(found)
+    assert [gain["quantity"] for gain in order] == list(found)
     model = fitted.evidence.model
     assert {*model.length, *(f"{segment}.height" for segment in model.mount)} <= set(found)
     assert len(found) == 19 + 3 * 16 + 15 + 5
-    after = [gain.mean_sd_after_mm for gain in order]
+    after = [gain["mean_sd_after_mm"] for gain in order]
     assert after == sorted(after)
     now = sds(fitted)
     for gain in order:
-        assert gain.mean_sd_before_mm == pytest.approx(np.mean(list(now.values())))
-        assert gain.joint_sd_before_mm == pytest.approx(now[gain.joint])
-        assert 0 < gain.joint_sd_after_mm < gain.joint_sd_before_mm
+        assert gain["mean_sd_before_mm"] == pytest.approx(np.mean(list(now.values())))
+        assert gain["joint_sd_before_mm"] == pytest.approx(now[gain["joint"]])
+        assert 0 < gain["joint_sd_after_mm"] < gain["joint_sd_before_mm"]
     for deep in ("hand.along", "index_metacarpal", "thumb_metacarpal.along"):
-        assert found[deep].sd_mm == DEEP_SD_MM
-    assert found["thumb_metacarpal.distal"].sd_mm == MEASURED_SD_MM
-    assert found["index_middle"].sd_mm < found["index_distal"].sd_mm < DEEP_SD_MM
+        assert found[deep]["sd_mm"] == DEEP_SD_MM
+    assert found["thumb_metacarpal.distal"]["sd_mm"] == MEASURED_SD_MM
+    assert found["index_middle"]["sd_mm"] < found["index_distal"]["sd_mm"] < DEEP_SD_MM
 
 
 @pytest.mark.parametrize(
@@ -56,7 +57,7 @@ def test_every_measurement_is_tried_and_the_best_comes_first(fitted: HandFit, fo
         pytest.param("index_middle.distal", marks=pytest.mark.slow),
     ],
 )
-def test_it_is_what_a_fit_with_the_measurement_has(found: dict[str, Gain], quantity: str) -> None:
+def test_it_is_what_a_fit_with_the_measurement_has(found: dict[str, Row], quantity: str) -> None:
     """Errors stated before anyone measured, against those of the hand fitted anew with the true value: of the
     joint that gains most, and of all joints.
     """
@@ -70,29 +71,29 @@ def test_it_is_what_a_fit_with_the_measurement_has(found: dict[str, Gain], quant
         [poses],
         read_layout("liberty16"),
         "right",
-        measurements=[Measurement(quantity, float(value), gain.sd_mm)],
+        measurements=[Measurement(quantity, float(value), gain["sd_mm"])],
         settings=QUICK,
     )
     now = sds(anew)
-    assert now[gain.joint] == pytest.approx(gain.joint_sd_after_mm, rel=0.05)
-    assert np.mean(list(now.values())) == pytest.approx(gain.mean_sd_after_mm, rel=0.05)
-    spared = gain.joint_sd_before_mm - now[gain.joint]
-    assert spared > 0.6 * (gain.joint_sd_before_mm - gain.joint_sd_after_mm)
+    assert now[gain["joint"]] == pytest.approx(gain["joint_sd_after_mm"], rel=0.05)
+    assert np.mean(list(now.values())) == pytest.approx(gain["mean_sd_after_mm"], rel=0.05)
+    spared = gain["joint_sd_before_mm"] - now[gain["joint"]]
+    assert spared > 0.6 * (gain["joint_sd_before_mm"] - gain["joint_sd_after_mm"])
 
 
-def test_a_touch_gains_what_it_said(fitted: HandFit, found: dict[str, Gain]) -> None:
+def test_a_touch_gains_what_it_said(fitted: HandFit, found: dict[str, Row]) -> None:
     poses = recorded(seed=6)[1]
     tips = fingertips(fitted)
     row = np.array([40])
     middle = list(tips.digits).index("middle")
     point = tips.in_transmitter(poses, "tip")[40, middle] + [0.5, -0.5, 0.5]
     gain = found["middle.touch"]
-    touched = with_touches(tips, [touch_in(tips, poses, row, "middle", point, sd_mm=gain.sd_mm)])
+    touched = with_touches(tips, [touch_in(tips, poses, row, "middle", point, sd_mm=gain["sd_mm"])])
     now = sds(touched.fit)
-    assert gain.joint == "middle_dip"
-    assert now[gain.joint] == pytest.approx(gain.joint_sd_after_mm, rel=0.02)
-    assert np.mean(list(now.values())) == pytest.approx(gain.mean_sd_after_mm, rel=0.02)
-    assert now[gain.joint] < 0.85 * gain.joint_sd_before_mm
-    again = {one.quantity: one for one in gains(touched)}["middle.touch"]
-    spared = again.joint_sd_before_mm - again.joint_sd_after_mm
-    assert spared < 0.3 * (gain.joint_sd_before_mm - gain.joint_sd_after_mm)
+    assert gain["joint"] == "middle_dip"
+    assert now[gain["joint"]] == pytest.approx(gain["joint_sd_after_mm"], rel=0.02)
+    assert np.mean(list(now.values())) == pytest.approx(gain["mean_sd_after_mm"], rel=0.02)
+    assert now[gain["joint"]] < 0.85 * gain["joint_sd_before_mm"]
+    again = {one["quantity"]: one for one in gains(touched)}["middle.touch"]
+    spared = again["joint_sd_before_mm"] - again["joint_sd_after_mm"]
+    assert spared < 0.3 * (gain["joint_sd_before_mm"] - gain["joint_sd_after_mm"])

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.thumb_receiver import OWN, facing_the_nail, nail_turn
+from benchmarks.faultless_hands import THUMB, facing_the_nail, nail_turn
 from shukotsu.anatomy.average_hand import DIGITS
 from shukotsu.anatomy.known_digits import rest_rotations
 from shukotsu.schemas.layout import read_layout
@@ -79,8 +79,8 @@ def test_the_bone_faces_where_its_receiver_faces(side: str) -> None:
     rows = np.arange(0, len(made.frame), 24)
     posed = pose_hand(fit, made.poses().take(rows))
     true = made.truth.bone_quaternion[rows]
-    true[:, BONES.index(OWN)] = multiply(true[:, BONES.index(OWN)], nail_turn(made))
-    off = multiply(conjugate(true[:, BONES.index(OWN)]), posed.bone_quaternion[:, posed.bones.index(OWN)])
+    true[:, BONES.index(THUMB)] = multiply(true[:, BONES.index(THUMB)], nail_turn(made))
+    off = multiply(conjugate(true[:, BONES.index(THUMB)]), posed.bone_quaternion[:, posed.bones.index(THUMB)])
     assert np.degrees(np.median(angle(off))) < 10.0
     rests = dict(zip(JOINTS, made.truth.hand.rest, strict=True))
     rests["thumb_cmc"] = multiply(rests["thumb_cmc"], nail_turn(made))
@@ -106,7 +106,7 @@ def test_a_thumb_facing_the_nail_moves_by_its_names(side: str) -> None:
     palmwards = about_axis(unit(np.cross(long_axis, -dorsal)), np.radians(20.0))
     bones = multiply(np.stack([ulnarwards, palmwards]), rest)[:, None]
     still = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
-    sweep, leaving = angles_of_hand([OWN], bones, still, LAYOUT, side, {"thumb_cmc": rest})["thumb_cmc"]
+    sweep, leaving = angles_of_hand([THUMB], bones, still, LAYOUT, side, {"thumb_cmc": rest})["thumb_cmc"]
     assert sweep[0] > 17.0
     assert abs(sweep[1]) < 5.0
     assert leaving[1] < -17.0

@@ -20,20 +20,20 @@ def errors(sd_deg: float | Array = 0.0, change_deg: float | Array = 0.0, anew: f
 
 def test_a_sinusoids_range() -> None:
     found = angle_range(swing(20.0), errors(3.0))
-    assert found.full_range_deg == pytest.approx(40.0, abs=0.01)
-    assert found.range_deg == pytest.approx(40 * np.sin(0.475 * np.pi), abs=0.05)
-    assert (found.low_deg + found.high_deg) / 2 == pytest.approx(30.0, abs=0.01)
-    assert found.median_deg == pytest.approx(30.0, abs=0.05)
-    assert found.median_sd_deg == 3.0
-    assert found.range_sd_deg == found.range_session_sd_deg == found.median_session_sd_deg == 0.0
+    assert found["full_range_deg"] == pytest.approx(40.0, abs=0.01)
+    assert found["range_deg"] == pytest.approx(40 * np.sin(0.475 * np.pi), abs=0.05)
+    assert (found["low_deg"] + found["high_deg"]) / 2 == pytest.approx(30.0, abs=0.01)
+    assert found["median_deg"] == pytest.approx(30.0, abs=0.05)
+    assert found["median_sd_deg"] == 3.0
+    assert found["range_sd_deg"] == found["range_session_sd_deg"] == found["median_session_sd_deg"] == 0.0
 
 
 def test_one_spike_makes_the_full_range_alone() -> None:
     angle = swing(20.0)
     angle[77] = 170.0
     found = angle_range(angle, errors())
-    assert found.full_range_deg == pytest.approx(160.0, abs=0.1)
-    assert found.range_deg == pytest.approx(40.0, abs=0.3)
+    assert found["full_range_deg"] == pytest.approx(160.0, abs=0.1)
+    assert found["range_deg"] == pytest.approx(40.0, abs=0.3)
 
 
 @pytest.mark.parametrize(
@@ -43,14 +43,14 @@ def test_the_error_stated_holds_the_truth(amplitude_deg: float, share: float, fr
     """Errors common to all frames, in proportion to the distance from the mean, and of the frame alone."""
     rng, true = np.random.default_rng(5), swing(amplitude_deg)
     apart = true - true.mean()
-    truth = angle_range(true, errors()).range_deg
+    truth = angle_range(true, errors())["range_deg"]
     change_sd = np.hypot(share * apart, frame_deg)
     within, stated = [], []
     for _ in range(300):
         off = rng.normal(0, 5) + share * rng.normal() * apart + frame_deg * rng.normal(size=2000)
         found = angle_range(true + off, errors(5.0, change_sd))
-        within.append(abs(found.range_deg - truth) < 1.96 * found.range_sd_deg)
-        stated.append(found.range_sd_deg)
+        within.append(abs(found["range_deg"] - truth) < 1.96 * found["range_sd_deg"])
+        stated.append(found["range_sd_deg"])
     assert np.mean(within) > 0.92
     assert np.mean(stated) < 0.12 * amplitude_deg + 4 * frame_deg
 
@@ -72,10 +72,10 @@ def test_sessions_differ_by_what_is_put_on_anew_and_by_the_frames_of_each_visit(
             pair.append(angle_range(true + off, stated))
         one, other = pair
         for name in ("range", "median"):
-            apart_deg = getattr(one, f"{name}_deg") - getattr(other, f"{name}_deg")
-            sd_deg = np.hypot(*(getattr(own, f"{name}_session_sd_deg") for own in pair))
+            apart_deg = one[f"{name}_deg"] - other[f"{name}_deg"]
+            sd_deg = np.hypot(*(own[f"{name}_session_sd_deg"] for own in pair))
             seen.append(apart_deg)
             within.append(abs(apart_deg) < 1.96 * sd_deg)
     assert 0.92 < np.mean(within) < 0.99
-    assert one.range_session_sd_deg < one.range_sd_deg / 3
-    assert one.median_session_sd_deg < one.median_sd_deg / 3
+    assert one["range_session_sd_deg"] < one["range_sd_deg"] / 3
+    assert one["median_session_sd_deg"] < one["median_sd_deg"] / 3

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from planned_subject import PlannedSubject, planned_subject
+from planned_subject import QUICK, PlannedSubject, planned_subject
 from simulated_poses import recorded
 
 from shukotsu.anatomy.neutral_bones import neutral_rotations
@@ -49,8 +49,9 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
         for task, role in (("rom", "calibration"), ("opposition", "evaluation"))
     ]
     folder = tmp_path_factory.mktemp("movement")
-    made = planned_subject(folder, recordings, ["rigid", "quick"], n_frames=N_FRAMES, seed=SEED)
-    made.run_stages()
+    alone = QUICK.replace("steps: 10", "steps: 10, share_lengths: false")
+    made = planned_subject(folder, recordings, ["rigid", "quick"], n_frames=N_FRAMES, seed=SEED, quick=alone)
+    made.run_stages(reference=False)
     rows = [event("right", number, "tap", onset_s) for number, onset_s in enumerate(ONSETS_S)]
     rows += [event("right", 9, "hold", 1.0, 0.8), event("right", 10, "hold", 2.0, 0.8)]
     columns = columns_from_rows(EVENTS, rows)

@@ -9,10 +9,9 @@ from chains import as_poses, chain_layout, random_chain
 from scipy.spatial.transform import Rotation
 
 from benchmarks.accuracy import estimators
-from benchmarks.accuracy.scenarios import STIFF, Scenario
 from benchmarks.accuracy.score import score
-from benchmarks.accuracy.trials import record
-from benchmarks.thumb_receiver import facing_the_nail
+from benchmarks.accuracy.trials import STIFF, Scenario, record
+from benchmarks.faultless_hands import facing_the_nail
 from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.model import read_model
 from shukotsu.schemas.poses import Poses

@@ -6,10 +6,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmarks.brought_files import Result, centres
-from benchmarks.faultless_hands import Planted, changed
-from benchmarks.followed_cures import NoSuchCureError
-from benchmarks.mistakes import RECORDERS
+from cures.brought_files import Result, centres
+from cures.followed_cures import NoSuchCureError
+
+from benchmarks.faultless_hands import Planted, changed, own_hand
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
 from shukotsu.checks.compared_recordings import compared
 from shukotsu.schemas.layout import read_layout
@@ -56,18 +56,18 @@ SHEET_CASES = (
 )  # fmt: skip
 
 
-def files_of(drawing: str, seed: int, hand: str) -> Files:
+def files_of(seed: int, hand: str) -> Files:
     """Record a person twice, once more with receivers put on anew, and somebody else.
 
     The person's other hand, mirrored, is as long and wears its receivers elsewhere.
     """
-    record, other = RECORDERS[drawing], {"right": "left", "left": "right"}[hand]
-    own = {f"{task}.csv": record(seed, hand, task) for task in ("rom", "opposition")}
-    poses = record(seed, other, "rom").poses
+    other = {"right": "left", "left": "right"}[hand]
+    own = {f"{task}.csv": own_hand(seed, hand, task) for task in ("rom", "opposition")}
+    poses = own_hand(seed, other, "rom").poses
     place, turn = poses.position_mm * [1, -1, 1], poses.quaternion * [1, -1, 1, -1]
     anew = changed(own["rom.csv"], position_mm=place, quaternion=turn)
     again = _second_half(own["opposition.csv"])
-    planted = {**own, "again.csv": again, "anew.csv": anew, "other.csv": record(seed + 500, hand, "rom")}
+    planted = {**own, "again.csv": again, "anew.csv": anew, "other.csv": own_hand(seed + 500, hand, "rom")}
     layout = read_layout(LAYOUT)
     return Files(planted, {name: check_recording(p.poses, layout, p.hand) for name, p in planted.items()})
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-
-from benchmarks.brought_files import SECONDS, Brought, Result, check
+from cures.brought_files import SECONDS, Brought, Result, check
 
 MOST_TIMES = 6
 
