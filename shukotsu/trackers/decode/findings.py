@@ -154,8 +154,8 @@ def _clocks(survey: Survey) -> Iterator[str]:
     clock = survey.clock
     if clock is not None and clock.knots.size:
         yield (
-            f"frames, which the tracker does not number, did not always come at {survey.settings.rate_hz:g} Hz; "
-            "time is taken from when they came"
+            f"frames, which the tracker does not number, did not always come at {survey.settings.rate_hz:g} "
+            "Hz; time is taken from when they came"
         )
     elif clock is not None and not np.isnan(clock.measured_rate_hz) and not clock.fitted:
         yield (

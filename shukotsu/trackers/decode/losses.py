@@ -74,9 +74,8 @@ class Losses:
     ) -> tuple[Wholes, Wholes]:
         """Count good records in turn, (N,) each; `final` says that none follow.
 
-        Gives the gaps that have ended, (G, 6): station, first and last frame without a good record of it, when
-        [ns] those before and behind had come, whether it was absent; station 0: of none at all. And the frames
-        that are partial.
+        Gives the gaps that have ended, (G, 6): station (0: of none at all), first and last frame without a
+        good record of it, when [ns] those around had come, whether it was absent; and the partial frames.
         """
         rows = np.concatenate([self._newest, np.stack([frame, station, host_ns])], 1)
         newest = int(np.searchsorted(rows[0], rows[0, -1])) if rows.shape[1] else 0

@@ -151,9 +151,9 @@ class Statistics:
     def totals(self, now_ns: int) -> dict[str, Any]:
         """Sum up the recording if nothing follows, as JSON types.
 
-        lost_frames : records that are lost, in all and of each receiver; lost_cycles : frames of which nothing
-        came (see `Losses`). silent_s, absent_s : from and to [s since the start], None for the end, of the times
-        when nothing came of all and of each receiver.
+        lost_frames : lost records, in all and of each receiver; lost_cycles : lost frames (see `Losses`).
+        silent_s, absent_s : from and to [s since the start], None for the end, when nothing came of any and
+        of each receiver.
         """
         losses, gaps, _ = self._losses.closed()
         end_s, ends_s = self._seconds(now_ns), losses.silent_ends_s(self._start_ns, now_ns)
