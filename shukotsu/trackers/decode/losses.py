@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.trackers.decode.stream import Block
 from shukotsu.trackers.protocols.records import Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
@@ -61,7 +62,7 @@ class Losses:
     def closed(self) -> tuple[Losses, Wholes, Wholes]:
         """Give the count if nothing follows, and what that finds (see `add`)."""
         losses = deepcopy(self)
-        return losses, *losses.add(NOTHING, NOTHING, NOTHING, final=True)
+        return losses, *losses._add(np.empty((3, 0), np.int64), final=True)
 
     def silent_ends_s(self, start_ns: int, end_ns: int) -> tuple[float, float]:
         """How long nothing came after the start and before the end; 0 where that is less than ABSENT_S."""
@@ -69,15 +70,23 @@ class Losses:
         before_s, after_s = (first_ns - start_ns) * 1e-9, (end_ns - last_ns) * 1e-9
         return before_s * (before_s > ABSENT_S), after_s * (after_s > ABSENT_S)
 
-    def add(
-        self, frame: Wholes, station: Wholes, host_ns: Wholes, *, final: bool = False
-    ) -> tuple[Wholes, Wholes]:
-        """Count good records in turn, (N,) each; `final` says that none follow.
+    @property
+    def newest_frame(self) -> int:
+        """The newest good frame; 0 where there is none."""
+        return int(self._newest[0, -1]) if self._newest.size else 0
+
+    def add(self, block: Block) -> tuple[Wholes, Wholes]:
+        """Count a block's good records.
 
         Gives the gaps that have ended, (G, 6): station (0: of none at all), first and last frame without a
         good record of it, when [ns] those around had come, whether it was absent; and the partial frames.
         """
-        rows = np.concatenate([self._newest, np.stack([frame, station, host_ns])], 1)
+        rows = np.stack([block.records.frame, block.records.station, block.host_ns])
+        return self._add(rows[:, block.good], final=False)
+
+    def _add(self, rows: Wholes, *, final: bool) -> tuple[Wholes, Wholes]:
+        """Count records in turn, (3, N); `final` says that none follow."""
+        rows = np.concatenate([self._newest, rows], 1)
         newest = int(np.searchsorted(rows[0], rows[0, -1])) if rows.shape[1] else 0
         taken = rows.shape[1] if final else newest
         (frame, station, host_ns), self._newest = rows[:, :taken].copy(), rows[:, taken:]

@@ -38,7 +38,7 @@ class Sightings:
             self.records[int(number)] += int(count)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Survey:
     """Hold what is in an archive.
 
@@ -50,17 +50,17 @@ class Survey:
     """
 
     settings: StreamSettings
-    losses: Losses
-    clock: DeviceClock | None
-    gaps: Wholes
-    absent: Bools
-    partial_frames: Wholes
-    doubtful: Sightings
-    out_of_order: Sightings
-    errors: dict[str, Sightings]
-    distorted: Sightings
-    skipped: tuple[tuple[int, int, int], ...]
     tally: Tally
+    losses: Losses
+    clock: DeviceClock | None = None
+    gaps: Wholes = field(default_factory=lambda: np.empty((0, 3), np.int64))
+    absent: Bools = field(default_factory=lambda: np.empty(0, bool))
+    partial_frames: Wholes = field(default_factory=lambda: np.empty(0, np.int64))
+    doubtful: Sightings = field(default_factory=Sightings)
+    out_of_order: Sightings = field(default_factory=Sightings)
+    errors: dict[str, Sightings] = field(default_factory=dict)
+    distorted: Sightings = field(default_factory=Sightings)
+    skipped: list[tuple[int, int, int]] = field(default_factory=list)
 
     def gap_ends(self, station: int) -> Wholes:
         """The first frames after the station's gaps, ascending."""
@@ -81,57 +81,17 @@ class Survey:
         """Bytes that were no record and no reply."""
         return sum(size for _, size, _ in self.skipped)
 
-
-def survey_archive(archive: Archive) -> Survey:
-    """Read the whole archive once. Raises InputError where it holds no settings."""
-    tally = Tally()
-    surveyor = _Surveyor()
-    for block in blocks_of(archive, tally):
-        surveyor.add(block)
-    return surveyor.survey(tally)
-
-
-@dataclass
-class _Surveyor:
-    settings: StreamSettings | None = None
-    losses: Losses | None = None
-    last_frame: int = 0
-    counted: bool = True
-    arrivals: list[tuple[Wholes, Wholes]] = field(default_factory=list)
-    found: list[tuple[Wholes, Wholes]] = field(default_factory=list)
-    doubtful: Sightings = field(default_factory=Sightings)
-    out_of_order: Sightings = field(default_factory=Sightings)
-    errors: dict[str, Sightings] = field(default_factory=dict)
-    distorted: Sightings = field(default_factory=Sightings)
-    skipped: list[tuple[int, int, int]] = field(default_factory=list)
-
-    def add(self, block: Block) -> None:
-        self.settings, self.counted = block.settings, block.counted
-        self.losses = self.losses or Losses(block.settings)
-        self._skips(block)
-        records = block.records
-        if not len(records):
-            return
-        good = block.good
-        arrived = np.flatnonzero(np.diff(block.host_ns, append=block.host_ns[-1] + 1))
-        arrived = arrived[good[arrived]]
-        self.arrivals.append((records.frame[arrived], block.host_ns[arrived]))
-        self.found.append(self.losses.add(records.frame[good], records.station[good], block.host_ns[good]))
-        self.last_frame = int(records.frame[-1])
-        self._count(block, good)
-
-    def _skips(self, block: Block) -> None:
+    def add(self, block: Block) -> tuple[Wholes, Wholes]:
+        """Count what a block has beside losses; give frames and times [ns] of the arrivals in it."""
+        records, good = block.records, block.good
         for skip in block.skipped:
-            row = int(np.searchsorted(block.records.offset, skip.offset)) - 1
-            frame = int(block.records.frame[row]) if row >= 0 else self.last_frame
+            row = int(np.searchsorted(records.offset, skip.offset)) - 1
+            frame = int(records.frame[row]) if row >= 0 else self.losses.newest_frame
             if self.skipped and sum(self.skipped[-1][:2]) == skip.offset:  # one stretch, cut by blocks
                 offset, size, frame = self.skipped.pop()
                 self.skipped.append((offset, size + skip.size, frame))
             else:
                 self.skipped.append((skip.offset, skip.size, frame))
-
-    def _count(self, block: Block, good: Bools) -> None:
-        records = block.records
 
         def sighted(sightings: Sightings, which: Bools) -> None:
             sightings.add(records.station[which], records.frame[which])
@@ -142,31 +102,28 @@ class _Surveyor:
         for code in np.unique(records.error[good & (records.error > 0)]):
             letter = chr(int(code))
             sighted(self.errors.setdefault(letter, Sightings()), (records.error == code) & good)
+        arrived = np.flatnonzero(np.diff(block.host_ns, append=-1))
+        arrived = arrived[good[arrived]]
+        return records.frame[arrived], block.host_ns[arrived]
 
-    def survey(self, tally: Tally) -> Survey:
-        assert self.settings is not None, "an archive gives a block at least"
-        assert self.losses is not None, "as above"
-        nothing = np.empty(0, np.int64)
-        frames = np.concatenate([nothing, *(frame for frame, _ in self.arrivals)])
-        hosts = np.concatenate([nothing, *(host for _, host in self.arrivals)])
-        losses, *last = self.losses.closed()
-        gaps, partial = (np.concatenate(each) for each in zip(*self.found, last, strict=True))
-        gaps = gaps[np.lexsort((gaps[:, 1], gaps[:, 0]))]
-        clock = None
-        if len(frames):
-            rate_hz = self.settings.rate_hz
-            clock = fit_clock(frames, hosts, rate_hz, losses.first_frame, counted=self.counted)
-        return Survey(
-            self.settings,
-            losses,
-            clock,
-            gaps[:, :3],
-            gaps[:, 5] > 0,
-            partial,
-            self.doubtful,
-            self.out_of_order,
-            dict(sorted(self.errors.items())),
-            self.distorted,
-            tuple(self.skipped),
-            tally,
-        )
+
+def survey_archive(archive: Archive) -> Survey:
+    """Read the whole archive once. Raises InputError where it holds no settings."""
+    tally, survey, counted = Tally(), None, True
+    found: list[tuple[Wholes, Wholes]] = []
+    arrivals: list[tuple[Wholes, Wholes]] = []
+    for block in blocks_of(archive, tally):
+        survey = survey or Survey(block.settings, tally, Losses(block.settings))
+        arrivals.append(survey.add(block))
+        found.append(survey.losses.add(block))
+        counted = block.counted
+    assert survey is not None, "an archive gives a block at least"
+    survey.losses, *last = survey.losses.closed()
+    gaps, survey.partial_frames = (np.concatenate(each) for each in zip(*found, last, strict=True))
+    gaps = gaps[np.lexsort((gaps[:, 1], gaps[:, 0]))]
+    survey.gaps, survey.absent = gaps[:, :3], gaps[:, 5] > 0
+    frame, host_ns = (np.concatenate(each) for each in zip(*arrivals, strict=True))
+    if len(frame):
+        rate_hz = survey.settings.rate_hz
+        survey.clock = fit_clock(frame, host_ns, rate_hz, survey.losses.first_frame, counted=counted)
+    return survey

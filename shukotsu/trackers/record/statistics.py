@@ -21,8 +21,6 @@ WINDOW_S = 2.0
 LAG_WINDOW_S = 10
 """The lag is against the fastest arrival of so long: host and tracker clocks part slowly."""
 
-STATIONS = 256
-
 NEVER_HEARD = Heard(0, 0, 0)
 
 
@@ -85,7 +83,7 @@ class Statistics:
         self._settings = settings
         self._start_ns = start_ns
         self._heard_ns = start_ns
-        self._past: deque[tuple[int, int, Wholes, Wholes]] = deque()
+        self._past: deque[tuple[int, int, dict[int, tuple[int, int]]]] = deque()
         self._fastest: deque[tuple[int, float]] = deque()
         self._lag_ns: float | None = None
         self._remember(start_ns)
@@ -101,8 +99,7 @@ class Statistics:
             receiver = self.receivers.setdefault(station, Receiver())
             receiver.doubtful += int(np.count_nonzero(~good[rows]))
             self._count(receiver, station, block, rows[good[rows]])
-        gaps, _ = self._losses.add(records.frame[good], records.station[good], block.host_ns[good])
-        self.told += self._to_tell(gaps)
+        self.told += self._to_tell(self._losses.add(block)[0])
         self._measure_lag(block, np.flatnonzero(good))
         self._remember(now_ns)
 
@@ -117,13 +114,13 @@ class Statistics:
 
     def moment(self, now_ns: int) -> Moment:
         """Return the present state."""
-        then_ns, then_bytes, then_records, then_lost = self._past[0]
+        then_ns, then_bytes, then = self._past[0]
         span_s = max((self._past[-1][0] - then_ns) * 1e-9, 1e-9)
         rows = []
         for station, receiver in sorted(self.receivers.items()):
             heard = self._losses.stations.get(station, NEVER_HEARD)
-            came = heard.records - int(then_records[station])
-            lost = heard.lost - int(then_lost[station])
+            then_records, then_lost = then.get(station, (0, 0))
+            came, lost = heard.records - then_records, heard.lost - then_lost
             absent_s = (now_ns - (receiver.last_host_ns or self._start_ns)) * 1e-9
             there = absent_s <= ABSENT_S
             back_s = max((to_s for who, _, to_s in self.told if who == station), default=-np.inf)
@@ -233,10 +230,8 @@ class Statistics:
         self._lag_ns = float(delay[-1]) - min(delay for _, delay in self._fastest)
 
     def _remember(self, now_ns: int) -> None:
-        records, lost = np.zeros(STATIONS, np.int64), np.zeros(STATIONS, np.int64)
-        for station, heard in self._losses.stations.items():
-            records[station], lost[station] = heard.records, heard.lost
-        self._past.append((now_ns, self.received_bytes, records, lost))
+        counts = {station: (heard.records, heard.lost) for station, heard in self._losses.stations.items()}
+        self._past.append((now_ns, self.received_bytes, counts))
         while len(self._past) > 2 and now_ns - self._past[1][0] >= WINDOW_S * 1e9:
             self._past.popleft()
 
