@@ -11,6 +11,7 @@ import numpy as np
 from shukotsu.trackers.archive import open_archive
 from shukotsu.trackers.decode.cycles import JITTER_S
 from shukotsu.trackers.decode.survey import Sightings, Survey, survey_archive
+from shukotsu.trackers.protocols.records import Wholes
 
 NAMED_PLACES = 3
 """Places of a kind that are named; more are counted."""
@@ -89,7 +90,7 @@ def _lost(survey: Survey) -> Iterator[str]:
     if len(whole):
         yield (
             f"{survey.losses.all.lost} of {survey.frames} frames are missing for all receivers "
-            f"(at {_longest(survey, whole)})"
+            f"(at {_places(survey, whole[:, 1], whole[:, 2] - whole[:, 1] + 1)})"
         )
     if len(survey.partial_frames):
         yield (
@@ -167,19 +168,16 @@ def _clocks(survey: Survey) -> Iterator[str]:
         yield f"the host's calendar clock was moved by {moved_s:.2f} s meanwhile; device time is not touched"
 
 
-def _longest(survey: Survey, gaps: np.ndarray) -> str:
-    """Name the longest gaps in turn, and how long they are where jitter is not."""
-    frames = gaps[:, 2] - gaps[:, 1] + 1
-    named = []
-    for row in np.sort(np.argsort(-frames, kind="stable")[:NAMED_PLACES]):
-        seconds = frames[row] / survey.settings.rate_hz
-        named.append(_at(survey, gaps[row, 1]) + (f" for {seconds:.2f} s" if seconds > JITTER_S else ""))
-    return ", ".join(named) + (f" and {len(gaps) - NAMED_PLACES} more" if len(gaps) > NAMED_PLACES else "")
-
-
-def _places(survey: Survey, frames: np.ndarray) -> str:
-    named = ", ".join(_at(survey, int(frame)) for frame in frames[:NAMED_PLACES])
-    return named + (f" and {len(frames) - NAMED_PLACES} more" if len(frames) > NAMED_PLACES else "")
+def _places(survey: Survey, frames: Wholes, counts: Wholes | None = None) -> str:
+    """Name the longest places in turn, and how long they are where jitter is not; counts : frames of each."""
+    seconds = np.zeros(len(frames)) if counts is None else counts / survey.settings.rate_hz
+    named = [
+        _at(survey, frames[row]) + (f" for {seconds[row]:.2f} s" if seconds[row] > JITTER_S else "")
+        for row in np.sort(np.argsort(-seconds, kind="stable")[:NAMED_PLACES])
+    ]
+    return ", ".join(named) + (
+        f" and {len(frames) - NAMED_PLACES} more" if len(frames) > NAMED_PLACES else ""
+    )
 
 
 def describe(path: Path) -> list[str]:

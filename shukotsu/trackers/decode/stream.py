@@ -87,9 +87,10 @@ def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) ->
                 tally.started_ns = int(host_ns)
             elif kind == EVENT:
                 tally.events.append({**_json(archive, data), "host_ns": int(host_ns)})
-                name = tally.events[-1].get("event")
-                tally.started_ns = int(host_ns) if name == "started" else tally.started_ns
-                tally.ended_ns = int(host_ns) if name == "stopped" else tally.ended_ns
+                if tally.events[-1].get("event") == "started":
+                    tally.started_ns = int(host_ns)
+                elif tally.events[-1].get("event") == "stopped":
+                    tally.ended_ns = int(host_ns)
             elif kind == END:
                 tally.summary = _json(archive, data)
                 tally.ended_ns = tally.ended_ns or int(host_ns)
