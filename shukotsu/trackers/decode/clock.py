@@ -95,7 +95,7 @@ def _lowest(late: Array, y: Array) -> list[int]:
 def _slope_below(x: Array, y: Array) -> float:
     """Slope of the line below all points with the least mean distance, x ascending, (N,) each."""
     hull: list[int] = []
-    for point in _lowest(y - x, y):
+    for point in _lowest(y - x, x):
         while len(hull) >= 2 and _above(x, y, hull[-2], hull[-1], point):
             hull.pop()
         hull.append(point)

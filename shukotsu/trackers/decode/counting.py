@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from shukotsu.trackers.decode.cycles import Cycles
+from shukotsu.trackers.decode.cycles import LONGEST_GAP_S, Cycles
 from shukotsu.trackers.protocols.records import (
     NONE,
     Bools,
@@ -20,9 +20,6 @@ from shukotsu.trackers.protocols.records import (
     empty_records,
 )
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
-
-LONGEST_GAP_S = 86_400.0
-"""A counter that jumps by more than a day was not running: it was set anew."""
 
 
 class Counter:

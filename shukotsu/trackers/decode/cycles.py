@@ -15,6 +15,9 @@ from shukotsu.trackers.protocols.stream_settings import StreamSettings
 JITTER_S = 0.1
 """Arrivals are so much apart though nothing is lost; or two periods, where these are longer."""
 
+LONGEST_GAP_S = 86_400.0
+"""A count or clock that jumps by more than a day was not running: it was set anew."""
+
 WINDOW_S = 1.0
 """What comes so long before and behind a gap in the arrivals tells how late the host was."""
 
@@ -43,7 +46,7 @@ class Cycles:
         """
         good = np.flatnonzero(~records.doubtful)
         old, before = self._past.shape[1], int(self._past[1, -1]) if self._past.size else 0
-        arrival = np.append(self._past[0], host_ns[good])
+        arrival = np.maximum.accumulate(np.append(self._past[0], host_ns[good]))
         place = np.append(self._past[1], before + self._places(records.take(good)))
         decided = len(good)
         for row in np.flatnonzero(np.diff(arrival) > self._shortest_ns) + 1:
@@ -92,4 +95,4 @@ class Cycles:
             period_ns = own_ns if clear else period_ns
         late = arrival - place * period_ns
         lost_ns = late[row:behind].min() - late[second:row].min()
-        return round(lost_ns / period_ns) if lost_ns > self._shortest_ns else 0
+        return round(lost_ns / period_ns) if self._shortest_ns < lost_ns < LONGEST_GAP_S * 1e9 else 0
