@@ -50,9 +50,9 @@ def decode(options: argparse.Namespace) -> None:
     )
     parts = (table_columns(part) for part in flagged_records(archive, survey))
     rows = write_table_in_parts(options.out, CAPTURE_RECORDS, parts, provenance)
-    frames = survey.last_frame - survey.first_frame + 1 if rows else 0
+    losses = survey.losses
     print(
-        f"{options.out}: {rows} records of {len(survey.records)} receivers in {frames} frames, "
-        f"{survey.missing_frames} frames missing, {len(survey.partial_frames)} partial, "
-        f"{survey.skipped_bytes} bytes skipped"
+        f"{options.out}: {rows} records of {len(survey.records)} receivers in {survey.frames} frames, "
+        f"{losses.all.lost} frames missing ({losses.lost_records} records), "
+        f"{losses.partial_cycles} partial, {survey.skipped_bytes} bytes skipped"
     )

@@ -1,17 +1,19 @@
 """Device time: the frame counter is the clock, and the host's clock is fitted to it.
 
 Bytes arrive late and never early, by a delay that varies with the operating system. The fitted line is the
-one below all arrivals that is closest to them on average: an edge of their lower convex hull.
+one below all arrivals that is closest to them on average: an edge of their lower convex hull. Frames that the
+tracker does not number itself are no clock: where they leave that line, the earliest of the arrivals are.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from shukotsu.trackers.protocols.records import Wholes
+from shukotsu.trackers.decode.cycles import JITTER_S
+from shukotsu.trackers.protocols.records import Array, Wholes
 
 SHORTEST_FIT_S = 30.0
 """Below this the delays' scatter moves the slope by more than a crystal is off (about 1e-4)."""
@@ -22,8 +24,9 @@ LARGEST_DRIFT = 2e-3
 
 @dataclass(frozen=True)
 class DeviceClock:
-    """time_s = (frame - first_frame) * period_s; the host's clock showed host_ns at time_s = 0.
+    """time_s = (frame - first_frame) * period_s, or as `knots` say; the host's clock showed host_ns at 0.
 
+    knots : (2, K) frames and their seconds, between which time is interpolated; none of a line.
     fitted : whether period_s was fitted to the host's clock, or is the nominal one.
     measured_rate_hz : frames a second by the host's clock, NaN where the recording is too short to tell.
     delay_ms : median delay of the arrivals against the fitted line.
@@ -35,16 +38,23 @@ class DeviceClock:
     fitted: bool
     measured_rate_hz: float
     delay_ms: float
+    knots: Array = field(default_factory=lambda: np.empty((2, 0)))
 
-    def time_s(self, frame: Wholes) -> npt.NDArray[np.float64]:
+    def time_s(self, frame: Wholes) -> Array:
         """Device time of frames, (N,) in and out, s from the first frame."""
-        return np.asarray((frame - self.first_frame) * self.period_s)
+        if not self.knots.size:
+            return np.asarray((frame - self.first_frame) * self.period_s)
+        inside = np.clip(frame, self.knots[0, 0], self.knots[0, -1])
+        return np.asarray(np.interp(inside, *self.knots) + (frame - inside) * self.period_s)
 
 
-def fit_clock(frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int) -> DeviceClock:
+def fit_clock(
+    frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int, *, counted: bool = True
+) -> DeviceClock:
     """Fit the host's clock to the frame counter; time starts at `first_frame`.
 
-    frame, host_ns : (N,) of arrivals, frames not falling; at least one.
+    frame, host_ns : (N,) of arrivals, frames not falling; at least one. counted : whether frames are numbered
+    by the tracker itself.
     """
     host_first = int(host_ns[0])
     x, y = (frame - first_frame) / rate_hz, (host_ns - host_first).astype(float) * 1e-9
@@ -56,6 +66,14 @@ def fit_clock(frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int) 
     slope = slope if fitted else 1.0
     late = y - slope * x
     offset = float(late.min())
+    knots = np.empty((2, 0))
+    lowest = _lowest(late, 4 * y)
+    if not counted and np.ptp(late[lowest]) > JITTER_S:
+        _, new = np.unique(frame[lowest], return_index=True)
+        frames, seconds = frame[lowest][new], y[lowest][new]
+        offset = float(seconds[0] - (frames[0] - first_frame) * slope / rate_hz)
+        knots = np.stack([frames, seconds - offset])
+        late = y - np.interp(frame, frames, seconds) + offset
     return DeviceClock(
         first_frame,
         slope / rate_hz,
@@ -63,16 +81,21 @@ def fit_clock(frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int) 
         fitted,
         measured,
         float(np.median(late - offset) * 1e3),
+        knots,
     )
 
 
-def _slope_below(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> float:
+def _lowest(late: Array, y: Array) -> list[int]:
+    """Rows of the least `late` in each whole of y, (N,) both."""
+    second = np.floor(y).astype(np.int64)
+    edges = np.flatnonzero(np.diff(second, prepend=second[0] - 1)).tolist()
+    return [int(a + np.argmin(late[a:b])) for a, b in itertools.pairwise([*edges, len(y)])]
+
+
+def _slope_below(x: Array, y: Array) -> float:
     """Slope of the line below all points with the least mean distance, x ascending, (N,) each."""
-    second = np.floor(x).astype(np.int64)
-    edges = np.flatnonzero(np.diff(second, prepend=second[0] - 1))
-    lowest = [int(a + np.argmin(y[a:b] - x[a:b])) for a, b in zip(edges, [*edges[1:], len(x)], strict=True)]
     hull: list[int] = []
-    for point in lowest:
+    for point in _lowest(y - x, x):
         while len(hull) >= 2 and _above(x, y, hull[-2], hull[-1], point):
             hull.pop()
         hull.append(point)
@@ -81,6 +104,6 @@ def _slope_below(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> floa
     return float((y[b] - y[a]) / (x[b] - x[a]))
 
 
-def _above(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], a: int, b: int, c: int) -> bool:
+def _above(x: Array, y: Array, a: int, b: int, c: int) -> bool:
     """Whether point b lies on or above the line from a to c."""
     return bool((y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a]))

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from shukotsu.trackers.decode.cycles import LONGEST_GAP_S, Cycles
 from shukotsu.trackers.protocols.records import (
     NONE,
     Bools,
@@ -20,15 +21,17 @@ from shukotsu.trackers.protocols.records import (
 )
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
-LONGEST_GAP_S = 86_400.0
-"""A counter that jumps by more than a day was not running: it was set anew."""
-
 
 class Counter:
-    """Numbers the records of one stream, piece by piece; holds the last one back to see what follows it."""
+    """Numbers the records of one stream, piece by piece, and holds back those that later ones decide.
+
+    counts : whether the tracker numbers its frames itself; None before the first record.
+    """
 
     def __init__(self, settings: StreamSettings) -> None:
+        self.counts: bool | None = None
         self._settings = settings
+        self._cycles = Cycles(settings)
         self._rank = np.full(256, 0, np.int64)
         self._rank[list(settings.stations)] = np.arange(len(settings.stations))
         self._active = np.isin(np.arange(256), settings.stations)
@@ -41,43 +44,36 @@ class Counter:
         """Give the records that can be numbered, their arrivals, and which do not fit between neighbours."""
         records = concatenated([self._held, decoded.records])
         host_ns = np.concatenate([self._held_host_ns, host_ns])
-        count = len(records) if final else max(0, len(records) - 1)
-        if not count:
-            self._held, self._held_host_ns = records, host_ns
-            return records.take(slice(0)), host_ns[:0], np.zeros(0, bool)
+        if self.counts is None and len(records):
+            self.counts = bool(((records.frame != NONE) | (records.device_ms != NONE)).any())
+        odd = np.zeros(len(records), bool)
+        if self.counts:
+            count = len(records) if final else max(0, len(records) - 1)
+            frame = self._counted(records, odd, count) if count else records.frame
+        else:
+            frame, count = self._cycles.number(records, host_ns, final=final)
+        self._held, self._held_host_ns = records.take(slice(count, None)), host_ns[count:]
+        return replace(records.take(slice(count)), frame=frame[:count]), host_ns[:count], odd[:count]
+
+    def _counted(self, records: Records, odd: Bools, count: int) -> Wholes:
+        """Unwrap what the tracker counts; of the first `count` records marks those that do not fit as odd."""
         counter = self._counters(records)
-        odd = self._spikes(counter)
+        odd |= self._spikes(counter)
         frame = self._unwrapped(counter, odd)
         odd |= self._out_of_order(frame, records.station, odd)
-        numbered = replace(records.take(slice(count)), frame=frame[:count])
-        self._remember(counter[:count], numbered, odd[:count])
-        self._held, self._held_host_ns = records.take(slice(count, None)), host_ns[count:]
-        return numbered, host_ns[:count], odd[:count]
+        good = np.flatnonzero(~odd[:count])
+        if len(good):
+            last = good[-1]
+            self._last = (int(counter[last]), int(frame[last]), int(records.station[last]))
+        return frame
 
     def _counters(self, records: Records) -> Wholes:
-        """Count modulo 2^32, shape (N,): the tracker's frame count, its clock, or the cycles seen."""
+        """Count modulo 2^32, shape (N,): the tracker's frame count, or its clock."""
         if (records.frame != NONE).any():
             return records.frame & 0xFFFFFFFF
-        if (records.device_ms != NONE).any():
-            # Its clock is floor(frame * 1000 / rate) [ms], so the frame is the next whole one.
-            ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
-            return np.asarray(ticks.astype(np.int64) & 0xFFFFFFFF)
-        return self._cycles(records)
-
-    def _cycles(self, records: Records) -> Wholes:
-        """Count cycles by the stations, which follow one another, and by the bytes that are missing."""
-        rank = self._rank[records.station]
-        end = records.offset + records.size
-        before_rank = np.concatenate([[rank[0]], rank[:-1]])
-        before_end = np.concatenate([[records.offset[0]], end[:-1]])
-        step = np.zeros(len(records), np.int64)
-        lost = np.round((records.offset - before_end) / np.maximum(records.size, 1))
-        turns = np.round((before_rank + 1 + lost - rank) / max(1, len(self._settings.stations)))
-        step[1:] = np.maximum(turns, rank <= before_rank)[1:]
-        counted = np.cumsum(step)
-        if self._last is not None:
-            counted += self._last[0] + (1 if rank[0] <= self._rank[self._last[2]] else 0)
-        return counted
+        # Its clock is floor(frame * 1000 / rate) [ms], so the frame is the next whole one.
+        ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
+        return np.asarray(ticks.astype(np.int64) & 0xFFFFFFFF)
 
     def _spikes(self, counter: Wholes) -> Bools:
         """Counts that fit neither neighbour though these fit each other: a damaged byte, (N,)."""
@@ -129,12 +125,6 @@ class Counter:
         same = (frame[before] == frame[rows]) & (rows > 0)
         due = np.where(same, self._rank[station[before]] + 1, 0)
         return np.asarray((self._rank[station[rows]] == due) & self._active[station[rows]])
-
-    def _remember(self, counter: Wholes, records: Records, odd: Bools) -> None:
-        good = np.flatnonzero(~odd)
-        if len(good):
-            last = good[-1]
-            self._last = (int(counter[last]), int(records.frame[last]), int(records.station[last]))
 
 
 def _ascends(frame: Wholes, station: Wholes, first: Wholes, second: Wholes) -> Bools:

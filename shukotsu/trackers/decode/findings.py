@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from shukotsu.trackers.archive import open_archive
-from shukotsu.trackers.decode.survey import SHORT_GAP_S, Sightings, Survey, survey_archive
+from shukotsu.trackers.decode.cycles import JITTER_S
+from shukotsu.trackers.decode.survey import Sightings, Survey, survey_archive
+from shukotsu.trackers.protocols.records import Wholes
 
 NAMED_PLACES = 3
 """Places of a kind that are named; more are counted."""
@@ -35,10 +37,11 @@ def facts(survey: Survey) -> dict[str, Any]:
     return {
         "tracker": [survey.settings.to_json()],
         "records": {str(station): count for station, count in survey.records.items()},
-        "first_frame": survey.first_frame,
-        "last_frame": survey.last_frame,
-        "missing_frames": survey.missing_frames,
-        "partial_frames": len(survey.partial_frames),
+        "lost_records": {str(s): heard.lost for s, heard in sorted(survey.losses.stations.items())},
+        "first_frame": survey.losses.first_frame,
+        "last_frame": survey.losses.all.frame,
+        "missing_frames": survey.losses.all.lost,
+        "partial_frames": survey.losses.partial_cycles,
         "skipped_bytes": survey.skipped_bytes,
         "doubtful_records": survey.doubtful.total + survey.out_of_order.total,
         "clock": None if clock is None else _clock_facts(survey),
@@ -83,32 +86,30 @@ def _ending(survey: Survey) -> Iterator[str]:
 
 
 def _lost(survey: Survey) -> Iterator[str]:
-    span = survey.last_frame - survey.first_frame + 1
     whole = survey.gaps[survey.gaps[:, 0] == 0]
     if len(whole):
         yield (
-            f"{survey.missing_frames} of {span} frames are missing for all receivers "
-            f"(at {_places(survey, whole[:, 1])})"
+            f"{survey.losses.all.lost} of {survey.frames} frames are missing for all receivers "
+            f"(at {_places(survey, whole[:, 1], whole[:, 2] - whole[:, 1] + 1)})"
         )
     if len(survey.partial_frames):
         yield (
-            f"{len(survey.partial_frames)} of {span} frames lack a receiver "
+            f"{len(survey.partial_frames)} of {survey.frames} frames lack a receiver "
             f"(at {_places(survey, survey.partial_frames)})"
         )
+    ends_s = survey.losses.silent_ends_s(survey.tally.started_ns, survey.tally.ended_ns)
+    for silent_s, where in zip(ends_s, ("after the start", "before the end"), strict=True):
+        if silent_s and survey.clock is not None:
+            yield f"the tracker sent no pose record for {silent_s:.2f} s {where}"
 
 
 def _absent(survey: Survey) -> Iterator[str]:
-    rate_hz = survey.settings.rate_hz
     for station in survey.settings.stations:
         if station not in survey.records:
             yield f"receiver {station} was active and sent nothing"
-    for station in survey.records:
-        mine = survey.gaps[survey.gaps[:, 0] == station]
-        for first, last in mine[mine[:, 2] - mine[:, 1] >= SHORT_GAP_S * rate_hz, 1:]:
-            yield (
-                f"receiver {station} sent nothing for {(last - first + 1) / rate_hz:.1f} s, "
-                f"from {_at(survey, first)} on"
-            )
+    for station, first, last in survey.gaps[survey.absent]:
+        seconds = (last - first + 1) / survey.settings.rate_hz
+        yield f"receiver {station} sent nothing for {seconds:.1f} s, from {_at(survey, first)} on"
 
 
 def _damage(survey: Survey) -> Iterator[str]:
@@ -152,7 +153,12 @@ def _sighted(survey: Survey, sightings: Sightings) -> str:
 
 def _clocks(survey: Survey) -> Iterator[str]:
     clock = survey.clock
-    if clock is not None and not np.isnan(clock.measured_rate_hz) and not clock.fitted:
+    if clock is not None and clock.knots.size:
+        yield (
+            f"frames, which the tracker does not number, did not always come at {survey.settings.rate_hz:g} "
+            "Hz; time is taken from when they came"
+        )
+    elif clock is not None and not np.isnan(clock.measured_rate_hz) and not clock.fitted:
         yield (
             f"frames came at {clock.measured_rate_hz:.3f} Hz by the host's clock, not at "
             f"{survey.settings.rate_hz:g} Hz; time is taken from the frame counter at the nominal rate"
@@ -162,9 +168,16 @@ def _clocks(survey: Survey) -> Iterator[str]:
         yield f"the host's calendar clock was moved by {moved_s:.2f} s meanwhile; device time is not touched"
 
 
-def _places(survey: Survey, frames: np.ndarray) -> str:
-    named = ", ".join(_at(survey, int(frame)) for frame in frames[:NAMED_PLACES])
-    return named + (f" and {len(frames) - NAMED_PLACES} more" if len(frames) > NAMED_PLACES else "")
+def _places(survey: Survey, frames: Wholes, counts: Wholes | None = None) -> str:
+    """Name the longest places in turn, and how long they are where jitter is not; counts : frames of each."""
+    seconds = np.zeros(len(frames)) if counts is None else counts / survey.settings.rate_hz
+    named = [
+        _at(survey, frames[row]) + (f" for {seconds[row]:.2f} s" if seconds[row] > JITTER_S else "")
+        for row in np.sort(np.argsort(-seconds, kind="stable")[:NAMED_PLACES])
+    ]
+    return ", ".join(named) + (
+        f" and {len(frames) - NAMED_PLACES} more" if len(frames) > NAMED_PLACES else ""
+    )
 
 
 def describe(path: Path) -> list[str]:
@@ -180,10 +193,10 @@ def describe(path: Path) -> list[str]:
         f"stations {', '.join(map(str, settings.stations))}, "
         f"output list {','.join(map(str, items)) or 'fixed'}"
     )
-    frames = survey.last_frame - survey.first_frame + 1
     if survey.clock is not None:
-        seconds = frames * survey.clock.period_s
-        lines.append(f"frames {survey.first_frame} to {survey.last_frame}, {seconds:.2f} s")
+        first, last = survey.losses.first_frame, survey.losses.all.frame
+        seconds = float(survey.clock.time_s(np.array([last + 1]))[0])
+        lines.append(f"frames {first} to {last}, {seconds:.2f} s")
         rates = ", ".join(f"{station}: {count}" for station, count in survey.records.items())
         lines.append(f"records of each station: {rates}")
     return [*lines, *findings(survey)]

@@ -28,6 +28,7 @@ class Block:
     records : offsets count from the first byte that came after the settings; frames are unwrapped.
     host_ns : (N,) when the record's last byte had come.
     out_of_order : (N,) its station or frame does not fit between its neighbours'.
+    counted : whether the tracker numbers its frames itself.
     """
 
     settings: StreamSettings
@@ -35,6 +36,7 @@ class Block:
     host_ns: Wholes
     out_of_order: npt.NDArray[np.bool_]
     skipped: tuple[Skipped, ...] = ()
+    counted: bool = True
 
     @property
     def good(self) -> npt.NDArray[np.bool_]:
@@ -49,7 +51,10 @@ class Block:
 
 @dataclass
 class Tally:
-    """Hold what an archive holds beside records; filled while its blocks are read."""
+    """Hold what an archive holds beside records; filled while its blocks are read.
+
+    started_ns, ended_ns : when the stream was started and stopped, by the host's clock.
+    """
 
     events: list[Mapping[str, Any]] = field(default_factory=list)
     summary: Mapping[str, Any] | None = None
@@ -57,6 +62,8 @@ class Tally:
     unreadable_bytes: int = 0
     missing_rows: int = 0
     received_bytes: int = 0
+    started_ns: int = 0
+    ended_ns: int = 0
     first_utc_offset_ns: int | None = None
     utc_offset_range_ns: int = 0
 
@@ -77,10 +84,16 @@ def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) ->
                         f"{archive.path}: holds the tracker's settings twice; expected one recording"
                     )
                 stream = ChunkDecoder(settings_from_json(_json(archive, data), str(archive.path)))
+                tally.started_ns = int(host_ns)
             elif kind == EVENT:
                 tally.events.append({**_json(archive, data), "host_ns": int(host_ns)})
+                if tally.events[-1].get("event") == "started":
+                    tally.started_ns = int(host_ns)
+                elif tally.events[-1].get("event") == "stopped":
+                    tally.ended_ns = int(host_ns)
             elif kind == END:
                 tally.summary = _json(archive, data)
+                tally.ended_ns = tally.ended_ns or int(host_ns)
             elif kind == RECEIVED and stream is not None:
                 stream.add(data, int(host_ns))
         if stream is not None and stream.waiting_bytes >= block_bytes:
@@ -152,4 +165,5 @@ class ChunkDecoder:
         first = bisect_left(self._ends, decided)
         del self._ends[:first], self._arrivals[:first]
         records, host_ns, out_of_order = self._counter.number(decoded, host_ns, final=final)
-        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)
+        counted = self._counter.counts is not False
+        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped, counted)

@@ -9,18 +9,20 @@ import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
+from shukotsu.trackers.decode.losses import ABSENT_S
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.line_load import too_slow
-from shukotsu.trackers.record.statistics import SILENT_S, Moment, Row
+from shukotsu.trackers.record.statistics import Moment, Row
 
 COLUMNS = 80
 NOTICE_LINES = 2
 NEAR_EDGE = 0.1
 """A receiver whose direction is closer to the edge of its half of space may be taken for its mirror image."""
 
-MOST_ABSENCES = 3
+MOST_STRETCHES = 3
 AT_THE_EDGE = 0.05
 """A receiver whose direction came so close to the edge of its half of space may have been beyond it."""
 
@@ -130,7 +132,7 @@ def _trouble(row: Row) -> str:
 
 
 def _no_data(moment: Moment) -> str:
-    if moment.silent_s < SILENT_S:
+    if moment.silent_s < ABSENT_S:
         return ""
     return f"NO DATA for {moment.silent_s:.0f} s: is the tracker on, its cable in?"
 
@@ -152,7 +154,7 @@ def _size(count: int) -> str:
 def summary(out: str, reason: str, totals: Mapping[str, Any], notices: Sequence[str] = ()) -> list[str]:
     """Give the summary: what was kept, of each receiver, and what to know of it."""
     text = [f"{out}: ended after {totals['seconds']:.1f} s ({reason})", *totals_table(totals)]
-    text += [f"no data at all: {_stretch(*silence)}" for silence in totals["silent_s"]]
+    text += [f"no record at all: {_stretches(totals['silent_s'])}"] if totals["silent_s"] else []
     return text + [f"note: {notice}" for notice in notices]
 
 
@@ -188,15 +190,19 @@ def advice(totals: Mapping[str, Any], settings: StreamSettings) -> list[str]:
 
 def _receiver_row(station: str, counts: Mapping[str, Any]) -> str:
     margin = counts["least_hemisphere_margin"]
-    absent = [_stretch(*stretch) for stretch in counts["absent_s"]]
-    more = len(absent) - MOST_ABSENCES
-    shown = ", ".join(absent[:MOST_ABSENCES]) + (f" and {more} more" if more > 0 else "")
     errors, distortion = counts["records_with_error"], counts["worst_distortion"]
     return (
         f"{station:>8}  {counts['records']:7d}  {counts['lost_frames']:6d}  {errors:6d}  {distortion:10d}  "
-        f"{'-' if margin is None else f'{margin:+.2f}':>10}  {shown or '-'}"
+        f"{'-' if margin is None else f'{margin:+.2f}':>10}  {_stretches(counts['absent_s']) or '-'}"
     )
 
 
-def _stretch(start_s: float, end_s: float | None) -> str:
-    return f"{start_s:.1f} s to {'the end' if end_s is None else f'{end_s:.1f} s'}"
+def _stretches(stretches: Sequence[tuple[float, float | None]]) -> str:
+    """Write the longest stretches of time, in turn."""
+    longest = sorted(stretches, key=lambda ends: ends[0] - (math.inf if ends[1] is None else ends[1]))
+    shown = [
+        f"{start:.1f} s to {'the end' if end is None else f'{end:.1f} s'}"
+        for start, end in sorted(longest[:MOST_STRETCHES], key=itemgetter(0))
+    ]
+    more = len(stretches) - MOST_STRETCHES
+    return ", ".join(shown) + (f" and {more} more" if more > 0 else "")

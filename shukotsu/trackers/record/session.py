@@ -147,6 +147,7 @@ class _Session:
     _failure: str = ""
     _dropped_bytes: int = 0
     _absent: set[int] = field(default_factory=set)
+    _told: int = 0
 
     def __post_init__(self) -> None:
         self._offset_ns = self._utc_offset_ns()
@@ -272,6 +273,10 @@ class _Session:
     def _look(self) -> None:
         """Count what came since the last look."""
         self._count(final=False)
+        for receiver, from_s, to_s in self._statistics.told[self._told :]:
+            if receiver == 0:
+                self._notice(f"no record at all from {from_s:.1f} s to {to_s:.1f} s")
+        self._told = len(self._statistics.told)
         self._report_absences()
 
     def _count(self, *, final: bool) -> None:
@@ -279,7 +284,7 @@ class _Session:
         self._statistics.add(self._decoder.decode(final=final), received_bytes, time.monotonic_ns())
 
     def _report_absences(self) -> None:
-        absent = {s for s, receiver in self._statistics.receivers.items() if receiver.is_absent}
+        absent = self._statistics.absent()
         for station in sorted(absent ^ self._absent):
             name = "receiver-absent" if station in absent else "receiver-back"
             self._archive.event(name, time.monotonic_ns(), receiver=station)
@@ -324,6 +329,7 @@ class _Session:
         """Stop the tracker, keep its last bytes, close the archive."""
         gone = self._conversation.gone
         end_ns = gone[1] if gone else time.monotonic_ns()
+        self._archive.event("stopped", end_ns)
         try:
             self._driver.stop()
             self._keep_last()

@@ -36,7 +36,7 @@ def read_capture(path: Path, layout: Layout, _mapping: FileMapping | None) -> It
         raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
     named = {number for s in layout.measured if (number := layout.segments[s].receiver) is not None}
     notes = (*_left_out(path, set(survey.records), named, layout), *losses)
-    missing_frames = survey.missing_frames
+    missing_frames = survey.losses.all.lost
     tracker = FAMILIES[survey.settings.family].title
     any_known = False
     for part in flagged_records(archive, survey):

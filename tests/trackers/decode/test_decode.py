@@ -77,7 +77,7 @@ def test_missing_frames_and_partial_cycles_are_placed(tmp_path: Path) -> None:
     cycles = [cycle(frame, (1, 3) if frame in (200, 201, 202) else (1, 2, 3)) for frame in frames]
     path = write(tmp_path / "a.arrows", cycles)
     survey = survey_of(path)
-    assert survey.missing_frames == 2
+    assert survey.losses.all.lost == 2
     assert survey.partial_frames.tolist() == [200, 201, 202]
     assert survey.gaps.tolist() == [[0, 100, 101], [1, 100, 101], [2, 100, 101], [2, 200, 202], [3, 100, 101]]
     assert findings(survey) == [

@@ -85,6 +85,6 @@ def test_the_summary() -> None:
     assert lines[1] == "28800 records in 14400 cycles; 2 frames lost (3 records), 2 cycles partial"
     assert lines[2] == "1612807 bytes, 7 of them in no record"
     assert lines[4].split() == ["1", "14400", "0", "0", "0", "+0.82", "-"]
-    assert lines[5].endswith("1.0 s to 2.0 s, 3.0 s to 4.0 s, 5.0 s to 6.0 s and 1 more")
-    assert lines[6] == "no data at all: 10.0 s to 12.5 s"
+    assert lines[5].endswith("1.0 s to 2.0 s, 3.0 s to 4.0 s, 50.0 s to the end and 1 more")
+    assert lines[6] == "no record at all: 10.0 s to 12.5 s"
     assert lines[7] == "note: the host's clock was set by +3600.0 s"

@@ -73,14 +73,6 @@ def test_lost_frames_are_of_the_receiver_that_lost_them() -> None:
     assert [row.missing_percent for row in moment.rows] == pytest.approx([100 / 480, 200 / 480], rel=0.01)
 
 
-def test_a_cycle_that_nobody_sent_is_lost_by_all_and_not_partial() -> None:
-    totals, _ = counted({(500, 1), (500, 2)}, 960)
-    assert totals["lost_frames"] == 2
-    assert totals["partial_cycles"] == 0
-    assert totals["lost_cycles"] == 1
-    assert totals["cycles"] == 959
-
-
 def test_a_receiver_that_was_unplugged_is_absent_and_not_lossy() -> None:
     gone = {(frame, 2) for frame in range(480, 1200)}
     statistics = Statistics(settings(), START_NS)

@@ -1,0 +1,193 @@
+"""Recorder and decoder count the same losses, and those that there were: random outages in made-up time."""
+
+import itertools
+import random
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from fuzzing.tracker_streams import flock_record, viper_frame
+
+from shukotsu.trackers.archive import ArchiveWriter, open_archive
+from shukotsu.trackers.decode.losses import ABSENT_S, STOP_FRAMES
+from shukotsu.trackers.decode.records_table import flagged_records
+from shukotsu.trackers.decode.stream import ChunkDecoder
+from shukotsu.trackers.decode.survey import Survey, survey_archive
+from shukotsu.trackers.emulate.device import World, emulated_device
+from shukotsu.trackers.emulate.faults import Plug, StreamTime
+from shukotsu.trackers.emulate.pose_sources import built_in_motion
+from shukotsu.trackers.families import FAMILIES
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record.statistics import Statistics
+
+SECONDS, TICK_S, LOOK_S, WRAP = 8.0, 0.01, 0.2, 2**32
+
+KINDS = {
+    "liberty": ("liberty", "binary", (9, 2, 7), 3, 240),
+    "liberty ascii": ("liberty", "ascii", (9, 0, 2, 7, 1), 2, 120),
+    "liberty clock": ("liberty", "binary", (8, 2, 7), 2, 240),
+    "patriot": ("patriot", "binary", (9, 2, 7), 2, 60),
+    "viper": ("viper", "binary", (), 3, 120),
+    "fastrak": ("fastrak", "binary", (2, 11, 1), 3, 40),
+    "fastrak alone": ("fastrak", "binary", (2, 4, 1), 1, 120),
+    "fastrak ascii": ("fastrak", "ascii", (2, 4, 1), 2, 60),
+    "trakstar": ("trakstar", "binary", (), 1, 100),
+    "trakstar group": ("trakstar", "binary", (), 3, 100),
+}
+
+
+class Sent(NamedTuple):
+    """A record that left the tracker (all of a frame, of a VIPER), and what of it arrives."""
+
+    time_s: float
+    frame: int
+    stations: tuple[int, ...]
+    data: bytes
+    arriving: bytes
+
+
+def sent_by(kind: str, out: tuple[int, float, float]) -> list[Sent]:
+    """What a tracker sends; out : a receiver, when its plug is pulled and when it is found again."""
+    family, mode, items, count, rate_hz = KINDS[kind]
+    stations, sent = range(1, count + 1), []
+    if FAMILIES[family].emulated_device is None:
+        for frame in range(round(SECONDS * rate_hz)):
+            time_s = frame / rate_hz
+            here = tuple(s for s in stations if s != out[0] or not out[1] <= time_s < out[2])
+            pieces = {(s,): flock_record(frame, s, count > 1) for s in here}
+            if family == "viper":
+                pieces = {here: viper_frame((WRAP - 300 + frame) % WRAP, here)}
+            sent += [Sent(time_s, frame, who, data, data) for who, data in pieces.items()]
+        return sent
+    plugs = [Plug(out[0], StreamTime(f"{at:f}"), at > out[1]) for at in (out[1], out[2] - 1)] * (out[0] > 0)
+    world = World(built_in_motion(), frozenset(stations), tuple(plugs))
+    device = emulated_device(family, world, FAMILIES[family].ports[-1], FAMILIES[family].rates_hz[0])
+    device.receive(b"R3\r" if rate_hz == 120 and family == "liberty" else b"")
+    device.binary = int(mode == "binary")
+    for station in device.stations.values():
+        station.items = items
+    device.cycle = 0 if "clock" in kind else WRAP - 300
+    device.start_stream()
+    frame, before = -1, 99
+    for nth in range(round(SECONDS * device.rate)):
+        cycle = device.next_cycle()
+        for first, last in itertools.pairwise([*cycle.starts, len(cycle.data)]):
+            data = cycle.data[first:last]
+            station = data[2] if family != "fastrak" and device.binary else int(data[:2])
+            frame, before = frame + (station <= before), station
+            number = frame if family == "fastrak" else nth
+            sent.append(Sent(nth / float(device.rate), number, (station,), data, data))
+    return sent
+
+
+def through(sent: list[Sent], gaps: list[tuple[float, float, bool]]) -> list[Sent]:
+    """Lose what is sent in gaps (from, to, whether bytes are lost and not records)."""
+    hit = [[cuts for a, b, cuts in gaps if a <= record.time_s < b] for record in sent]
+    line = []
+    for nth, record in enumerate(sent):
+        third = len(record.data) // 3
+        arriving = b"" if hit[nth] else record.data
+        if any(hit[nth]) and nth and not hit[nth - 1]:
+            arriving = record.data[: third - 1]
+        elif any(hit[nth]) and nth + 1 < len(sent) and not hit[nth + 1]:
+            arriving = record.data[2 * third + 1 :]
+        line.append(record._replace(arriving=arriving))
+    return line
+
+
+def counts(came: dict[int, set[int]], rate_hz: float) -> tuple[int, int, int, dict[int, int]]:
+    """Lost frames, partial cycles, cycles and lost records by the guide; came : frame -> its receivers."""
+    frames = sorted(came)
+    before, last = frames[-2:]
+    end = before + 1 if last - before - 1 <= STOP_FRAMES else last
+    lost, partial = dict.fromkeys(sorted(set().union(*came.values())), 0), set()
+    for station in lost:
+        heard = [frames[0] - 1, *(f for f in frames[:-1] if station in came[f]), end]
+        for a, b in itertools.pairwise(heard):
+            others = [f for f in frames[:-1] if a < f < b]
+            if len(others) < ABSENT_S * rate_hz:
+                lost[station] += max(0, b - a - 1)
+                partial |= set(others)
+    return sum(f not in came for f in range(frames[0], end)), len(partial), len(frames), lost
+
+
+def record_and_decode(
+    path: Path, settings: StreamSettings, line: list[Sent], draw: random.Random, stall: tuple[float, float]
+) -> tuple[dict[str, Any], Survey]:
+    """Give the recorder's totals and the decoder's survey; stall : while the host reads nothing."""
+    archive = ArchiveWriter(path, {}, lambda: 0)
+    archive.settings(settings.to_json(), 0)
+    decoder, statistics = ChunkDecoder(settings), Statistics(settings, 0)
+    ticks = [round(nth * TICK_S, 3) for nth in range(1, 860)]
+    due = np.searchsorted([record.time_s for record in line], [0.0, *ticks])
+    waiting = b""
+    for now_s, first, last in zip(ticks, due[:-1], due[1:], strict=True):
+        came = b"".join(record.arriving for record in line[first:last])
+        waiting += came
+        end = len(waiting) - (draw.randrange(60) if came and draw.random() < 0.3 else 0)
+        if end > 0 and not stall[0] <= now_s < stall[1]:
+            host_ns = round((now_s + draw.uniform(0, 0.003)) * 1e9)
+            archive.received(waiting[:end], host_ns)
+            decoder.add(waiting[:end], host_ns)
+            waiting = waiting[end:]
+        if now_s % LOOK_S < TICK_S:
+            statistics.add(decoder.decode(final=False), 0, round(now_s * 1e9))
+            archive.flush()
+    archive.event("stopped", round(SECONDS * 1e9))
+    archive.close({}, round(SECONDS * 1e9))
+    statistics.add(decoder.decode(final=True), 0, 0)
+    return statistics.totals(round(SECONDS * 1e9)), survey_archive(open_archive(path))
+
+
+def check_session(path: Path, kind: str, seed: int) -> float:
+    """Record and decode a tracker with outages; gives by how many seconds its decoded time is off at most."""
+    draw = random.Random(seed)
+    family, mode, items, count, rate_hz = KINDS[kind]
+    gaps = []
+    for _ in range(draw.randint(1, 3)):
+        first = draw.choice([0.0, draw.uniform(0, SECONDS), draw.uniform(0, SECONDS)])
+        length = draw.choice([draw.uniform(0.15, 0.6), draw.uniform(0.6, 3.0)])
+        gaps.append((first, draw.choice([first + length, first + length, SECONDS]), draw.random() < 0.5))
+
+    def alone(*moments: float) -> bool:
+        """Whether no outage is near, beside which nobody could tell what else happened."""
+        return all(b < at - 1 or at + 2.5 < a for a, b, _ in gaps for at in moments)
+
+    start, stall_s, late_s = draw.uniform(0.5, 4.5), draw.uniform(1, 5), draw.uniform(0.1, 0.7)
+    out = (draw.randint(1, count), start, start + draw.uniform(2.0, 3.0))
+    if count == 1 or draw.random() < 0.5 or (family == "fastrak" and not alone(*out[1:])):
+        out = (0, 0.0, 0.0)
+    stalls = alone(stall_s) and (family != "fastrak" or not out[0])
+    line = through(sent_by(kind, out), gaps)
+    stations, options = tuple(range(1, count + 1)), {"group": True} if kind == "trakstar group" else {}
+    lists = dict.fromkeys(stations, items) if items else {}
+    settings = StreamSettings(family, mode, "cm", float(rate_hz), stations, lists, {}, options)
+    stall = (stall_s, stall_s + late_s * stalls)
+    totals, survey = record_and_decode(path, settings, line, draw, stall)
+    lost = {int(s): own["lost_frames"] for s, own in totals["receivers"].items() if own["records"]}
+    recorded = (totals["lost_cycles"], totals["partial_cycles"], totals["cycles"], lost)
+    losses = survey.losses
+    lost = {station: heard.lost for station, heard in losses.stations.items()}
+    assert recorded == (losses.all.lost, len(survey.partial_frames), losses.cycles, lost)
+    whole = [(r, station) for r in line if r.arriving == r.data for station in r.stations]
+    frames: dict[int, set[int]] = {}
+    for record, station in whole:
+        frames.setdefault(record.frame, set()).add(station)
+    assert sum(heard.records for heard in losses.stations.values()) == len(whole)
+    if len(frames) < 2:
+        return 0.0
+    assert recorded == counts(frames, rate_hz)
+    sent_s = np.array([record.time_s for record, _ in whole])
+    silent = [(a, b) for a, b in itertools.pairwise([0.0, *sent_s, SECONDS]) if b - a > 0.13]
+    told = [(a, SECONDS if b is None else b) for a, b in totals["silent_s"]]
+    inner = [(a, b) for a, b in silent if (a > 0 and b < SECONDS) or b - a > 1.02]
+    assert np.abs(np.array(told).reshape(-1, 2) - np.array(inner).reshape(-1, 2)).max(initial=0) < 0.1
+    parts = flagged_records(open_archive(path), survey)
+    time_s = np.concatenate([part.time_s[~part.records.doubtful] for part in parts])
+    return float(np.abs(time_s - (sent_s - sent_s[0])).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_recorder_and_decoder_count_what_was_lost(kind: str, tmp_path: Path) -> None:
+    assert max(check_session(tmp_path / f"{seed}.arrows", kind, seed) for seed in range(5)) < 0.1
