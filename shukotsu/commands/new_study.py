@@ -162,4 +162,4 @@ def _from(path: Path, folder: Path) -> str:
 
 def main(argv: list[str]) -> int:
     """Make the folder; give the exit code."""
-    return command_line.run(build_parser().parse_args(argv), new_study)
+    return command_line.run(build_parser, argv, new_study)

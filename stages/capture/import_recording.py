@@ -49,7 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), import_recording, record_failure)
+    return command_line.run(build_parser, argv, import_recording, record_failure)
 
 
 @dataclass

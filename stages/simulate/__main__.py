@@ -112,7 +112,7 @@ def write_simulation(arguments: argparse.Namespace) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), write_simulation)
+    return command_line.run(build_parser, argv, write_simulation)
 
 
 if __name__ == "__main__":
