@@ -144,9 +144,7 @@ class Layout:
         if hand != "left":
             return self
         segments = {
-            name: replace(own, receiver=own.left_receiver, left_receiver=own.receiver)
-            if own.left_receiver
-            else own
+            name: replace(own, receiver=own.left_receiver or own.receiver, left_receiver=own.receiver)
             for name, own in self.segments.items()
         }
         return replace(self, segments=segments)

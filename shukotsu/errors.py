@@ -48,8 +48,7 @@ def shortened(text: str, most: int) -> str:
 class TableError(InputError):
     """A table of the pipeline is not what it should be: damaged, of another version, or somebody else's.
 
-    No result of a subject's own data, so a stage that meets it fails and does not record it as one; but see
-    `reading_what_was_brought`.
+    No result of a subject's own data (but see `reading_what_was_brought`), so a stage that meets it fails.
     """
 
 
@@ -62,9 +61,7 @@ class StorageError(TableError):
 
 @contextmanager
 def reading_what_was_brought() -> Iterator[None]:
-    """Say that what is read inside was brought to the study (a recording, events, a truth) and is none of its
-    results: a table that is not what it should be is then bad input as any other.
-    """
+    """Take a table that is not what it should be for bad input: it was brought, no stage wrote it."""
     try:
         yield
     except StorageError:

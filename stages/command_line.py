@@ -134,7 +134,7 @@ def ended(command: Callable[[], int | None]) -> int:
             if error.errno not in OF_THE_MACHINE:
                 raise
             sys.stdout = _nowhere()
-        where = error.filename or "standard output, or a temporary file"
+        where = error.filename or "standard output, or a file"
         return _refused(f"{where}: cannot be read or written ({error.strerror or error})")
 
 

@@ -72,12 +72,8 @@ def new_study(arguments: argparse.Namespace) -> None:
         + "".join(f"{subject}\n" for subject in _subjects(sheet)),
         **mappings,
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        kept = [folder / file for file in texts if (folder / file).exists()]
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made a study's folder ({error.strerror or error})") from error
-    if kept:
+    folder.mkdir(parents=True, exist_ok=True)
+    if kept := [folder / file for file in texts if (folder / file).exists()]:
         raise InputError(f"{kept[0]}: is there already; name another folder, or edit that file")
     for file, text in texts.items():
         write_text(folder / file, text)

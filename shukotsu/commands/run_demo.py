@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from shukotsu.commands import run_study, show_report
-from shukotsu.errors import InputError
 from shukotsu.files.whole_files import write_text
 from shukotsu.stages import command_line
 
@@ -33,12 +32,6 @@ def write_study() -> None:
     for shipped in (PACKAGE / STUDY, *sorted((PACKAGE / SHEETS).glob("*.tsv"))):
         path = shipped.relative_to(PACKAGE)
         if not path.exists():
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise InputError(
-                    f"{path.parent}: cannot be made ({error.strerror}); go to another folder"
-                ) from error
             write_text(path, shipped.read_text("utf-8"))
 
 

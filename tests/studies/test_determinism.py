@@ -34,7 +34,7 @@ def on_one_core(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
 
 @pytest.fixture(scope="module")
 def on_two_cores(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    """The same in a folder of another name, deeper down, where libraries are told to take two threads each."""
+    """The same in a folder of another name, deeper down; libraries are told to take two threads each."""
     study = _study(tmp_path_factory.mktemp("two") / "other place" / "of the same study")
     with pytest.MonkeyPatch.context() as patch:
         for name in command_line.ONE_THREAD:

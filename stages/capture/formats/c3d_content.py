@@ -63,10 +63,7 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
             stream.seek(512 * (max(stream.read(1), b"\1")[0] - 1) + 3)
             processor = stream.read(1)
     if processor == bytes([_MIPS]):
-        raise InputError(
-            f"{path}: holds its numbers in the byte order of MIPS (SGI) processors; export it again in that "
-            "of Intel (PC)"
-        )
+        raise InputError(f"{path}: is in the byte order of MIPS (SGI) computers; export it in that of a PC")
     command = [sys.executable, "-m", "shukotsu.stages.capture.formats.c3d_content", str(path.absolute())]
     environment = {**os.environ, "PYTHONPATH": str(_ROOT)}
     try:

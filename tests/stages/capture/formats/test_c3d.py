@@ -119,7 +119,7 @@ def test_files_that_are_no_c3d_or_cut_off(tmp_path: Path) -> None:
     of_mips = bytearray(data)
     of_mips[512 * (data[0] - 1) + 3] = 86
     for content, message in (
-        (of_mips, "in the byte order of MIPS"),
+        (of_mips, "is in the byte order of MIPS"),
         (data[: len(data) // 2], "is cut off: it has "),
         (data[:600], "broken.c3d: "),
         (b"hi", "not a readable C3D file"),
