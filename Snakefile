@@ -37,7 +37,7 @@ results = study.results.folder.as_posix()
 subject = f"{results}/sub-{{subject}}"
 fit = f"{subject}/fits/{{hand}}/{{model}}"
 logs = f"{results}/logs"
-run = f"PYTHONSAFEPATH=1 OMP_NUM_THREADS=1 {quote(sys.executable)} -m shukotsu.workflow.job"
+run = f"PYTHONSAFEPATH=1 {quote(sys.executable)} -m shukotsu.workflow.job"
 
 
 report: "captions/workflow.rst"  # the first page of `snakemake --report`

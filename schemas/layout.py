@@ -34,7 +34,8 @@ _AXES: dict[str, Vector] = {"distal": (1.0, 0.0, 0.0), "lateral": (0.0, 1.0, 0.0
 class Segment:
     """A bone's rigid body; its receiver's axes by what they point at.
 
-    receiver, left_receiver : the tracker's station number, of a left hand where that has its own.
+    receiver, left_receiver : the tracker's station number, of a left hand where that has its own; of the
+    layout of a left hand (`Layout.of_hand`) they are exchanged.
     """
 
     name: str
@@ -143,7 +144,7 @@ class Layout:
         if hand != "left":
             return self
         segments = {
-            name: replace(own, receiver=own.left_receiver or own.receiver)
+            name: replace(own, receiver=own.left_receiver or own.receiver, left_receiver=own.receiver)
             for name, own in self.segments.items()
         }
         return replace(self, segments=segments)

@@ -7,6 +7,7 @@ the hashes of the inputs that it was made from and the program's version. Gaps a
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -90,7 +91,7 @@ class Provenance:
 
     @classmethod
     def of(cls, inputs: Sequence[Path], folder: Path | None = None, **parameters: Any) -> Provenance:
-        """Hash the input files that exist, all of a folder's; `parameters` (JSON types) stay as they are.
+        """Hash the input files that can be read, all of a folder's; `parameters` are JSON types.
 
         folder : names of files below it are relative to it; others are named without their folders.
         """
@@ -99,7 +100,8 @@ class Provenance:
             file: file.relative_to(folder).as_posix() if folder and file.is_relative_to(folder) else file.name
             for file in files
         }
-        hashed = tuple((names[file], file_sha256(file)) for file in names if file.is_file())
+        readable = [file for file in names if file.is_file() and os.access(file, os.R_OK)]
+        hashed = tuple((names[file], file_sha256(file)) for file in readable)
         return cls(hashed, parameters)
 
     def metadata(self) -> dict[str, Any]:

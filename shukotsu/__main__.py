@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 
 from shukotsu.commands import COMMANDS, build_parser
@@ -11,15 +10,15 @@ from shukotsu.stages import command_line
 
 def main(argv: list[str] | None = None) -> int:
     """Hand the arguments after the first to the command that the first one names; give its exit code."""
-    argv = sys.argv[1:] if argv is None else argv
+    return command_line.ended(lambda: _command(sys.argv[1:] if argv is None else argv))
+
+
+def _command(argv: list[str]) -> int:
     if not argv:
         build_parser().print_help()
         return command_line.EXIT_BAD_INPUT
     command = COMMANDS[build_parser().parse_args(argv[:1]).command]
-    if not command_line.can_start():
-        return command_line.EXIT_BAD_INPUT
-    status: int = importlib.import_module(command.module).main([*command.before, *argv[1:]])
-    return status
+    return command_line.dispatched(command.module, [*command.before, *argv[1:]])
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from shukotsu.sentences.messages import Message
 
@@ -47,7 +48,7 @@ def shortened(text: str, most: int) -> str:
 class TableError(InputError):
     """A table of the pipeline is not what it should be: damaged, of another version, or somebody else's.
 
-    No result of a subject's own data, so a stage that meets it fails and does not record it as one.
+    No result of a subject's own data (but see `reading_what_was_brought`), so a stage that meets it fails.
     """
 
 
@@ -56,6 +57,17 @@ class StorageError(TableError):
 
     What would have been in it is no result either: it is made by the next run, when there is room.
     """
+
+
+@contextmanager
+def reading_what_was_brought() -> Iterator[None]:
+    """Take a table that is not what it should be for bad input: it was brought, no stage wrote it."""
+    try:
+        yield
+    except StorageError:
+        raise
+    except TableError as error:
+        raise InputError(error.message) from error
 
 
 def listed(names: Sequence[str], most: int = 8) -> str:

@@ -1,17 +1,19 @@
-"""Every stage's command line fails in the same way, and says so."""
+"""Every command begins and ends here: exit code, the one sentence where it fails, interruption."""
 
 from __future__ import annotations
 
 import argparse
 import errno
+import importlib
 import io
 import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TextIO
 
 from shukotsu.errors import InputError, TableError, on_one_line
 from shukotsu.files.limits import FILE_NAME_BYTES, too_little_to_start
@@ -23,6 +25,12 @@ OF_THE_MACHINE = {
     errno.EAGAIN, errno.ESTALE, errno.ETIMEDOUT,
 }  # fmt: skip
 """Errors of the system that come and go with the machine: nothing that a table should say of a subject."""
+ONE_THREAD = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
+)  # fmt: skip
+"""Variables by which libraries are told how many threads to take, all set to 1 before any is imported: sums
+are added up in one order, whatever the machine has, and small matrices gain nothing from threads."""
 
 
 def parser(
@@ -36,6 +44,7 @@ def parser(
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    built.register("type", Path, _path)
     built.set_defaults(stage=program.removeprefix("shukotsu stage "))
     if records_failure:
         built.add_argument(
@@ -46,59 +55,103 @@ def parser(
     return built
 
 
+def _path(text: str) -> Path:
+    """Give an argument as a path; an empty one, as of a shell's variable that is not set, is no folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("is empty; expected a path")
+    return Path(text)
+
+
 def run(
-    arguments: argparse.Namespace,
-    work: Callable[[argparse.Namespace], None],
+    build_parser: Callable[[], argparse.ArgumentParser],
+    argv: Sequence[str] | None,
+    work: Callable[[argparse.Namespace], int | None],
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
     record_bug: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> int:
-    """Do the stage's work; turn bad input into one sentence on stderr and exit code 2.
+    """Read the arguments and do the work, which may give an exit code; give how it ended.
 
     record_failure : of a stage whose outputs have no parts; with --record-failure called with the message in
     place of ending with 2, also for a bug, which must not cost a study its other subjects. record_bug : of a
     stage whose outputs have parts, called so for a bug that is in none of them.
     """
-    record = record_failure or record_bug
-    if isinstance(sys.stdout, io.TextIOWrapper):  # a name that the terminal's encoding lacks must not end it
-        sys.stdout.reconfigure(errors="backslashreplace")
-    try:
+
+    def command() -> int | None:
+        status = None
+        arguments = build_parser().parse_args(argv)
+        record = record_failure or record_bug
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
         asked = record is not None and arguments.record_failure
         with recorded(arguments, asked, only_bugs=record_failure is None) as messages:
-            work(arguments)
+            status = work(arguments)
         if messages and record is not None:
             record(arguments, messages[0])
+        return status
+
+    return ended(command)
+
+
+def ended(command: Callable[[], int | None]) -> int:
+    """Do a command, the one that another one hands over to too, and give its exit code.
+
+    0 or what the command gives; 2, and one sentence on stderr, where it is the input, the configuration or
+    the machine; 130 after Ctrl-C, 141 where nobody reads on; anything else is a bug, whose traceback stays.
+    """
+    begin()
+    try:
+        try:
+            return command() or 0
+        finally:
+            sys.stdout.flush()  # and not when Python ends, in its own words
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        return _refused(str(error))
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("shukotsu"):
             raise  # one of this program's own
-        print(
-            f"error: {error.name} is not installed for {sys.executable}; install this program again, with "
-            "all that it needs (`pip install`, or `make demo` in its folder)",
-            file=sys.stderr,
+        return _refused(
+            f"{error.name} is not installed for {sys.executable}; install this program again, with all that "
+            "it needs (`pip install`, or `make demo` in its folder)"
         )
-        return EXIT_BAD_INPUT
     except UnicodeEncodeError as error:  # of a path: what is printed was seen to
-        print(
-            f"error: {error.object!a}: no file can have this name in this system's encoding "
-            f"({error.encoding}); set LC_ALL=C.UTF-8",
-            file=sys.stderr,
+        return _refused(
+            f"{error.object!a}: no file can have this name in this system's encoding ({error.encoding}); set "
+            "LC_ALL=C.UTF-8"
         )
-        return EXIT_BAD_INPUT
-    except BrokenPipeError:  # whoever read what is printed has read enough
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - for what Python still flushes
-        return 128 + signal.SIGPIPE
     except MemoryError as error:
-        print(
-            f"error: not enough memory ({error or 'none is left'}); run fewer jobs at once, give the job "
-            "more of it, or cut the recording",
-            file=sys.stderr,
+        return _refused(
+            f"not enough memory ({error or 'none is left'}); run fewer jobs at once, give the job more of "
+            "it, or cut the recording"
         )
-        return EXIT_BAD_INPUT
-    return 0
+    except BrokenPipeError:  # whoever read what is printed has read enough
+        sys.stdout = _nowhere()
+        return 128 + signal.SIGPIPE
+    except KeyboardInterrupt:
+        _refused("interrupted")
+        return 128 + signal.SIGINT
+    except OSError as error:
+        if error.filename is None:
+            if error.errno not in OF_THE_MACHINE:
+                raise
+            sys.stdout = _nowhere()
+        where = error.filename or "standard output, or a file"
+        return _refused(f"{where}: cannot be read or written ({error.strerror or error})")
+
+
+def _refused(why: str) -> int:
+    """Say why on stderr, where that can be written; give the exit code."""
+    try:
+        print(f"error: {why}", file=sys.stderr, flush=True)
+    except OSError:
+        sys.stderr = _nowhere()
+    return EXIT_BAD_INPUT
+
+
+def _nowhere() -> TextIO:
+    """Give what takes the place of a standard stream that is closed or takes no more, where Python would fail
+    at what is left in it once more when it ends.
+    """
+    return open(os.devnull, "r+", encoding="utf-8")  # noqa: PTH123
 
 
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:
@@ -172,17 +225,29 @@ def recorded(arguments: argparse.Namespace, record: bool, *, only_bugs: bool = F
         messages.append(message_of("internal", stage=arguments.stage, text=text))
 
 
-def can_start() -> bool:
-    """Say whether there is the memory that libraries take, which would end the process in their own words."""
-    too_little = too_little_to_start()
-    if too_little:
-        print(f"error: {too_little}", file=sys.stderr)
-    return not too_little
-
-
 def begin() -> None:
-    """Begin a process of a study, one of hundreds that a cluster may end at any moment.
+    """Begin a process, be it one of hundreds that a cluster may end at any moment, or go on with it.
 
-    When it is asked to end, it removes what it had half written first.
+    Where it is asked to end, it removes what it had half written first. A standard stream that is closed is
+    opened, lest a table that is written comes under its number.
     """
-    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    for name in ("stdin", "stdout", "stderr"):  # in the order of their numbers, the lowest of which is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, _nowhere())
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a name that the terminal's encoding lacks must not end it
+        sys.stdout.reconfigure(errors="backslashreplace")
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        with suppress(ValueError):  # not in the main thread
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, lambda number, _: sys.exit(128 + number))
+
+
+def dispatched(module: str, argv: Sequence[str]) -> int:
+    """Hand over to the `main` of a module, where there is the memory that libraries take to start: they would
+    end the process in their own words.
+    """
+    if too_little := too_little_to_start():
+        raise InputError(too_little)
+    status: int = importlib.import_module(module).main(argv)
+    return status

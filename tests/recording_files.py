@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import random
 import re
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +12,36 @@ import numpy as np
 import pytest
 
 from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import GAINS
 from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.mapping import mapping_from_config
+from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
 from shukotsu.stages.capture.formats.readers import find_reader
 from shukotsu.stages.capture.samples import Samples
 
 ARM = read_layout("arm")
 LIBERTY = read_layout("liberty16")
+
+
+def damaged(data: bytes) -> dict[str, bytes | None]:
+    """What may have become of a file, by what happened to it; None where a folder has its name."""
+    chance = random.Random(3)
+    flipped = bytearray(data)
+    if data:
+        flipped[len(data) // 2] ^= 4
+    with tempfile.TemporaryDirectory() as folder:
+        other = Path(folder, "gains.parquet")
+        write_table(other, GAINS, columns_from_rows(GAINS, []), Provenance())
+        table = other.read_bytes()
+    return {
+        "random bytes": chance.randbytes(1000),
+        "empty": b"",
+        "cut": data[: len(data) // 2],
+        "one bit": bytes(flipped),
+        "a folder": None,
+        "another table": table,
+        "a recording": b"frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,0,hand,1,2,3,1,0,0,0\n",
+    }
 
 
 def read(path: Path, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> Samples:

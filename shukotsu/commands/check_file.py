@@ -8,6 +8,7 @@ from pathlib import Path
 
 from shukotsu.commands.study_file import USUAL
 from shukotsu.errors import InputError
+from shukotsu.files.text_files import reading
 from shukotsu.stages import command_line
 
 STUDY_ENDINGS = (".yaml", ".yml", ".json")
@@ -66,6 +67,8 @@ def check_recording(
     from shukotsu.stages.capture import import_recording
     from shukotsu.stages.solve_joints import check_calibration
 
+    with reading(path, "a study or a recording"):
+        path.stat()
     if hand is None:
         raise InputError(f"{path}: --hand is missing; say which hand the recording is of, right or left")
     with tempfile.TemporaryDirectory() as folder:
@@ -108,4 +111,4 @@ def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
 
 def main(argv: list[str]) -> int:
     """Check; give the exit code."""
-    return command_line.run(build_parser().parse_args(argv), check)
+    return command_line.run(build_parser, argv, check)

@@ -104,15 +104,13 @@ def _ports() -> Check:
     return Check("tracker", found, bool(ports) and not closed, remedy)
 
 
-def doctor(arguments: argparse.Namespace) -> None:
-    """Print every check; note in the arguments whether a study can run."""
+def doctor(_: argparse.Namespace) -> int:
+    """Print every check; give 0 where a study can run, else 2."""
     found = list(checks())
-    arguments.ready = all(check.there for check in found if check.needed)
     print("\n".join(check.line() for check in found))
+    return 0 if all(check.there for check in found if check.needed) else command_line.EXIT_BAD_INPUT
 
 
 def main(argv: list[str]) -> int:
-    """Look at everything; give 0 where a study can run, else 2."""
-    arguments = build_parser().parse_args(argv)
-    status = command_line.run(arguments, doctor)
-    return status or (0 if arguments.ready else command_line.EXIT_BAD_INPUT)
+    """Look at everything; give the exit code."""
+    return command_line.run(build_parser, argv, doctor)

@@ -42,4 +42,4 @@ def export_study(arguments: argparse.Namespace) -> None:
 
 def main(argv: list[str]) -> int:
     """Export; give the exit code."""
-    return command_line.run(build_parser().parse_args(argv), export_study)
+    return command_line.run(build_parser, argv, export_study)

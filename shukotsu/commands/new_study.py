@@ -72,12 +72,8 @@ def new_study(arguments: argparse.Namespace) -> None:
         + "".join(f"{subject}\n" for subject in _subjects(sheet)),
         **mappings,
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        kept = [folder / file for file in texts if (folder / file).exists()]
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made a study's folder ({error.strerror or error})") from error
-    if kept:
+    folder.mkdir(parents=True, exist_ok=True)
+    if kept := [folder / file for file in texts if (folder / file).exists()]:
         raise InputError(f"{kept[0]}: is there already; name another folder, or edit that file")
     for file, text in texts.items():
         write_text(folder / file, text)
@@ -162,4 +158,4 @@ def _from(path: Path, folder: Path) -> str:
 
 def main(argv: list[str]) -> int:
     """Make the folder; give the exit code."""
-    return command_line.run(build_parser().parse_args(argv), new_study)
+    return command_line.run(build_parser, argv, new_study)

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from shukotsu.commands import run_study, show_report
-from shukotsu.errors import InputError
 from shukotsu.files.whole_files import write_text
 from shukotsu.stages import command_line
 
@@ -28,25 +27,21 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def write_study(_: argparse.Namespace) -> None:
+def write_study() -> None:
     """Write the study file and its sheets into this folder, those that are not there."""
     for shipped in (PACKAGE / STUDY, *sorted((PACKAGE / SHEETS).glob("*.tsv"))):
         path = shipped.relative_to(PACKAGE)
         if not path.exists():
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise InputError(
-                    f"{path.parent}: cannot be made ({error.strerror}); go to another folder"
-                ) from error
             write_text(path, shipped.read_text("utf-8"))
 
 
-def main(argv: list[str]) -> int:
+def run_demo(arguments: argparse.Namespace) -> int:
     """Write, run and show the study; give the exit code of what failed first."""
-    arguments = build_parser().parse_args(argv)
-    return (
-        command_line.run(arguments, write_study)
-        or run_study.main([str(STUDY), "--cores", arguments.cores])
-        or show_report.main([str(STUDY), "--print"])
-    )
+    write_study()
+    ran = run_study.main([str(STUDY), "--cores", arguments.cores])
+    return ran or show_report.main([str(STUDY), "--print"])
+
+
+def main(argv: list[str]) -> int:
+    """Write, run and show the study; give the exit code."""
+    return command_line.run(build_parser, argv, run_demo)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 from pathlib import Path
+
+from shukotsu.stages import command_line
 
 STAGES = Path(__file__).parents[1] / "stages"
 FURTHER = ("export.collect", "report.subject", "solve_joints.check_calibration")
@@ -36,5 +37,4 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: list[str]) -> int:
     """Run the stage; give its exit code."""
     module = stages()[build_parser().parse_args(argv[:1]).name]
-    status: int = importlib.import_module(module).main(argv[1:])
-    return status
+    return command_line.dispatched(module, argv[1:])

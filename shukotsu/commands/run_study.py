@@ -17,10 +17,6 @@ from shukotsu.stages import command_line
 SNAKEFILE = (Path(__file__).parents[1] / "Snakefile").resolve()
 
 
-class StudyFailedError(Exception):
-    """Snakemake ended with an exit code that is not 0, and has said why."""
-
-
 def build_parser() -> argparse.ArgumentParser:
     """Give the command's argument parser."""
     parser = command_line.parser(
@@ -46,10 +42,10 @@ def snakemake_command(arguments: argparse.Namespace) -> list[str]:
     return [*command, *arguments.more]
 
 
-def run_study(arguments: argparse.Namespace) -> None:
+def run_study(arguments: argparse.Namespace) -> int:
     """Read the study, run it, and print its report's first sentences and where it is.
 
-    Raises InputError where the study cannot be read, StudyFailedError where a job met a bug.
+    Gives Snakemake's exit code, which has said why. Raises InputError where the study cannot be read.
     """
     files = read_files(arguments.study)
     if find_spec("snakemake") is None:
@@ -61,19 +57,33 @@ def run_study(arguments: argparse.Namespace) -> None:
     status = _run(command)
     report = files.results.folder / "report.html"
     if status:
-        raise StudyFailedError(status)
+        return status if status > 0 else 128 - status
     if not arguments.dry_run and not arguments.more and report.is_file():
         print(_outcome(arguments.study, files.results.folder))
         print(f"report: {report}")
+    return 0
 
 
 def _run(command: list[str]) -> int:
-    """Run a command to its end, whatever signal asks this process to end before; give its exit code."""
-    with subprocess.Popen(command) as process:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C reaches Snakemake too
+    """Run a command to its end, whatever signal asks this process to end and whoever stops reading before;
+    give its exit code.
+    """
+    interrupted: list[int] = []
+    printed = None if sys.stdout.isatty() else subprocess.PIPE
+    with subprocess.Popen(command, stdout=printed, text=True, errors="backslashreplace") as process:
+        signal.signal(signal.SIGINT, lambda number, _: interrupted.append(number))  # reaches Snakemake too
         for number in (signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: process.terminate())
-        return process.wait()
+        try:
+            for line in process.stdout or ():
+                print(line, end="", flush=True)
+        finally:
+            for _ in process.stdout or ():
+                pass
+        status = process.wait()
+    if interrupted:
+        raise KeyboardInterrupt
+    return status
 
 
 def _outcome(study: Path, results: Path) -> str:
@@ -89,9 +99,10 @@ def _outcome(study: Path, results: Path) -> str:
 def main(argv: list[str]) -> int:
     """Run the study; give the exit code."""
     end = argv.index("--") if "--" in argv else len(argv)
-    arguments = build_parser().parse_args(argv[:end])
-    arguments.more = argv[end + 1 :]
-    try:
-        return command_line.run(arguments, run_study)
-    except StudyFailedError as error:
-        return abs(int(str(error)))
+
+    def with_more() -> argparse.ArgumentParser:
+        parser = build_parser()
+        parser.set_defaults(more=argv[end + 1 :])
+        return parser
+
+    return command_line.run(with_more, argv[:end], run_study)

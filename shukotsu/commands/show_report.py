@@ -52,4 +52,4 @@ def show_report(arguments: argparse.Namespace) -> None:
 
 def main(argv: list[str]) -> int:
     """Show the report; give the exit code."""
-    return command_line.run(build_parser().parse_args(argv), show_report)
+    return command_line.run(build_parser, argv, show_report)

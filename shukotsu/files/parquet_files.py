@@ -82,20 +82,19 @@ def _footer_at(stream: BinaryIO) -> int:
 def open_parquet(
     path: Path,
     expected: str,
-    error: type[InputError] = TableError,
     remedy: str = "make it again",
     buffer_size: int = 0,
 ) -> pq.ParquetFile:
     """Open a Parquet file for reading piece by piece; `expected` and `remedy` are for the sentences.
 
     buffer_size : how many bytes of a column are read at a time, 0 for all of a row group's.
-    Raises `error` where the file is absent, is none, is damaged, or holds far more than its size.
+    Raises TableError where the file is absent, is none, is damaged, or holds far more than its size.
     """
     try:
-        with reading(path, expected), naming_damage(path, error, remedy, "not a readable Parquet file"):
+        with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
             check_regular(path, expected)
             if not is_intact(path):
-                raise error(f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy}")
+                raise TableError(f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy}")
             file = pq.ParquetFile(
                 path,
                 buffer_size=buffer_size,
@@ -103,28 +102,23 @@ def open_parquet(
                 page_checksum_verification=True,
             )
         check_expansion(path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy)
-    except error:
-        raise
     except InputError as refused:
-        raise error(str(refused)) from refused
+        raise TableError(refused.message) from refused
     return file
 
 
 @contextmanager
 def naming_damage(
-    path: Path,
-    error: type[InputError] = TableError,
-    remedy: str = "make it again",
-    what: str = "damaged Parquet file",
+    path: Path, remedy: str = "make it again", what: str = "damaged Parquet file"
 ) -> Iterator[None]:
-    """Turn what goes wrong when a Parquet file is read into an `error` that names it."""
+    """Turn what goes wrong when a Parquet file is read into a TableError that names it."""
     try:
         yield
     except (FileNotFoundError, InputError, MemoryError):
         raise
     except (OSError, ValueError, RuntimeError, pa.ArrowException) as damage:  # RuntimeError: of pyarrow's C++
         reason = getattr(damage, "strerror", None) or damage
-        raise error(f"{path}: {what} ({reason}); {remedy}") from damage
+        raise TableError(f"{path}: {what} ({reason}); {remedy}") from damage
 
 
 def column_ends(

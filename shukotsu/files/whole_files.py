@@ -26,6 +26,8 @@ def replacing(path: Path) -> Iterator[Path]:
         raise InputError(f"{path}: is a folder; expected the name of a file to write")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
+        if path.exists() and not path.is_file():
+            raise StorageError(f"{path}: cannot be written (is a folder or a device); name a file")
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_leftovers(path)
         yield temporary
@@ -34,7 +36,8 @@ def replacing(path: Path) -> Iterator[Path]:
         with suppress(OSError):  # a file system without it; the file is whole under either name
             _sync(path.parent)
     except OSError as error:
-        raise StorageError(f"{path}: cannot be written ({error.strerror or error})") from error
+        why = os.strerror(error.errno) if error.errno else error  # and not in Arrow's words
+        raise StorageError(f"{path}: cannot be written ({why})") from error
     finally:
         with suppress(OSError):  # a part of the path that is a file was told above
             temporary.unlink(missing_ok=True)

@@ -164,11 +164,10 @@ class PosedRecording:
     def _posed(self, table: Table, columns: Sequence[str], poses: Poses) -> dict[str, Array]:
         found = self.numbers(table, columns, poses.frame)
         if len(poses.frame) and not found:
-            raise InputError(
-                f"{self.tables.path(table)}: has no row of {self.recording.name}; only recordings of role "
-                "evaluation or both are posed, so give it one of these roles in the recordings sheet and run "
-                "the study again"
-            )
+            why = "nothing of it could be posed; the study's table of problems says why"
+            if self.recording.role == "calibration":
+                why = "only recordings of role evaluation or both are posed; give it one of these roles"
+            raise InputError(f"{self.tables.path(table)}: has no row of {self.recording.name}; {why}")
         return found
 
 

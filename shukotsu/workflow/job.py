@@ -60,19 +60,15 @@ def _workflow_has_ended() -> bool:
 
 def run(argv: Sequence[str]) -> int:
     """Run the command line in this process."""
-    import importlib
     from importlib.util import find_spec
 
     from shukotsu.stages import command_line
 
-    command_line.begin()
-    if not command_line.can_start():
-        return command_line.EXIT_BAD_INPUT
     name, *rest = argv
     spec = find_spec(name)
     is_package = spec is not None and spec.submodule_search_locations is not None
-    status: int = importlib.import_module(f"{name}.__main__" if is_package else name).main(rest)
-    return status
+    module = f"{name}.__main__" if is_package else name
+    return command_line.ended(lambda: command_line.dispatched(module, rest))
 
 
 if __name__ == "__main__":

@@ -57,12 +57,7 @@ def start() -> subprocess.Popen[bytes] | None:
             [sys.executable, "-m", "shukotsu.workflow.warm_process", str(listener.fileno())],
             stdin=subprocess.PIPE,  # never written to: it is closed when this process ends, however it does
             pass_fds=[listener.fileno()],
-            env=os.environ
-            | {
-                "PYTHONPATH": str(Path(__file__).parents[2]),
-                "PYTHONSAFEPATH": "1",
-                "OMP_NUM_THREADS": "1",
-            },
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "PYTHONSAFEPATH": "1"},
         )
         atexit.register(process.communicate)
         os.environ[job.ADDRESS] = address

@@ -38,7 +38,7 @@ def write_plan(arguments: argparse.Namespace) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Write the plan; give the exit code."""
-    return command_line.run(build_parser().parse_args(argv), write_plan)
+    return command_line.run(build_parser, argv, write_plan)
 
 
 if __name__ == "__main__":

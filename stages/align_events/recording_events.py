@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.errors import InputError, guess, listed
+from shukotsu.errors import InputError, guess, listed, reading_what_was_brought
 from shukotsu.files.parquet_files import column_ends
 from shukotsu.files.whole_files import file_sha256
 from shukotsu.schemas.catalogue import POSES
@@ -149,7 +149,8 @@ def read_events(path: Path) -> Events:
         if path.name.lower().endswith(endings):
             module, _, function = place.partition(":")
             read: Callable[[Path], Events] = getattr(import_module(module), function)
-            return _checked(path, read(path))
+            with reading_what_was_brought():
+                return _checked(path, read(path))
     known = [ending for endings in READERS for ending in endings]
     raise InputError(f"{path}: is no file of events; {guess(path.suffix, known)}")
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import sys
+
+from shukotsu.stages import command_line
 
 COMMANDS = {
     "record": ("shukotsu.stages.capture.record_tracker", "record a tracker into a raw capture"),
@@ -42,9 +43,12 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str]) -> int:
     """Hand the arguments after the first to the subcommand that the first one names."""
-    module, _ = COMMANDS[build_parser().parse_args(arguments[:1]).command]
-    status: int = importlib.import_module(module).main(arguments[1:])
-    return status
+
+    def command() -> int:
+        module, _ = COMMANDS[build_parser().parse_args(arguments[:1]).command]
+        return command_line.dispatched(module, arguments[1:])
+
+    return command_line.ended(command)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), check_tracker)
+    return command_line.run(build_parser, argv, check_tracker)
 
 
 def check_tracker(options: argparse.Namespace) -> None:

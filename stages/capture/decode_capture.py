@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), decode)
+    return command_line.run(build_parser, argv, decode)
 
 
 def decode(options: argparse.Namespace) -> None:

@@ -97,7 +97,7 @@ def _add_faults(group: argparse._ArgumentGroup) -> None:
 
 def main(argv: list[str]) -> int:
     """Run the emulator until Ctrl-C, SIGTERM or its own end; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), emulate)
+    return command_line.run(build_parser, argv, emulate)
 
 
 def emulate(options: argparse.Namespace) -> None:

@@ -46,7 +46,7 @@ def _positive(text: str) -> float:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), export)
+    return command_line.run(build_parser, argv, export)
 
 
 def export(arguments: argparse.Namespace) -> None:

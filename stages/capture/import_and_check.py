@@ -33,7 +33,7 @@ def import_and_check(arguments: argparse.Namespace) -> None:
 
 def main(argv: list[str]) -> int:
     """Run the command; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), import_and_check, record_failure)
+    return command_line.run(build_parser, argv, import_and_check, record_failure)
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), import_recording, record_failure)
+    return command_line.run(build_parser, argv, import_recording, record_failure)
 
 
 @dataclass
@@ -64,6 +64,7 @@ class _Remarks:
 
 def import_recording(arguments: argparse.Namespace) -> None:
     """Read the recording, check it, write the table; notes on what is not there go to stderr."""
+    from shukotsu.errors import reading_what_was_brought
     from shukotsu.schemas.layout import read_layout
     from shukotsu.schemas.mapping import read_mapping
     from shukotsu.stages.capture.formats.readers import find_parts_reader
@@ -76,12 +77,13 @@ def import_recording(arguments: argparse.Namespace) -> None:
     remarks = _Remarks()
 
     def parts() -> Iterator[Samples]:
-        for part in read(arguments.file, layout, mapping):
-            remarks.notes.extend(part.notes)
-            remarks.losses.extend(part.losses)
-            remarks.missing_frames += part.missing_frames
-            remarks.tracker = remarks.tracker or part.tracker
-            yield part
+        with reading_what_was_brought():
+            for part in read(arguments.file, layout, mapping):
+                remarks.notes.extend(part.notes)
+                remarks.losses.extend(part.losses)
+                remarks.missing_frames += part.missing_frames
+                remarks.tracker = remarks.tracker or part.tracker
+                yield part
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())

@@ -37,7 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), inspect)
+    return command_line.run(build_parser, argv, inspect)
 
 
 def inspect(arguments: argparse.Namespace) -> None:
@@ -56,6 +56,8 @@ def inspect(arguments: argparse.Namespace) -> None:
             raise InputError(f"{arguments.file}: needs no mapping, so {target} is not written")
         if target.exists():
             raise InputError(f"{target}: is there already; name another file, so that an edited one is kept")
+        if not target.parent.is_dir():
+            raise InputError(f"{target}: there is no folder {target.parent}; make it, or name another one")
         write_text(target, description.draft)
         print(f"wrote {target}: put the truth where it says CHECK; import refuses it until then")
     print(f"next: {_next_command(arguments, description.recording, bool(description.draft))}")

@@ -19,7 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser().parse_args(argv), list_devices)
+    return command_line.run(build_parser, argv, list_devices)
 
 
 def list_devices(options: argparse.Namespace) -> None:

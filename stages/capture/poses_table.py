@@ -121,14 +121,10 @@ class _RowFile:
     def __init__(self, folder: Path | None) -> None:
         folder_name = None if folder is None else str(folder)
         self._file = tempfile.SpooledTemporaryFile(MEMORY_BYTES, dir=folder_name)  # noqa: SIM115
-        self._folder = folder
 
     def append(self, rows: Rows) -> None:
         """Put rows at the end."""
-        try:
-            self._file.write(rows.tobytes())
-        except OSError as error:
-            raise InputError(f"{self._folder}: cannot be written ({error.strerror or error})") from error
+        self._file.write(rows.tobytes())
 
     def replace(self, rows: Rows) -> None:
         """Put rows in place of all that are there, which are as many or more."""

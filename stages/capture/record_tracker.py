@@ -39,7 +39,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str]) -> int:
     """Run the subcommand; gives the exit code, and ends the program with another where it was cut short."""
-    return command_line.run(build_parser().parse_args(argv), record_tracker)
+    return command_line.run(build_parser, argv, record_tracker)
 
 
 def record_tracker(options: argparse.Namespace) -> None:

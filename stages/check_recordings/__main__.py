@@ -112,7 +112,7 @@ def _rows(recording: Recording, checked: CheckedRecording) -> list[dict[str, Any
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), check, record_bug=record_bug)
+    return command_line.run(build_parser, argv, check, record_bug=record_bug)
 
 
 if __name__ == "__main__":

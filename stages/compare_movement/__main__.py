@@ -37,7 +37,7 @@ def compare(arguments: argparse.Namespace) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), compare)
+    return command_line.run(build_parser, argv, compare)
 
 
 if __name__ == "__main__":

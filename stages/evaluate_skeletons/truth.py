@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, reading_what_was_brought
 from shukotsu.schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, METACARPALS, TIPS
 from shukotsu.schemas.parts import numbers_by_name
 from shukotsu.schemas.poses import Poses, RecordingName
@@ -85,7 +85,8 @@ def read_truth(folder: Path, name: RecordingName) -> Truth:
 def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
     """Rows of a table of a folder; InputError where they are of another hand than the recording."""
     path = folder / f"{table.name}.parquet"
-    rows = list(rows_of(read_table(path, table)))
+    with reading_what_was_brought():
+        rows = list(rows_of(read_table(path, table)))
     for hand in {Hand(row["subject"], row["hand"], row["session"]) for row in rows} - {name.of_hand}:
         raise InputError(f"{path}: is of {hand}; expected {name.of_hand}")
     return rows
@@ -124,7 +125,8 @@ def _digits(folder: Path) -> dict[str, TrueDigit]:
 
 def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, Array]:
     """Numbers (T, columns) of each digit."""
-    rows = read_table(folder / f"{table.name}.parquet", table, ["digit", *columns])
+    with reading_what_was_brought():
+        rows = read_table(folder / f"{table.name}.parquet", table, ["digit", *columns])
     return numbers_by_name(rows, "digit", columns)
 
 

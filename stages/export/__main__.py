@@ -177,7 +177,7 @@ def _forget_failures(folder: Path, *names: str) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage on a command line; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), export, record_failure)
+    return command_line.run(build_parser, argv, export, record_failure)
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ def link_or_copy(source: Path, target: Path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), collect)
+    return command_line.run(build_parser, argv, collect)
 
 
 if __name__ == "__main__":

@@ -165,7 +165,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), fit, record_bug=record_bug)
+    return command_line.run(build_parser, argv, fit, record_bug=record_bug)
 
 
 if __name__ == "__main__":

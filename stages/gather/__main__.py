@@ -33,7 +33,7 @@ def gather(arguments: argparse.Namespace) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), gather)
+    return command_line.run(build_parser, argv, gather)
 
 
 if __name__ == "__main__":

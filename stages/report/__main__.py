@@ -91,7 +91,7 @@ def _language(study: Path) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), report, record_failure)
+    return command_line.run(build_parser, argv, report, record_failure)
 
 
 if __name__ == "__main__":

@@ -138,9 +138,8 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage on the arguments of a command line; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), write_pages, record_failure)
+    return command_line.run(build_parser, argv, write_pages, record_failure)
 
 
 if __name__ == "__main__":
-    command_line.begin()
     sys.exit(main())

@@ -78,7 +78,6 @@ def _scale(text: str) -> float:
 
 def write_simulation(arguments: argparse.Namespace) -> None:
     """Simulate one recording; write it and its truth."""
-    from shukotsu.errors import InputError
     from shukotsu.schemas.tables import Provenance  # not at start-up: --help needs no NumPy
     from shukotsu.stages.simulate.realism import Realism
     from shukotsu.stages.simulate.recording import check_ending, write_recording
@@ -99,20 +98,17 @@ def write_simulation(arguments: argparse.Namespace) -> None:
         forearm=arguments.forearm,
         session=arguments.session,
     )
-    try:
-        write_recording(arguments.out, simulated)
-        folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
-        names = ("subject", "hand", "task", "seed", "realism", "forearm")
-        given |= {"session": arguments.session} if arguments.session else {}
-        provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | given)
-        write_truth(folder, simulated, provenance)
-    except OSError as error:
-        raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
+    write_recording(arguments.out, simulated)
+    folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
+    names = ("subject", "hand", "task", "seed", "realism", "forearm")
+    given |= {"session": arguments.session} if arguments.session else {}
+    provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | given)
+    write_truth(folder, simulated, provenance)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), write_simulation)
+    return command_line.run(build_parser, argv, write_simulation)
 
 
 if __name__ == "__main__":

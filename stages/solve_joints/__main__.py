@@ -76,7 +76,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), solve, record_bug=record_bug)
+    return command_line.run(build_parser, argv, solve, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -28,6 +28,11 @@ def test_a_good_recording_has_a_line_a_joint(rom: Path, capsys: pytest.CaptureFi
     assert list(rom.parent.iterdir()) == [rom]  # nothing is left beside it
 
 
+def test_a_file_that_is_not_there_is_what_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert check(["nowhere.csv"]) == 2
+    assert "nowhere.csv: no such file; expected a study or a recording" in capsys.readouterr().err
+
+
 def test_of_the_other_hand_only_that_is_said(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert check([str(rom), "--hand", "left"]) == 0
     out = capsys.readouterr().out

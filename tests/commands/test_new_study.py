@@ -150,4 +150,4 @@ def test_a_folder_that_cannot_be_is_one_sentence(
     monkeypatch.chdir(tmp_path)
     Path("file").touch()
     assert new([folder]) == 2
-    assert f"error: {folder}: cannot be made a study's folder (" in capsys.readouterr().err
+    assert f"error: {folder}: cannot be read or written (" in capsys.readouterr().err

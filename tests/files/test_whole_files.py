@@ -22,6 +22,15 @@ def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_only_a_file_is_replaced(tmp_path: Path) -> None:
+    """A device that whoever may do all writes to would be gone for every program."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(StorageError, match="cannot be written .is a folder or a device.; name a file"):
+            write_text(path, "")
+    assert (tmp_path / "pipe").is_fifo()
+
+
 def test_a_file_is_on_the_disk_before_it_has_its_name_and_its_name_is_before_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

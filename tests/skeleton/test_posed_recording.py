@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,8 +42,16 @@ def test_a_frame_that_a_table_lacks_is_not_known(hand: KnownHand) -> None:
 @pytest.mark.parametrize(("model", "table"), [(FITTED, BONE_POSES), (REPLAYED, METACARPALS)])
 def test_a_recording_that_was_not_posed_is_refused(hand: KnownHand, model: str, table: Table) -> None:
     hand.write(model, table, [row | {"task": "rom"} for row in hand.rows(model, table)])
-    with pytest.raises(InputError, match="no row of opposition; only recordings of role evaluation"):
-        posed_recording(hand.plan, hand.recording, model).bones(hand.poses())
+    """With what to do, which is not to give it the role that it has."""
+    for role, why in (
+        ("calibration", "only recordings of role evaluation"),
+        ("both", "nothing of it could be"),
+    ):
+        recording = replace(hand.recording, role=role)
+        with pytest.raises(InputError, match=f"no row of opposition; {why}"):
+            replace(posed_recording(hand.plan, hand.recording, model), recording=recording).bones(
+                hand.poses()
+            )
 
 
 def test_a_failed_or_absent_table_is_refused_with_its_reason(hand: KnownHand) -> None:

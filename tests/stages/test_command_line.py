@@ -1,11 +1,13 @@
 """What the stages' command lines share: which hands they work on, how they fail, how they begin and end."""
 
 import argparse
+import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pytest
@@ -78,7 +80,7 @@ def test_no_output_takes_the_place_of_an_input(
     parser.add_argument("--out", type=Path)
     parser.add_argument("--out-bones", type=Path)
     worked: list[argparse.Namespace] = []
-    status = command_line.run(parser.parse_args(argv), worked.append)
+    status = command_line.run(lambda: parser, argv, worked.append)
     assert (status, len(worked)) == ((2, 0) if message else (0, 1))
     assert message in capsys.readouterr().err
 
@@ -142,19 +144,28 @@ def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> Non
     def work(_: argparse.Namespace) -> None:
         raise pa.ArrowMemoryError("malloc of size 99 failed")
 
-    arguments = argparse.Namespace(record_failure=True)
-    assert command_line.run(arguments, work, lambda *_: pytest.fail("recorded")) == 2
+    assert command_line.run(any_parser, ["--record-failure"], work, lambda *_: pytest.fail("recorded")) == 2
     assert capsys.readouterr().err.startswith(
         "error: not enough memory (malloc of size 99 failed); run fewer"
     )
     with pytest.raises(MemoryError), naming_damage(Path("a.parquet")):
-        work(arguments)
+        work(argparse.Namespace())
+
+
+def test_an_empty_path_is_not_this_folder(capsys: pytest.CaptureFixture[str]) -> None:
+    """As of a shell's variable that is not set."""
+    parser = any_parser()
+    parser.add_argument("folder", type=Path)
+    with pytest.raises(SystemExit, match="2"):
+        parser.parse_args([""])
+    assert "argument folder: is empty; expected a path" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("value", ["caf\udce9", ["ok", "\udcff"], Path("\udce9.csv")])
 def test_a_stray_byte_in_an_argument_is_refused(value: object, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = argparse.Namespace(note=value)
-    assert command_line.run(arguments, lambda _: pytest.fail("worked")) == 2
+    parser = any_parser()
+    parser.set_defaults(note=value)
+    assert command_line.run(lambda: parser, [], lambda _: pytest.fail("worked")) == 2
     assert "is not UTF-8 text; write it in UTF-8" in capsys.readouterr().err
 
 
@@ -176,8 +187,12 @@ def test_a_python_without_the_packages_is_said(module: str) -> None:
 INTERNAL = "internal error in stages.any (ZeroDivisionError: oh); please report it with the log"
 
 
+def any_parser() -> argparse.ArgumentParser:
+    return command_line.parser("stages.any", "Any.", "any --record-failure")
+
+
 def given(*argv: str) -> argparse.Namespace:
-    return command_line.parser("stages.any", "Any.", "any --record-failure").parse_args(argv)
+    return any_parser().parse_args(argv)
 
 
 def failing(error: Exception) -> Callable[[argparse.Namespace], None]:
@@ -206,7 +221,7 @@ def test_a_failure_is_in_the_log_and_recorded_where_asked(
 ) -> None:
     """But a damaged table never is: a study that went on would say of the subject what is so of a file."""
     found: list[str] = []
-    assert command_line.run(given(*argv), failing(error), lambda _, message: found.append(message)) == code
+    assert command_line.run(any_parser, argv, failing(error), lambda _, m: found.append(m)) == code
     assert found == recorded
     log = capsys.readouterr().err
     if isinstance(error, InputError):
@@ -271,12 +286,61 @@ def test_a_job_that_is_ended_while_it_writes_leaves_no_file(tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
+def ended(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    """A command of a process of its own, that does the work and ends as every command does."""
+    code = (
+        "import sys, os, signal, time; from pathlib import Path; from shukotsu.stages import command_line\n"
+        f"def work():\n    {work}\nsys.exit(command_line.ended(work))"
+    )
+    command = [sys.executable, "-c", code]
+    return subprocess.run(
+        command, cwd=REPOSITORY, stderr=subprocess.PIPE, text=True, check=False, timeout=60, **options
+    )
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_standard_output_that_is_full_is_one_sentence(unbuffered: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = ended("print('a line')", stdout=full, env=os.environ | {"PYTHONUNBUFFERED": unbuffered})
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: standard output")
+    assert done.stderr.count("\n") == 1
+
+
+def test_no_file_comes_under_the_number_of_a_stream_that_is_closed(tmp_path: Path) -> None:
+    out = tmp_path / "table"
+    work = f"file = open({str(out)!r}, 'w'); os.write(2, b'a warning'); file.write(str(file.fileno() > 2))"
+    code = f'exec 1>&- 2>&- 0<&-; exec {sys.executable} -c "$0"'
+    script = f"import os; from shukotsu.stages import command_line\ndef work():\n    {work}\n"
+    subprocess.run(["bash", "-c", code, f"{script}command_line.ended(work)"], cwd=REPOSITORY, check=True)
+    assert out.read_text() == "True"
+
+
+@pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_what_is_interrupted_leaves_no_file_and_no_traceback(tmp_path: Path, number: str, code: int) -> None:
+    write = "from shukotsu.files.whole_files import replacing\n"
+    write += f"    with replacing(Path({str(tmp_path / 'table')!r})) as own: "
+    done = ended(f"{write}own.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)")
+    assert done.returncode == code
+    assert done.stderr == ("error: interrupted\n" if code == 130 else "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_libraries_take_one_thread_whatever_the_environment_says() -> None:
+    """A sum of a million numbers ends otherwise in its last digits where two threads have added them up."""
+    work = "import numpy as np; x = np.random.default_rng(1).normal(size=10**6); print((x @ x).hex())"
+    given = [dict.fromkeys(command_line.ONE_THREAD, number) for number in "12"]
+    found = {ended(work, stdout=subprocess.PIPE, env=os.environ | own).stdout for own in given}
+    assert len(found) == 1
+    assert found != {""}
+
+
 def test_who_reads_only_the_beginning_breaks_nothing() -> None:
     """As `... | head` does."""
     code = (
-        "import argparse, sys; from shukotsu.stages import command_line\n"
-        "def work(_): [print('a line', flush=True) for _ in range(100_000)]\n"
-        "sys.exit(command_line.run(argparse.Namespace(), work))"
+        "import sys; from shukotsu.stages import command_line\n"
+        "def work(): [print('a line', flush=True) for _ in range(100_000)]\n"
+        "sys.exit(command_line.ended(work))"
     )
     process = subprocess.Popen(
         [sys.executable, "-c", code],

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from studies.running import StudyRun, hashes, record, write_study
 
+from shukotsu.stages import command_line
+
 pytestmark = pytest.mark.slow
 
 ROWS = [
@@ -32,9 +34,12 @@ def on_one_core(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
 
 @pytest.fixture(scope="module")
 def on_two_cores(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    """The same in a folder of another name, deeper down."""
+    """The same in a folder of another name, deeper down; libraries are told to take two threads each."""
     study = _study(tmp_path_factory.mktemp("two") / "other place" / "of the same study")
-    study.run(cores=2)
+    with pytest.MonkeyPatch.context() as patch:
+        for name in command_line.ONE_THREAD:
+            patch.setenv(name, "2")
+        study.run(cores=2)
     return study
 
 

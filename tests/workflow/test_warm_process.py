@@ -105,7 +105,7 @@ def test_bad_input_is_the_same_sentence_and_exit_code(poses: Path, tmp_path: Pat
 
 
 def test_a_bug_is_a_traceback_in_the_clients_log(warm: psutil.Process, tmp_path: Path) -> None:
-    finished = done(["stages.nothing_of_that_name"], tmp_path)
+    finished = done(["shukotsu.stages.nothing_of_that_name"], tmp_path)
     assert finished.returncode == 1
     assert "ModuleNotFoundError" in finished.stderr
     assert warm.is_running()

@@ -104,6 +104,10 @@ def open_port(name: str, baud: int, line_rate: int | None = None) -> Port:
     options: dict[str, Any] = {"baudrate": baud, "timeout": _QUANTUM_S}
     if "://" not in name:
         options |= {"exclusive": True, "write_timeout": 2.0}
+    elif not re.fullmatch(r"(socket|rfc2217)://[^/]+:\d{1,5}([/?].*)?", name):
+        raise InputError(
+            f"{name}: is no port of a network; expected socket://HOST:PORT or rfc2217://HOST:PORT"
+        )
     try:
         device = serial.serial_for_url(name, **options)
     except (OSError, serial.SerialException, ValueError) as error:

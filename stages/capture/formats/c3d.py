@@ -27,9 +27,6 @@ from shukotsu.stages.capture.formats.mapped import (
 from shukotsu.stages.capture.formats.orientation import proper_rotations
 from shukotsu.stages.capture.samples import Samples, did_you_mean
 
-_MIPS = 86
-"""Processor type of files whose numbers have their high byte first."""
-
 
 @dataclass(frozen=True)
 class C3dFile:
@@ -109,14 +106,12 @@ def open_c3d(path: Path) -> C3dFile:
 def _frames_promised(path: Path) -> int:
     """Frames that the file's own header names: ezc3d gives instead those that it could read.
 
-    Words 4 and 5 of the header are the first and the last frame (C3D user guide); the parameter section
-    says, in its fourth byte, in which order the bytes are. Longer recordings have 65535 as their last.
+    Words 4 and 5 of the header are the first and the last frame (C3D user guide). Longer recordings have
+    65535 as their last.
     """
     with path.open("rb") as stream:
         header = stream.read(512)
-        stream.seek(512 * (header[0] - 1) + 3)
-        processor = stream.read(1)[0]
-    first, last = struct.unpack_from(">HH" if processor == _MIPS else "<HH", header, 6)
+    first, last = struct.unpack_from("<HH", header, 6)
     return int(last) - int(first) + 1
 
 

@@ -43,6 +43,8 @@ PIECE_BYTES = 4 << 20
 """Of frames that ezc3d reads at a time, a multiple of the memory that they take."""
 _INTEL = 84
 """Processor type of files whose numbers have their low byte first."""
+_MIPS = 86
+"""That of files whose numbers have their high byte first, which ezc3d does not read."""
 _MOST_FRAMES = 65_534
 """A header's numbers of frames say no more."""
 
@@ -57,6 +59,11 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
     """
     with reading(path, "a C3D file"):
         megabytes = check_regular(path, "a C3D file") / 1e6
+        with path.open("rb") as stream:
+            stream.seek(512 * (max(stream.read(1), b"\1")[0] - 1) + 3)
+            processor = stream.read(1)
+    if processor == bytes([_MIPS]):
+        raise InputError(f"{path}: is in the byte order of MIPS (SGI) computers; export it in that of a PC")
     command = [sys.executable, "-m", "shukotsu.stages.capture.formats.c3d_content", str(path.absolute())]
     environment = {**os.environ, "PYTHONPATH": str(_ROOT)}
     try:
@@ -69,9 +76,8 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
         )
     except subprocess.TimeoutExpired as error:
         raise _unreadable(path, "reading it does not end") from error
-    if child.returncode:
-        error_lines = child.stderr.decode("utf-8", "replace").strip().splitlines()
-        raise _unreadable(path, error_lines[-1] if error_lines and child.returncode == 1 else "it is damaged")
+    if child.returncode:  # ezc3d's own words are of its code
+        raise _unreadable(path, "it is damaged")
     with np.load(io.BytesIO(child.stdout), allow_pickle=False) as arrays:
         return dict(arrays)
 

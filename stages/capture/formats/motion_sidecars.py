@@ -146,7 +146,7 @@ def _inherited(path: Path, suffix: str, ending: str) -> Iterator[Path]:
         sidecars = []
         for candidate in sorted(folder.glob(f"*{suffix}{ending}")):
             *own, last = candidate.name.removesuffix(ending).split("_")
-            if last == suffix and set(own) <= entities and candidate.is_file():
+            if last == suffix and set(own) <= entities and candidate.exists():
                 sidecars.append((len(own), candidate))
         yield from (candidate for _, candidate in sorted(sidecars))
 

@@ -73,10 +73,7 @@ def _numbered_row(path: Path, start: int, row: int) -> str:
 def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a Parquet file. Raises InputError where it is absent, is none or is damaged further on."""
     expected, remedy = "a recording", "copy it again"
-    with (
-        naming_damage(path, InputError, remedy),
-        open_parquet(path, expected, InputError, remedy, _READ_BYTES) as file,
-    ):
+    with naming_damage(path, remedy), open_parquet(path, expected, remedy, _READ_BYTES) as file:
         yield file
 
 

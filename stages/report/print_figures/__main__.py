@@ -85,7 +85,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; give its exit code."""
-    return command_line.run(build_parser().parse_args(argv), draw, record_failure)
+    return command_line.run(build_parser, argv, draw, record_failure)
 
 
 if __name__ == "__main__":

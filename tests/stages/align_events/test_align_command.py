@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from event_files import midi_of, poses_of, records_of
+from event_files import SAMPLES, midi_of, poses_of, records_of
+from recording_files import damaged
 from small_study import HEADER, write_plans, write_study
 
 from shukotsu.schemas.catalogue import TABLES
@@ -102,3 +103,33 @@ def test_a_plan_names_files_pulses_and_rows_of_the_sheet(tmp_path: Path) -> None
     assert clocks["right", "scale"]["status"] == "failed"
     assert "no.mid: no such file" in clocks["right", "scale"]["message"]
     assert ("left", "scale") not in clocks
+
+
+@pytest.mark.parametrize("damage", damaged(b""))
+@pytest.mark.parametrize("name", SAMPLES)
+def test_a_damaged_file_of_events_costs_its_recording_alone(tmp_path: Path, name: str, damage: str) -> None:
+    """Whatever became of it is said of it: it was brought, so it is no trouble of the machine's.
+
+    Of another kind than a table, one bit may go unnoticed, and what is left of a cut file may be read.
+    """
+    study = write_study(tmp_path, "01 right piece both a.csv", "01 right scale both b.csv")
+    sheet = tmp_path / "sheets" / "recordings.tsv"
+    head, first, second = sheet.read_text().splitlines()
+    more = [f"{first}\t\t\t\t\t{name}\tsame clock", f"{second}\t\t\t\t\ttake.mid\tsame clock"]
+    sheet.write_text("\n".join([f"{head}\tevents\tpulses", *more]))
+    midi_of(tmp_path, TRUE_S)
+    content = damaged(SAMPLES[name]())[damage]
+    path = tmp_path / name
+    path.mkdir() if content is None else path.write_bytes(content)
+    plan = write_plans(study)["01"]
+    for recording in read_plan(plan).recordings:
+        place = read_plan(plan).poses(recording).parent
+        place.mkdir(parents=True)
+        poses_of(place, **recording.key)
+    assert run(tmp_path, "--record-failure", "--plan", plan) == 0
+    clocks = {row["task"]: row for row in rows(tmp_path, "clocks")}
+    assert clocks["scale"]["status"] == "ok"
+    if damage not in ("one bit", "cut") or name == "a.parquet":
+        assert clocks["piece"]["status"] == "failed"
+        assert name in clocks["piece"]["message"]
+        assert "internal error" not in clocks["piece"]["message"]

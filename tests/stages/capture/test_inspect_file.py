@@ -113,6 +113,9 @@ def test_a_wide_table_of_quaternions(run: Run) -> None:
     assert f"\nnext: shukotsu inspect {path} --write-mapping" in out
     sixteen = np.concatenate([TURNED, PLACE, np.roll(TURNED, 1, 0), PLACE, np.ones((FRAMES, 2))], 1)
     assert "a table as text: 40 rows, 16 columns" in run.inspect(run.table("a.txt", "", sixteen, " "))
+    absent = run.folder / "absent" / "mapping.yaml"
+    run.inspect(path, "--write-mapping", str(absent), code=2)
+    assert not absent.parent.exists()
     run.drafted(path)
     answers = {"position_unit": "m", "order": "wxyz", **FORWARD, "time_unit": "s", "CHECK_1": "hand"}
     samples = run.imported(path, answers)

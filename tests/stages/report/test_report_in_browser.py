@@ -36,7 +36,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Results]:
     for name in NAMES:
         out = str(paths.subject_pages(name))
         argv = ["--plan", str(paths.plan(name)), "--out", out]
-        assert command_line.run(build_parser().parse_args(argv), write_pages, record_failure) == 0
+        assert command_line.run(build_parser, argv, write_pages, record_failure) == 0
     return study, paths
 
 

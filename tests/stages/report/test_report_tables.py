@@ -21,7 +21,7 @@ from shukotsu.stages.report.terminal import WIDTH, terminal_tables
 
 
 def _run(*words: str) -> int:
-    return command_line.run(build_parser().parse_args(words), report, record_failure)
+    return command_line.run(build_parser, words, report, record_failure)
 
 
 @pytest.mark.parametrize(

@@ -61,14 +61,14 @@ def test_command_line_writes_the_pages(
     for name in ("first", "second"):
         out = tmp_path / name
         argv = ["--plan", str(made_tables[1].plan(subject)), "--out", str(out)]
-        assert command_line.run(build_parser().parse_args(argv), write_pages, record_failure) == 0
+        assert command_line.run(build_parser, argv, write_pages, record_failure) == 0
         written.append({p.relative_to(out).as_posix(): p.read_bytes() for p in out.rglob("*") if p.is_file()})
     assert written[0] == written[1]
     assert set(written[0]) == {"subject.html", "right/opposition.html", "left/opposition.html"}
     text = read_page(written[0]["subject.html"].decode("utf-8")).text
     assert f"Subject {subject}" in text
     argv = [*argv[:2], "--out", str(tmp_path / "one"), "--recording", "right", "opposition"]
-    assert command_line.run(build_parser().parse_args(argv), write_pages, record_failure) == 0
+    assert command_line.run(build_parser, argv, write_pages, record_failure) == 0
     (page,) = (tmp_path / "one").rglob("*.html")
     assert page.read_bytes() == written[0]["right/opposition.html"]
 
@@ -91,8 +91,8 @@ def test_a_failure_is_a_sentence_or_a_page(
     """Without --record-failure one sentence and exit code 2, with it a page."""
     file = tmp_path / plan if plan else made_tables[1].plan("S01")
     argv = ["--plan", str(file), "--out", str(tmp_path / "out"), *more]
-    assert command_line.run(build_parser().parse_args(argv), write_pages, record_failure) == 2
+    assert command_line.run(build_parser, argv, write_pages, record_failure) == 2
     assert message in capsys.readouterr().err
-    parsed = build_parser().parse_args([*argv, "--record-failure"])
-    assert command_line.run(parsed, write_pages, record_failure) == 0
+    argv.append("--record-failure")
+    assert command_line.run(build_parser, argv, write_pages, record_failure) == 0
     assert message in (tmp_path / "out" / "subject.html").read_text("utf-8")

@@ -116,7 +116,10 @@ def test_what_the_file_does_not_have_is_refused_by_name(
 def test_files_that_are_no_c3d_or_cut_off(tmp_path: Path) -> None:
     path = write(tmp_path / "a.c3d", np.tile(MARKERS, (200, 1, 1)))
     data = path.read_bytes()
+    of_mips = bytearray(data)
+    of_mips[512 * (data[0] - 1) + 3] = 86
     for content, message in (
+        (of_mips, "is in the byte order of MIPS"),
         (data[: len(data) // 2], "is cut off: it has "),
         (data[:600], "broken.c3d: "),
         (b"hi", "not a readable C3D file"),

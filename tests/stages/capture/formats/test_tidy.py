@@ -1,5 +1,6 @@
 """Reading tidy recordings: what is read, and what is refused with which sentence."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,15 @@ def test_station_numbers_are_mapped_by_the_layout(tmp_path: Path) -> None:
     content = HEADER.replace("segment", "receiver") + ROW.format(frame=0, segment=16)
     samples = read(write(tmp_path, content + ROW.format(frame=0, segment=1)))
     assert [samples.segments[index] for index in samples.segment] == ["little_distal", "hand"]
+    segments = {
+        name: replace(own, left_receiver=own.receiver + 20)
+        for name, own in LIBERTY.segments.items()
+        if own.receiver
+    }
+    both = replace(LIBERTY, segments=LIBERTY.segments | segments)
+    for hand, receiver in (("right", 36), ("left", 16)):
+        path = write(tmp_path, HEADER.replace("segment", "receiver") + ROW.format(frame=0, segment=receiver))
+        refuse(path, f"receiver {receiver} sits on the other hand in layout liberty16", both.of_hand(hand))
 
 
 def row_with(column: str, text: str) -> str:

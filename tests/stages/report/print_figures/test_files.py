@@ -29,7 +29,7 @@ TEXT = "{http://www.w3.org/2000/svg}text"
 
 def run(*words: str) -> int:
     """The command line's exit code, in this process."""
-    return command_line.run(build_parser().parse_args(words), draw, record_failure)
+    return command_line.run(build_parser, words, draw, record_failure)
 
 
 def words_of(study: tuple[Path, Path], out: Path) -> list[str]:
