@@ -26,7 +26,7 @@ def test_only_a_file_is_replaced(tmp_path: Path) -> None:
     """A device that whoever may do all writes to would be gone for every program."""
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path):
-        with pytest.raises(StorageError, match="cannot be written .is a folder or a device.; name a file"):
+        with pytest.raises(StorageError, match=r"cannot be written .is a folder or a device.; name a file"):
             write_text(path, "")
     assert (tmp_path / "pipe").is_fifo()
 
