@@ -49,7 +49,7 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
         ("description: again", "not valid YAML: the key 'description' is given twice .*line 3"),
         ("joints: {solver: closed, solver: closed}", "the key 'solver' is given twice"),
         ("? [a, b]\n: 1", r"not valid YAML: \['a', 'b'\] cannot be a key"),
-        ("paper_table: 2020-13-45", "not valid YAML: month must be in 1..12"),
+        ("paper_table: 2020-13-45", "paper_table: is '2020-13-45'; expected"),
         ("joints: [", "not valid YAML: "),
         ("wrist: !!python/name:os.system", "not valid YAML: could not determine a constructor"),
     ],
