@@ -218,7 +218,7 @@ def is_ended(data: bytes) -> bool:
 
     An editor may leave a whole line without its end: a closing quotation mark or a blank then tells as well.
     """
-    return data[-1:] in (b"\n", b"\r", b" ", b"\t", b'"')
+    return data[-1:] in (b"\n", b"\r", b" ", b'"')
 
 
 def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
