@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from benchmarks.benchmark_table import Cell, TextTable
 from benchmarks.processes import ROOT, Usage, run_process, run_python
+from shukotsu.schemas.config_files import read_yaml, yaml_text
 
 WRITTEN_TO = "benchmarks.md", "tables"
 SUBJECTS = (1, 10, 100)
@@ -80,9 +79,9 @@ def drop_last_frame(recording: Path) -> None:
 
 def halve_twist(model: Path) -> None:
     """Change the factor of Eq. 11 in a model's file."""
-    config = yaml.safe_load(model.read_text("utf-8"))
+    config = read_yaml(model, "model")
     config.setdefault("metacarpals", {})["twist_factor"] = 0.5
-    model.write_text(yaml.safe_dump(config, sort_keys=False), "utf-8")
+    model.write_text(yaml_text(config), "utf-8")
 
 
 def _row(run: str, usage: Usage, subjects: int = 0) -> tuple[Cell, ...]:

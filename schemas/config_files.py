@@ -1,4 +1,4 @@
-"""YAML configuration files: read, checked against their JSON Schema, defaults filled in.
+"""YAML, all of which is read here: configuration, checked against its JSON Schema, defaults filled in.
 
 The schemas are closed: a typo is refused by name. `docs/configuration.md` is made from them.
 """
@@ -9,6 +9,7 @@ import difflib
 import json
 import math
 import os
+import re
 from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,48 @@ REFERENCE = "prior-only"
 
 
 class _StrictLoader(yaml.CSafeLoader):  # type: ignore[misc, unused-ignore]
-    """YAML in which a key given twice is an error and not a silent last word."""
+    """YAML 1.2, in which a key given twice is an error and not a silent last word.
+
+    PyYAML's own is 1.1: 012 is ten there, 1:30 ninety, no false.
+    """
+
+
+_StrictLoader.yaml_implicit_resolvers = {}
+
+
+class _Dumper(yaml.SafeDumper):
+    """YAML that is the same in both versions: what either takes for more than a text is quoted."""
+
+
+_CORE_SCHEMA = {
+    "null": ("~|null|Null|NULL|", "~nN"),
+    "bool": ("true|True|TRUE|false|False|FALSE", "tTfF"),
+    "int": ("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    "float": (
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        "-+.0123456789",
+    ),
+    "merge": ("<<", "<"),
+}
+"""What plain texts stand for (YAML 1.2.2, 10.3.2), by their first letters; merging alone is 1.1's."""
+
+for _tag, (_pattern, _letters) in _CORE_SCHEMA.items():
+    for _class in (_StrictLoader, _Dumper):
+        _firsts = [*_letters, *([""] if _tag == "null" else [])]
+        _class.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})\Z"), _firsts)
+
+
+def _whole(_: _StrictLoader, node: yaml.ScalarNode) -> int:
+    text = str(node.value)
+    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+
+
+def _real(_: _StrictLoader, node: yaml.ScalarNode) -> float:
+    return float(str(node.value).lower().replace(".inf", "inf").replace(".nan", "nan"))
+
+
+_StrictLoader.add_constructor("tag:yaml.org,2002:int", _whole)
+_StrictLoader.add_constructor("tag:yaml.org,2002:float", _real)
 
 
 def _mapping_without_twins(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -55,7 +97,11 @@ def read_yaml(path: Path, kind: str) -> Any:
 
     Raises InputError where the file is absent, is not YAML or gives a key twice.
     """
-    text = read_text(path, f"a {kind} file", limits.CONFIG_BYTES)
+    return loaded_yaml(read_text(path, f"a {kind} file", limits.CONFIG_BYTES), str(path))
+
+
+def loaded_yaml(text: str, where: str) -> Any:
+    """Read a text as YAML, as `read_yaml` does a file; `where` names it in messages."""
     try:
         _check_nesting(text)
         loader = _StrictLoader(text)
@@ -68,8 +114,21 @@ def read_yaml(path: Path, kind: str) -> Any:
         finally:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
-        raise InputError(f"{path}: not valid YAML: {_place_and_problem(error, text)}") from error
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that no calendar has
+        raise InputError(f"{where}: not valid YAML: {_place_and_problem(error, text)}") from error
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a tagged number that is none
+        raise InputError(f"{where}: not valid YAML: {error}") from error
+
+
+def yaml_text(content: Any) -> str:
+    """Give plain mappings, lists and values as YAML, in any version of it."""
+    return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
+
+
+def as_yaml_1_1(path: Path) -> Any:
+    """Read a file as Snakemake does its configuration, to compare the two; InputError as `read_yaml`."""
+    try:
+        return yaml.safe_load(read_text(path, "a configuration", limits.CONFIG_BYTES))
+    except (yaml.YAMLError, ValueError) as error:
         raise InputError(f"{path}: not valid YAML: {error}") from error
 
 

@@ -61,6 +61,16 @@ def _text(text: str) -> str:
     return text
 
 
+def _reason(text: str) -> str:
+    """Read a reason; empty where the cell says no."""
+    word = text.lower()
+    if word in ("no", "false", "0"):
+        return ""
+    if word in ("n", "y", "n/a", "na", "nan", "none", "null", "-", "?"):
+        raise ValueError(f"is {text!r}; expected a reason, yes or no")
+    return _text(text)
+
+
 def _one_of(*words: str) -> Callable[[str], str]:
     def read(text: str) -> str:
         if text not in words:
@@ -148,8 +158,20 @@ RECORDINGS = Sheet(
             False,
             "keep",
         ),
-        Cell("exclude", _text, "a reason to leave the recording out; empty to use it", False, ""),
-        Cell("accept", _text, "a reason to let it count though a finding calls it suspect", False, ""),
+        Cell(
+            "exclude",
+            _reason,
+            "a reason to leave the recording out, or just yes, true or 1; empty, no, false or 0 to use it",
+            False,
+            "",
+        ),
+        Cell(
+            "accept",
+            _reason,
+            "a reason to let it count though a finding calls it suspect; empty, no, false or 0 for none",
+            False,
+            "",
+        ),
         Cell("events", _text, "a file of its events, relative to the study file (docs/events.md)", False, ""),
         Cell("pulses", _text, "which of these events the recording has too (docs/events.md)", False, ""),
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import re
 import tempfile
@@ -19,6 +20,8 @@ from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
 from shukotsu.stages.capture.formats.readers import find_reader
 from shukotsu.stages.capture.samples import Samples
 
+EXAMPLES = int(os.environ.get("RECORDING_EXAMPLES", "8"))
+"""Random recordings of each format that a test makes; a thousand are made by hand."""
 ARM = read_layout("arm")
 LIBERTY = read_layout("liberty16")
 

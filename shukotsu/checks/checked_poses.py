@@ -20,7 +20,8 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 
     Raises InputError as reading does.
     """
-    declared = Declared.of(read_metadata(path)["parameters"].get("mapping"))
+    parameters = read_metadata(path)["parameters"]
+    declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
     flags = read_table(path, POSES, ["segment", "flags"])
     flagged = {
         flag: Counter(flags.filter(pc.match_substring(flags["flags"], flag))["segment"].to_pylist())

@@ -13,7 +13,8 @@ from shukotsu.sentences.finding_sentences import Values
 class Declared:
     """Hold what a mapping says; the defaults are what a tidy table says by its columns' names.
 
-    format : of the mapping; empty without one. kind, order, rotates, axes, angle_unit : of its orientation.
+    format : of the mapping; empty without one. kind, order, rotates, axes, angle_unit : of its orientation;
+    the kind is `device` where a tracker's own protocol says all of it.
     time_unit, rate_hz : empty and 0 where it says nothing of them. position_axes : what of the file's
     positions was taken for x, y and z.
     """
@@ -51,13 +52,16 @@ class Declared:
         return senses[self.rotates == senses[0]]
 
     @classmethod
-    def of(cls, mapping: Mapping[str, Any] | None) -> Declared:
-        """Take it from the mapping's own keys; None where there is no mapping."""
+    def of(cls, mapping: Mapping[str, Any] | None, kind: str = "") -> Declared:
+        """Take it from the mapping's own keys; None where there is no mapping.
+
+        kind : of the orientations, where the file itself says it.
+        """
         if mapping is None:
-            return cls()
+            return cls(kind=kind or cls.kind)
         orientation = mapping.get("orientation") or {}
         usual = "quaternion" if mapping["format"] in ("csv", "xdf", "motion-bids") else "matrix"
-        kind = orientation.get("kind", usual)
+        kind = kind or orientation.get("kind", usual)
         return cls(
             mapping["format"],
             mapping.get("position_unit", cls.position_unit),

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from shukotsu.errors import InputError
+from shukotsu.schemas.config_files import loaded_yaml
 from shukotsu.schemas.layout import Layout
 from shukotsu.stages.capture.inspect_file import describe
 from shukotsu.stages.capture.inspection.description import CHECK
@@ -53,7 +52,7 @@ def draft_mappings(
 
 def _join(groups: list[tuple[str, Any, list[Path]]], text: str, recording: Path) -> None:
     """Put a recording into the group of drafts like its own, or begin one."""
-    config = yaml.safe_load(text)
+    config = loaded_yaml(text, str(recording))
     for place, (first, known, own) in enumerate(groups):
         if _alike(config, known):
             own.append(recording)

@@ -10,12 +10,17 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from shukotsu.anatomy.known_digits import known_digits, no_whole_hand
 from shukotsu.errors import InputError, listed
 from shukotsu.files.whole_files import write_text
-from shukotsu.schemas.config_files import REFERENCE, check_config, read_config, read_yaml
+from shukotsu.schemas.config_files import (
+    REFERENCE,
+    as_yaml_1_1,
+    check_config,
+    read_config,
+    read_yaml,
+    yaml_text,
+)
 from shukotsu.schemas.plan import (
     StudyPlans,
     SubjectPlan,
@@ -441,7 +446,7 @@ def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool
     if len(files) > 1:
         raise InputError("--configfile: names several files; a run is of one study")
     path = Path(files[0]) if files else DEMO
-    if config and dict(config) != read_config(path, "study", with_defaults=False):
+    if config and dict(config) not in (read_config(path, "study", with_defaults=False), as_yaml_1_1(path)):
         raise InputError(f"--config: a study is described by its file alone; write it into {path}")
     return path
 
@@ -452,7 +457,7 @@ def _written(config: Mapping[str, Any]) -> Path:
     check_config(content, "study", "config")
     path = Path(f"{path_token(content['study'])}.module.yaml")
     if not path.is_file() or read_yaml(path, "study") != content:
-        write_text(path, yaml.safe_dump(content, allow_unicode=True, sort_keys=False))
+        write_text(path, yaml_text(content))
     return path
 
 

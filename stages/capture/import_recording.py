@@ -60,6 +60,7 @@ class _Remarks:
     losses: list[str] = field(default_factory=list)
     missing_frames: int = 0
     tracker: str = ""
+    orientation: str = ""
 
 
 def import_recording(arguments: argparse.Namespace) -> None:
@@ -83,6 +84,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
                 remarks.losses.extend(part.losses)
                 remarks.missing_frames += part.missing_frames
                 remarks.tracker = remarks.tracker or part.tracker
+                remarks.orientation = remarks.orientation or part.orientation
                 yield part
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
@@ -121,7 +123,8 @@ def _write(
     parameters = {**_parameters(arguments, layout.name, absent), "notes": remarks.notes}
     parameters |= {} if mapping is None else {"mapping": _declared(mapping)}
     parameters |= {"losses": remarks.losses, "missing_frames": remarks.missing_frames}
-    parameters |= {"tracker": remarks.tracker} if remarks.tracker else {}
+    told = {"tracker": remarks.tracker, "orientation": remarks.orientation}
+    parameters |= {key: value for key, value in told.items() if value}
     write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 

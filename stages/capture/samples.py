@@ -31,6 +31,8 @@ class Samples:
     losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
     missing_frames : frames of which the recording should have something and has nothing.
     tracker : what recorded it, as the file says; empty where it does not.
+    orientation : the kind of numbers that it has for orientations, see `Declared`; empty where the mapping,
+    or the names of a tidy table's columns, say it.
     """
 
     segments: tuple[str, ...]
@@ -44,6 +46,7 @@ class Samples:
     losses: tuple[str, ...] = ()
     missing_frames: int = 0
     tracker: str = ""
+    orientation: str = ""
 
 
 def joined(parts: Iterable[Samples]) -> Samples:
@@ -71,6 +74,7 @@ def joined(parts: Iterable[Samples]) -> Samples:
         tuple(loss for part in every for loss in part.losses),
         sum(part.missing_frames for part in every),
         next((part.tracker for part in every if part.tracker), ""),
+        next((part.orientation for part in every if part.orientation), ""),
     )
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import yaml
 
 from shukotsu.errors import INTERNAL
 from shukotsu.files.whole_files import write_text
@@ -22,7 +21,7 @@ from shukotsu.schemas.catalogue import (
     RECORDINGS,
     TABLES,
 )
-from shukotsu.schemas.config_files import REFERENCE, read_config
+from shukotsu.schemas.config_files import REFERENCE, read_config, yaml_text
 from shukotsu.schemas.findings import (
     NOTE,
     REFUSED,
@@ -259,5 +258,4 @@ def _write_resolved(study: Study, results: Results) -> None:
         "layouts": [read_config(path, "layout") for path in layouts],
         "models": [read_config(path, "model") for path in study.models.values()],
     }
-    text = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True, width=100)
-    write_text(results.resolved, text)
+    write_text(results.resolved, yaml_text(whole))

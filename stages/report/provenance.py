@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
 
-import yaml
-
 from shukotsu.errors import InputError
 from shukotsu.schemas import VERSION
+from shukotsu.schemas.config_files import yaml_text
 from shukotsu.schemas.finding_groups import Fault, faults
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.study import Recording, Study
@@ -182,7 +181,7 @@ def inputs_table(results: StudyResults, whose: str = N_("of the study")) -> Data
 
 def config_text(study: Study) -> str:
     """The study's configuration as YAML, defaults filled in."""
-    return yaml.safe_dump(study.config, sort_keys=False, allow_unicode=True, width=100)
+    return yaml_text(study.config)
 
 
 def _model_cells(model: SkeletonModel) -> tuple[str, ...]:

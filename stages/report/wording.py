@@ -15,9 +15,8 @@ from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
-import yaml
-
 from shukotsu.errors import InputError
+from shukotsu.schemas.config_files import loaded_yaml
 from shukotsu.sentences.translation import END, ENGLISH, FOREIGN, language, translating
 
 CATALOGUES = Path(__file__).parent / "languages"
@@ -73,4 +72,4 @@ def plain(text: str) -> str:
 
 def extract_description(file: IO[bytes], *_: Any, **__: Any) -> Iterator[tuple[int, str, str, list[str]]]:
     """Give Babel the description of a skeleton model to translate (babel.cfg)."""
-    yield 1, "", str(yaml.safe_load(file)["description"]).rstrip("."), []
+    yield 1, "", str(loaded_yaml(file.read().decode("utf-8"), "a model")["description"]).rstrip("."), []

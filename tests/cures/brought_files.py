@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import yaml
 
 from benchmarks.faultless_hands import Planted
 from shukotsu.checks.checked_poses import checked_poses
-from shukotsu.schemas.config_files import config_path, read_config
+from shukotsu.schemas.config_files import config_path, read_config, yaml_text
 from shukotsu.schemas.findings import Finding
 from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.mapping import MM_PER_UNIT
@@ -192,7 +191,7 @@ def check(brought: Brought) -> Result:
 def _written(brought: Brought, folder: Path) -> Iterator[str]:
     """Write what was brought; give the options that name it."""
     file = folder / "recording.csv"
-    (folder / "own.yaml").write_text(yaml.safe_dump({**brought.layout, "layout": "own"}), "utf-8")
+    (folder / "own.yaml").write_text(yaml_text({**brought.layout, "layout": "own"}), "utf-8")
     if "matrices" in brought.table:
         file = folder / "recording.txt"
         np.savetxt(file, brought.table["matrices"].reshape(-1, 16), "%.12g")
@@ -201,7 +200,7 @@ def _written(brought: Brought, folder: Path) -> Iterator[str]:
         pyarrow.csv.write_csv(pa.table(columns), file)
     yield f"--in={file}"
     if brought.mapping is not None:
-        (folder / "mapping.yaml").write_text(yaml.safe_dump(brought.mapping, sort_keys=False), "utf-8")
+        (folder / "mapping.yaml").write_text(yaml_text(brought.mapping), "utf-8")
         yield f"--mapping={folder / 'mapping.yaml'}"
     if brought.sheet.get("hemisphere") == "repair":
         yield "--repair-hemisphere"

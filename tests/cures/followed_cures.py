@@ -8,8 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import yaml
 from cures.brought_files import SECONDS, Brought, Result, check
+
+from shukotsu.schemas.config_files import loaded_yaml
 
 MOST_TIMES = 6
 
@@ -54,9 +55,8 @@ def followed(sentence: str, brought: Brought, right: Brought) -> Brought:
 
 def _written(text: str) -> dict[str, Any]:
     """Read the text between backticks as YAML."""
-    return {
-        key: value for code in re.findall("`([^`]+)`", text) for key, value in yaml.safe_load(code).items()
-    }
+    codes = re.findall("`([^`]+)`", text)
+    return {key: value for code in codes for key, value in loaded_yaml(code, "a cure").items()}
 
 
 def _in_mapping(brought: Brought, **keys: Any) -> Brought:

@@ -4,13 +4,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.config_files import (
     config_path,
     json_schema,
+    loaded_yaml,
     read_config,
     shipped,
+    yaml_text,
 )
 
 MODEL = "model: mine\ndescription: A test.\n"
@@ -49,7 +52,7 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
         ("description: again", "not valid YAML: the key 'description' is given twice .*line 3"),
         ("joints: {solver: closed, solver: closed}", "the key 'solver' is given twice"),
         ("? [a, b]\n: 1", r"not valid YAML: \['a', 'b'\] cannot be a key"),
-        ("paper_table: 2020-13-45", "not valid YAML: month must be in 1..12"),
+        ("paper_table: 2020-13-45", "paper_table: is '2020-13-45'; expected"),
         ("joints: [", "not valid YAML: "),
         ("wrist: !!python/name:os.system", "not valid YAML: could not determine a constructor"),
     ],
@@ -99,3 +102,20 @@ def test_every_key_is_described_and_every_object_closed(kind: str) -> None:
     for name, part in _properties(schema):
         assert part.get("description", "").endswith("."), name
         assert part.get("type") != "object" or "additionalProperties" in part, name
+
+
+TEXTS = ("1:30", "no", "On", "y", "1_000", "0b11", "2020-01-01", "190:20:30.15")
+VALUES = {"012": 12, "0o17": 15, "0x1F": 31, "1e3": 1000.0, "-.5": -0.5, "+12": 12, "1.": 1.0}
+WORDS = {"~": None, "": None, "null": None, "true": True, "False": False, "'12'": "12", "!!str 12": "12"}
+TWO_VERSIONS = {**dict(zip(TEXTS, TEXTS, strict=True)), **VALUES, **WORDS}
+
+
+def test_yaml_is_read_as_1_2_and_written_for_both_versions() -> None:
+    """Written by us, a text is that text to a reader of YAML 1.1, too."""
+    for text, value in TWO_VERSIONS.items():
+        found = loaded_yaml(f"key: {text}", "a.yaml")["key"]
+        assert (found, type(found)) == (value, type(value)), text
+        assert loaded_yaml(yaml_text({"key": value}), "a.yaml") == {"key": value}
+        assert yaml.safe_load(yaml_text({"key": value})) == {"key": value}
+    for text in TWO_VERSIONS:
+        assert loaded_yaml(yaml_text([text]), "") == yaml.safe_load(yaml_text([text])) == [text]

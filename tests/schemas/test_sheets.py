@@ -145,3 +145,25 @@ def test_any_name_without_spaces_and_controls_comes_back(
     path = written(tmp_path_factory.mktemp("sheets"), ["subject", name])
     (row,) = read_sheet(path, PARTICIPANTS)
     assert row["subject"] == name
+
+
+def test_a_word_for_no_is_no_reason(tmp_path: Path) -> None:
+    """Of recordings that are left out, or accepted; what may mean either is refused."""
+    for column in ("exclude", "accept"):
+        for word, value in {
+            "no": "",
+            "FALSE": "",
+            "0": "",
+            "yes": "yes",
+            "1": "1",
+            "bad cable": "bad cable",
+        }.items():
+            lines = [f"{RECORDING[0]}\t{column}", f"{RECORDING[1]}\t{word}"]
+            (row,) = read_sheet(written(tmp_path, lines), RECORDINGS)
+            assert row[column] == value
+        for word in ("n/a", "-", "NA"):
+            lines = [f"{RECORDING[0]}\t{column}", f"{RECORDING[1]}\t{word}"]
+            with pytest.raises(
+                InputError, match=f"column {column}: is '{word}'; expected a reason, yes or no"
+            ):
+                read_sheet(written(tmp_path, lines), RECORDINGS)

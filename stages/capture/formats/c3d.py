@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +35,7 @@ class C3dFile:
     matrices : (T', R, 4, 4) of the ROTATION group, T' a whole multiple of T; rotation_labels : of the R.
     unit : mm, cm, m or inch, or the file's own word where it is none of these; empty where it states none.
     rate_hz : NaN where the file states none. first_frame : number of the first frame stored, from 1.
+    doubts : what its counts of frames do not agree on, a sentence each.
     """
 
     path: Path
@@ -46,6 +46,7 @@ class C3dFile:
     unit: str
     rate_hz: float
     first_frame: int
+    doubts: tuple[str, ...] = ()
 
     @property
     def frames(self) -> int:
@@ -73,19 +74,17 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
         tracks.append(track)
         notes += [note] if note else []
     return samples_of_tracks(
-        tracks, mapping, layout, lambda index: f"{path}: frame {file.first_frame + index}", notes
+        tracks, mapping, layout, lambda index: f"{path}: frame {file.first_frame + index}", notes, file.doubts
     )
 
 
 def open_c3d(path: Path) -> C3dFile:
     """Read a C3D file. Raises InputError where it is absent, is none, or is cut off."""
     content = read_content(path)
-    first, last = (int(frame) for frame in content["frames"])
-    frames, promised = last - first + 1, _frames_promised(path)
+    first, frames, promised = (int(number) for number in content["frames"])
     if frames < promised:
         raise InputError(
-            f"{path}: is cut off: it has {frames} of the {promised} frames that its header names; "
-            "copy it again"
+            f"{path}: is cut off: it has {frames} of the {promised} frames that it counts; copy it again"
         )
     if not len(content["points"]):
         raise InputError(f"{path}: has no frames; export it again")
@@ -99,20 +98,9 @@ def open_c3d(path: Path) -> C3dFile:
         _labels(content, "ROTATION"),
         UNIT_NAMES.get(unit.lower(), unit),
         rate if RATES_HZ[0] <= rate <= RATES_HZ[1] else float("nan"),
-        first + 1,
+        first,
+        tuple(str(doubt) for doubt in content["doubt"]),
     )
-
-
-def _frames_promised(path: Path) -> int:
-    """Frames that the file's own header names: ezc3d gives instead those that it could read.
-
-    Words 4 and 5 of the header are the first and the last frame (C3D user guide). Longer recordings have
-    65535 as their last.
-    """
-    with path.open("rb") as stream:
-        header = stream.read(512)
-    first, last = struct.unpack_from("<HH", header, 6)
-    return int(last) - int(first) + 1
 
 
 def _first(content: Mapping[str, np.ndarray], name: str, otherwise: object) -> Any:

@@ -1,6 +1,6 @@
 """Read a C3D file with ezc3d, in a process of its own: on damaged files it may crash or never end.
 
-It makes an object of every point, which takes thirteen times the file; so it is given long files in pieces.
+It makes an object of every point, which takes thirteen times the file; so it is given files in pieces.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import os
 import resource
-import struct
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.files.limits import check_regular
 from shukotsu.files.text_files import reading
+from shukotsu.stages.capture.formats.c3d_frames import MIPS, count_frames
 
 PARAMETERS = (
     *(("POINT", f"LABELS{number}") for number in ("", *range(2, 20))),
@@ -41,19 +41,17 @@ MOST_BYTES_PER_BYTE = 64
 
 PIECE_BYTES = 4 << 20
 """Of frames that ezc3d reads at a time, a multiple of the memory that they take."""
-_INTEL = 84
-"""Processor type of files whose numbers have their low byte first."""
-_MIPS = 86
-"""That of files whose numbers have their high byte first, which ezc3d does not read."""
-_MOST_FRAMES = 65_534
-"""A header's numbers of frames say no more."""
+MOST_FRAMES = 65_534
+"""Of a piece: what a header counts, and what does not mean more."""
 
 _ROOT = Path(__file__).parents[4]
 
 
 def read_content(path: Path) -> Mapping[str, np.ndarray]:
-    """Give `points` (T, P, 3), `rotations` (T', R, 4, 4), `frames` (first, last; from 0) and the PARAMETERS
-    that the file has, as "GROUP:NAME".
+    """Give `points` (T, P, 3), `rotations` (T', R, 4, 4) and PARAMETERS as far as there are, as "GROUP:NAME".
+
+    `frames` are the first one's number, from 1, how many there are and how many there should be; where these
+    are more, no point is read. `doubt` is what the file's counts do not agree on, a sentence or none.
 
     Raises InputError where the file is absent or is no C3D file that can be read.
     """
@@ -62,7 +60,7 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
         with path.open("rb") as stream:
             stream.seek(512 * (max(stream.read(1), b"\1")[0] - 1) + 3)
             processor = stream.read(1)
-    if processor == bytes([_MIPS]):
+    if processor == bytes([MIPS]):  # which ezc3d does not read
         raise InputError(f"{path}: is in the byte order of MIPS (SGI) computers; export it in that of a PC")
     command = [sys.executable, "-m", "shukotsu.stages.capture.formats.c3d_content", str(path.absolute())]
     environment = {**os.environ, "PYTHONPATH": str(_ROOT)}
@@ -95,7 +93,11 @@ def main(path: str) -> None:
     ):
         resource.setrlimit(limit, (most, most))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    np.savez(sys.stdout.buffer, allow_pickle=False, **(_in_pieces(Path(path)) or _arrays(path)))
+    try:
+        arrays = _in_pieces(Path(path)) or _arrays(path)
+    except (RuntimeError, ValueError) as error:
+        sys.exit(str(error))
+    np.savez(sys.stdout.buffer, allow_pickle=False, **arrays)
 
 
 def _arrays(path: str) -> dict[str, np.ndarray]:
@@ -103,50 +105,53 @@ def _arrays(path: str) -> dict[str, np.ndarray]:
 
     content = ezc3d.c3d(path)
     header = content["header"]["points"]
+    points = np.asarray(content["data"]["points"], float).transpose(2, 1, 0)[:, :, :3]
     return {
-        # NaN where the residual is -1
-        "points": np.asarray(content["data"]["points"], float).transpose(2, 1, 0)[:, :, :3],
+        "points": points,  # NaN where the residual is -1
         "rotations": np.asarray(content["data"]["rotations"], float).transpose(3, 2, 0, 1),
-        "frames": np.array([header["first_frame"], header["last_frame"]]),
+        "frames": np.array([header["first_frame"] + 1, len(points), len(points)]),
+        "doubt": np.array([], str),
         **_parameters(content["parameters"]),
     }
 
 
 def _in_pieces(path: Path) -> dict[str, np.ndarray] | None:
-    """Give the arrays of a long file, whose frames are read as files of a few of them; None of any other.
+    """Give the arrays of a file, read as files of a few of its frames each; None of one of another kind.
 
-    Words 2 to 9 of the header (C3D user guide) are the points and the analog numbers of a frame, the first
-    and the last frame, their largest gap, the scale (two words, negative where numbers are floats) and the
-    block at which the frames start. Rotations stand behind all frames, so a file that has some is read whole.
+    Rotations stand behind all frames, so a file that has some is one piece.
     """
-    with path.open("rb") as stream:
-        header = stream.read(512)
-        if path.stat().st_size < 2 * PIECE_BYTES:
-            return None
-        points, analogs, first, last, _, scale, block = struct.unpack_from("<HHHHHfH", header, 2)
-        head = header + stream.read(max(0, 512 * (block - 1) - 512))
-        kind = head[512 * (head[0] - 1) + 3 :][:1]
-        frame_bytes = (4 * points + analogs) * (4 if scale < 0 else 2)
-        if kind != bytes([_INTEL]) or not points or not first <= last <= _MOST_FRAMES:
-            return None
-        there = min(last - first + 1, (path.stat().st_size - len(head)) // frame_bytes)
-        found: dict[str, np.ndarray] = {}
-        positions = np.empty((there, points, 3))
-        step = max(1, PIECE_BYTES // frame_bytes)
-        with tempfile.NamedTemporaryFile(suffix=".c3d") as piece:
-            for start in range(0, there, step):
-                count = min(step, there - start)
-                piece.seek(0)
-                piece.write(head[:6] + struct.pack("<HH", 1, count) + head[10:])
-                piece.write(stream.read(count * frame_bytes))
-                piece.truncate()
-                piece.flush()
-                found = _arrays(piece.name)
-                if found["points"].shape != (count, points, 3) or found["rotations"].size:
-                    return None
-                positions[start : start + count] = found["points"]
-    frames = np.array([first - 1, first + there - 2])
-    return {**found, "points": positions, "frames": frames} if there else None
+    count = count_frames(path)
+    if count is None:
+        return None
+    step = max(1, min(MOST_FRAMES, PIECE_BYTES // count.frame_bytes))
+    frames = count.frames if count.frames == count.promised else 0
+    if count.rotations:
+        step = MOST_FRAMES + 1  # with rotations ezc3d takes 65535 for a number
+        if frames > step:
+            raise ValueError(f"it has rotations and {frames} frames, of which {step} can be read at most")
+    positions = np.empty((frames, count.points, 3))
+    found: dict[str, np.ndarray] = {}
+    with path.open("rb") as stream, tempfile.NamedTemporaryFile(suffix=".c3d") as piece:
+        stream.seek(len(count.head))
+        for start in range(0, frames, step):
+            now = min(step, frames - start)
+            piece.seek(0)
+            piece.write(count.head_of(now) if now <= MOST_FRAMES else count.head)
+            piece.write(stream.read() if count.rotations else stream.read(now * count.frame_bytes))
+            piece.truncate()
+            piece.flush()
+            found = _arrays(piece.name)
+            if found["points"].shape != (now, count.points, 3) or (
+                found["rotations"].size and not count.rotations
+            ):
+                raise ValueError("its points do not stand as its header says")
+            positions[start : start + now] = found["points"]
+    return {
+        **found,
+        "points": positions,
+        "frames": np.array([count.first, count.frames, count.promised]),
+        "doubt": np.array([count.doubt] if count.doubt else [], str),
+    }
 
 
 def _parameters(groups: Mapping[str, Any]) -> dict[str, np.ndarray]:

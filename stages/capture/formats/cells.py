@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,7 +18,8 @@ from shukotsu.motion_bids.decimals import NotANumberError, numbers_of
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
 """What people and programs write for "no value"."""
 
-_DAY_S = 86_400.0
+DAY_S = 86_400.0
+_JITTER_S = 3600.0
 _TIME_OF_DAY = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-5]?[0-9]):(?P<s>[0-5]?[0-9](?:[.,][0-9]*)?)$"
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -30,7 +32,8 @@ class Cells:
     """N rows of some columns; every method raises InputError that names the row of the first bad cell.
 
     place : row, counted from 0, to file and line, for messages. empty : of columns of text, the texts that
-    mean "no value"; None where the file has number types. decimal : the decimal mark of text.
+    mean "no value", and so does any cell that is the same number; None where the file has number types.
+    decimal : the decimal mark of text.
     """
 
     def __init__(
@@ -44,6 +47,7 @@ class Cells:
         self.place = place
         self.rows: int = table.num_rows
         self._path, self._empty, self._decimal = path, empty, decimal
+        self._missing = [value for text in empty or () if (value := _number(text)) is not None]
         self.names: list[str] = table.column_names
         self._columns = dict(zip(table.column_names, table.columns, strict=True))
         self._reals: dict[str, npt.NDArray[np.float64]] = {}
@@ -52,29 +56,29 @@ class Cells:
         """Numbers, shape (N,); NaN where the cell is empty."""
         if name not in self._reals:
             numbers = self._numbers(name) if self._empty is None else self._parsed_numbers(name, self._empty)
-            self._reals[name] = np.asarray(numbers.to_numpy(), float)
+            self._reals[name] = self._without_missing(np.asarray(numbers.to_numpy(), float))
         return self._reals[name]
 
     def times_of_day_s(self, name: str) -> npt.NDArray[np.float64]:
-        """Times as hh:mm:ss, with or without decimals, (N,) in s; NaN where empty; midnight adds a day."""
+        """Times as hh:mm:ss, with or without decimals, (N,) in s since midnight; NaN where empty."""
         text = _trimmed(self._columns[name].cast(pa.string()), self._empty or ())
         parts = pc.extract_regex(text, _TIME_OF_DAY)
         odd = pc.and_(pc.is_null(parts), pc.is_valid(text))
         self._refuse_first(odd.to_numpy(), name, "a time as hh:mm:ss")
         numbers = (pc.replace_substring(pc.struct_field(parts, part), ",", ".") for part in "hms")
         hours, minutes, seconds = (text.cast(pa.float64()).to_numpy() for text in numbers)
-        time_s: npt.NDArray[np.float64] = 3600.0 * hours + 60.0 * minutes + seconds
-        known = np.flatnonzero(np.isfinite(time_s))
-        midnights = np.cumsum(np.diff(time_s[known], prepend=time_s[known[:1]]) < -_DAY_S / 2)
-        time_s[known] += _DAY_S * midnights
-        return time_s
+        return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
 
     def shifted_reals(self, name: str, shift: int) -> npt.NDArray[np.float64]:
         """Numbers of a column of text times 10**shift, rounded once, shape (N,); NaN where it is empty."""
+        text = _trimmed(self._columns[name].combine_chunks(), self._empty or ())
         try:
-            return numbers_of(self._columns[name].combine_chunks(), shift)
+            numbers = numbers_of(text, shift)
         except NotANumberError as bad:
             raise self._refusal(name, bad.index, "a number") from bad
+        if shift and self._missing:
+            return np.where(np.isnan(self._without_missing(numbers_of(text))), np.nan, numbers)
+        return self._without_missing(numbers)
 
     def wholes(self, name: str) -> npt.NDArray[np.int64]:
         """Whole numbers, shape (N,), 3.0 among them; an empty cell is refused."""
@@ -111,9 +115,16 @@ class Cells:
             raise InputError(f"{self._path}: column {name} is {column.type}; expected numbers")
         return column.cast(pa.float64(), safe=False)
 
+    def _without_missing(self, numbers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Make the numbers NaN that stand for no value."""
+        if not self._missing:
+            return numbers
+        return np.where(np.isin(numbers, self._missing), np.nan, numbers)
+
     def _parsed_numbers(self, name: str, empty: Sequence[str]) -> pa.ChunkedArray:
         text = self._columns[name]
         if self._decimal == ",":
+            text = _trimmed(text, empty)
             points = pc.fill_null(pc.match_substring(text, "."), False)
             self._refuse_first(points.to_numpy(), name, "a number with a decimal comma")
             text = pc.replace_substring(text, ",", ".")
@@ -137,6 +148,32 @@ class Cells:
         cell = shortened(cell, 60) if isinstance(cell, str) else cell
         what = "is empty" if cell is None else f"is {cell!r}"
         return InputError(f"{self.place(row)}, column {name}: {what}; expected {expected}")
+
+
+def _number(text: str) -> float | None:
+    """Read a text that means "no value" as a number, whatever its decimal mark; None where it is none."""
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        return None
+    return None if math.isnan(value) or "_" in text else value
+
+
+def unwrapped_s(time_s: npt.NDArray[np.float64], start_s: float = np.nan) -> npt.NDArray[np.float64]:
+    """Times of the day of one clock (N,) as times that go on past midnight, and back before it.
+
+    start_s : a time that the first one is within half a day of. A step forward of more than half a day is
+    taken for one back over midnight only where it is nearly a day, by a clock's jitter: else it is a pause.
+    """
+    known = np.flatnonzero(np.isfinite(time_s))
+    start = time_s[known[:1]] if np.isnan(start_s) else start_s
+    steps = np.diff(time_s[known], prepend=start)
+    back = steps > DAY_S - _JITTER_S
+    if len(back):
+        back[0] = steps[0] > DAY_S / 2
+    out = time_s.copy()
+    out[known] += DAY_S * np.cumsum((steps < -DAY_S / 2).astype(int) - back)
+    return out
 
 
 def _cast(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:

@@ -18,6 +18,9 @@ from shukotsu.stages.capture.samples import Samples, did_you_mean, joined, segme
 
 Integers = npt.NDArray[np.int64]
 
+_RATE_OFF = 0.1
+"""As a share: how far times may be off the rate that a mapping gives."""
+
 IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -96,12 +99,15 @@ def samples_of_tracks(
     layout: Layout,
     place: Callable[[int], str],
     notes: Iterable[str] = (),
+    losses: Iterable[str] = (),
 ) -> Samples:
     """Put the tracks of the mapping's receivers, in its order, and its fixed segments into samples.
 
-    place : row -> file and line. A fixed segment has the identity pose in every frame that there is, at the
-    time of the first receiver that has the frame.
+    place : row -> file and line. notes, losses : see `Samples`; losses are notes, too. A fixed segment has
+    the identity pose in every frame that there is, at the time of the first receiver that has the frame.
+    Raises InputError where the tracks' times are of another rate than the mapping's.
     """
+    _check_rate(tracks, mapping)
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
@@ -122,7 +128,31 @@ def samples_of_tracks(
         )
         for segment, track in zip(segments.tolist(), every, strict=True)
     ]
-    return replace(joined(parts), place=lambda sample: place(int(rows[sample])), notes=tuple(notes))
+    lost = tuple(losses)
+    return replace(
+        joined(parts), place=lambda sample: place(int(rows[sample])), notes=(*notes, *lost), losses=lost
+    )
+
+
+def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:
+    """Refuse a rate that is neither the median nor the mean one of the times: stamps may be coarse, or lost.
+
+    Rows that are not in step have the rate of their grid.
+    """
+    if not mapping.rate_hz or not mapping.details.get("in_step", True):
+        return
+    with np.errstate(over="ignore"):
+        steps_s = [np.diff(np.unique(own.time_s[np.isfinite(own.time_s)])) for own in tracks]
+        every_s = np.concatenate(steps_s)
+        if not len(every_s):
+            return
+        counts = sum(np.isfinite(own.time_s).sum() - 1 for own in tracks if np.isfinite(own.time_s).any())
+        rates_hz = 1 / np.median(every_s), counts / every_s.sum()
+    if all(abs(np.log(rate_hz / mapping.rate_hz)) > _RATE_OFF for rate_hz in rates_hz):
+        raise InputError(
+            f"{mapping.where}: rate_hz: is {mapping.rate_hz:g}, but the file's own times are of "
+            f"{rates_hz[0]:.4g} Hz; find out which is right, or leave rate_hz out"
+        )
 
 
 def _along(numbers: Array, position_axes: Sequence[str]) -> Array:

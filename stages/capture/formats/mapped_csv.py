@@ -13,7 +13,8 @@ import pyarrow as pa
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
-from shukotsu.stages.capture.formats.cells import Cells
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
 from shukotsu.stages.capture.formats.mapped import (
     Integers,
     Track,
@@ -31,6 +32,9 @@ TIME_OF_DAY = "hh:mm:ss"
 
 _MOST_FRAMES = 2.0**40
 """From the middle of a recording; a hundred years at 240 Hz, and frames are still told apart."""
+
+_MOST_STEPS = 2.0**30
+"""The same, of rows that times put into frames: 50 days at 240 Hz, and a millionth of a step still counts."""
 
 _LARGEST_RAD = 1.1 * 2 * np.pi
 
@@ -61,7 +65,8 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     frame, receiver = (_title(text, table, key, f"{mapping.where}: csv") for key in ("frame", "receiver"))
     sources = _sources(text, mapping)
     titles = [title for title in (frame, receiver) if title is not None]
-    cells = text.cells([*titles, *(title for source in sources.values() for title in source.titles)])
+    titles += [title for source in sources.values() for title in source.titles]
+    cells = text.cells(titles)
     notes: list[str] = []
     every = np.arange(cells.rows)  # one for all receivers
     if receiver is None:
@@ -72,14 +77,19 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     sources = {segment: replace(source, rows=rows[segment]) for segment, source in sources.items()}
     notes += _angle_doubts(cells, sources, mapping)
     tracks = {segment: _rows_of_source(cells, source, mapping, every) for segment, source in sources.items()}
+    times_s = _times(cells, sources, mapping)
+    tracks = {segment: replace(own, time_s=times_s[segment]) for segment, own in tracks.items()}
+    losses = list(filter(None, [text.cut_off(titles)]))
     if table["in_step"]:
-        placed = _in_step(tracks, None if frame is None else cells.wholes(frame), path, mapping)
+        frames = None if frame is None else cells.wholes(frame)
+        placed, lost = _in_step(tracks, frames, receiver is not None, path, mapping)
+        losses += lost
     else:
         placed = _on_grid(tracks, path, mapping.rate_hz or np.nan, notes)
     place = cells.place
     del cells, tracks  # text and numbers, more than the file, before all is put together
     pa.default_memory_pool().release_unused()
-    return samples_of_tracks(placed, mapping, layout, place, notes)
+    return samples_of_tracks(placed, mapping, layout, place, notes, losses)
 
 
 def _sources(text: TextTable, mapping: FileMapping) -> dict[str, _Source]:
@@ -166,46 +176,125 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
     turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
     assert mapping.orientation is not None  # a table without one is refused with its mapping
     turned = quaternions(turning, mapping.orientation, lambda index: cells.place(int(rows[index])))
-    time_s = np.full(len(rows), np.nan)
-    if source.time is not None:
-        unit = mapping.details["time_unit"]
-        of_day = unit == TIME_OF_DAY
-        time_s = cells.times_of_day_s(source.time) if of_day else cells.reals(source.time) * _SECONDS[unit]
-        time_s = time_s[rows]
-    quality = np.full(len(rows), np.nan)
+    low = np.zeros(len(rows), bool)
     if source.quality is not None:
         quality = cells.reals(source.quality)[rows]
-    low = quality > mapping.details.get("quality_above", np.inf)
-    low |= quality < mapping.details.get("quality_below", -np.inf)
+        low = ~(quality <= mapping.details.get("quality_above", np.inf))  # where it is empty, too
+        low |= quality < mapping.details.get("quality_below", -np.inf)
     numbers = np.concatenate([position * mapping.mm_per_unit, turned], -1)
-    return Track(rows, every[: len(rows)], time_s, numbers, {"low-quality": low})
+    return Track(rows, every[: len(rows)], np.full(len(rows), np.nan), numbers, {"low-quality": low})
+
+
+def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -> dict[str, Array]:
+    """Times in s of each receiver's rows; NaN where there is none. Each clock's day begins at midnight."""
+    times_s: dict[str, Array] = {}
+    start_s = np.nan
+    for segment, source in sources.items():
+        if source.time is None:
+            times_s[segment] = np.full(len(source.rows), np.nan)
+        elif mapping.details["time_unit"] == TIME_OF_DAY:
+            own_s = cells.times_of_day_s(source.time)[source.rows]
+            times_s[segment] = unwrapped_s(own_s, start_s)
+            start_s = float(next(iter(own_s[np.isfinite(own_s)]), np.nan)) if np.isnan(start_s) else start_s
+        else:
+            times_s[segment] = cells.reals(source.time)[source.rows] * _SECONDS[mapping.details["time_unit"]]
+    return times_s
 
 
 def _in_step(
-    tracks: Mapping[str, Track], frames: Integers | None, path: Path, mapping: FileMapping
-) -> list[Track]:
-    """Rows as frames: frames as the rows name them, shape (N,), or counted from 0."""
-    if frames is None:
+    tracks: dict[str, Track], frames: Integers | None, long: bool, path: Path, mapping: FileMapping
+) -> tuple[list[Track], list[str]]:
+    """Rows as frames: as they are numbered, shape (N,), of long rows as their times say, else as they come.
+
+    Gives what is lost, a sentence each, too.
+    """
+    losses: list[str] = []
+    if frames is not None:
+        tracks = {segment: replace(own, frame=frames[own.row]) for segment, own in tracks.items()}
+    elif long and any(np.ptp(_known(own.time_s)) > 0 for own in tracks.values() if len(_known(own.time_s))):
+        tracks, losses = _framed_by_time(tracks)
+    elif long:
         _check_counts(tracks, path, mapping)
     start = 0 if frames is None else int(frames.min())
     placed = []
     for track in tracks.values():
-        frame = track.frame if frames is None else frames[track.row]
         time_s = track.time_s
         if mapping.rate_hz and "time" not in mapping.details and np.isnan(time_s).all():
-            time_s = (frame - start) / mapping.rate_hz
-        placed.append(replace(track, frame=frame, time_s=time_s))
-    return placed
+            time_s = (track.frame - start) / mapping.rate_hz
+        placed.append(replace(track, time_s=time_s))
+    return placed, losses
+
+
+def _known(time_s: Array) -> Array:
+    return time_s[np.isfinite(time_s)]
+
+
+def _framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[str]]:
+    """Number long rows by their times: a frame is a sample of one receiver and what is nearest to it.
+
+    That receiver is the one with most samples. What is half a step or more off all of its samples is put
+    into frames of its own in the same way. Samples whose time is none, or far off all others, are left out.
+    """
+    steps_s = np.concatenate([np.diff(np.unique(_known(own.time_s))) for own in tracks.values()])
+    step_s = float(np.quantile(steps_s, 0.25, method="lower"))  # of which lost rows make many longer
+    middle_s = float(np.median(np.concatenate([_known(own.time_s) for own in tracks.values()])))
+    with np.errstate(over="ignore"):
+        timed = {
+            segment: own.of(np.abs(own.time_s - middle_s) < _MOST_STEPS * step_s)
+            for segment, own in tracks.items()
+        }
+    # The second of two samples of one time belongs with the second of another receiver's two.
+    keys_s = [own.time_s - middle_s + 1e-6 * step_s * _turns(own.time_s) for own in timed.values()]
+    frames = _nearest_together(keys_s, step_s)
+    framed = {
+        segment: replace(own, frame=frame)
+        for (segment, own), frame in zip(timed.items(), frames, strict=True)
+    }
+    lost = sum(len(own.row) for own in tracks.values()) - sum(len(own.row) for own in timed.values())
+    losses = [f"{lost} rows are left out, since without a time nothing says to which frame they belong"]
+    return framed, losses if lost else []
+
+
+def _turns(values: Array) -> Integers:
+    """How many equal values come before each, shape (N,)."""
+    order = np.argsort(values, kind="stable")
+    turns = np.empty(len(values), np.int64)
+    turns[order] = np.arange(len(values)) - np.searchsorted(values[order], values[order])
+    return turns
+
+
+def _nearest_together(keys_s: Sequence[Array], step_s: float) -> list[Integers]:
+    """Number the frames that samples of several receivers make, see `_framed_by_time`."""
+    frames = [np.zeros(len(own), np.int64) for own in keys_s]
+    left = [np.arange(len(own)) for own in keys_s]
+    centres_s: list[Array] = []
+    known = 0
+    while any(len(own) for own in left):
+        most = max(range(len(left)), key=lambda place: len(left[place]))
+        centre_s = np.sort(keys_s[most][left[most]])
+        middles_s = (centre_s[1:] + centre_s[:-1]) / 2
+        for place, samples in enumerate(left):
+            nearest = np.searchsorted(middles_s, keys_s[place][samples])
+            off_s = np.abs(keys_s[place][samples] - centre_s[nearest])
+            order = np.lexsort((off_s, nearest))
+            taken = order[np.unique(nearest[order], return_index=True)[1]]
+            taken = taken[off_s[taken] < step_s / 2]
+            frames[place][samples[taken]] = known + nearest[taken]
+            left[place] = np.delete(samples, taken)
+        centres_s.append(centre_s)
+        known += len(centre_s)
+    number = np.argsort(np.argsort(np.concatenate(centres_s), kind="stable"))
+    return [number[own] for own in frames]
 
 
 def _check_counts(tracks: Mapping[str, Track], path: Path, mapping: FileMapping) -> None:
-    """Long rows without a frame number belong together only where every receiver has as many."""
+    """Long rows without a frame number or times belong together only where every receiver has as many."""
     counts = {segment: len(own.row) for segment, own in tracks.items() if len(own.row)}
     if len(set(counts.values())) > 1:
         least, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
         raise InputError(
             f"{path}: has {counts[most]} rows of {most} and {counts[least]} of {least}; which belong "
-            f"together is told by a frame column only: name it as `frame` in "
+            f"together is told by a frame or a time column only: name it as `frame` or `time` in "
             f"{mapping.where}, or say in_step: false"
         )
 

@@ -99,7 +99,7 @@ def _files(path: Path, pattern: str) -> list[Path]:
 
 def _natural(file: Path) -> list[tuple[int, str]]:
     """Numbers in a name by their value, so that 2 comes before 10."""
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", file.name)]
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", file.name)]
 
 
 def _read_file(path: Path) -> Matrices:

@@ -31,7 +31,7 @@ from shukotsu.stages.capture.formats.motion_sidecars import (
     read_sidecars,
 )
 from shukotsu.stages.capture.formats.orientation import quaternions
-from shukotsu.stages.capture.formats.text_table import TextTable
+from shukotsu.stages.capture.formats.text_table import TextTable, file_is_ended
 from shukotsu.stages.capture.poses_table import FLAGS
 from shukotsu.stages.capture.samples import Samples
 
@@ -60,11 +60,11 @@ def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) ->
     times = [exported.time.get(name) or _latency(sidecars, name) for name in names]
     used = [*itertools.chain(*(point.channels for point in points)), *times, *exported.flags.values()]
     wanted = [channel.title for channel in [*used, exported.frame] if channel is not None]
-    missing, sentinel = _missing_values(sidecars)
     titles = tuple(channel.title for channel in sidecars.channels)
     expected = f"{len(titles)}, one for each row of channels.tsv (motion.tsv has no header line)"
-    empty = (*EMPTY, "n/a", *missing)
+    empty = (*EMPTY, "n/a", *_missing_values(sidecars))
     text = TextTable(path, partial(open_text, path), "\t", titles, titles, 0, expected, empty, quoted=False)
+    text = replace(text, ended=file_is_ended(path))
     cells = text.cells(wanted)
     rate_hz = 1.0 if all(times) else _rate_hz(path, sidecars, mapping)
     row = np.arange(cells.rows)
@@ -72,12 +72,14 @@ def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) ->
     tracks = []
     for name, point, channel in zip(names, points, times, strict=True):
         time_s = row / rate_hz if channel is None else _times(cells, channel, sidecars)
-        track = Track(row, frame, time_s, _numbers(cells, point, mapping, sentinel))
+        track = Track(row, frame, time_s, _numbers(cells, point, mapping))
         tracks.append(exported.track(cells, name, track))
-    place = cells.place
+    place, losses = cells.place, filter(None, [text.cut_off(wanted)])
     del cells, text  # more than the file, before all is put together
     pa.default_memory_pool().release_unused()
-    return replace(samples_of_tracks(tracks, mapping, layout, place), tracker=sidecars.tracker())
+    samples = samples_of_tracks(tracks, mapping, layout, place, losses=losses)
+    kind = "euler" if any(point.axes for point in points) else "quaternion"
+    return replace(samples, tracker=sidecars.tracker(), orientation=kind)
 
 
 def _latency(sidecars: Sidecars, name: str) -> Channel | None:
@@ -111,20 +113,15 @@ def _rate_hz(path: Path, sidecars: Sidecars, mapping: FileMapping) -> float:
     return float(stated_hz or mapping.rate_hz or 0)
 
 
-def _missing_values(sidecars: Sidecars) -> tuple[list[str], float | None]:
-    """Read what motion.json's MissingValues adds to the usual "no value": a text, or a number."""
-    value = sidecars.motion.get("MissingValues")
-    if not isinstance(value, str | int | float) or isinstance(value, bool):
-        return [], None
-    try:
-        number = float(value)
-    except (ValueError, OverflowError):
-        return [str(value)], None
-    return ([str(value)], None) if np.isnan(number) else ([], number)
+def _missing_values(sidecars: Sidecars) -> list[str]:
+    """Read what motion.json's MissingValues adds to the usual "no value": a text or a number, or several."""
+    given = sidecars.motion.get("MissingValues")
+    values = given if isinstance(given, list) else [given]
+    return [str(one).strip() for one in values if isinstance(one, str | int | float)]
 
 
-def _numbers(cells: Cells, point: Point, mapping: FileMapping, sentinel: float | None) -> Array:
-    """Poses as Samples have them, shape (T, 7); a pose that is the sentinel throughout is missing."""
+def _numbers(cells: Cells, point: Point, mapping: FileMapping) -> Array:
+    """Poses as Samples have them, shape (T, 7)."""
     position = [cells.shifted_reals(channel.title, SHIFT_TO_MM[channel.units]) for channel in point.position]
     turning = [cells.shifted_reals(channel.title, 0) for channel in point.orientation]
     rotates = (mapping.orientation or {}).get("rotates", "receiver-to-transmitter")
@@ -134,11 +131,7 @@ def _numbers(cells: Cells, point: Point, mapping: FileMapping, sentinel: float |
         unit = point.orientation[0].units
         orientation = {"kind": "euler", "axes": point.axes, "unit": unit, "rotates": rotates}
     turned = quaternions(np.stack(turning, -1), orientation, cells.place)
-    numbers = np.concatenate([np.stack(position, -1), turned], -1)
-    if sentinel is not None:
-        raw = np.stack([cells.shifted_reals(channel.title, 0) for channel in point.channels], -1)
-        numbers[(raw == sentinel).all(-1)] = np.nan
-    return np.asarray(numbers)
+    return np.concatenate([np.stack(position, -1), turned], -1)
 
 
 @dataclass(frozen=True)

@@ -75,4 +75,5 @@ def _samples(path: Path, layout: Layout, part: FlaggedRecords, rows: npt.NDArray
         np.concatenate([records.position_mm, records.quaternion], -1),
         place,
         {name: part.flagged(name)[rows] for name in _KEPT},
+        orientation="device",
     )

@@ -10,9 +10,9 @@ import io
 import itertools
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -40,7 +40,7 @@ class TextTable:
     open : gives its bytes from the start. header : names of the columns, their numbers from 1 where the text
     names none; titles : what they go by, no two the same. header_lines : up to and with the header.
     expected : how many cells a row must have, in words. empty : the texts that mean "no value". quoted :
-    whether quotation marks may hold a cell together.
+    whether quotation marks may hold a cell together. ended : whether the last line has its end.
     """
 
     path: Path
@@ -53,6 +53,13 @@ class TextTable:
     empty: tuple[str, ...] = EMPTY
     decimal: str = "."
     quoted: bool = True
+    ended: bool = True
+
+    def cut_off(self, wanted: Iterable[str]) -> str:
+        """Say that the last row is left out, which it is where its last cell is wanted and may be cut off."""
+        if self.ended or self.titles[-1] not in wanted:
+            return ""
+        return "the last line has no line end, so its last number may be cut off: the row is left out"
 
     def column(self, wanted: str | int, place: str) -> str:
         """Title of a column given by name or by number from 1; `place` names the mapping's key."""
@@ -72,8 +79,9 @@ class TextTable:
     def cells(self, wanted: Sequence[str]) -> Cells:
         """Read the columns of those titles. Raises InputError as `blocks` does, and where there is no row."""
         tables = list(self._tables(list(dict.fromkeys(wanted)), READ_BYTES))
-        if not tables:
-            raise InputError(f"{self.path}: has no rows; expected one a frame, or a receiver and frame")
+        if not sum(table.num_rows for table in tables):
+            why = self.cut_off(wanted) or "expected one a frame, or a receiver and frame"
+            raise InputError(f"{self.path}: has no rows; {why}")
         return self._cells(pa.concat_tables(tables), 0)
 
     def blocks(self, wanted: Sequence[str], read_bytes: int = READ_BYTES) -> Iterator[Cells]:
@@ -90,10 +98,12 @@ class TextTable:
         return Cells(self.path, table, lambda row: self._place(start + row), self.empty, self.decimal)
 
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
+        last = 1 if self.cut_off(wanted) else 0
         with reading(self.path), self.open() as stream:
+            held: list[pa.Table] = []
             try:
-                yield from (
-                    pa.Table.from_batches([batch])
+                for batch in (
+                    batch
                     for batch in pa_csv.open_csv(
                         stream,
                         # One thread: of several, each has a block at work and others ahead.
@@ -114,9 +124,12 @@ class TextTable:
                         ),
                     )
                     if batch.num_rows
-                )
+                ):
+                    yield from held
+                    held = [pa.Table.from_batches([batch])]
             except pa.ArrowInvalid as error:
                 self._refuse_lines(error)
+            yield from (table.slice(0, table.num_rows - last) for table in held)
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Give every row, without empty lines, with the number of its (last) line."""
@@ -189,7 +202,23 @@ def open_tidy_csv(path: Path) -> TextTable:
         f"{len(header)} as in the header (a cut-off line, or decimal commas: numbers need a decimal point)"
     )
     names = [name.strip() for name in header]
-    return TextTable(path, partial(open_text, path), ",", tuple(names), _titles(names), line, expected)
+    table = TextTable(path, partial(open_text, path), ",", tuple(names), _titles(names), line, expected)
+    return replace(table, ended=file_is_ended(path))
+
+
+def file_is_ended(path: Path) -> bool:
+    """Say whether a text file's last line is whole."""
+    with open_text(path) as stream:
+        stream.seek(max(0, path.stat().st_size - 1))
+        return is_ended(stream.read())
+
+
+def is_ended(data: bytes) -> bool:
+    """Say whether the last line of a text is whole, so that no number there can be cut off.
+
+    An editor may leave a whole line without its end: a closing quotation mark or a blank then tells as well.
+    """
+    return data[-1:] in (b"\n", b"\r", b" ", b'"')
 
 
 def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
@@ -198,7 +227,9 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     Raises InputError where it cannot be read, is not UTF-8 or is empty.
     """
     with reading(path, "a table as text"):
-        data = _normalised(path, read_whole(path, "a table as text"), details)
+        data = read_whole(path, "a table as text")
+        ended = is_ended(data)
+        data = _normalised(path, data, details)
     separator = _SEPARATOR[details["delimiter"]]
     line, first = _first_record(path, lambda: io.BytesIO(data), separator)
     if not first:
@@ -216,8 +247,9 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
         _titles(names),
         line if details["header"] else 0,
         expected,
-        (*EMPTY, *details["missing"]),
+        (*EMPTY, *map(str.strip, details["missing"])),
         details["decimal"],
+        ended=ended,
     )
 
 

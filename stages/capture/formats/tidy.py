@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -40,7 +41,9 @@ _COMMENTS = ("#", "%", "//")
 
 def read_csv(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
     """Read a tidy CSV file (UTF-8, commas, decimal points) in parts. Raises InputError where it is none."""
-    return _parts(csv_blocks(path), path, layout)
+    table = open_tidy_csv(path)
+    wanted = wanted_columns(path, table.header)
+    return _parts(table.blocks(wanted), path, layout, table.cut_off(wanted))
 
 
 def read_parquet(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
@@ -77,12 +80,15 @@ def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
         yield file
 
 
-def _parts(blocks: Iterable[Cells], path: Path, layout: Layout) -> Iterator[Samples]:
+def _parts(blocks: Iterable[Cells], path: Path, layout: Layout, loss: str = "") -> Iterator[Samples]:
+    """Give the samples of a recording's parts; loss : what is lost of it, said once."""
     empty = True
+    said = filter(None, [loss])
     for cells in blocks:
         if cells.rows:
             empty = False
-            yield read_samples(cells, path, layout)
+            losses = tuple(said)
+            yield replace(read_samples(cells, path, layout), notes=losses, losses=losses)
     if empty:
         raise InputError(f"{path}: has a header but no rows; expected one row a receiver and frame")
 

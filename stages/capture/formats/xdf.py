@@ -76,19 +76,29 @@ def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
         chosen = mocap_streams(path, streams)
         if len(chosen) > 1:
             raise InputError(
-                f"{path}: has {len(chosen)} streams of type MoCap ({', '.join(s.name for s in chosen)}); "
-                "say which in a mapping as xdf.stream"
+                f"{path}: has {len(chosen)} streams of type MoCap ({_listed(chosen)}); say which in a "
+                "mapping as xdf.stream, by its name or its number"
             )
     else:
-        chosen = [stream for stream in streams if stream.name == wanted]
+        chosen = [stream for stream in streams if wanted == stream_key(stream, streams)]
+        chosen = chosen or [stream for stream in streams if wanted in (stream.name, stream.number)]
         if len(chosen) != 1:
-            names = [stream.name for stream in streams]
+            say = "; say its number" if chosen else did_you_mean(str(wanted), [s.name for s in streams])
             raise InputError(
-                f"{path}: has {len(chosen) or 'no'} streams named {wanted!r}; it has "
-                f"{', '.join(names) or 'none'}{did_you_mean(str(wanted), names)}"
+                f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {_listed(streams)}{say}"
             )
     _check_header(path, chosen[0])
     return chosen[0]
+
+
+def stream_key(stream: Stream, streams: Sequence[Stream]) -> str | int:
+    """Give what names a stream in a mapping: its name or, where others have that too, its number."""
+    names = [other.name for other in streams]
+    return stream.name if names.count(stream.name) == 1 else stream.number
+
+
+def _listed(streams: Sequence[Stream]) -> str:
+    return ", ".join(f"{stream.name}, number {stream.number}" for stream in streams) or "none"
 
 
 def _check_header(path: Path, stream: Stream) -> None:

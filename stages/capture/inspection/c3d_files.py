@@ -24,6 +24,7 @@ def describe_c3d(path: Path, layout: Layout) -> Description:
     file = open_c3d(path)
     lines = [
         f"C3D: {len(file.labels)} points, {file.frames} frames numbered from {file.first_frame}",
+        *(f"frames in doubt: {doubt}" for doubt in file.doubts),
         f"rate {file.rate_hz:g} Hz" if file.rate_hz > 0 else "no rate is stated: give rate_hz",
         f"unit {file.unit} (POINT:UNITS)" if file.unit else "no unit is stated",
         f"labels: {', '.join(file.labels) or 'none'}",

@@ -52,14 +52,15 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
     Raises InputError where the file is none, is damaged or has no stream of type MoCap.
     """
     from shukotsu.files.xdf_streams import read_streams
-    from shukotsu.stages.capture.formats.xdf import POSITION, is_mocap, mocap_streams, owners
+    from shukotsu.stages.capture.formats.xdf import POSITION, is_mocap, mocap_streams, owners, stream_key
 
     streams = read_streams(path)
     lines = []
     for stream in streams:
         lines.append(
-            f"XDF stream {stream.name!r} of type {stream.type or '(none)'}: {stream.channel_count} channels "
-            f"of {stream.format}, {f'{stream.rate_hz:g} Hz' if stream.rate_hz else 'irregular'}"
+            f"XDF stream {stream.name!r}, number {stream.number}, of type {stream.type or '(none)'}: "
+            f"{stream.channel_count} channels of {stream.format}, "
+            + (f"{stream.rate_hz:g} Hz" if stream.rate_hz else "irregular")
         )
         for owner in owners(stream) if is_mocap(stream) else ():
             types = [f"{c.type} [{c.unit or 'no unit'}]" for c in stream.channels if c.owner == owner]
@@ -73,7 +74,7 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
         "position_unit": next(iter(units), CHECK),
         "orientation": {"kind": "quaternion", "order": "wxyz"},
         "receivers": _receivers(owners(stream), "value", layout),
-        "xdf": {"stream": stream.name},
+        "xdf": {"stream": stream_key(stream, streams)},
     }
     return Description(tuple(lines), draft(path, config))
 

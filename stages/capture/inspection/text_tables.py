@@ -12,7 +12,7 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.capture.formats.cells import Cells
+from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
 from shukotsu.stages.capture.formats.mapped_csv import TIME_OF_DAY
 from shukotsu.stages.capture.formats.text_table import open_table_text
 from shukotsu.stages.capture.inspection.column_roles import Roles, by_azimuth, find_roles
@@ -45,6 +45,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
     numbers = _numbers(cells, text.titles) | of_day
     roles = find_roles(text.titles, numbers)
     lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
+    lines += filter(None, [text.cut_off(text.titles)])
     units = find_units(roles, numbers)
     if roles.time:
         lines.append(_time_line(roles.time, numbers[roles.time], units.time))
@@ -94,7 +95,7 @@ def _times_of_day(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
     times = {}
     for title in titles:
         with suppress(InputError):
-            times[title] = cells.times_of_day_s(title)
+            times[title] = unwrapped_s(cells.times_of_day_s(title))
     return {title: values for title, values in times.items() if np.isfinite(values).any()}
 
 

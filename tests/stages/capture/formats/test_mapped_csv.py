@@ -193,3 +193,33 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         read_mapped_csv(tmp_path / "odd.txt", ARM, None)
     message = "fixed: segment 'bench' is not in layout arm"
     refuse(tmp_path, HEADER + ROWS, changed(WIDE, fixed=["bench"]), message)
+
+
+def test_a_rate_that_the_times_contradict_is_refused(tmp_path: Path) -> None:
+    """4.5 ms are 222 Hz: neither their median nor their mean may be a tenth off."""
+    read(tmp_path, HEADER + ROWS, changed(WIDE, rate_hz=240))
+    refuse(
+        tmp_path,
+        HEADER + ROWS,
+        changed(WIDE, rate_hz=120),
+        "rate_hz: is 120, but the file's own times are of 222",
+    )
+
+
+def test_a_pose_without_a_quality_is_of_low_quality(tmp_path: Path) -> None:
+    told = changed(LONG, {"quality": "e", "quality_above": 2})
+    lines = [f"{line},{end}\n" for line, end in zip(LONG_TEXT.splitlines(), ("e", "1", "", "3"), strict=True)]
+    samples = read(tmp_path, "".join(lines), told)
+    np.testing.assert_array_equal(samples.flags["low-quality"], [True, False, True])
+
+
+def test_long_rows_that_times_put_into_other_frames_than_counts(tmp_path: Path) -> None:
+    """Each receiver lost one row, another one: by counts all rows would be one off."""
+    csv = {key: value for key, value in LONG["csv"].items() if key != "frame"}
+    told = LONG | {"csv": csv | {"time": "n", "time_unit": "ms"}}
+    pairs = [(sensor, time) for sensor in (1, 2) for time in range(0, 50, 10)]
+    kept = [pair for pair in pairs if pair not in ((1, 10), (2, 40))]
+    rows = [f"{time},{sensor},{time},0,0,0,0,0,1\n" for sensor, time in kept]
+    samples = read(tmp_path, LONG_TEXT.splitlines()[0] + "\n" + "".join(rows), told)
+    np.testing.assert_array_equal(samples.frame, [0, 2, 3, 4, 0, 1, 2, 3])
+    np.testing.assert_allclose(samples.numbers[:, 0], samples.frame * 10_000)

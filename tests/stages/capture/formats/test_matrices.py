@@ -12,6 +12,7 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.skeleton.rotations import matrix, unit
 from shukotsu.stages.capture.formats.matrices import read_matrices
+from shukotsu.stages.capture.inspect_file import describe
 from shukotsu.stages.capture.samples import Samples
 
 RNG = np.random.default_rng(8)
@@ -110,3 +111,12 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     refuse(tmp_path / "no.txt", "receivers: segment 'hnad' is not in layout arm", config("hnad"))
     with pytest.raises(InputError, match=r"needs a mapping .* inspect .*no.txt --write-mapping mapping.yaml"):
         read_matrices(tmp_path / "no.txt", ARM, None)
+
+
+def test_names_with_digits_of_any_kind(tmp_path: Path) -> None:
+    """Numbers in names count by their value; a raised two is no number."""
+    for index, name in enumerate(("2.txt", "10.txt", "²3.txt")):
+        (tmp_path / name).write_text(four_lines(matrices()[index : index + 1]))
+    found = read(tmp_path, config(matrices={"pattern": "*.txt"})).numbers[:, :3]
+    np.testing.assert_allclose(sorted(found.tolist()), sorted((POSITIONS[:3] * 1000).tolist()), atol=1e-5)
+    assert describe(tmp_path, ARM).lines[0].startswith("3 matrices")

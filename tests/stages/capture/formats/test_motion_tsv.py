@@ -86,7 +86,7 @@ def test_euler_angles_turn_about_fixed_axes(tmp_path: Path, order: str, unit: st
     told = {axis: angle if unit == "rad" else np.degrees(angle) for axis, angle in angles.items()}
     channels = f"{HEADER}\n{channel_rows('hand', orientation=('z', 'x', 'y'), turn=unit)}"
     frame = {"RotationOrder": order, "RotationRule": "right-hand", "SpatialAxes": "ARI"}
-    path = write(tmp_path, f"1 2 3 {told['z']} {told['x']} {told['y']}", channels, frame=frame)
+    path = write(tmp_path, f"1 2 3 {told['z']} {told['x']} {told['y']}\n", channels, frame=frame)
     expected = Rotation.from_euler(order.lower(), [angles[axis.lower()] for axis in order]).as_matrix()
     np.testing.assert_allclose(matrix(read(path).numbers[0, 3:]), expected, atol=1e-14)
 

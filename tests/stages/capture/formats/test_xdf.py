@@ -12,6 +12,7 @@ import recording_files
 from recording_files import LIBERTY
 
 from shukotsu.errors import InputError
+from shukotsu.stages.capture.inspect_file import describe
 from shukotsu.stages.capture.samples import Samples
 
 Array = npt.NDArray[np.float64]
@@ -209,3 +210,21 @@ def test_a_recording_that_was_not_ended_is_read_and_noted(
         noted += samples.notes != ()
     assert noted > 300 // step
     assert capfd.readouterr() == ("", ""), "pyxdf says nothing of its own"
+
+
+def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
+    """The sentence says the numbers, and the draft takes one."""
+    data = xdf(*(stream(number, header(TWO), TIMES + number, VALUES) for number in (4, 7)))
+    refuse(
+        tmp_path,
+        data,
+        r"2 streams of type MoCap \(tracker, number 4, tracker, number 7\); say which in a mapping",
+    )
+    receivers = {segment: {"value": segment} for segment in TWO}
+    told = {"format": "xdf", "position_unit": "m", "receivers": receivers}
+    refuse(
+        tmp_path, data, "has 2 streams of 'tracker'; .* say its number", told | {"xdf": {"stream": "tracker"}}
+    )
+    samples = read(tmp_path, data, told | {"xdf": {"stream": 7}})
+    np.testing.assert_array_equal(samples.time_s[:5], TIMES + 7)
+    assert "  stream: 4" in describe(tmp_path / "rom.xdf", LIBERTY).draft
