@@ -44,6 +44,9 @@ PIECE_BYTES = 4 << 20
 MOST_FRAMES = 65_534
 """Of a piece: what a header counts, and what does not mean more."""
 
+OWN_REASON = 3
+"""Exit code of the process where it says itself why a file cannot be read."""
+
 _ROOT = Path(__file__).parents[4]
 
 
@@ -74,8 +77,9 @@ def read_content(path: Path) -> Mapping[str, np.ndarray]:
         )
     except subprocess.TimeoutExpired as error:
         raise _unreadable(path, "reading it does not end") from error
-    if child.returncode:  # ezc3d's own words are of its code
-        raise _unreadable(path, "it is damaged")
+    if child.returncode:
+        own = child.returncode == OWN_REASON  # ezc3d's are of its code
+        raise _unreadable(path, child.stderr.decode().strip() if own else "it is damaged")
     with np.load(io.BytesIO(child.stdout), allow_pickle=False) as arrays:
         return dict(arrays)
 
@@ -95,8 +99,9 @@ def main(path: str) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     try:
         arrays = _in_pieces(Path(path)) or _arrays(path)
-    except (RuntimeError, ValueError) as error:
-        sys.exit(str(error))
+    except InputError as error:
+        print(error, file=sys.stderr)
+        sys.exit(OWN_REASON)
     np.savez(sys.stdout.buffer, allow_pickle=False, **arrays)
 
 
@@ -128,7 +133,7 @@ def _in_pieces(path: Path) -> dict[str, np.ndarray] | None:
     if count.rotations:
         step = MOST_FRAMES + 1  # with rotations ezc3d takes 65535 for a number
         if frames > step:
-            raise ValueError(f"it has rotations and {frames} frames, of which {step} can be read at most")
+            raise InputError(f"it has rotations and {frames} frames, of which {step} can be read at most")
     positions = np.empty((frames, count.points, 3))
     found: dict[str, np.ndarray] = {}
     with path.open("rb") as stream, tempfile.NamedTemporaryFile(suffix=".c3d") as piece:
@@ -144,7 +149,7 @@ def _in_pieces(path: Path) -> dict[str, np.ndarray] | None:
             if found["points"].shape != (now, count.points, 3) or (
                 found["rotations"].size and not count.rotations
             ):
-                raise ValueError("its points do not stand as its header says")
+                raise InputError("its points do not stand as its header says")
             positions[start : start + now] = found["points"]
     return {
         **found,
