@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.files.limits import FARTHEST_MM, check_regular
+from shukotsu.files.long_arrays import empty
 from shukotsu.files.parquet_files import column_ends, naming_damage, open_parquet
 from shukotsu.files.text_files import reading
 from shukotsu.schemas.catalogue import POSES
@@ -143,6 +144,22 @@ def read_poses(path: Path, segments: Sequence[str]) -> Poses:
         _kept[key] = poses
         while sum(map(_size_bytes, _kept.values())) > KEPT_BYTES:
             _kept.popitem(last=False)
+    return poses
+
+
+def held_poses(path: Path, segments: Sequence[str]) -> Poses:
+    """Read poses as `read_poses` does, those of a long recording into arrays of `shukotsu.files.long_arrays`."""
+    count, shape = frame_count(path), (frame_count(path), len(segments))
+    if count * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4:
+        return read_poses(path, segments)
+    numbers = empty(*shape, 3), empty(*shape, 4)
+    valid = np.empty(shape, bool, order="F")
+    poses = Poses(tuple(segments), np.empty(count, np.int64), np.empty(count), *numbers, valid)
+    start = 0
+    for block in pose_blocks(path, segments):
+        for whole, part in zip(_arrays(poses), _arrays(block), strict=True):
+            whole[start : start + len(part)] = part
+        start += len(block.frame)
     return poses
 
 

@@ -6,9 +6,9 @@ the numbers of every table that has rows frame by frame (joint angles, tips, err
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -147,6 +147,19 @@ class PosedRecording:
         named = (self.tables.path(table), table, self.part, own.task, own.trial, by, columns)
         count = self.n_frames if frames is None else None
         return read_recording(*named, count, frames, name)
+
+    def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
+        """Give readers of columns (T, C) of one segment, digit or joint each, as `numbers` of all frames.
+
+        Raises InputError where the table has no row of the recording.
+        """
+        names = self.numbers(table, (), next(self.pose_blocks()).frame[:1])
+        if not names:
+            raise InputError(f"the {table.name} table has no row of this recording")
+        return {name: partial(self._one, table, columns, name) for name in names}
+
+    def _one(self, table: Table, columns: Sequence[str], name: str) -> Array:
+        return self.numbers(table, columns, name=name)[name]
 
     def bone_motion(self, poses: Poses) -> BoneMotion:
         """Read what moves the bones beside the receivers, at the frames of poses."""

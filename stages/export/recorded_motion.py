@@ -14,7 +14,7 @@ from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.posed_recording import PosedRecording
 from shukotsu.skeleton.posing import PosedBones, axes_turned_about
 from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
-from shukotsu.stages.export.long_arrays import chosen_points, empty
+from shukotsu.files.long_arrays import chosen_points, empty
 from shukotsu.stages.export.motion import (
     BONE_TO_WEBXR,
     RECEIVER_TIP,

@@ -10,7 +10,7 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.skeleton.posing import SkeletonJoint
 from shukotsu.skeleton.rotations import Array, multiply, rotate
-from shukotsu.stages.export.long_arrays import chosen_points
+from shukotsu.files.long_arrays import chosen_points
 from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion, rest_pose
 from shukotsu.stages.export.rig_names import RIGS, Rig
 

@@ -32,7 +32,7 @@ from shukotsu.skeleton.rotations import Array, matrix, multiply, rotate
 from shukotsu.stages.export.axes import UNITS_PER_MM, Target, upright
 from shukotsu.stages.export.bone_mesh import bone_mesh
 from shukotsu.stages.export.file_facts import facts, joint_facts
-from shukotsu.stages.export.long_arrays import BLOCK_FRAMES
+from shukotsu.files.long_arrays import BLOCK_FRAMES
 from shukotsu.stages.export.motion import (
     SkeletonMotion,
     Whole,

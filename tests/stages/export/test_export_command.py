@@ -13,7 +13,7 @@ from export_samples.minimal_glb import read_glb
 
 from shukotsu.schemas.catalogue import BONE_POSES
 from shukotsu.skeleton import posed_recording
-from shukotsu.stages.export import long_arrays
+from shukotsu.files import long_arrays
 from shukotsu.stages.export.__main__ import main
 from shukotsu.stages.export.registry import FORMATS
 

@@ -15,9 +15,9 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.skeleton.rotations import Array
+Array = npt.NDArray[np.float64]
 
-KEPT_BYTES = 400 * 10**6
+KEPT_BYTES = 100 * 10**6
 """Of all arrays that are in memory; the next is on the disk."""
 
 BLOCK_FRAMES = 4096
