@@ -20,7 +20,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.parts import Part, read_part, read_recording
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_poses
+from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_every
 from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table, rows_of
@@ -110,16 +110,7 @@ class PosedRecording:
 
     def poses(self, every: int = 1) -> Poses:
         """Read the receivers' poses, of all frames or one in `every`."""
-        if every <= 1:
-            return read_poses(self.poses_file, self.layout.measured)
-        kept, start = [], 0
-        for block in self.pose_blocks():
-            kept.append(block.take(np.arange(-start % every, len(block.frame), every)))  # copies
-            start += len(block.frame)
-        names = ("frame", "time_s", "position_mm", "quaternion", "valid")
-        return Poses(
-            self.layout.measured, *(np.concatenate([getattr(own, name) for own in kept]) for name in names)
-        )
+        return read_every(self.poses_file, self.layout.measured, every)
 
     def pose_blocks(self) -> Iterator[Poses]:
         """Read the receivers' poses so many frames at a time, at least one block, which may be empty."""
