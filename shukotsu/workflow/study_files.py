@@ -14,7 +14,7 @@ import yaml
 
 from shukotsu.anatomy.known_digits import known_digits, no_whole_hand
 from shukotsu.errors import InputError
-from shukotsu.files.whole_files import write_text
+from shukotsu.files.whole_files import files_in, write_text
 from shukotsu.schemas.config_files import REFERENCE, check_config, read_config, read_yaml
 from shukotsu.schemas.plan import (
     StudyPlans,
@@ -107,6 +107,21 @@ class StudyFiles:
         who = self.subject(wildcards)
         session = [f"--session={who.session}"] if who.session else []
         return shlex.join([f"--subject={who.subject}", *session])
+
+    def resources(self, minutes: int, minutes_a_gb: int) -> dict[str, Callable[[Wildcards], int]]:
+        """What a job of a subject asks for, by the size of its recordings' files; of recordings that are not
+        there yet, as simulated ones, the least. Memory grows up to what a job holds of one of any length.
+        """
+
+        def gb(wildcards: Wildcards) -> float:
+            paths = {Path(path) for own in self._plans[wildcards.subject].recordings for path in _files_of(own)}
+            files = [file for path in paths for file in (files_in(path) if path.is_dir() else [path])]
+            return sum(file.stat().st_size for file in files if file.is_file()) / 1e9
+
+        return {
+            "mem_mb": lambda wildcards: round(500 + min(700, 1500 * gb(wildcards))),
+            "runtime": lambda wildcards: round(minutes + minutes_a_gb * gb(wildcards)),
+        }
 
     def plan(self, wildcards: Wildcards) -> str:
         """Digest of the subject's whole plan."""
