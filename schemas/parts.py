@@ -290,9 +290,9 @@ class PartsReader:
 
     @cached_property
     def _place(self) -> dict[str, int]:
-        """Places of the columns in a row group."""
-        schema = self._file.schema
-        return {schema.column(index).path: index for index in range(len(schema))}
+        """Places of the columns in a row group; asked for its schema, a file's metadata stay in memory."""
+        group = self._file.metadata.row_group(0)
+        return {group.column(index).path_in_schema: index for index in range(group.num_columns)}
 
 
 @contextmanager
