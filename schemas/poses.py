@@ -162,7 +162,7 @@ def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
 
 
 def held_poses(path: Path, segments: Sequence[str]) -> Poses:
-    """Read poses as `read_poses` does, those of a long recording into arrays of `shukotsu.files.long_arrays`."""
+    """Read poses as `read_poses` does, a long recording's into arrays of `shukotsu.files.long_arrays`."""
     if _is_short(path, segments):
         return read_poses(path, segments)
     count = frame_count(path)

@@ -9,11 +9,10 @@ import pyarrow.compute as pc
 
 from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_recording
 from shukotsu.checks.declared import Declared
-from shukotsu.files.parquet_files import naming_damage
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import held_poses, recording_name
-from shukotsu.schemas.tables import open_table, read_metadata
+from shukotsu.schemas.tables import read_metadata, read_row_groups
 
 
 def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> CheckedRecording:
@@ -29,10 +28,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 def _left_out(path: Path) -> dict[str, Counter[str]]:
     """By flag and segment, of those in LEFT_OUT that there are: how many poses have it."""
     flagged: dict[str, Counter[str]] = {flag: Counter() for flag in LEFT_OUT}
-    with open_table(path, POSES) as file, naming_damage(path):
-        for group in range(file.num_row_groups):
-            rows = file.read_row_group(group, ["segment", "flags"], use_threads=False)
-            rows.validate(full=True)
-            for flag, counts in flagged.items():
-                counts.update(rows.filter(pc.match_substring(rows["flags"], flag))["segment"].to_pylist())
+    for rows in read_row_groups(path, POSES, ["segment", "flags"]):
+        for flag, counts in flagged.items():
+            counts.update(rows.filter(pc.match_substring(rows["flags"], flag))["segment"].to_pylist())
     return {flag: counts for flag, counts in flagged.items() if counts}

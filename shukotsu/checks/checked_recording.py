@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from shukotsu.checks.declared import TIDY, Declared
 from shukotsu.checks.expected_body import ExpectedBody, expected_body
@@ -34,7 +35,6 @@ from shukotsu.schemas.findings import NOTE, REFUSED, SUSPECT, Finding
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.sentences.finding_sentences import Values
-from shukotsu.skeleton.rotations import Array
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
 OPEN_GAP_MM = 15.0
@@ -167,7 +167,7 @@ def _first(line: Timeline, row: int) -> Values:
     return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
 
 
-def _flips(line: Timeline, sign: Array, segments: Sequence[str]) -> list[Finding]:
+def _flips(line: Timeline, sign: npt.NDArray[np.int8], segments: Sequence[str]) -> list[Finding]:
     changes = away(sign)
     if not changes.any():
         return []

@@ -114,7 +114,8 @@ class StudyFiles:
         """
 
         def gb(wildcards: Wildcards) -> float:
-            paths = {Path(path) for own in self._plans[wildcards.subject].recordings for path in _files_of(own)}
+            recordings = self._plans[wildcards.subject].recordings
+            paths = {Path(path) for own in recordings for path in _files_of(own)}
             files = [file for path in paths for file in (files_in(path) if path.is_dir() else [path])]
             return sum(file.stat().st_size for file in files if file.is_file()) / 1e9
 

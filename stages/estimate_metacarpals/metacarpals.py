@@ -91,8 +91,9 @@ def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, p
 
 @dataclass(frozen=True)
 class Neutral:
-    """Where the postures of a metacarpal in a recording start from by Eq. 8-11; bone : (4,) its posture there,
-    at the recording's mean twist, seen from the hand.
+    """Hold where the postures of a metacarpal in a recording start from by Eq. 8-11.
+
+    bone : (4,) its posture there, at the recording's mean twist, seen from the hand.
     """
 
     reference: Reference

@@ -30,8 +30,9 @@ from shukotsu.stages.evaluate_skeletons.truth import TrueDigit, Truth, at_frames
 class EvaluatedRecording:
     """A recording that skeletons are scored in.
 
-    poses : of all receivers, as `held_poses` gives them; None where it has none, message : why. truth : by digit, frames numbered as the
-    recording's, of a simulated one; stated_truth : the joints and bones that it goes with.
+    poses : of all receivers, as `held_poses` gives them; None where it has none, message : why. truth : by
+    digit, frames numbered as the recording's, of a simulated one; stated_truth : the joints and bones that
+    it goes with.
     """
 
     name: RecordingName

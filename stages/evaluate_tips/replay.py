@@ -19,7 +19,6 @@ from shukotsu.skeleton.digit_chain import DigitChain, all_valid, carried_mm, tur
 from shukotsu.skeleton.posing import PosedBones, rigid_positions
 from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
 
-
 FirstFrame = tuple[Poses, Array | None]
 """A recording's first usable frame, and the metacarpal's posture (1, 4) in it."""
 
@@ -58,8 +57,9 @@ def tip_first_frame(
 ) -> Array:
     """Tip positions (T, 3) mm in the transmitter frame, bones bound in the first frame; NaN in gaps.
 
-    first : of the recording (`first_frame`), which the poses may be some frames of. In that frame the joints are where the child halves put them and the tip is the distal receiver, so
-    the error there is zero; except with a metacarpal `at_rest`, which was never bound to anything.
+    first : of the recording (`first_frame`), which the poses may be some frames of. In that frame the joints
+    are where the child halves put them and the tip is the distal receiver, so the error there is zero; except
+    with a metacarpal `at_rest`, which was never bound to anything.
     """
     usable = usable_frames(chain, poses, metacarpal)
     if first is None:

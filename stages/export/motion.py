@@ -31,10 +31,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError
+from shukotsu.files.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.skeleton.posing import SkeletonJoint, rigid_positions
 from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
-from shukotsu.files.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
 
 Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]

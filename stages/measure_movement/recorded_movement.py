@@ -50,7 +50,7 @@ class FingertipPath:
     """The end of a digit in the hand's frame, place_mm (T, 3, 1), and where its distal receiver points,
     pointing (T, 3, 1).
 
-    sd_mm : (T, 1, 1) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the end of the skin.
+    sd_mm : (T, 1, 1) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the skin's end.
     """
 
     place_mm: Array

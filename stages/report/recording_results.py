@@ -37,7 +37,6 @@ from shukotsu.stages.report.hand_motion import (
     hand_motion,
     open_frame,
     receiver_skeleton,
-    view_base,
 )
 from shukotsu.stages.report.study_results import Row, StudyResults, recording_key, row_key
 
@@ -211,9 +210,7 @@ def angle_ranges(joint: str, angle_deg: Array) -> Iterator[AngleRange]:
             yield AngleRange(joint, angle, at_deg, len(known))
 
 
-def _numbers(
-    posed: PosedRecording, table: Table, columns: Sequence[str], frames: Index
-) -> dict[str, Array]:
+def _numbers(posed: PosedRecording, table: Table, columns: Sequence[str], frames: Index) -> dict[str, Array]:
     """Read columns (T, C) of the recording; InputError where the table has no row of it."""
     found = posed.numbers(table, columns, frames)
     if not found:

@@ -53,8 +53,10 @@ def replayed(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain,
     built = digit_chain(digit, layout, model, rows)
     assert isinstance(built, DigitChain)
     least_squares = tips_least_squares(receiver_bones(skeleton, poses, {}))[digit.name]
-    return built, least_squares, tip_first_frame(
-        built, poses, None, first_frame(built, poses, None), at_rest=False
+    return (
+        built,
+        least_squares,
+        tip_first_frame(built, poses, None, first_frame(built, poses, None), at_rest=False),
     )
 
 
