@@ -44,7 +44,11 @@ class OnDisk:
         return self.shape[0]
 
     def __getitem__(self, key: Any) -> Array:
-        return np.array(self._mapped()[key])
+        if isinstance(key, tuple):
+            return np.array(self._mapped()[key])
+        return np.stack(
+            [self[key, point] for point in range(self.shape[1])], -2
+        )  # what is near is mapped too
 
     def __setitem__(self, key: Any, values: Any) -> None:
         self._mapped()[key] = values

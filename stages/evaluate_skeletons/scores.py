@@ -71,20 +71,20 @@ def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | 
 
 def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> list[Row]:
     """Rows of one skeleton in one recording, a digit each; without numbers, and why, where it has none."""
-    reasons, name = [skeleton.message], recording.name
+    name, rows = recording.name, []
     columns = ("error_mm", "frame", *TIP)
-    own = replayed = {} if skeleton.tips is None else skeleton.tips.columns(name, "digit", columns, reasons)
-    if skeleton.posed_tips is not None:
-        own = skeleton.posed_tips.columns(name, "digit", (*columns, "error_left_out_mm"), reasons)
-    metacarpals: dict[str, Array] = {}
-    if recording.truth and skeleton.metacarpals is not None:
-        by = "segment" if skeleton.reference else "digit"
-        metacarpals = skeleton.metacarpals.columns(name, by, ("frame", *QUATERNION), reasons)
-    rows = []
-    for digit in recording.layout.digits.values():
+    for digit in recording.layout.digits.values():  # of a long recording one alone is in memory
+        reasons, here = [skeleton.message], (name, "digit", digit.name)
+        own = replayed = None if skeleton.tips is None else skeleton.tips.columns(*here, columns, reasons)
+        if skeleton.posed_tips is not None:
+            own = skeleton.posed_tips.columns(*here, (*columns, "error_left_out_mm"), reasons)
+        bone = None
+        if recording.truth and skeleton.metacarpals is not None:
+            at = (name, "segment", digit.segments[0]) if skeleton.reference else here
+            bone = skeleton.metacarpals.columns(*at, ("frame", *QUATERNION), reasons)
         message = skeleton.tip_messages.get((name.task, name.trial, digit.name), "")
         row = recording.row(digit.name, skeleton.part.model, joined([*reasons, message]))
-        tip = own.get(digit.name, np.empty((0, len(columns))))
+        tip = np.empty((0, len(columns))) if own is None else own
         frame, poses = tip[:, 1].astype(np.int64), recording.poses
         if skeleton.reference and poses is not None:
             poses = poses.take(np.flatnonzero(np.isin(poses.frame, frame)))
@@ -94,11 +94,10 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
             "reference": skeleton.reference,
             "wrist_mcp_sd_mm": wrist_mcp_sd(poses, digit, recording.layout, skeleton.stated.joints),
         }
-        row |= tip_numbers(replayed.get(digit.name), own.get(digit.name))
+        row |= tip_numbers(replayed, own)
         true = recording.truth.get(digit.name)
         if true is not None:
             row |= true_tip_numbers(tip[:, 2:5], frame, true)
-            bone = metacarpals.get(digit.segments[0] if skeleton.reference else digit.name)
             if bone is not None and digit.metacarpal:
                 direction = directions(bone[:, 1:])
                 row["metacarpal_deg"] = metacarpal_deg(direction, bone[:, 0].astype(np.int64), true)

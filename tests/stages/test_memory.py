@@ -1,4 +1,4 @@
-"""As the guide says: an hour of a hand fits in 2 GB; of exports a quarter of an hour in as much less."""
+"""As the guide says: an hour of a hand fits in 1 GB; of exports a quarter of an hour in as much less."""
 
 import os
 import subprocess
@@ -14,7 +14,7 @@ from shukotsu.stages.export.registry import FORMATS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 HOUR = 3600 * 240
-MOST_BYTES = 2 * 1024**3
+MOST_BYTES = 10**9
 FIXED_BYTES = 300 * 10**6
 """Of a job: the program, and the pieces that tables are read by."""
 
